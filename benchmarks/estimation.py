@@ -22,9 +22,11 @@ from rich.table import Table
 from simulation_figures import runs
 
 from analysis.drag import aircraft_models
-from analysis.estimation import filter_error, output_error, uncertainty
+from analysis.estimation import uncertainty
 from analysis.estimation.data import Segment
+from analysis.estimation.filter_error import fit_filter_error
 from analysis.estimation.noise import NORMAL_95
+from analysis.estimation.output_error import fit_output_error
 from analysis.trajectory.reconstruction import reconstruct
 from flight.aircraft import Aircraft, load_aircraft
 from sim.sensors import load_budget
@@ -49,7 +51,7 @@ def speed() -> None:
     start = aircraft_models.starting_values(timed.NEXSTAR, run_s[0])
 
     def fit(segments):
-        return output_error.estimate(timed.MODEL, segments, start=start)
+        return fit_output_error(timed.MODEL, segments, start=start)
 
     fit(run_s[0])
     one = processor_time_s(lambda: fit(run_s[0]), 10)
@@ -63,7 +65,8 @@ def speed() -> None:
     )
     segment = disturbed.linear_record(0)
     filtered = processor_time_s(
-        lambda: filter_error.estimate(disturbed.LINEAR, segment, disturbed.LINEAR_NOISE, test_significance=False), 5
+        lambda: fit_filter_error(disturbed.LINEAR, segment, disturbed.LINEAR_NOISE, test_significance=False),
+        5,
     )
     table.add_row("filter error, 250 samples, 2 states, 12 unknowns", f"{1e3 * filtered:.0f} ms", "")
     CONSOLE.print(table)
@@ -103,8 +106,8 @@ def statistics(
         for seed in range(seeds):
             segments = [record(2 * seed, name="one"), record(2 * seed + 1, name="two")]
             for name, fit in (
-                ("filter error", filter_error.estimate(model, segments, noise, test_significance=False)),
-                ("output error", output_error.estimate(model, segments)),
+                ("filter error", fit_filter_error(model, segments, noise, test_significance=False)),
+                ("output error", fit_output_error(model, segments)),
             ):
                 bound = np.diag(fit.covariance)[:m]
                 corrected = np.diag(uncertainty.morelli_klein(fit).covariance)[:m]
@@ -186,9 +189,9 @@ def t_of_CLq(aircraft: Aircraft, run: pd.DataFrame, factor: float, gyro_radps: f
     t = []
     for seed in range(seeds):
         segment = measured(run, factor, gyro_radps, seed)
-        CLq = output_error.estimate(
-            model, segment, start=aircraft_models.starting_values(aircraft, segment)
-        ).parameters["CLq"]
+        CLq = fit_output_error(model, segment, start=aircraft_models.starting_values(aircraft, segment)).parameters[
+            "CLq"
+        ]
         t.append(CLq.value / CLq.standard_error)
     return float(np.mean(t))
 

@@ -17,10 +17,12 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from analysis.estimation import filter_error, output_error
 from analysis.estimation.data import split
+from analysis.estimation.filter_error import fit_filter_error
 from analysis.estimation.fit import Fit
 from analysis.estimation.noise import NORMAL_95
+from analysis.estimation.output_error import fit_output_error
+from analysis.estimation.problem import FitOptions
 from flight.errors import InputError
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "analysis" / "estimation"))
@@ -75,14 +77,19 @@ def filter_() -> None:
 
 
 def _turbulence(seed, **options):
-    return filter_error.estimate(
+    return fit_filter_error(
         twins.TURBULENCE, twins.in_turbulence(seed), twins.TURBULENCE_NOISE, test_significance=False, **options
     )
 
 
 def _unstable(seed, **options):
-    return filter_error.estimate(
-        twins.UNSTABLE, twins.unstable(seed), twins.UNSTABLE_NOISE, inputs="held", test_significance=False, **options
+    return fit_filter_error(
+        twins.UNSTABLE,
+        twins.unstable(seed),
+        twins.UNSTABLE_NOISE,
+        options=FitOptions(inputs="held"),
+        test_significance=False,
+        **options,
     )
 
 
@@ -112,18 +119,18 @@ def optima(starts: Annotated[int, typer.Option(help="Starts of each case.")] = 8
     pieces = split(unstable, 10)
     cases = {
         "short period, factors 1/3 to 3": (
-            lambda start: output_error.estimate(disturbed.LINEAR, still, start=start), disturbed.LINEAR_TRUTH, 3.0,
+            lambda start: fit_output_error(disturbed.LINEAR, still, start=start), disturbed.LINEAR_TRUTH, 3.0,
         ),
         "frequency of a sine, factors 1/3 to 3": (
-            lambda start: output_error.estimate(hard_cases.OSCILLATION, sine, start=start),
+            lambda start: fit_output_error(hard_cases.OSCILLATION, sine, start=start),
             {"omega": 4.4, "size": 1.0}, 3.0,
         ),
         "unstable, whole record, 1/2 to 2": (
-            lambda start: output_error.estimate(twins.UNSTABLE, unstable, inputs="held", start=start),
+            lambda start: fit_output_error(twins.UNSTABLE, unstable, options=FitOptions(inputs="held"), start=start),
             twins.UNSTABLE_TRUTH, 2.0,
         ),
         "unstable, ten parts, 1/2 to 2": (
-            lambda start: output_error.estimate(twins.UNSTABLE, pieces, inputs="held", start=start),
+            lambda start: fit_output_error(twins.UNSTABLE, pieces, options=FitOptions(inputs="held"), start=start),
             twins.UNSTABLE_TRUTH, 2.0,
         ),
     }  # fmt: skip
@@ -177,8 +184,8 @@ def agreement(seeds: Annotated[int, typer.Option(help="Number of records.")] = 1
     for seed in every:
         segment = disturbed.linear_record(seed, strength=0.0)
         half_Hz = 0.5 / segment.step_s
-        in_time = output_error.estimate(still, segment)
-        in_frequency = output_error.estimate(still, segment, band_Hz=(0.0, 0.99 * half_Hz))
+        in_time = fit_output_error(still, segment)
+        in_frequency = fit_output_error(still, segment, band_Hz=(0.0, 0.99 * half_Hz))
         difference = np.abs(in_frequency.values - in_time.values)
         errors = [np.sqrt(np.diag(fit.covariance)) for fit in (in_time, in_frequency)]
         apart.append((difference / errors)[:, : len(truth) - 2])

@@ -18,9 +18,9 @@ from rich.console import Console
 from rich.table import Table
 from scipy import optimize
 
-from analysis.estimation import output_error
 from analysis.estimation.data import Segment
 from analysis.estimation.model import Model, Parameter
+from analysis.estimation.output_error import fit_output_error
 from analysis.estimation.simulation import build_simulator
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "analysis" / "estimation"))
@@ -108,7 +108,7 @@ def record(model, samples, seed=0):
 
 
 def fitted(model, segments):
-    return output_error.estimate(model, segments, start={q.name: 1.3 * q.start for q in model.parameters})
+    return fit_output_error(model, segments, start={q.name: 1.3 * q.start for q in model.parameters})
 
 
 @app.command()
@@ -151,8 +151,8 @@ def ratios() -> None:
     model, segment = disturbed.LINEAR, disturbed.linear_record(1000, strength=0.0)
     truth = disturbed.LINEAR_TRUTH
     start = {name: 1.3 * value for name, value in truth.items()}
-    fit = output_error.estimate(model, segment, start=start)
-    ours = processor_time_s(lambda: output_error.estimate(model, segment, start=start), 10)
+    fit = fit_output_error(model, segment, start=start)
+    ours = processor_time_s(lambda: fit_output_error(model, segment, start=start), 10)
     simulator, U = build_simulator(model, ()), segment.u["de"][:, None]
     Z = np.column_stack([segment.z[name] for name in model.outputs])
     sigma = np.sqrt(np.diag(fit.noise_covariance))  # known to it
@@ -192,7 +192,7 @@ def ratios() -> None:
 
     run = made_by_the_model("run", 1)
     first = aircraft_models.starting_values(NEXSTAR, run)
-    ours = processor_time_s(lambda: output_error.estimate(MODEL, run, start=first), 10)
+    ours = processor_time_s(lambda: fit_output_error(MODEL, run, start=first), 10)
     table.add_row("output error, 500 samples, 14 unknowns", f"{ours:.3f} s", "1", "")
     seconds, _, above = general_optimizer(run)
     table.add_row("scipy trust-constr", f"{seconds:.2f} s", f"{seconds / ours:.0f}", f"cost {above:+.3f}")

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import optimize
 
 from analysis.drag import aircraft_models
-from analysis.estimation import output_error
+from analysis.estimation.output_error import fit_output_error
 from analysis.estimation.simulation import build_simulator
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "analysis" / "estimation"))
@@ -30,7 +30,7 @@ def general_optimizer(run):
     Its processor time [s], how many evaluations it took, and by how much its cost ends above ours.
     """
     start = aircraft_models.starting_values(NEXSTAR, run)
-    fit = output_error.estimate(MODEL, run, start=start)
+    fit = fit_output_error(MODEL, run, start=start)
     free = tuple(q for q in MODEL.parameters if q.free)
     plain = build_simulator(MODEL, ())  # without sensitivities, as a general optimizer would have it
     U = np.column_stack([run.u[name] for name in MODEL.inputs])

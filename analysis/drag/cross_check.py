@@ -22,10 +22,10 @@ from scipy import special
 from analysis.drag import aircraft_models, covariance
 from analysis.drag.aircraft_models import Priors
 from analysis.drag.assumed_values import alpha_scale_sigma
-from analysis.estimation import filter_error, output_error
 from analysis.estimation.data import Segment
-from analysis.estimation.filter_error import FilterFit, ProcessNoise
+from analysis.estimation.filter_error import ProcessNoise, fit_filter_error
 from analysis.estimation.fit import Convergence, Fit
+from analysis.estimation.output_error import fit_output_error
 from analysis.ground.thrust_prior import stand_measurements
 from analysis.maneuvers.kinds import Maneuver
 from analysis.polar import Condition, Polar, power_required, speed_at
@@ -134,12 +134,12 @@ GYRO_NOISE_RADPS = 0.005  # of a sample (Table 4.1); the pitch angle integrates 
 
 def filter_error_fit(
     table: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller, *, zeroed: bool
-) -> FilterFit:
+) -> Fit:
     """The filter-error fit of all runs at once. Arguments as in `cross_check.on_runs_alone`."""
     segments = segments_of(table, runs, propeller, block=FILTER_ERROR_BLOCK)
     known = priors(aircraft, zeroed=zeroed)
     measured = stand_measurements(aircraft)
-    still_air = output_error.estimate(
+    still_air = fit_output_error(
         replace(aircraft_models.level_run(aircraft, priors=known), prior_measurements=measured),
         segments,
         start=aircraft_models.starting_values(aircraft, segments),
@@ -153,7 +153,7 @@ def filter_error_fit(
         for name in ("ax", "az")
     }
     gyro = ProcessNoise(state="theta", start=GYRO_NOISE_RADPS * float(np.sqrt(sample_s)), free=False)
-    return filter_error.estimate(
+    return fit_filter_error(
         replace(aircraft_models.level_run(aircraft, priors=known, gusts=True), prior_measurements=measured),
         segments,
         (*aircraft_models.gust_noise(V), gyro),
@@ -228,7 +228,7 @@ def output_error_fit(
     segments = segments_of(table, runs, propeller, block=BLOCK)
     model = aircraft_models.level_run(aircraft, priors=priors(aircraft, zeroed=zeroed))
     model = replace(model, prior_measurements=stand_measurements(aircraft))
-    return output_error.estimate(model, segments, start=aircraft_models.starting_values(aircraft, segments))
+    return fit_output_error(model, segments, start=aircraft_models.starting_values(aircraft, segments))
 
 
 class Disagreement(NamedTuple):

@@ -26,10 +26,10 @@ from analysis.drag.covariance import noise_covariance
 from analysis.drag.forces import FlightForces
 from analysis.drag.joint_estimate import JointEstimate, joint_estimate
 from analysis.drag.rejected_assumptions import doubts
-from analysis.estimation import output_error
 from analysis.estimation.data import Segment
-from analysis.estimation.fit import Convergence
+from analysis.estimation.fit import Convergence, Fit
 from analysis.estimation.model import Model, NamedValues, Parameter
+from analysis.estimation.output_error import fit_output_error
 from analysis.ground.thrust_prior import J_REFERENCE, THRUST, stand_measurements
 from analysis.maneuvers.kinds import Maneuver
 from analysis.polar import Polar
@@ -147,7 +147,7 @@ def estimate_polar(
     by_sensor_errors = []
     for error in np.linalg.cholesky(trajectory.covariance).T:
         perturbed = segments_along(states + trajectory.state_sensitivity @ error, sensor_errors + error)
-        by_sensor_errors.append(np.asarray(output_error.estimate(model, perturbed).values - fit.values))
+        by_sensor_errors.append(np.asarray(fit_output_error(model, perturbed).values - fit.values))
         systematic += np.outer(by_sensor_errors[-1], by_sensor_errors[-1])
 
     def values_of(forces: pd.DataFrame) -> Array:
@@ -201,8 +201,8 @@ def estimate_values(trajectory: Trajectory, runs: list[Maneuver], aircraft: Airc
     return _fitted(drag_model(aircraft), forces, level, runs).values[:KEPT]
 
 
-def _fitted(model: Model, forces: pd.DataFrame, level: NDArray[np.bool_], runs: list[Maneuver]) -> output_error.Fit:
-    return output_error.estimate(model, _segments(forces, level, runs))
+def _fitted(model: Model, forces: pd.DataFrame, level: NDArray[np.bool_], runs: list[Maneuver]) -> Fit:
+    return fit_output_error(model, _segments(forces, level, runs))
 
 
 def parameter_list(values: Array, covariance: Array, trajectory: Trajectory) -> list[tuple[str, float, float, str]]:
@@ -257,9 +257,7 @@ def _segments(forces: pd.DataFrame, level: NDArray[np.bool_], runs: list[Maneuve
     return segments
 
 
-def _run_fits(
-    flight_forces: FlightForces, forces: pd.DataFrame, trajectory: Trajectory, fit: output_error.Fit
-) -> list[RunFit]:
+def _run_fits(flight_forces: FlightForces, forces: pd.DataFrame, trajectory: Trajectory, fit: Fit) -> list[RunFit]:
     """Speed, angle of attack and height as measured and as the trajectory and its sensor errors give them; drag."""
     scale, slope, bias = (trajectory.value(name) for name in ("V_scale", "alpha_scale", "alpha_bias"))
     fits = []

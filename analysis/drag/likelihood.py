@@ -25,10 +25,12 @@ from analysis.drag import aircraft_models, covariance
 from analysis.drag.cross_check import priors, segments_of
 from analysis.drag.method import MethodDescription, MethodEstimate
 from analysis.drag.sensor_errors import CAUSES, error_prior_sigma
-from analysis.estimation import output_error, uncertainty
+from analysis.estimation import uncertainty
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Fit
 from analysis.estimation.model import NamedValues
+from analysis.estimation.output_error import fit_output_error
+from analysis.estimation.problem import FitOptions
 from analysis.ground.thrust_prior import J_REFERENCE
 from analysis.maneuvers.kinds import LEVEL_RUNS, Maneuver
 from analysis.polar import Polar
@@ -121,15 +123,15 @@ def estimate(
         known = priors(aircraft, zeroed=zeroed)
         two_state = aircraft_models.two_state(aircraft, priors=known, J_ref=J_REFERENCE).changed(**TABLE_AS_IT_IS)
         start = aircraft_models.starting_values(aircraft, data.segments)
-        fits[TWO_STATE.name] = output_error.estimate(two_state, data.segments, start=start)
-        fits[AS_MEASURED_FIT] = output_error.estimate(two_state, data.rate_as_measured, start=start)
-        fits[CLQ_FIT] = output_error.estimate(
+        fits[TWO_STATE.name] = fit_output_error(two_state, data.segments, start=start)
+        fits[AS_MEASURED_FIT] = fit_output_error(two_state, data.rate_as_measured, start=start)
+        fits[CLQ_FIT] = fit_output_error(
             two_state.changed(**WITHOUT_PRIOR), data.rate_as_measured, start=_values(fits[AS_MEASURED_FIT])
         )
         pitch_rate = pitch_rate_of(table, level, fits[CLQ_FIT])
         if FORCE_MODELS in wanted:
             model = aircraft_models.force_models(aircraft, priors=known, J_ref=J_REFERENCE).changed(**TABLE_AS_IT_IS)
-            fits[FORCE_MODELS.name] = output_error.estimate(model, data.segments)
+            fits[FORCE_MODELS.name] = fit_output_error(model, data.segments)
         polars: dict[str, PolarOf] = {
             TWO_STATE.name: lambda p: np.array([p.A0, p.A1, p.A2]),
             FORCE_MODELS.name: partial(_polar_of_forces, *_alpha_and_elevator(data.segments)),
@@ -209,11 +211,11 @@ def _method_estimate(
     )
 
     def change(segments: list[Segment]) -> Array:
-        once_more = output_error.estimate(
+        once_more = fit_output_error(
             fit.model,
             segments,
             start=_values(fit),
-            max_iterations=STEPS_MORE,
+            options=FitOptions(max_iterations=STEPS_MORE),
         )
         return np.asarray(polar_of(once_more.shared()) - derived.value)
 

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from scipy import special
 
 from analysis.drag import covariance
-from analysis.estimation import output_error
 from analysis.estimation.data import Segment
 from analysis.estimation.model import Model, Parameter
 from analysis.estimation.noise import NORMAL_95
+from analysis.estimation.output_error import fit_output_error
 from analysis.maneuvers.kinds import Maneuver
 from flight.errors import InputError
 
@@ -114,7 +114,7 @@ class TimeSeriesRegression:
             )
             for i, run in enumerate(self.runs)
         ]
-        C = covariance.of_noise(output_error.estimate(POLAR_FIT, segments, start=start))
+        C = covariance.of_noise(fit_output_error(POLAR_FIT, segments, start=start))
         gain = np.linalg.inv(sum(run.X.T @ run.X for run in self.runs))
         return C + sum(gain @ run.X.T @ run.absorbed() @ run.X @ gain for run in self.runs if run.absorbed is not None)
 

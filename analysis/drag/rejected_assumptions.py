@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.drag import covariance
-from analysis.estimation import output_error
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Fit
 from analysis.estimation.model import Model, NamedValues, Parameter
+from analysis.estimation.output_error import fit_output_error
 from analysis.ground.thrust_prior import CONFLICT, STAND
 
 Array = NDArray[np.float64]
@@ -66,9 +66,7 @@ def _about_thrust(fit: Fit) -> list[Doubt]:
     measurements = tuple(
         replace(m, sigma=m.sigma * abs(beyond[m.name])) if m.name in beyond else m for m in fit.model.prior_measurements
     )
-    repeated = output_error.estimate(
-        replace(fit.model, parameters=wider, prior_measurements=measurements), _segments(fit)
-    )
+    repeated = fit_output_error(replace(fit.model, parameters=wider, prior_measurements=measurements), _segments(fit))
     named = "; ".join(f"{THRUST_TITLES[name]}: {z:+.1f} standard deviations" for name, z in beyond.items())
     return [
         Doubt(
@@ -84,7 +82,7 @@ def _about_thrust(fit: Fit) -> list[Doubt]:
 def _about_shape(fit: Fit) -> list[Doubt]:
     """A quartic term of lift that the residuals require. The change is that to the parabola through the quartic polar
     at the ends and in the middle of the lift coefficients flown."""
-    with_quartic = output_error.estimate(_quartic(fit.model), _segments(fit))
+    with_quartic = fit_output_error(_quartic(fit.model), _segments(fit))
     i = with_quartic.names.index("A4")
     error = float(np.sqrt(covariance.of_noise(with_quartic)[i, i]))
     quartic = float(with_quartic.values[i])

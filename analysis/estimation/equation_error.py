@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.estimation import output_error
 from analysis.estimation.data import Band, Segment
+from analysis.estimation.fit import Fit
 from analysis.estimation.model import Model, NamedValues
-from analysis.estimation.problem import inputs_of, measurements_of
+from analysis.estimation.output_error import fit_output_error
+from analysis.estimation.problem import as_segments, inputs_of, measurements_of
 from analysis.estimation.simulation import InputRule
 from flight.errors import InputError
 
@@ -25,9 +26,9 @@ Array = NDArray[np.float64]
 KERNEL_HALF_LENGTH = 4.0  # in standard deviations of the Gaussian kernel; 6e-5 of its area is beyond
 
 
-def estimate(
+def fit_equation_error(
     model: Model, segments: Segment | Sequence[Segment], *, smoothing_s: float, inputs: InputRule = "linear"
-) -> output_error.Fit:
+) -> Fit:
     """Fit xdot = dynamics(x, u, p), and the outputs that are not states, at every sample of the filtered signals.
 
     Every state must be an output of the same name. The fit is that of `regression_of(model)`. Its standard errors
@@ -40,12 +41,12 @@ def estimate(
 
     Raises InputError for a state that is not measured, or a segment shorter than the filter.
     """
-    segments = (segments,) if isinstance(segments, Segment) else tuple(segments)
+    segments = as_segments(segments)
     derived = [_filtered(model, segment, smoothing_s) for segment in segments]
-    return output_error.estimate(regression_of(model, _acting(model, inputs)), derived)
+    return fit_output_error(regression_of(model, _acting(model, inputs)), derived)
 
 
-def estimate_in_band(model: Model, segments: Segment | Sequence[Segment], *, band_Hz: Band) -> output_error.Fit:
+def fit_equation_error_in_band(model: Model, segments: Segment | Sequence[Segment], *, band_Hz: Band) -> Fit:
     """Fit xdot = dynamics(x, u, p), and the outputs that are not states, in the frequency domain.
 
     The time derivatives are those of cubic splines through the samples; the noise that differentiation amplifies lies
@@ -58,7 +59,7 @@ def estimate_in_band(model: Model, segments: Segment | Sequence[Segment], *, ban
     """
     from scipy.interpolate import CubicSpline  # takes 0.2 s to import
 
-    segments = (segments,) if isinstance(segments, Segment) else tuple(segments)
+    segments = as_segments(segments)
     derived = []
     for segment in segments:
         states, u = measurements_of(model, segment), dict(segment.u)
@@ -73,7 +74,7 @@ def estimate_in_band(model: Model, segments: Segment | Sequence[Segment], *, ban
             else:
                 z[name] = signal
         derived.append(Segment(name=segment.name, t_s=segment.t_s, u=u, z=z))
-    return output_error.estimate(regression_of(model), derived, band_Hz=band_Hz)
+    return fit_output_error(regression_of(model), derived, band_Hz=band_Hz)
 
 
 def regression_of(model: Model, acting: tuple[str, ...] | None = None) -> Model:

@@ -23,26 +23,23 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.estimation import starts
 from analysis.estimation.data import Segment
-from analysis.estimation.fit import Fit, FitStatus, Verdict
+from analysis.estimation.fit import SIGNIFICANCE_LEVEL, Fit, FitStatus, Intensity, Verdict
 from analysis.estimation.hints import innovation_hints
 from analysis.estimation.innovations import InnovationsLikelihood, not_finite
 from analysis.estimation.kalman_filter import build_filter
 from analysis.estimation.model import Model
 from analysis.estimation.optimizer import Evaluation, make_fit, maximize
-from analysis.estimation.problem import Problem, as_segments, free_names
+from analysis.estimation.problem import FitOptions, Problem, as_segments, free_names
+from analysis.estimation.process_noise import ProcessNoise as ProcessNoise
 from analysis.estimation.process_noise import (
-    SIGNIFICANCE_LEVEL,
-    Intensity,
     check_noise,
     intensity_of,
     logarithm,
     noise_from_predictions,
     noise_unknowns,
 )
-from analysis.estimation.process_noise import ProcessNoise as ProcessNoise
-from analysis.estimation.simulation import InputRule, Integrator
+from analysis.estimation.starts import starting_values_by_equation_error, starting_values_by_output_error
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
@@ -57,41 +54,28 @@ SMALLER = 0.01  # factor of the starting intensities in further attempts
 ZERO_COST = 0.5
 
 
-@dataclass(frozen=True, kw_only=True)
-class FilterFit(Fit):
-    """The result of `estimate`.
-
-    `names` ends with the noise parameters "ln w(state)" and "ln v(output)". Residuals are innovations. Responses are
-    the outputs y predicted from the samples before, and the states x updated with the sample.
-    process_noise : by state
-    """
-
-    process_noise: dict[str, Intensity]
-
-
-def estimate(
+def fit_filter_error(
     model: Model,
     segments: Segment | Sequence[Segment],
     process_noise: ProcessNoise | Sequence[ProcessNoise],
     *,
-    integrator: Integrator = "rk4",
-    inputs: InputRule = "linear",
-    initial_states: Literal["free", "given"] | tuple[str, ...] = "free",
-    noise_sigma: Mapping[str, float] | None = None,
     start: Mapping[str, float] | Source | None = None,
-    max_iterations: int = 50,
+    noise_sigma: Mapping[str, float] | None = None,
     test_significance: bool = True,
-) -> FilterFit:
+    options: FitOptions = FitOptions(),
+) -> Fit:
     """Fit a model with process noise to one or several segments together.
 
-    noise_sigma : known standard deviations of measurement noise by output; the others are estimated
-    start : starting values as for `output_error.estimate`, or the method that gives them: "equation error", for which
+    start : starting values as for `fit_output_error`, or the method that gives them: "equation error", for which
     every state must be measured, and which starts the noises from the errors of predictions over one step (but for
     intensities with a prior), or "output error". If the fit from given values does not end at an optimum, or at one
     where process noise explains everything, both methods are tried with intensities 100 times smaller. The best fit is
     returned.
+    noise_sigma : known standard deviations of measurement noise by output; the others are estimated
     test_significance : test each free intensity against zero, at the cost of one more fit each
-    For the other arguments see `output_error.estimate`.
+
+    The unknowns end with the noise parameters "ln w(state)" and "ln v(output)". Residuals are innovations. Responses
+    are the outputs y predicted from the samples before, and the states x updated with the sample.
 
     The verdict names noise that is negligible, and process noise that is not significant; output error is then
     sufficient. Raises InputError like output error, and for process noise of an unknown state or two of the same state.
@@ -100,6 +84,7 @@ def estimate(
     noises = (process_noise,) if isinstance(process_noise, ProcessNoise) else tuple(process_noise)
     check_noise(model, noises, noise_sigma or {})
     random_start = {noise.state for noise in noises if noise.active_before_s > 0}
+    initial_states = options.initial_states
     if initial_states == "free":
         initial_states = tuple(state for state in model.states if state not in random_start)
     elif random_start & set(initial_states):
@@ -107,7 +92,7 @@ def estimate(
             f"initial_states: {sorted(random_start)[0]} has process noise with active_before_s > 0, so that its initial"
             " value is not estimated; leave it out"
         )
-    kalman_filter = build_filter(model, free_names(model), tuple(noise.state for noise in noises), integrator, inputs)
+    kalman_filter = build_filter(model, free_names(model), tuple(noise.state for noise in noises), options)
     fixed = {f"ln w({noise.state})": logarithm(noise.start) for noise in noises if not noise.free}
     fixed |= {f"ln v({output})": logarithm(sigma) for output, sigma in (noise_sigma or {}).items()}
     free_noise = [unknown for unknown in noise_unknowns(model, segments, noises) if unknown.name not in fixed]
@@ -115,36 +100,38 @@ def estimate(
     def fitted(values: Mapping[str, float]) -> _Optimum:
         problem = Problem.assemble(model, segments, initial_states, values, free_noise)
         likelihood = InnovationsLikelihood(problem, kalman_filter, noises, fixed)
-        return _optimum(likelihood, problem.start, max_iterations)
+        return _optimum(likelihood, problem.start, options.max_iterations)
 
     def values_by(source: Source) -> dict[str, float]:
         if source == "equation error":
-            return starts.from_equation_error(model, segments, inputs=inputs)
-        return starts.from_output_error(model, segments, integrator=integrator, inputs=inputs)
+            return starting_values_by_equation_error(model, segments, inputs=options.inputs)
+        return starting_values_by_output_error(model, segments, options=options)
 
     if isinstance(start, str):
         if start not in SOURCES:
             raise InputError(f"start = {start!r}: choose one of {', '.join(SOURCES)}, or give values by name")
         values = values_by(start)
         if start == "equation error":
-            guess = noise_from_predictions(model, segments, noises, values, inputs)
+            guess = noise_from_predictions(model, segments, noises, values, options.inputs)
             values |= {n.name: guess[n.name] for n in free_noise if n.prior_information == 0}
         found = fitted(values)
     else:
         small = {f"ln w({noise.state})": logarithm(noise.start * SMALLER) for noise in noises if noise.free}
         found = _best(fitted, start or {}, values_by, small)
     fit = make_fit(found.likelihood, found.point, found.iterations, found.why_stopped)
-    fit = replace(fit, integrator=integrator, inputs=inputs)
+    fit = replace(fit, integrator=options.integrator, inputs=options.inputs)
     intensities = {noise.state: intensity_of(fit, noise, found.negligible) for noise in noises}
     if test_significance and fit.verdict.status in (FitStatus.CONVERGED, FitStatus.AT_BOUND):
         for name in found.likelihood.intensities:
             smaller, theta = found.likelihood.holding({name: -math.inf}, found.point.theta)
-            without, _, failed = maximize(smaller, smaller.evaluate(theta), max_iterations, STEP_TOLERANCE)
+            without, _, failed = maximize(
+                smaller, smaller.evaluate(theta), options.max_iterations, step_tolerance=STEP_TOLERANCE
+            )
             ratio = math.nan if failed else max(0.0, 2 * (without.cost - found.point.cost))
             state = name.removeprefix("ln w(").removesuffix(")")
             intensities[state] = intensities[state]._replace(p_value=math.erfc(math.sqrt(ratio / 2)) / 2)
     verdict = _verdict(fit, intensities, found.negligible)
-    return FilterFit(**(vars(fit) | {"verdict": verdict}), process_noise=intensities)
+    return replace(fit, verdict=verdict, process_noise=intensities)
 
 
 @dataclass(frozen=True)
@@ -170,8 +157,8 @@ def _optimum(likelihood: InnovationsLikelihood, theta: Array, max_iterations: in
             likelihood,
             point,
             max_iterations,
-            STEP_TOLERANCE,
-            lambda at: bool(likelihood.negligible(at) or likelihood.doubtful(at, tried)),  # noqa: B023
+            step_tolerance=STEP_TOLERANCE,
+            stop=lambda at: bool(likelihood.negligible(at) or likelihood.doubtful(at, tried)),  # noqa: B023
             secant=True,
         )
         iterations += more
@@ -196,12 +183,12 @@ def _optimum(likelihood: InnovationsLikelihood, theta: Array, max_iterations: in
         # The filter may need the least noise of one state. Which one makes the data likeliest is seen after a step.
         gone = {name: value for name, value in (negligible | zero).items() if name.startswith("ln w(")}
         if any(value > -math.inf for value in gone.values()) and len(gone) > 1:
-            ends = [(zero, smaller, maximize(smaller, without, 1, STEP_TOLERANCE)[0])]
+            ends = [(zero, smaller, maximize(smaller, without, 1, step_tolerance=STEP_TOLERANCE)[0])]
             for name in gone:
                 only = dict.fromkeys(gone, -math.inf) | {name: lowest[name]}
                 if only != gone:
                     other, start = _holding(likelihood, only, point)
-                    ends.append((zero | only, other, maximize(other, start, 1, STEP_TOLERANCE)[0]))
+                    ends.append((zero | only, other, maximize(other, start, 1, step_tolerance=STEP_TOLERANCE)[0]))
             zero, smaller, without = min(ends, key=lambda end: end[2].cost)
             iterations += 1
         likelihood, point, negligible = smaller, without, negligible | zero
@@ -225,7 +212,7 @@ def _with_the_least(likelihood: InnovationsLikelihood, point: Evaluation, name: 
     theta[likelihood.index(name)] = likelihood.problem.lower[likelihood.index(name)]
     noises = {n: float(value) for n, value in zip(names, theta, strict=True) if n.startswith(("ln w(", "ln v("))}
     without_noises, start = likelihood.holding(noises, theta)
-    moved = maximize(without_noises, without_noises.evaluate(start), 1, STEP_TOLERANCE)[0]
+    moved = maximize(without_noises, without_noises.evaluate(start), 1, step_tolerance=STEP_TOLERANCE)[0]
     if not moved.cost < point.cost - likelihood.expected_gain(point):
         return None
     theta[[n not in noises for n in names]] = moved.theta

@@ -5,7 +5,8 @@ The result of an estimation: estimates, covariance, residuals, and a verdict on 
 
 import enum
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,6 +22,7 @@ from flight.errors import InputError
 from flight.json_file import JsonFormat
 
 FORMAT = "flightpower fit 1"
+SIGNIFICANCE_LEVEL = 0.05  # of the test for process noise
 LARGE_CORRELATION = 0.9  # above it the data determine two unknowns only together (Klein & Morelli 2006, ch. 5)
 
 
@@ -116,6 +118,24 @@ class Verdict(NamedTuple):
         return "; ".join((self.text, *self.hints))
 
 
+class Intensity(NamedTuple):
+    """An intensity of process noise [unit of the state per sqrt(s)], its 95 % interval, and its significance.
+
+    p_value : of the likelihood-ratio test against zero intensity. Zero is at the boundary of the parameter space, so
+    that the estimate is zero in half of all records without this noise (Self & Liang 1987, J. Am. Stat. Assoc. 82,
+    605, case 5). NaN if not tested or fixed.
+    """
+
+    value: float
+    lo: float
+    hi: float
+    p_value: float
+
+    @property
+    def significant(self) -> bool:
+        return self.p_value < SIGNIFICANCE_LEVEL
+
+
 class ParameterEstimate(NamedTuple):
     name: str
     value: float
@@ -153,7 +173,7 @@ class SegmentFit:
 
 @dataclass(frozen=True)
 class Fit:
-    """The result of `estimate`.
+    """The result of an estimation.
 
     names : of the m unknowns: "CLa" for a shared parameter, "b[run]" for a segment's own, "V(0)[run]" for an initial
     state. `values` and all matrices are in this order.
@@ -164,6 +184,7 @@ class Fit:
     negative_log_likelihood : up to a constant, priors included
     information : (m, m) Fisher information of the data     prior_information : (m, m), of all priors
     variance_information : the part of `information` that comes from the variances of the residuals, not their means
+    process_noise : intensities by state, of filter error
     integrator, inputs : with which the response was computed
     costs, steps : those of `Convergence`, if kept
     """
@@ -181,6 +202,7 @@ class Fit:
     prior_information: Array
     segment_fits: tuple[SegmentFit, ...]
     variance_information: Array | float = 0.0
+    process_noise: Mapping[str, Intensity] = field(default_factory=dict)
     integrator: Integrator = "rk4"
     inputs: InputRule = "linear"
     costs: tuple[float, ...] = ()

@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.estimation.fit import SegmentFit
-from analysis.estimation.kalman_filter import Innovations, KalmanFilter
+from analysis.estimation.kalman_filter import Innovations, KalmanFilter, NoiseLevels
 from analysis.estimation.noise import NORMAL_95, Whitened
 from analysis.estimation.optimizer import Evaluation, nowhere
 from analysis.estimation.problem import Problem
 from analysis.estimation.process_noise import ProcessNoise
-from analysis.estimation.simulation import Response
+from analysis.estimation.simulation import Record, Response
 
 Array = NDArray[np.float64]
 
@@ -93,9 +93,8 @@ class InnovationsLikelihood:
         ln_w, ln_v = np.split(ln_noise, [len(self.noises)])
         active_before_s = np.array([noise.active_before_s for noise in self.noises])
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            innovations = self.filter.run(
-                x0, problem.U[i], problem.Z[i], p, ln_w, ln_v, active_before_s, problem.segments[i].step_s
-            )
+            record = Record(x0, problem.U[i], p, problem.segments[i].step_s)
+            innovations = self.filter.run(record, problem.Z[i], NoiseLevels(ln_w, ln_v, active_before_s))
         count = len(self.filter.free)
         own = np.concatenate(
             [np.arange(count), count + len(all_names) + problem.free_states, count + np.array(free, dtype=int)]

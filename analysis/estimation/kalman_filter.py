@@ -21,12 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.estimation.model import Model, check_symbols, not_differentiable
-from analysis.estimation.simulation import (
-    INPUT_RULES,
-    INTEGRATORS,
-    InputRule,
-    Integrator,
-)
+from analysis.estimation.problem import FitOptions
+from analysis.estimation.simulation import INPUT_RULES, INTEGRATORS, Record
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
@@ -50,6 +46,15 @@ class Innovations(NamedTuple):
     d_ln_s: Array
 
 
+class NoiseLevels(NamedTuple):
+    """Logarithms of the intensities of process noise (driven,) and of the standard deviations of measurement noise
+    (outputs,), and the time [s] for which each process noise has acted before the record (driven,)."""
+
+    ln_w: Array
+    ln_v: Array
+    active_before_s: Array
+
+
 @dataclass(frozen=True)
 class KalmanFilter:
     """A compiled filter cycle; `build_filter` makes one.
@@ -66,14 +71,9 @@ class KalmanFilter:
     cycle: ca.Function
     blocks: tuple[ca.Sparsity, ...]
 
-    def run(
-        self, x0: Array, U: Array, Z: Array, p: Array, ln_w: Array, ln_v: Array, active_before_s: Array, step_s: float
-    ) -> Innovations:
-        """Filter Z (n, outputs; NaN where missing) from x0 (states,), inputs U (n, inputs), parameters p.
+    def run(self, record: Record, Z: Array, noise: NoiseLevels) -> Innovations:
+        """Filter Z (n, outputs; NaN where missing).
 
-        ln_w (driven,) : logarithms of the intensities of process noise
-        ln_v (outputs,) : logarithms of the standard deviations of measurement noise
-        active_before_s (driven,) : time for which process noise has acted before the record
         If the state overflows, everything is inf or NaN from there on; no exception is raised.
         """
         model, nx, ny = self.model, len(self.model.states), len(self.model.outputs)
@@ -81,16 +81,18 @@ class KalmanFilter:
         na = nx + nx * (nx + 1) // 2
         variances = nx + np.array([_packed_index(i, i) for i in map(model.states.index, self.driven)], dtype=int)
         first = np.zeros(na)
-        first[:nx] = x0
-        first[variances] = np.exp(2 * ln_w) * active_before_s
+        first[:nx] = record.x0
+        first[variances] = np.exp(2 * noise.ln_w) * noise.active_before_s
         S = np.zeros((na, nc + nx))
         S[variances, len(self.free) + np.arange(nw)] = 2 * first[variances]
         S[:nx, nc:] = np.eye(nx)
 
-        n = len(U)
+        U, n = record.U, len(record.U)
         present = np.isfinite(Z)
         given = np.hstack([U, np.vstack([U[1:], U[-1:]]), np.where(present, Z, 0.0), present])
-        results, nonzeros = self._evaluate(first, given, np.concatenate([p, ln_w, ln_v, [step_s]]))
+        results, nonzeros = self._evaluate(
+            first, given, np.concatenate([record.p, noise.ln_w, noise.ln_v, [record.step_s]])
+        )
         e, ln_s, y, x = np.split(results, np.cumsum([ny, ny, ny]), axis=1)
         with np.errstate(over="ignore", invalid="ignore"):
             step, observed = self._chain_rule(nonzeros)
@@ -208,8 +210,7 @@ def build_filter(
     model: Model,
     free: tuple[str, ...],
     driven: tuple[str, ...],
-    integrator: Integrator = "rk4",
-    inputs: InputRule = "linear",
+    options: FitOptions = FitOptions(),
 ) -> KalmanFilter:
     """Compile a model's filter cycle, with derivatives to the parameters named in `free` and to ln w and ln v.
 
@@ -273,8 +274,8 @@ def build_filter(
         e.append(found[-2])
         ln_s.append(found[-1])
 
-    u_at = INPUT_RULES[inputs](u0, u1)
-    x_next = INTEGRATORS[integrator](lambda x, u: xdot(x, u, p), x, u_at, h)
+    u_at = INPUT_RULES[options.inputs](u0, u1)
+    x_next = INTEGRATORS[options.integrator](lambda x, u: xdot(x, u, p), x, u_at, h)
     x_next = call(ca.densify(x_next), [x, p_free], [x, u0, u1, p, h], [x_now, u0, u1, p, h])
     middle = call(ca.densify(x + h / 2 * xdot(x, u0, p)), [x, p_free], [x, u0, p, h], [x_now, u_at(0), p, h])
     A: Any = ca.jacobian(f, x)

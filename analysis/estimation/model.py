@@ -12,7 +12,7 @@ import numbers
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -41,6 +41,14 @@ class NamedValues:
 
 
 ModelFunction = Callable[[NamedValues, NamedValues, NamedValues], Sequence[Any]]
+
+
+class _Equations(NamedTuple):
+    """A function of the model, what it is, and the names of its values."""
+
+    what: str
+    function: ModelFunction
+    names: tuple[str, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -193,21 +201,14 @@ class Model:
         """xdot, one value per state. x, u, p are in the model's order: floats, arrays or symbols."""
         if self.dynamics is None:
             return ()
-        return self._call(self.dynamics, "dynamics", self.states, x, u, p)
+        return self._call(_Equations("dynamics", self.dynamics, self.states), x, u, p)
 
     def evaluate_outputs(self, x: Iterable[Any], u: Iterable[Any], p: Iterable[Any]) -> tuple[Any, ...]:
         """y, one value per output. x, u, p as in `evaluate_dynamics`."""
-        return self._call(self.output_function, "outputs", self.outputs, x, u, p)
+        return self._call(_Equations("outputs", self.output_function, self.outputs), x, u, p)
 
-    def _call(
-        self,
-        function: ModelFunction,
-        what: str,
-        names: tuple[str, ...],
-        x: Iterable[Any],
-        u: Iterable[Any],
-        p: Iterable[Any],
-    ) -> tuple[Any, ...]:
+    def _call(self, equations: _Equations, x: Iterable[Any], u: Iterable[Any], p: Iterable[Any]) -> tuple[Any, ...]:
+        what, function, names = equations
         try:
             result = function(
                 NamedValues("state", dict(zip(self.states, x, strict=True))),

@@ -103,6 +103,7 @@ def maximize(
     likelihood: Likelihood,
     point: Evaluation,
     max_iterations: int,
+    *,
     step_tolerance: float = STEP_TOLERANCE,
     stop: Callable[[Evaluation], bool] | None = None,
     secant: bool = False,

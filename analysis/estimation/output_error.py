@@ -13,14 +13,12 @@ increase this likelihood, so that the usual oscillation between R and the parame
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.estimation.data import Band, Segment, band_matrix
-from analysis.estimation.fit import Fit as Fit
-from analysis.estimation.fit import SegmentFit
+from analysis.estimation.fit import Fit, SegmentFit
 from analysis.estimation.hints import hints_of
 from analysis.estimation.model import Model
 from analysis.estimation.noise import (
@@ -31,8 +29,8 @@ from analysis.estimation.noise import (
     whiten,
 )
 from analysis.estimation.optimizer import NO_STEP, Evaluation, make_fit, maximize, nowhere
-from analysis.estimation.problem import Problem, as_segments, free_names
-from analysis.estimation.simulation import InputRule, Integrator, Record, Response, Simulator, build_simulator
+from analysis.estimation.problem import FitOptions, Problem, as_segments, free_names
+from analysis.estimation.simulation import Record, Response, Simulator, build_simulator
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
@@ -93,51 +91,60 @@ def summed(blocks: Iterable[Response], Z: Array, kept: NDArray[np.intp]) -> Sums
 LONG = 1_000_000  # elements of the sensitivities above which iterations do not keep them (8 MB)
 
 
-def estimate(
+@dataclass(frozen=True, kw_only=True)
+class MeasurementNoise:
+    """What is known of the noise of the outputs.
+
+    structure : of R (outputs, outputs) where it is estimated, "diagonal" or "full"
+    covariance : known R (outputs, outputs), or known variances (outputs,); default: R is estimated
+    tail_dof : degrees of freedom of t noise (about 4) for data with outliers; for an estimated diagonal R only
+
+    Raises InputError for tails with another R.
+    """
+
+    structure: NoiseKind = "diagonal"
+    covariance: ArrayLike | None = None
+    tail_dof: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.tail_dof is not None and (
+            self.structure == "full" or self.covariance is not None or self.tail_dof <= 0
+        ):
+            raise InputError(
+                "tail_dof must be greater than zero, and needs a diagonal noise covariance that is estimated"
+            )
+
+
+def fit_output_error(
     model: Model,
     segments: Segment | Sequence[Segment],
     *,
-    integrator: Integrator = "rk4",
-    inputs: InputRule = "linear",
-    initial_states: Literal["free", "given"] | tuple[str, ...] = "free",
-    noise: NoiseKind = "diagonal",
-    noise_covariance: ArrayLike | None = None,
-    tail_dof: float | None = None,
-    band_Hz: Band | None = None,
     start: Mapping[str, float] | None = None,
-    max_iterations: int = 50,
+    noise: MeasurementNoise = MeasurementNoise(),
+    band_Hz: Band | None = None,
+    options: FitOptions = FitOptions(),
 ) -> Fit:
     """Fit a model to one or several segments together.
 
-    integrator, inputs : integration method, and the inputs between samples; see `simulation.build_simulator`
-    initial_states : "free" estimates the state at the start of each segment; "given" takes it from `Segment.x0`, else
-    from `Model.initial_state`, else from the first sample of the output of that name; a tuple names the free states
-    noise : structure of R where it is estimated
-    noise_covariance : known R (outputs, outputs), or known variances (outputs,); default: R is estimated
-    tail_dof : degrees of freedom of t noise (about 4) for data with outliers; for an estimated diagonal R only
-    band_Hz : lowest and highest frequency of the residuals that are used; default: all. The likelihood is then that of
-    the Fourier transforms of z - y (see `frequency_domain`), in which biases have no part and must be fixed. Of the
-    functions of `uncertainty`, those for colored residuals do not apply.
     start : starting values by name or full name; they replace those of the parameters
+    band_Hz : lowest and highest frequency of the residuals that are used; default: all. The likelihood is then that of
+    the Fourier transforms of z - y (see `data`), in which biases have no part and must be fixed. Of the functions of
+    `uncertainty`, those for colored residuals do not apply.
 
     The verdict says whether the optimum was reached, is at a bound, or leaves unknowns undetermined; its hints name
     residuals that are not white and unstable motion. Raises InputError for data or options that cannot be used, and
     when the response to the starting values is not finite.
     """
     segments = as_segments(segments)
-    simulator = build_simulator(model, free_names(model), integrator, inputs)
-    problem = Problem.assemble(model, segments, initial_states, start or {})
-    if tail_dof is not None and (noise == "full" or noise_covariance is not None or tail_dof <= 0):
-        raise InputError(
-            "tail_dof must be greater than zero, and needs noise='diagonal' without a given noise_covariance"
-        )
-    known = None if noise_covariance is None else _known_covariance(noise_covariance, model)
+    simulator = build_simulator(model, free_names(model), options.integrator, options.inputs)
+    problem = Problem.assemble(model, segments, options.initial_states, start or {})
+    known = None if noise.covariance is None else _known_covariance(noise.covariance, model)
     transforms = None if band_Hz is None else [_band_matrix(model, segment, band_Hz) for segment in segments]
-    likelihood = OutputErrorLikelihood(problem, simulator, noise, known, tail_dof, transforms)
+    likelihood = OutputErrorLikelihood(problem, simulator, noise.structure, known, noise.tail_dof, transforms)
     point = likelihood.evaluate(problem.start)
     if not np.isfinite(point.cost):
         raise InputError(_not_finite(likelihood))
-    point, iterations, why_stopped = maximize(likelihood, point, max_iterations)
+    point, iterations, why_stopped = maximize(likelihood, point, options.max_iterations)
     if likelihood.is_long:
         point = likelihood.evaluate_whole(point.theta)._replace(costs=point.costs, steps=point.steps)
     if why_stopped == NO_STEP and simulator.has_branches:
@@ -145,7 +152,9 @@ def estimate(
             "; the model has branches (np.where, np.sign, np.maximum), where the likelihood may jump: smooth them,"
             " for example with np.tanh"
         )
-    fit = replace(make_fit(likelihood, point, iterations, why_stopped), integrator=integrator, inputs=inputs)
+    fit = replace(
+        make_fit(likelihood, point, iterations, why_stopped), integrator=options.integrator, inputs=options.inputs
+    )
     return fit if band_Hz else replace(fit, verdict=fit.verdict._replace(hints=hints_of(fit)))
 
 

@@ -11,9 +11,26 @@ from numpy.typing import NDArray
 
 from analysis.estimation.data import Segment
 from analysis.estimation.model import Model
+from analysis.estimation.simulation import InputRule, Integrator
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitOptions:
+    """How a fit integrates the model and searches the optimum.
+
+    integrator, inputs : integration method, and the inputs between samples; see `simulation.build_simulator`
+    initial_states : "free" estimates the state at the start of each segment; "given" takes it from `Segment.x0`, else
+    from `Model.initial_state`, else from the first sample of the output of that name; a tuple names the free states
+    max_iterations : after which the fit ends without convergence
+    """
+
+    integrator: Integrator = "rk4"
+    inputs: InputRule = "linear"
+    initial_states: Literal["free", "given"] | tuple[str, ...] = "free"
+    max_iterations: int = 50
 
 
 class Unknown(NamedTuple):

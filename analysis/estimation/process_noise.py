@@ -7,13 +7,12 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.estimation.data import Segment
-from analysis.estimation.fit import Fit
+from analysis.estimation.fit import Fit, Intensity
 from analysis.estimation.model import Model
 from analysis.estimation.noise import NORMAL_95
 from analysis.estimation.problem import Unknown, inputs_of, measurements_of
@@ -27,7 +26,6 @@ LN_INTENSITY_RANGE = math.log(1e3)  # bounds of ln w about its start; an intensi
 # few outputs determine the state exactly, and the likelihood has no optimum.
 SMALLEST_NOISE, LARGEST_NOISE = 1e-4, 10.0
 LARGEST_STEP = 2.0  # of ln w and ln v in one iteration
-SIGNIFICANCE_LEVEL = 0.05  # of the test for process noise
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,24 +60,6 @@ class ProcessNoise:
             raise InputError(
                 f"process noise of {self.state}: prior_sigma must be greater than zero, is {self.prior_sigma}"
             )
-
-
-class Intensity(NamedTuple):
-    """An intensity of process noise [unit of the state per sqrt(s)], its 95 % interval, and its significance.
-
-    p_value : of the likelihood-ratio test against zero intensity. Zero is at the boundary of the parameter space, so
-    that the estimate is zero in half of all records without this noise (Self & Liang 1987, J. Am. Stat. Assoc. 82,
-    605, case 5). NaN if not tested or fixed.
-    """
-
-    value: float
-    lo: float
-    hi: float
-    p_value: float
-
-    @property
-    def significant(self) -> bool:
-        return self.p_value < SIGNIFICANCE_LEVEL
 
 
 def check_noise(model: Model, noises: tuple[ProcessNoise, ...], noise_sigma: Mapping[str, float]) -> None:

@@ -1,91 +1,87 @@
-"""Output error from several starting values: whether another optimum is better than the one first found."""
+"""Starting values from the data, and the best of fits from several starts."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from analysis.estimation import equation_error, output_error
 from analysis.estimation.data import Segment
+from analysis.estimation.equation_error import fit_equation_error
 from analysis.estimation.fit import Fit, FitStatus
 from analysis.estimation.model import Model
-from analysis.estimation.simulation import InputRule, Integrator
+from analysis.estimation.output_error import fit_output_error
+from analysis.estimation.problem import FitOptions, as_segments
+from analysis.estimation.simulation import InputRule
 from flight.errors import InputError
 
 SMOOTHING_SAMPLES = 1.5
 SAME_OPTIMUM = 0.01  # difference in log-likelihood below which two fits are the same; 2 is significant at 5 %
 
 
-def from_equation_error(
+def starting_values_by_equation_error(
     model: Model,
     segments: Segment | Sequence[Segment],
     *,
     smoothing_s: float | None = None,
     inputs: InputRule = "linear",
 ) -> dict[str, float]:
-    """Starting values of the shared free parameters, by equation error. See `equation_error.estimate` for errors.
+    """Starting values of the shared free parameters, by equation error. See `fit_equation_error` for errors.
 
     smoothing_s : of its low-pass filter; default: 1.5 samples, which is enough where the noise is light
     """
+    segments = as_segments(segments)
     if smoothing_s is None:
-        first = segments if isinstance(segments, Segment) else segments[0]
-        smoothing_s = SMOOTHING_SAMPLES * first.step_s
-    return _shared_values(equation_error.estimate(model, segments, smoothing_s=smoothing_s, inputs=inputs), model)
+        smoothing_s = SMOOTHING_SAMPLES * segments[0].step_s
+    return _shared_values(fit_equation_error(model, segments, smoothing_s=smoothing_s, inputs=inputs), model)
 
 
-def from_output_error(
-    model: Model, segments: Segment | Sequence[Segment], *, integrator: Integrator = "rk4", inputs: InputRule = "linear"
+def starting_values_by_output_error(
+    model: Model, segments: Segment | Sequence[Segment], *, options: FitOptions = FitOptions()
 ) -> dict[str, float]:
-    """Starting values of the shared free parameters, by output error. See `output_error.estimate` for errors."""
-    return _shared_values(output_error.estimate(model, segments, integrator=integrator, inputs=inputs), model)
+    """Starting values of the shared free parameters, by output error. See `fit_output_error` for errors."""
+    options = FitOptions(integrator=options.integrator, inputs=options.inputs)
+    return _shared_values(fit_output_error(model, segments, options=options), model)
 
 
 def _shared_values(fit: Fit, model: Model) -> dict[str, float]:
     return {q.name: fit.parameters[q.name].value for q in model.parameters if q.free and q.shared}
 
 
-def estimate(
+def best_of_starts(
+    fit: Callable[[Mapping[str, float]], Fit],
     model: Model,
-    segments: Segment | Sequence[Segment],
     *,
     starts: int = 8,
     factor: float = 2.0,
     seed: int = 0,
-    smoothing_s: float | None = None,
-    **options: Any,
+    more_starts: Sequence[Mapping[str, float]] = (),
 ) -> Fit:
-    """The best of several output-error fits.
+    """The best of several fits of a model from different starting values.
 
-    The first starts from the model's values, or from `options["start"]`; the others from these, each free parameter
-    multiplied by `factor` to a random power between -1 and 1, within its bounds. One that starts at zero stays.
-    smoothing_s : if given, one more start from equation error with this low-pass filter
-    options : of `output_error.estimate`
+    fit : makes a fit from starting values: `lambda start: fit_output_error(model, run, start=start)`
+    starts : the first is that of the model's values; in the others each free parameter is multiplied by `factor` to a
+    random power between -1 and 1, within its bounds. One that starts at zero stays.
+    more_starts : tried too, such as that of `starting_values_by_equation_error`
 
-    The verdict says from how many starts the best fit was reached. Raises InputError like `output_error.estimate` if
-    no start gives a finite response.
+    The verdict says from how many starts the best fit was reached. Raises the InputError of `fit` if no start gives a
+    finite response.
     """
     rng = np.random.default_rng(seed)
-    given = dict(options.pop("start", None) or {})
-    free = {q.name: given.get(q.name, q.start) for q in model.parameters if q.free}
-    tried = [given]
-    tried += [
-        given | {name: value * factor ** rng.uniform(-1, 1) for name, value in free.items()} for _ in range(starts - 1)
-    ]
-    if smoothing_s is not None:
-        inputs = options.get("inputs", "linear")
-        tried.append(given | from_equation_error(model, segments, smoothing_s=smoothing_s, inputs=inputs))
-    fits, failure = [], None
+    free = {q.name: q.start for q in model.parameters if q.free}
+    tried: list[Mapping[str, float]] = [{}]
+    tried += [{name: value * factor ** rng.uniform(-1, 1) for name, value in free.items()} for _ in range(starts - 1)]
+    tried += more_starts
+    fits, failures = [], []
     for start in tried:
         try:
-            fits.append(output_error.estimate(model, segments, start=start, **options))
+            fits.append(fit(start))
         except InputError as error:
-            failure = error
-    if not fits and failure is not None:
-        raise failure
-    usable = [fit for fit in fits if fit.verdict.status is not FitStatus.NOT_CONVERGED] or fits
-    best = min(usable, key=lambda fit: fit.negative_log_likelihood)
-    costs = np.array([fit.negative_log_likelihood for fit in usable])
+            failures.append(error)
+    if not fits:
+        raise failures[-1]
+    usable = [one for one in fits if one.verdict.status is not FitStatus.NOT_CONVERGED] or fits
+    best = min(usable, key=lambda one: one.negative_log_likelihood)
+    costs = np.array([one.negative_log_likelihood for one in usable])
     reached = int((costs < best.negative_log_likelihood + SAME_OPTIMUM).sum())
     text = f"{best.verdict.text}; reached from {reached} of {len(tried)} starts"
     others = len(usable) - reached

@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.estimation import output_error
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Fit
-from analysis.estimation.problem import initial_state_of, inputs_of, measurements_of
+from analysis.estimation.output_error import MeasurementNoise, fit_output_error
+from analysis.estimation.problem import FitOptions, initial_state_of, inputs_of, measurements_of
 from analysis.estimation.simulation import build_simulator
 from flight.errors import InputError
 
@@ -58,7 +58,7 @@ def predict(fit: Fit, segment: Segment) -> Prediction:
     noise is that without the noise.
 
     Raises InputError for a parameter with `shared=False`, which has no value in another segment, and like
-    `output_error.estimate` for data that cannot be used.
+    `fit_output_error` for data that cannot be used.
     """
     own = [q.name for q in fit.model.parameters if q.free and not q.shared]
     if own:
@@ -71,10 +71,9 @@ def predict(fit: Fit, segment: Segment) -> Prediction:
         simulator = build_simulator(held, (), fit.integrator, fit.inputs)
         y = simulator.run(initial_state_of(held, segment), inputs_of(held, segment), p, segment.step_s).y
     else:
-        response = output_error.estimate(
-            held, segment, integrator=fit.integrator, inputs=fit.inputs, noise_covariance=fit.noise_covariance
-        ).responses
-        y = response[segment.name].y
+        noise = MeasurementNoise(covariance=fit.noise_covariance)
+        options = FitOptions(integrator=fit.integrator, inputs=fit.inputs)
+        y = fit_output_error(held, segment, noise=noise, options=options).responses[segment.name].y
     z = measurements_of(held, segment)
     return Prediction(segment, y, z - y, {name: agreement(z[:, i], y[:, i]) for i, name in enumerate(held.outputs)})
 
@@ -102,7 +101,7 @@ def agreement(measured: Array, predicted: Array) -> Agreement:
 def cross_validate(segments: Sequence[Segment], estimate: Callable[[Sequence[Segment]], Fit]) -> dict[str, Prediction]:
     """Each segment predicted by the fit to all others, by name.
 
-    estimate : makes the fit, for example `lambda rest: output_error.estimate(model, rest)`
+    estimate : makes the fit, for example `lambda rest: fit_output_error(model, rest)`
 
     Raises InputError for fewer than two segments.
     """

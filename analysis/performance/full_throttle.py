@@ -16,9 +16,9 @@ import numpy as np
 import pandas as pd
 
 from analysis.drag import covariance
-from analysis.estimation import output_error
 from analysis.estimation.data import Segment
 from analysis.estimation.model import Model, Parameter
+from analysis.estimation.output_error import fit_output_error
 from analysis.performance.power_train import torque_constant
 from analysis.performance.propagation import ParameterVector
 from analysis.performance.settings import FULL_THROTTLE
@@ -60,7 +60,7 @@ def fit_full_throttle(data: pd.DataFrame, propulsion: CompletePropulsion, propel
     k = torque_constant(propulsion)
     slope = (propulsion.motor_resistance_ohm + propulsion.battery_resistance_ohm) / (2 * np.pi * k**2)
     unloaded = propulsion.motor_kv_rpm_per_volt * propulsion.battery_voltage_V / 60
-    fit = output_error.estimate(
+    fit = fit_output_error(
         Model(
             name="full throttle",
             inputs=("torque", "throttle"),

@@ -26,9 +26,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.drag import covariance
-from analysis.estimation import output_error
 from analysis.estimation.data import Segment
 from analysis.estimation.model import Model, Parameter
+from analysis.estimation.output_error import fit_output_error
 from analysis.ground.thrust_prior import J_REFERENCE
 from analysis.performance.propagation import ParameterVector, SigmaPoints, combine_independent
 from analysis.performance.settings import ASSUMED_MOTOR, POWER_TRAIN
@@ -212,7 +212,7 @@ def fit_power_train(
             f" shaft power ±{100 * POWER_TRAIN.shaft_scale_sigma:.0f} % (one standard deviation)."
         )
         return PowerTrainModel(combine_independent(losses, meter), no_load_Nm, False, basis, ())
-    fit = output_error.estimate(model, segments)
+    fit = fit_output_error(model, segments)
     losses = ParameterVector(names, fit.values, covariance.of_noise(fit))
     basis = (
         f"Motor and controller from {seconds:.0f} s of steady or slowly changing flight with battery data; its meter is"

@@ -14,16 +14,15 @@ import hard_cases
 import twins
 
 from analysis.drag import aircraft_models
-from analysis.estimation import (
-    equation_error,
-    filter_error,
-    output_error,
-    starts,
-)
 from analysis.estimation import uncertainty as errors
 from analysis.estimation.data import band_matrix, split
+from analysis.estimation.equation_error import fit_equation_error, fit_equation_error_in_band
+from analysis.estimation.filter_error import fit_filter_error
 from analysis.estimation.fit import Fit
 from analysis.estimation.model import Parameter
+from analysis.estimation.output_error import MeasurementNoise, fit_output_error
+from analysis.estimation.problem import FitOptions
+from analysis.estimation.starts import best_of_starts
 from analysis.estimation.term_selection import orthogonal_functions, stepwise
 from analysis.estimation.validation import cross_validate, predict
 from tests.analysis.drag.test_aircraft_models import (
@@ -68,41 +67,42 @@ def fits() -> Contents:
     still, rough = disturbed.linear_record(1, 0.0), disturbed.linear_record(2)
     start = {name: value * 1.3 for name, value in disturbed.LINEAR_TRUTH.items()}
     unbiased = disturbed.LINEAR.changed(Z0={"free": False}, M0={"free": False})
-    plain = output_error.estimate(disturbed.LINEAR, still, start=start)
-    tailed = output_error.estimate(disturbed.LINEAR, still, tail_dof=4.0)
-    filtered = filter_error.estimate(disturbed.LINEAR, rough, disturbed.LINEAR_NOISE)
-    spring = filter_error.estimate(disturbed.NONLINEAR, disturbed.nonlinear_record(3), disturbed.NONLINEAR_NOISE)
+    plain = fit_output_error(disturbed.LINEAR, still, start=start)
+    tailed = fit_output_error(disturbed.LINEAR, still, noise=MeasurementNoise(tail_dof=4.0))
+    filtered = fit_filter_error(disturbed.LINEAR, rough, disturbed.LINEAR_NOISE)
+    spring = fit_filter_error(disturbed.NONLINEAR, disturbed.nonlinear_record(3), disturbed.NONLINEAR_NOISE)
     parts = [disturbed.linear_record(seed, 0.0, f"run {seed}") for seed in (4, 5, 6)]
+    from_start = lambda start: fit_output_error(disturbed.LINEAR, still, start=start)  # noqa: E731
     found: Contents = {
         "output error": of_fit(plain),
         "with tails": of_fit(tailed),
-        "in a band": of_fit(output_error.estimate(unbiased, still, band_Hz=BAND_HZ)),
+        "in a band": of_fit(fit_output_error(unbiased, still, band_Hz=BAND_HZ)),
         "filter error": of_fit(filtered),
         "a hardening spring": of_fit(spring),
         **{
-            f"by {rule}": of_fit(output_error.estimate(disturbed.LINEAR, still, integrator=rule))
+            f"by {rule}": of_fit(fit_output_error(disturbed.LINEAR, still, options=FitOptions(integrator=rule)))
             for rule in ("euler", "heun", "trapezoidal")
         },
-        "with a delay": of_fit(output_error.estimate(LATE, still)),
+        "with a delay": of_fit(fit_output_error(LATE, still)),
         "from equation error": of_fit(
-            filter_error.estimate(
+            fit_filter_error(
                 twins.TURBULENCE, twins.in_turbulence(1), twins.TURBULENCE_NOISE, start="equation error"
             )
         ),
-        "several starts": of_fit(starts.estimate(disturbed.LINEAR, still, starts=3)),
-        "equation error": of_fit(equation_error.estimate(disturbed.LINEAR, still, smoothing_s=0.2)),
-        "equation error in a band": of_fit(equation_error.estimate_in_band(unbiased, still, band_Hz=BAND_HZ)),
+        "several starts": of_fit(best_of_starts(from_start, disturbed.LINEAR, starts=3)),
+        "equation error": of_fit(fit_equation_error(disturbed.LINEAR, still, smoothing_s=0.2)),
+        "equation error in a band": of_fit(fit_equation_error_in_band(unbiased, still, band_Hz=BAND_HZ)),
         "predicted": [
             {"response": one.y, "residuals": one.residuals, "agreement": one.agreement}
             for one in (predict(plain, parts[0]), predict(plain, rough))
         ],
         "cross-validation": {
             name: one.agreement
-            for name, one in cross_validate(parts, lambda some: output_error.estimate(disturbed.LINEAR, some)).items()
+            for name, one in cross_validate(parts, lambda some: fit_output_error(disturbed.LINEAR, some)).items()
         },
         "halves": [len(half) for half in split(still, 3)],
     }  # fmt: skip
-    for name, fit in (("plain", plain), ("rough", output_error.estimate(disturbed.LINEAR, rough))):
+    for name, fit in (("plain", plain), ("rough", fit_output_error(disturbed.LINEAR, rough))):
         corrected = errors.morelli_klein(fit)
         derived = errors.delta_method(corrected, lambda p: np.sqrt(-p.Mal - p.Mq * p.Zal))
         found[f"errors, {name}"] = {
@@ -114,7 +114,7 @@ def fits() -> Contents:
             "white": errors.whiteness(fit),
             "signal": errors.signal_to_noise(fit),
         }
-    found["between"] = errors.between_fits([output_error.estimate(disturbed.LINEAR, one) for one in parts])
+    found["between"] = errors.between_fits([fit_output_error(disturbed.LINEAR, one) for one in parts])
     return found
 
 
@@ -146,9 +146,9 @@ def aircraft() -> Contents:
         "level": [aircraft_models.level_flight_state(run) for run in runs],
         "gusts": aircraft_models.gust_noise(17.0, gust_mps=0.4),
         "priors": aircraft_models.Priors(),
-        "two states": of_fit(output_error.estimate(aircraft_models.two_state(NEXSTAR), runs, start=start)),
-        "height": of_fit(output_error.estimate(pitch_and_height(NEXSTAR), runs, start=start)),
-        "elevator": of_fit(output_error.estimate(longitudinal(NEXSTAR), input_made)),
+        "two states": of_fit(fit_output_error(aircraft_models.two_state(NEXSTAR), runs, start=start)),
+        "height": of_fit(fit_output_error(pitch_and_height(NEXSTAR), runs, start=start)),
+        "elevator": of_fit(fit_output_error(longitudinal(NEXSTAR), input_made)),
     }
     for name, model in ALL_MODELS.items():
         if name == "level_run":

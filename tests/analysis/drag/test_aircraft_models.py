@@ -8,8 +8,9 @@ from scipy.integrate import solve_ivp
 
 from analysis.drag import aircraft_models
 from analysis.drag.aircraft_models import level_flight_state
-from analysis.estimation import output_error, uncertainty
+from analysis.estimation import uncertainty
 from analysis.estimation.data import Segment
+from analysis.estimation.output_error import fit_output_error
 from analysis.estimation.simulation import build_simulator
 from flight import motion
 from flight.aerodynamics import aerodynamics_of, body_axes, lift_and_drag, lift_slope
@@ -213,7 +214,7 @@ def test_pitch_and_height_estimates_power_in_spite_of_sensor_errors(runs):
         wrong = {name: sigma * rng.standard_normal() for name, sigma in spread.items()}
         noise = BENCH_NOISE | {"q": 0.0}
         segments = [measured(k, truth, noise, 2 * seed + i, wrong) for i, (k, truth) in enumerate(runs.items())]
-        fit = output_error.estimate(model, segments, start=aircraft_models.starting_values(NEXSTAR, segments))
+        fit = fit_output_error(model, segments, start=aircraft_models.starting_values(NEXSTAR, segments))
         assert fit.verdict.ok
         power = uncertainty.delta_method(uncertainty.cramer_rao(fit), lambda p: power_W(p, SPEEDS))
         deviation.append((power.value - TRUE_POWER_W) / power.standard_error)
@@ -227,14 +228,14 @@ def test_with_gyro_noise_power_is_right_within_15_percent(runs):
     model = pitch_and_height(NEXSTAR)
     for seed in range(2):
         segments = [measured(k, truth, BENCH_NOISE, 2 * seed + i) for i, (k, truth) in enumerate(runs.items())]
-        fit = output_error.estimate(model, segments, start=aircraft_models.starting_values(NEXSTAR, segments))
+        fit = fit_output_error(model, segments, start=aircraft_models.starting_values(NEXSTAR, segments))
         assert fit.verdict.ok
         assert power_W(fit.shared(), SPEEDS) == pytest.approx(TRUE_POWER_W, rel=0.15)
 
 
 def test_two_states_with_true_pitch_angle(runs):
     segments = [measured(k, t, BENCH_NOISE | {"q": 0.0}, i) for i, (k, t) in enumerate(runs.items())]
-    fit = output_error.estimate(
+    fit = fit_output_error(
         aircraft_models.two_state(NEXSTAR), segments, start=aircraft_models.starting_values(NEXSTAR, segments)
     )
     assert fit.verdict.ok
@@ -245,7 +246,7 @@ def test_two_states_with_true_pitch_angle(runs):
 def test_a_3211_input_identifies_pitching_moment_and_lift_due_to_pitch_rate(maneuver):
     model = longitudinal(NEXSTAR)
     quiet = {"V": 0.1, "alpha": 0.001, "q": 0.001, "ax": 0.03, "az": 0.03, "h": 0.1}
-    fit = output_error.estimate(model, measured("3211", maneuver, quiet))
+    fit = fit_output_error(model, measured("3211", maneuver, quiet))
     assert fit.verdict.ok
     for name in ("CLa", "CLde", "CLq", "Cm0", "Cma", "Cmq", "Cmde"):
         estimate = fit.parameters[name]

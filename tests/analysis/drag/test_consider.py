@@ -8,8 +8,8 @@ import pytest
 
 from analysis.drag import covariance as consider
 from analysis.drag.dynamic import INPUTS, drag_model
-from analysis.estimation import output_error
 from analysis.estimation.data import Segment
+from analysis.estimation.output_error import fit_output_error
 from analysis.estimation.uncertainty import cramer_rao
 from analysis.polar import Condition, Polar, lift_coefficient, power_required
 from flight.aircraft import load_aircraft, parse_aircraft
@@ -55,7 +55,7 @@ def deceleration(table: Propeller, table_error: float = 0.0) -> Segment:
 
 def half_width(last_J: float) -> float:
     """Of power at 20 m/s [W], with a table that ends there."""
-    fit = output_error.estimate(DRAG, [deceleration(straight_table(last_J))])
+    fit = fit_output_error(DRAG, [deceleration(straight_table(last_J))])
     covariance = cramer_rao(fit).covariance[:3, :3]
     return float(1.96 * power_required([20.0], Polar(A, covariance), AT)[1][0])
 
@@ -68,7 +68,7 @@ def test_the_interval_is_wider_where_the_table_ends_before_the_runs_and_widest_w
 
 def test_thrust_that_departs_from_the_line_beyond_the_table_is_covered() -> None:
     """By one standard deviation of the continuation; a fit without that term would be off by more than its interval."""
-    fit = output_error.estimate(DRAG, [deceleration(straight_table(0.8), table_error=1.0)])
+    fit = fit_output_error(DRAG, [deceleration(straight_table(0.8), table_error=1.0)])
     covariance = cramer_rao(fit).covariance[:3, :3]
     V = np.array([14.0, 18.0, 22.0])
     found, error = power_required(V, Polar(fit.values[:3], covariance), AT)

@@ -26,8 +26,8 @@ from analysis.drag.method_inputs import MethodInputs, method_inputs
 from analysis.drag.methods_from_runs import ENERGY, ONE_RUN, VARIED_LIFT
 from analysis.drag.sensor_errors import CAUSES, error_prior_sigma, estimate_errors
 from analysis.drag.steady_points import PIW_VIW_THREE, PIW_VIW_TWO
-from analysis.estimation import output_error
 from analysis.estimation.data import Segment
+from analysis.estimation.output_error import fit_output_error
 from analysis.ground.thrust_prior import thrust_prior
 from analysis.maneuvers.kinds import Maneuver
 from analysis.polar import Condition, Polar, power_required
@@ -55,7 +55,7 @@ def test_the_polar_of_a_cross_check_contains_noise_and_floor() -> None:
     u = {"CL": CL, "CL_squared": CL**2, "qS_over_m": f["qS_over_m_mps2"].to_numpy()}
     u |= dict.fromkeys(("thrust_along_V_over_m", "thrust_beyond_over_m", "J"), 0 * CL)
     drag = u["qS_over_m"] * (polar() @ [CL**0, CL, CL**2]) + 0.01 * rng.standard_normal(len(CL))
-    fit = output_error.estimate(
+    fit = fit_output_error(
         dynamic.drag_model(AIRCRAFT), Segment(name="run", t_s=f.index.to_numpy(), u=u, z={"drag": drag})
     )
     floor = covariance.polar_of(fit).covariance - covariance.of_noise(fit)[:3, :3]

@@ -9,8 +9,8 @@ import pytest
 from analysis.drag import covariance
 from analysis.drag.covariance import _by_rest, _by_states, noise_covariance
 from analysis.drag.regression import POLAR_FIT
-from analysis.estimation import output_error
 from analysis.estimation.data import Segment
+from analysis.estimation.output_error import fit_output_error
 from analysis.trajectory.smoother import StatesGivenErrors
 
 STEP_S, BEFORE = 0.2, 40  # blocks of the flight before the first run
@@ -34,7 +34,7 @@ def segments_along(noise: np.ndarray, states: np.ndarray) -> list[Segment]:
 def flown(noise: np.ndarray, draws: np.ndarray, sigma: float):
     """Fit, trajectory of which each state has an independent error `sigma` in each block, and what gives segments."""
     states = np.zeros((len(T_S), 2))
-    fit = output_error.estimate(POLAR_FIT, segments_along(noise, states))
+    fit = fit_output_error(POLAR_FIT, segments_along(noise, states))
     trajectory = SimpleNamespace(
         states=pd.DataFrame(states, index=T_S),
         states_given_errors=StatesGivenErrors(np.full((1, states.size), 1 / sigma)),

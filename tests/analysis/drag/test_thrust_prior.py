@@ -11,10 +11,10 @@ from constructed import PROPELLER, accelerations_and_decelerations, measured
 from analysis.drag.dynamic import INPUTS, drag_model, estimate_polar
 from analysis.drag.rejected_assumptions import doubts
 from analysis.drag.sensor_errors import _thrust_errors
-from analysis.estimation import output_error
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Fit
 from analysis.estimation.model import PriorMeasurement
+from analysis.estimation.output_error import fit_output_error
 from analysis.exports.derived import _by_thrust_table
 from analysis.ground.thrust_prior import J_REFERENCE, stand_conflict, thrust_prior
 from analysis.results.flight_found import static_thrust
@@ -45,7 +45,7 @@ def fitted(aircraft: Aircraft, noise_mps2: float = 0.02, slope: float = SLOPE) -
     drag = qS_over_m * (A @ [CL**0, CL, CL**2]) - thrust * (SCALE + slope * (J - J_REFERENCE))
     u = dict(zip(INPUTS, (CL, CL**2, qS_over_m, thrust, 0 * V, J), strict=True))
     z = {"drag": drag + noise_mps2 * rng.standard_normal(60)}
-    return output_error.estimate(drag_model(aircraft), Segment(name="run", t_s=0.2 * np.arange(60), u=u, z=z))
+    return fit_output_error(drag_model(aircraft), Segment(name="run", t_s=0.2 * np.arange(60), u=u, z=z))
 
 
 def test_the_prior_is_the_conditional_distribution_of_two_independent_errors_given_their_combination() -> None:
@@ -95,7 +95,7 @@ def test_a_parameter_that_is_fixed_counts_with_its_value() -> None:
     no_own = {"thrust_slope": {"prior_sigma": np.inf}}
     as_prior = model.changed(thrust_slope={"prior_mean": -0.04, "prior_sigma": 0.04})
     segments = [one.segment for one in fitted(NEXSTAR).segment_fits]
-    found, expected = (output_error.estimate(m, segments) for m in (by_stand.changed(**no_own), as_prior))
+    found, expected = (fit_output_error(m, segments) for m in (by_stand.changed(**no_own), as_prior))
     assert found.values == pytest.approx(expected.values, rel=1e-6)
     assert found.covariance == pytest.approx(expected.covariance, rel=1e-6)
     assert found.negative_log_likelihood == pytest.approx(expected.negative_log_likelihood, rel=1e-9)

@@ -8,10 +8,11 @@ import numpy as np
 import twins
 from disturbed import DE, LINEAR, LINEAR_TRUTH, SIGMA, T_S, X0, linear_record
 
-from analysis.estimation import output_error
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Fit
 from analysis.estimation.model import Model, Parameter
+from analysis.estimation.output_error import fit_output_error
+from analysis.estimation.problem import FitOptions
 from analysis.estimation.simulation import build_simulator
 
 
@@ -60,63 +61,63 @@ OSCILLATION = Model(
 
 def _collinear(seed):
     flap = DE * (1 + 1e-4 * np.random.default_rng(seed + 1).standard_normal(DE.size))
-    return output_error.estimate(FLAP, _record(seed, FLAP, flap=flap))
+    return fit_output_error(FLAP, _record(seed, FLAP, flap=flap))
 
 
 def _at_rest(seed):
-    return output_error.estimate(FLAP, _record(seed, FLAP, flap=0 * DE))
+    return fit_output_error(FLAP, _record(seed, FLAP, flap=0 * DE))
 
 
 def _too_short(seed):
     whole = _record(seed)
     z = {name: values[:4] for name, values in whole.z.items()}
-    return output_error.estimate(LINEAR, Segment(name="run", t_s=T_S[:4], u={"de": DE[:4]}, z=z))
+    return fit_output_error(LINEAR, Segment(name="run", t_s=T_S[:4], u={"de": DE[:4]}, z=z))
 
 
 def _colored_noise(seed):
     white, noise = np.random.default_rng(seed).standard_normal((DE.size, 2)), np.zeros((DE.size, 2))
     for k in range(1, len(noise)):
         noise[k] = 0.9 * noise[k - 1] + white[k]
-    return output_error.estimate(LINEAR, _record(seed, noise=noise))
+    return fit_output_error(LINEAR, _record(seed, noise=noise))
 
 
 def _outliers(seed):
     noise = np.random.default_rng(seed).standard_normal((DE.size, 2))
     noise[[40, 120, 200], 0] = 40.0
-    return output_error.estimate(LINEAR, _record(seed, noise=noise))
+    return fit_output_error(LINEAR, _record(seed, noise=noise))
 
 
 def _false_optimum(seed):
     t = np.arange(0, 10, 0.05)
     y = np.sin(4.4 * t) + 0.05 * np.random.default_rng(seed).standard_normal(t.size)
-    return output_error.estimate(OSCILLATION, Segment(name="sine", t_s=t, u={"t": t}, z={"y": y}))
+    return fit_output_error(OSCILLATION, Segment(name="sine", t_s=t, u={"t": t}, z={"y": y}))
 
 
 def _unstable(seed):
     start = {name: value * 1.05 for name, value in twins.UNSTABLE_TRUTH.items()}
-    return output_error.estimate(twins.UNSTABLE, twins.unstable(seed), inputs="held", start=start)
+    return fit_output_error(twins.UNSTABLE, twins.unstable(seed), options=FitOptions(inputs="held"), start=start)
 
 
 CASES = {
     "two inputs alike to 1e-4": Case(_collinear, "collinear: Mde and Mflap"),
     "an input at rest": Case(_at_rest, "do not determine Mflap"),
     "a product of two parameters": Case(
-        lambda seed: output_error.estimate(SCALED, _record(seed, SCALED)), "do not determine a change by"
+        lambda seed: fit_output_error(SCALED, _record(seed, SCALED)), "do not determine a change by"
     ),
     "a record that is too short": Case(_too_short, "8 measured values are too few for 9 unknowns"),
     "a bound that excludes the truth": Case(
-        lambda seed: output_error.estimate(LINEAR.changed(Mq={"start": -3.0, "upper": -2.5}), _record(seed)),
+        lambda seed: fit_output_error(LINEAR.changed(Mq={"start": -3.0, "upper": -2.5}), _record(seed)),
         "at a bound: Mq = -2.5",
     ),
     "cubic damping that the model lacks": Case(
-        lambda seed: output_error.estimate(LINEAR, _record(seed, CUBIC)), "are not white"
+        lambda seed: fit_output_error(LINEAR, _record(seed, CUBIC)), "are not white"
     ),
     "a lag of the control of 0.12 s": Case(
-        lambda seed: output_error.estimate(LINEAR, _record(seed, delay=3)), "are not white"
+        lambda seed: fit_output_error(LINEAR, _record(seed, delay=3)), "are not white"
     ),
     "colored measurement noise": Case(_colored_noise, "are not white"),
     "turbulence, by output error": Case(
-        lambda seed: output_error.estimate(LINEAR, linear_record(seed)), "process noise acts"
+        lambda seed: fit_output_error(LINEAR, linear_record(seed)), "process noise acts"
     ),
     "a false optimum": Case(_false_optimum, "false optimum"),
     "an unstable aircraft": Case(_unstable, "unstable: with an eigenvalue of +"),

@@ -15,9 +15,11 @@ from scipy.io import loadmat
 from scipy.linalg import expm
 from scipy.stats import chi2
 
-from analysis.estimation import output_error
 from analysis.estimation.data import Segment
+from analysis.estimation.fit import Fit
 from analysis.estimation.model import Model, Parameter
+from analysis.estimation.output_error import fit_output_error
+from analysis.estimation.problem import FitOptions
 
 RECORDS = Path(__file__).parents[4] / "shared" / "data" / "attas"
 
@@ -100,8 +102,8 @@ def maneuvers(seed: int) -> list[Segment]:
     return segments
 
 
-def estimated(segments: Segment | list[Segment]) -> output_error.Fit:
-    return output_error.estimate(MODEL, segments, initial_states="given")
+def estimated(segments: Segment | list[Segment]) -> Fit:
+    return fit_output_error(MODEL, segments, options=FitOptions(initial_states="given"))
 
 
 @pytest.fixture(scope="module")
@@ -110,7 +112,7 @@ def segments() -> list[Segment]:
 
 
 @pytest.fixture(scope="module")
-def fit(segments: list[Segment]) -> output_error.Fit:
+def fit(segments: list[Segment]) -> Fit:
     return estimated(segments)
 
 

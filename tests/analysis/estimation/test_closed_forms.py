@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from analysis.estimation import output_error
 from analysis.estimation.data import Segment
 from analysis.estimation.model import Model, Parameter
+from analysis.estimation.output_error import MeasurementNoise, fit_output_error
 
 
 def test_a_prior_adds_half_its_squared_deviation_to_the_cost():
@@ -19,7 +19,7 @@ def test_a_prior_adds_half_its_squared_deviation_to_the_cost():
         output_function=lambda x, u, p: (p.a,),
     )
     segment = Segment(name="s", t_s=np.arange(n) * 0.1, u={}, z={"z": z})
-    fit = output_error.estimate(model, segment, noise_covariance=[sigma**2])
+    fit = fit_output_error(model, segment, noise=MeasurementNoise(covariance=[sigma**2]))
     information = n / sigma**2 + 1 / 0.1**2
     a = (z.sum() / sigma**2 + 2.0 / 0.1**2) / information
     assert fit.values[0] == pytest.approx(a, rel=1e-9)
@@ -40,7 +40,9 @@ def test_t_noise_has_the_likelihood_and_information_of_student():
         parameters=(Parameter(name="a", start=0.0),),
         output_function=lambda x, u, p: (p.a,),
     )
-    fit = output_error.estimate(model, Segment(name="s", t_s=np.arange(n) * 0.1, u={}, z={"z": z}), tail_dof=dof)
+    fit = fit_output_error(
+        model, Segment(name="s", t_s=np.arange(n) * 0.1, u={}, z={"z": z}), noise=MeasurementNoise(tail_dof=dof)
+    )
     best = optimize.minimize(
         lambda q: -stats.t.logpdf(z, dof, q[0], np.exp(q[1])).sum(), [3.0, np.log(0.2)], method="Nelder-Mead",
         options={"xatol": 1e-8, "fatol": 1e-10},
@@ -63,5 +65,5 @@ def test_the_smallest_noise_is_a_billionth_of_the_signal():
         output_function=lambda x, u, p: (p.a * u.u,),
     )
     t = np.arange(50) * 0.1
-    fit = output_error.estimate(model, Segment(name="s", t_s=t, u={"u": np.sin(t)}, z={"z": 2 * np.sin(t)}))
+    fit = fit_output_error(model, Segment(name="s", t_s=t, u={"u": np.sin(t)}, z={"z": 2 * np.sin(t)}))
     assert fit.noise_covariance[0, 0] == pytest.approx(1e-18 * np.mean((2 * np.sin(t)) ** 2))

@@ -7,10 +7,10 @@ import pytest
 from scipy.linalg import toeplitz
 from scipy.stats import chi2
 
-from analysis.estimation import output_error
 from analysis.estimation.colored_residuals import Autoregression, absorbed_autocorrelation, spectrum_of
 from analysis.estimation.data import Segment
 from analysis.estimation.model import Model, Parameter
+from analysis.estimation.output_error import fit_output_error
 
 N, LAGS = 40, 6
 LINE = Model(
@@ -26,7 +26,7 @@ def test_the_fit_absorbs_what_the_exact_projection_removes_from_the_noise():
     """Residuals are (1 - H) noise, so that their covariance is O - H O - O H + H O H: means of its diagonals."""
     t = np.arange(N) * 0.1
     z = np.random.default_rng(0).standard_normal(N)
-    fit = output_error.estimate(LINE, Segment(name="s", t_s=t, u={"u": t}, z={"z": z}))
+    fit = fit_output_error(LINE, Segment(name="s", t_s=t, u={"u": t}, z={"z": z}))
     fit = replace(fit, covariance=np.linalg.inv(fit.information))
     gamma = np.zeros(N)
     gamma[:LAGS] = 0.8 ** np.arange(LAGS)

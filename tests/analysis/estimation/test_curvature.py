@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from analysis.estimation import output_error
 from analysis.estimation.data import Segment
 from analysis.estimation.model import Model
-from analysis.estimation.output_error import OutputErrorLikelihood
+from analysis.estimation.output_error import OutputErrorLikelihood, fit_output_error
 from analysis.estimation.problem import Problem, free_names
 from analysis.estimation.simulation import build_simulator
 from tests.analysis.estimation.test_output_error import CLEAN, DE, SHORT_PERIOD, T_S, TRUTH, noisy
@@ -67,7 +66,7 @@ def test_the_curvature_is_the_hessian_of_the_cost(noise):
 
 def test_outputs_that_contradict_each_other_converge_quadratically():
     """With the information matrix alone these take 16 to 23 iterations: each step is wrong by the same factor."""
-    fits = [output_error.estimate(CONTRADICTORY, contradictory(seed, factor=1.6)) for seed in range(6)]
+    fits = [fit_output_error(CONTRADICTORY, contradictory(seed, factor=1.6)) for seed in range(6)]
     assert all(fit.verdict.ok for fit in fits)
     assert max(fit.iterations for fit in fits) <= 13
 
@@ -75,6 +74,6 @@ def test_outputs_that_contradict_each_other_converge_quadratically():
 @pytest.mark.parametrize("factor", [1.0, 1.3])
 def test_at_the_stop_the_gradient_is_zero(factor):
     """A Newton step from the stop is shorter than 1e-3 standard errors."""
-    fit = output_error.estimate(CONTRADICTORY, contradictory(2, factor))
+    fit = fit_output_error(CONTRADICTORY, contradictory(2, factor))
     g = sum(piece.white.S.reshape(-1, len(piece.columns)).T @ piece.white.e.ravel() for piece in fit.segment_fits)
     assert np.sqrt(g @ fit.covariance @ g) < 1e-3

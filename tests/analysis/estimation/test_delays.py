@@ -7,9 +7,11 @@ import pytest
 from disturbed import LINEAR, LINEAR_NOISE, LINEAR_TRUTH, SIGMA, X0, linear_record
 from scipy.integrate import solve_ivp
 
-from analysis.estimation import equation_error, filter_error, output_error
 from analysis.estimation.data import Segment
+from analysis.estimation.equation_error import fit_equation_error
+from analysis.estimation.filter_error import fit_filter_error
 from analysis.estimation.model import Model, Parameter
+from analysis.estimation.output_error import fit_output_error
 from analysis.estimation.simulation import build_simulator
 from flight.errors import InputError
 
@@ -40,7 +42,7 @@ def segment():
 
 
 def test_a_delay_is_estimated_with_the_other_parameters(segment):
-    fit = output_error.estimate(LATE, segment)
+    fit = fit_output_error(LATE, segment)
     assert fit.verdict.ok and not fit.verdict.hints
     tau = fit.parameters["tau"]
     assert tau.standard_error < 0.02
@@ -59,13 +61,13 @@ def test_the_sensitivity_to_a_delay_is_that_of_differences(segment):
 
 
 def test_equation_error_estimates_it_too(segment):
-    found = equation_error.estimate(LATE, segment, smoothing_s=0.1).parameters["tau"]
+    found = fit_equation_error(LATE, segment, smoothing_s=0.1).parameters["tau"]
     assert found.value == pytest.approx(DELAY_S, abs=0.05)
 
 
 def test_filter_error_and_unknown_names_are_refused():
     with pytest.raises(InputError, match="filter error has no delays"):
-        filter_error.estimate(LATE, linear_record(0), LINEAR_NOISE)
+        fit_filter_error(LATE, linear_record(0), LINEAR_NOISE)
     with pytest.raises(InputError, match="delays: 'da' must be an input and 'tau' a shared parameter"):
         replace(LATE, delays=(("da", "tau"),))
 

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
-from analysis.estimation import equation_error, output_error
+from analysis.estimation import equation_error
 from analysis.estimation.data import Segment
+from analysis.estimation.equation_error import fit_equation_error
 from analysis.estimation.model import Model, Parameter
+from analysis.estimation.output_error import fit_output_error
 from analysis.estimation.simulation import build_simulator
 from flight.errors import InputError
 
@@ -32,7 +34,7 @@ def segment(sigma=0.0, seed=0):
 
 def test_without_noise_the_filtered_signals_satisfy_the_equation():
     """From starting values of zero. The remaining error comes from sampling and truncation of the kernel."""
-    p = equation_error.estimate(MODEL, segment(), smoothing_s=0.06).shared()
+    p = fit_equation_error(MODEL, segment(), smoothing_s=0.06).shared()
     for name, value in TRUE.items():
         assert getattr(p, name) == pytest.approx(value, rel=2e-3), name
 
@@ -52,8 +54,7 @@ def test_an_input_that_is_held_acts_half_a_step_late_on_the_derivatives_and_at_o
     y = build_simulator(model, (), inputs="held").run(np.zeros(2), de[:, None], np.array([*true.values()]), step_s).y
     record = Segment(name="held", t_s=t, u={"de": de}, z=dict(zip(model.outputs, y.T, strict=True)))
     right, wrong = (
-        equation_error.estimate(model, record, smoothing_s=0.15, inputs=inputs).shared()
-        for inputs in ("held", "linear")
+        fit_equation_error(model, record, smoothing_s=0.15, inputs=inputs).shared() for inputs in ("held", "linear")
     )
     for name, value in true.items():
         assert getattr(right, name) == pytest.approx(value, rel=1e-2), name
@@ -66,7 +67,7 @@ def test_smoothing_removes_the_bias_from_noise_in_the_regressors():
     leaves 1/(2 sqrt(pi) 3) = 9 % of the noise's variance, so that less than 1 % of shrinkage remains."""
     off = {}
     for smoothing_s in (0.01, 0.06):
-        p = [equation_error.estimate(MODEL, segment(0.3, s), smoothing_s=smoothing_s).shared() for s in range(20)]
+        p = [fit_equation_error(MODEL, segment(0.3, s), smoothing_s=smoothing_s).shared() for s in range(20)]
         off[smoothing_s] = max(abs(np.mean([getattr(x, n) for x in p]) / v - 1) for n, v in TRUE.items())
     assert off[0.06] < 0.03  # 1 %, and the mean of 20 records
     assert off[0.01] > 0.05
@@ -74,8 +75,8 @@ def test_smoothing_removes_the_bias_from_noise_in_the_regressors():
 
 def test_it_gives_starting_values_for_output_error():
     noisy = segment(0.05, 1)
-    first = equation_error.estimate(MODEL, noisy, smoothing_s=0.06).shared()
-    fit = output_error.estimate(MODEL, noisy, start={name: getattr(first, name) for name in TRUE})
+    first = fit_equation_error(MODEL, noisy, smoothing_s=0.06).shared()
+    fit = fit_output_error(MODEL, noisy, start={name: getattr(first, name) for name in TRUE})
     assert fit.verdict.ok and fit.iterations <= 8
     for name, value in TRUE.items():
         assert abs(fit.parameters[name].value - value) < 4 * fit.parameters[name].standard_error
@@ -84,8 +85,8 @@ def test_it_gives_starting_values_for_output_error():
 def test_a_gap_removes_only_samples_within_the_kernel():
     holed = segment()
     holed.z["q"][200:205] = np.nan
-    fit = equation_error.estimate(MODEL, holed, smoothing_s=0.06)
-    full = equation_error.estimate(MODEL, segment(), smoothing_s=0.06)
+    fit = fit_equation_error(MODEL, holed, smoothing_s=0.06)
+    full = fit_equation_error(MODEL, segment(), smoothing_s=0.06)
     kernel = 2 * 12 + 1
     assert full.samples - fit.samples == 3 * (5 + kernel - 1)
     assert fit.shared().Mq == pytest.approx(TRUE["Mq"], rel=2e-3)
@@ -93,9 +94,9 @@ def test_a_gap_removes_only_samples_within_the_kernel():
 
 def test_unusable_data_and_models_are_refused():
     with pytest.raises(InputError, match=r"sweep: 500 samples .* over 2 s; more than 801 are needed"):
-        equation_error.estimate(MODEL, segment(), smoothing_s=2.0)
+        fit_equation_error(MODEL, segment(), smoothing_s=2.0)
     with pytest.raises(InputError, match="more than 501 are needed"):  # four standard deviations on either side
-        equation_error.estimate(MODEL, segment(), smoothing_s=1.25)
+        fit_equation_error(MODEL, segment(), smoothing_s=1.25)
     hidden = Model(
         name="hidden",
         states=("x",),
@@ -124,7 +125,7 @@ def test_the_low_pass_has_the_width_it_is_given(smoothing_s):
     )
     rate, integral = np.sin(w * t), (1 - np.cos(w * t)) / w
     given = Segment(name="sine", t_s=t, u={"u": rate}, z={"x": integral})
-    filtered = equation_error.estimate(integrator, given, smoothing_s=smoothing_s).segment_fits[0].segment
+    filtered = fit_equation_error(integrator, given, smoothing_s=smoothing_s).segment_fits[0].segment
     expected = np.exp(-((w * smoothing_s) ** 2) / 2) * np.sin(w * filtered.t_s)
     assert expected.max() == pytest.approx(np.sqrt(0.5), abs=0.02)
     assert filtered.u["u"] == pytest.approx(expected, abs=1e-3)

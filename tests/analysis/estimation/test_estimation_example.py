@@ -44,7 +44,7 @@ def test_the_page_shows_what_it_prints(capsys):
 def test_the_flap_is_not_identifiable(ran):
     from analysis.estimation import output_error
 
-    fit = output_error.estimate(ran["wing"], ran["released"])
+    fit = output_error.fit_output_error(ran["wing"], ran["released"])
     assert "not identifiable: the data do not determine flap_effect" in fit.verdict.text
     assert "not identifiable: the data do not determine flap_effect" in TEXT
 
@@ -56,7 +56,7 @@ def test_process_noise_is_not_significant_in_still_air(ran, capsys):
     still = ran["wing"].changed(flap_effect={"free": False})
     from analysis.estimation import output_error
 
-    direct = output_error.estimate(still, ran["released"])
+    direct = output_error.fit_output_error(still, ran["released"])
     for name in ("stiffness", "damping", "theta_bias"):
         estimate = direct.parameters[name]
         assert abs(ran["fit"].parameters[name].value - estimate.value) < 0.5 * estimate.standard_error, name

@@ -6,9 +6,10 @@ import warnings
 import numpy as np
 import pytest
 
-from analysis.estimation import output_error
 from analysis.estimation.data import Segment
 from analysis.estimation.model import Model, Parameter
+from analysis.estimation.output_error import MeasurementNoise, fit_output_error
+from analysis.estimation.problem import FitOptions
 from flight.errors import InputError
 
 T_S = np.arange(20) * 0.1
@@ -66,6 +67,7 @@ def holed(index, value=np.nan):
         (lambda: decay(states="x"), "decay: states must be a tuple of names, with a comma if it is one; is 'x'"),
         (lambda: decay(parameters=Parameter(name="k", start=1.0)), "decay: parameters must be a tuple of Parameter"),
         (lambda: decay(parameters=("k",)), "decay: parameters must be a tuple of Parameter"),
+        (lambda: MeasurementNoise(structure="full", tail_dof=4.0), "tail_dof"),
         (lambda: Parameter(name="k", start="1"), "k: start must be a number, is '1'"),
     ],
 )
@@ -105,23 +107,22 @@ def test_invalid_models_and_segments_are_refused(make, message):
         ({}, [{}, {}], {}, "two segments are named 'run 1'"),
         ({}, [], {}, "no segment to fit"),
         ({}, [{"z": {"x": holed(slice(None))}, "x0": {"x": 1.0}}], {}, "output x has no samples"),
-        ({}, [{}], {"integrator": "simpson"}, "integrator = 'simpson': choose one of rk4"),
-        ({}, [{}], {"initial_states": ("v",)}, "initial_states"),
-        ({}, [{}], {"initial_states": "some"}, "initial_states"),
+        ({}, [{}], {"options": FitOptions(integrator="simpson")}, "integrator = 'simpson': choose one of rk4"),
+        ({}, [{}], {"options": FitOptions(initial_states=("v",))}, "initial_states"),
+        ({}, [{}], {"options": FitOptions(initial_states="some")}, "initial_states"),
         ({}, [{}], {"start": {"j": 1.0}}, "start: 'j' is not among the unknowns"),
-        ({}, [{}], {"noise_covariance": [1.0, 1.0]}, "noise_covariance must be"),
-        ({}, [{}], {"tail_dof": 4.0, "noise": "full"}, "tail_dof"),
+        ({}, [{}], {"noise": MeasurementNoise(covariance=[1.0, 1.0])}, "noise_covariance must be"),
         (
             {"parameters": (Parameter(name="k", start=1.0, free=False),)},
             [{}],
-            {"initial_states": "given"},
+            {"options": FitOptions(initial_states="given")},
             "nothing is free",
         ),
-        ({}, [{"z": {"x": holed(slice(2, None))}}], {"noise": "full"}, None),
+        ({}, [{"z": {"x": holed(slice(2, None))}}], {"noise": MeasurementNoise(structure="full")}, None),
     ],
 )
 def test_invalid_fits_are_refused(model, segments, options, message):
-    fit = lambda: output_error.estimate(decay(**model), [record(**s) for s in segments], **options)  # noqa: E731
+    fit = lambda: fit_output_error(decay(**model), [record(**s) for s in segments], **options)  # noqa: E731
     if message is None:
         assert fit().samples == 2  # two samples of one output are enough for a covariance of one
         return
@@ -135,17 +136,17 @@ def test_names_and_parameters_may_be_lists():
     assert model == decay(
         dynamics=model.dynamics, output_function=model.output_function, parameters=(Parameter(name="k", start=1.0),)
     )
-    assert output_error.estimate(model, record()).verdict.ok
+    assert fit_output_error(model, record()).verdict.ok
 
 
 def test_something_else_than_a_segment_is_refused():
     with pytest.raises(InputError, match="segments: give Segment objects, not 'x'"):
-        output_error.estimate(decay(), [record(), "x"])
+        fit_output_error(decay(), [record(), "x"])
 
 
 def test_a_jump_in_the_model_is_named():
     model = decay(dynamics=lambda x, u, p: (np.where(x.x > 0.5, 1.0, -2.0) * p.k,))
-    assert "the model has branches (np.where" in output_error.estimate(model, record()).verdict.text
+    assert "the model has branches (np.where" in fit_output_error(model, record()).verdict.text
 
 
 @pytest.mark.parametrize("start", [1e100, 1e160, 1e200])
@@ -155,6 +156,6 @@ def test_a_response_that_overflows_is_one_line_without_warnings(start):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:
-            assert output_error.estimate(model, record()).iterations
+            assert fit_output_error(model, record()).iterations
         except InputError as error:
             assert "not finite" in str(error)

@@ -25,12 +25,15 @@ from disturbed import (
 )
 
 from analysis.drag import aircraft_models
-from analysis.estimation import filter_error, output_error, uncertainty
+from analysis.estimation import uncertainty
 from analysis.estimation.data import Segment
-from analysis.estimation.filter_error import ProcessNoise
-from analysis.estimation.kalman_filter import build_filter
+from analysis.estimation.filter_error import ProcessNoise, fit_filter_error
+from analysis.estimation.kalman_filter import NoiseLevels, build_filter
 from analysis.estimation.model import Model, Parameter
 from analysis.estimation.noise import NORMAL_95
+from analysis.estimation.output_error import fit_output_error
+from analysis.estimation.problem import FitOptions
+from analysis.estimation.simulation import Record
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 
@@ -39,8 +42,8 @@ NONE = ProcessNoise(state="alpha", start=0.0, free=False)
 
 def test_without_process_noise_it_is_output_error():
     segment = linear_record(0, strength=0.0)
-    filtered = filter_error.estimate(LINEAR, segment, NONE)
-    direct = output_error.estimate(LINEAR, segment)
+    filtered = fit_filter_error(LINEAR, segment, NONE)
+    direct = fit_output_error(LINEAR, segment)
     assert filtered.negative_log_likelihood == pytest.approx(direct.negative_log_likelihood, abs=1e-6)
     m = len(direct.names)
     assert filtered.names[:m] == direct.names
@@ -91,7 +94,7 @@ def test_likelihood_and_derivatives_equal_those_of_the_matrix_form_of_the_filter
     Z[50:55] = np.nan
     p, ln_w, ln_v = np.array(list(LINEAR_TRUTH.values())), np.log([0.015]), np.log(2 * SIGMA)
     traced = build_filter(LINEAR, tuple(LINEAR_TRUTH), ("alpha",))
-    found = traced.run(X0, DE[:120, None], Z, p, ln_w, ln_v, np.zeros(1), STEP_S)
+    found = traced.run(Record(X0, DE[:120, None], p, STEP_S), Z, NoiseLevels(ln_w, ln_v, np.zeros(1)))
     present = np.isfinite(Z)
     e2 = (found.e**2 / np.exp(found.ln_s))[present]
     assert (e2 + found.ln_s[present]).sum() / 2 == pytest.approx(textbook_filter(p, ln_w[0], ln_v, X0, Z), rel=1e-10)
@@ -119,9 +122,10 @@ def test_the_covariance_of_a_nonlinear_model_is_propagated_by_the_derivative_of_
     )
     x0, step_s, before_s, w, v = 2.0, 0.05, 1e4, 1e-3, 1e-6
     found = build_filter(model, (), ("x",)).run(
-        np.array([x0]), np.zeros((2, 1)), np.full((2, 1), np.nan), np.array([1.0]),
-        np.log([w]), np.log([v]), np.array([before_s]), step_s,
-    )  # fmt: skip
+        Record(np.array([x0]), np.zeros((2, 1)), np.array([1.0]), step_s),
+        np.full((2, 1), np.nan),
+        NoiseLevels(np.log([w]), np.log([v]), np.array([before_s])),
+    )
     variance = np.exp(found.ln_s[:, 0]) - v**2
     assert variance[0] == pytest.approx(w**2 * before_s, rel=1e-9)
     assert np.sqrt(variance[1] / variance[0]) == pytest.approx((1 + x0 * step_s) ** -2, rel=2e-3)
@@ -140,9 +144,10 @@ def test_the_covariance_is_propagated_with_the_input_in_the_middle_of_the_step()
     )
     step_s, before_s, w, v = 0.1, 1e4, 1e-3, 1e-6
     found = build_filter(model, (), ("x",)).run(
-        np.array([1.0]), np.array([[1.0], [3.0]]), np.full((2, 1), np.nan), np.array([1.0]),
-        np.log([w]), np.log([v]), np.array([before_s]), step_s,
-    )  # fmt: skip
+        Record(np.array([1.0]), np.array([[1.0], [3.0]]), np.array([1.0]), step_s),
+        np.full((2, 1), np.nan),
+        NoiseLevels(np.log([w]), np.log([v]), np.array([before_s])),
+    )
     variance = np.exp(found.ln_s[:, 0]) - v**2
     assert np.sqrt(variance[1] / variance[0]) == pytest.approx(np.exp(-step_s * 2.0), rel=1e-4)
 
@@ -162,12 +167,14 @@ def test_derivatives_of_the_aircraft_in_gusts():
     ln_w, ln_v = np.log([0.1, 0.005, 0.001]), np.log([0.2, 0.006, 0.05, 0.05, 0.4])
     traced = build_filter(model, names, driven)
     sizes = np.cumsum([len(p), 3, 5])
-    undisturbed = build_filter(model, (), driven).run(x0, U, np.full((n, 5), np.nan), p, ln_w, ln_v, np.ones(3), 0.2)
+    undisturbed = build_filter(model, (), driven).run(
+        Record(x0, U, p, 0.2), np.full((n, 5), np.nan), NoiseLevels(ln_w, ln_v, np.ones(3))
+    )
     Z = undisturbed.y + np.exp(ln_v) * rng.standard_normal((n, 5))
 
     def run(numbers):
         p, ln_w, ln_v, x0 = np.split(numbers, sizes)
-        return traced.run(x0, U, Z, p, ln_w, ln_v, np.array([5.0, 3.0, 0.0]), 0.2)
+        return traced.run(Record(x0, U, p, 0.2), Z, NoiseLevels(ln_w, ln_v, np.array([5.0, 3.0, 0.0])))
 
     at = np.concatenate([p, ln_w, ln_v, x0])
     exact = run(at)
@@ -213,13 +220,13 @@ def test_in_turbulence_standard_errors_are_right_and_those_of_output_error_too_s
     off, inside, off_direct, inside_direct = [], [], [], []
     for seed in range(seeds):
         segments = [record(2 * seed, name="one"), record(2 * seed + 1, name="two")]
-        fit = filter_error.estimate(model, segments, noise, test_significance=False)
+        fit = fit_filter_error(model, segments, noise, test_significance=False)
         assert fit.verdict.ok
         error = np.sqrt(np.diag(fit.covariance))[:m]
         off.append((fit.values - truth)[:m] / error)
         corrected = np.sqrt(np.diag(uncertainty.morelli_klein(fit).covariance))
         inside.append(np.abs(fit.values - truth) < NORMAL_95 * corrected)
-        direct = output_error.estimate(model, segments)
+        direct = fit_output_error(model, segments)
         off_direct.append((direct.values - truth[:-3])[:m] / error)
         inside_direct.append(np.abs(direct.values - truth[:-3]) < NORMAL_95 * np.sqrt(np.diag(direct.covariance)))
     assert np.sqrt(np.mean(np.square(off))) == pytest.approx(1, abs=0.18)
@@ -234,7 +241,7 @@ def test_in_still_air_process_noise_is_not_significant():
     """A test at the 5 % level on 40 records without process noise: 2 +- 1.4 find some, and the verdict says so."""
     found = 0
     for seed in range(40):
-        fit = filter_error.estimate(LINEAR, linear_record(seed, strength=0.0), LINEAR_NOISE)
+        fit = fit_filter_error(LINEAR, linear_record(seed, strength=0.0), LINEAR_NOISE)
         assert fit.verdict.ok
         significant = fit.process_noise["alpha"].significant
         assert significant != ("process noise of alpha is not significant" in fit.verdict.text)
@@ -243,7 +250,7 @@ def test_in_still_air_process_noise_is_not_significant():
 
 
 def test_turbulence_that_is_there_is_significant():
-    fit = filter_error.estimate(LINEAR, linear_record(3), LINEAR_NOISE)
+    fit = fit_filter_error(LINEAR, linear_record(3), LINEAR_NOISE)
     intensity = fit.process_noise["alpha"]
     assert intensity.significant and intensity.p_value < 1e-6
     assert intensity.lo < INTENSITY < intensity.hi
@@ -252,12 +259,12 @@ def test_turbulence_that_is_there_is_significant():
 
 def test_segments_add_and_missing_samples_cost_information_and_nothing_else():
     one, two = linear_record(4, name="one"), linear_record(5, name="two")
-    both = filter_error.estimate(LINEAR, [one, two], LINEAR_NOISE, test_significance=False)
+    both = fit_filter_error(LINEAR, [one, two], LINEAR_NOISE, test_significance=False)
     z = {name: values.copy() for name, values in one.z.items()}
     z["alpha"][40:120] = np.nan
     z["q"][::7] = np.nan
     gappy = Segment(name="one", t_s=T_S, u=one.u, z=z)
-    less = filter_error.estimate(LINEAR, [gappy, two], LINEAR_NOISE, test_significance=False)
+    less = fit_filter_error(LINEAR, [gappy, two], LINEAR_NOISE, test_significance=False)
     assert both.verdict.ok and less.verdict.ok
     assert np.isnan(less.residuals["one"][40:120, 0]).all()
     for name, truth in LINEAR_TRUTH.items():
@@ -288,7 +295,7 @@ def test_an_unstable_aircraft_needs_no_split_record():
     z = x + SIGMA * rng.standard_normal((n, 2))
     segment = Segment(name="run", t_s=T_S, u={"de": de}, z={"alpha": z[:, 0], "q": z[:, 1]})
     model = LINEAR.changed(Mal={"start": 6.0}, Z0={"start": 0.0}, M0={"start": 0.0})
-    fit = filter_error.estimate(model, segment, LINEAR_NOISE, inputs="held", test_significance=False)
+    fit = fit_filter_error(model, segment, LINEAR_NOISE, options=FitOptions(inputs="held"), test_significance=False)
     assert fit.verdict.ok
     for name, value in truth.items():
         assert abs(fit.parameters[name].value - value) < 4 * fit.parameters[name].standard_error, name
@@ -296,12 +303,17 @@ def test_an_unstable_aircraft_needs_no_split_record():
 
 def test_priors_held_parameters_and_known_noises():
     segment = linear_record(6)
-    plain = filter_error.estimate(LINEAR, segment, LINEAR_NOISE, test_significance=False)
+    plain = fit_filter_error(LINEAR, segment, LINEAR_NOISE, test_significance=False)
     Mq = plain.parameters["Mq"]
     model = LINEAR.changed(Zde={"free": False}, Mq={"prior_mean": Mq.value, "prior_sigma": Mq.standard_error})
     known = {"alpha": float(SIGMA[0])}
-    fit = filter_error.estimate(
-        model, segment, LINEAR_NOISE, noise_sigma=known, initial_states=("q",), test_significance=False
+    fit = fit_filter_error(
+        model,
+        segment,
+        LINEAR_NOISE,
+        noise_sigma=known,
+        options=FitOptions(initial_states=("q",)),
+        test_significance=False,
     )
     assert "Zde" not in fit.names and "ln v(alpha)" not in fit.names and "alpha(0)[run]" not in fit.names
     assert fit.noise_covariance[0, 0] == pytest.approx(SIGMA[0] ** 2)
@@ -328,7 +340,7 @@ def test_a_state_with_process_noise_before_the_record():
     covariance = w**2 * T / 2 * np.exp(-np.abs(t[:, None] - t) / T) + sigma**2 * np.eye(n)
     z = np.random.default_rng(0).multivariate_normal(np.full(n, 0.3), covariance)
     held = ProcessNoise(state="x", start=w, free=False, active_before_s=T / 2)
-    fit = filter_error.estimate(
+    fit = fit_filter_error(
         model.changed(T={"free": False}), Segment(name="s", t_s=t, u={}, z={"x": z}, x0={"x": 0.3}), held,
         noise_sigma={"x": sigma},
     )  # fmt: skip
@@ -349,14 +361,14 @@ def test_a_state_with_process_noise_before_the_record():
         (LINEAR_NOISE, {"noise_sigma": {"q": 0.0}}, "q must be greater than zero"),
         (
             ProcessNoise(state="alpha", start=0.01, active_before_s=1.0),
-            {"initial_states": ("alpha",)},
+            {"options": FitOptions(initial_states=("alpha",))},
             "alpha has process noise with active_before_s > 0",
         ),
     ],
 )
 def test_invalid_fits_are_refused(noise, options, message):
     with pytest.raises(InputError, match=message):
-        filter_error.estimate(LINEAR, linear_record(0), noise, **options)
+        fit_filter_error(LINEAR, linear_record(0), noise, **options)
 
 
 @pytest.mark.parametrize(
@@ -383,4 +395,4 @@ def test_a_model_without_states_is_refused():
         output_function=lambda x, u, p: (p.a,),
     )
     with pytest.raises(InputError, match="line: it has no states"):
-        filter_error.estimate(static, Segment(name="s", t_s=T_S, u={}, z={"y": T_S}), ())
+        fit_filter_error(static, Segment(name="s", t_s=T_S, u={}, z={"y": T_S}), ())

@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 import twins
 
-from analysis.estimation import equation_error, filter_error
+from analysis.estimation import equation_error
+from analysis.estimation.filter_error import fit_filter_error
 from analysis.estimation.fit import FitStatus
+from analysis.estimation.problem import FitOptions
 from analysis.estimation.process_noise import noise_from_predictions
 from flight.errors import InputError
 
 
 def fitted(model, segment, noise, **options):
-    return filter_error.estimate(model, segment, noise, test_significance=False, **options)
+    return fit_filter_error(model, segment, noise, test_significance=False, **options)
 
 
 def in_standard_errors(fit, truth):
@@ -35,7 +37,13 @@ def test_in_turbulence_it_converges_from_equation_error_in_15_iterations(seed):
 @pytest.mark.parametrize("seed", [58, 183, 415, 838])
 def test_an_unstable_aircraft_converges_from_equation_error_in_15_iterations(seed):
     """Neither state has process noise. Each intensity is tried at its lower bound, and again without the other."""
-    fit = fitted(twins.UNSTABLE, twins.unstable(seed), twins.UNSTABLE_NOISE, inputs="held", start="equation error")
+    fit = fitted(
+        twins.UNSTABLE,
+        twins.unstable(seed),
+        twins.UNSTABLE_NOISE,
+        options=FitOptions(inputs="held"),
+        start="equation error",
+    )
     assert fit.verdict.ok and fit.iterations <= 15
     assert in_standard_errors(fit, twins.UNSTABLE_TRUTH) < 4
     assert fit.process_noise["alpha"].value < 1e-5 and fit.process_noise["q"].value < 1e-5
@@ -44,13 +52,21 @@ def test_an_unstable_aircraft_converges_from_equation_error_in_15_iterations(see
 @pytest.mark.parametrize("seed", [5, 224])
 def test_an_unstable_aircraft_keeps_the_least_noise_of_the_state_with_the_highest_likelihood(seed):
     """Without any process noise its filter would not correct the states. Which state has it matters: 0.8 of cost."""
-    fit = fitted(twins.UNSTABLE, twins.unstable(seed), twins.UNSTABLE_NOISE, inputs="held", start="equation error")
+    fit = fitted(
+        twins.UNSTABLE,
+        twins.unstable(seed),
+        twins.UNSTABLE_NOISE,
+        options=FitOptions(inputs="held"),
+        start="equation error",
+    )
     assert "process noise of q is negligible, but the filter needs it" in fit.verdict.text
     start = dict(zip(fit.names, fit.values.tolist(), strict=True))
     alpha, q = (replace(noise, start=noise.start / 1000, free=False) for noise in twins.UNSTABLE_NOISE)
     zero_alpha, zero_q = replace(alpha, start=0.0), replace(q, start=0.0)
     of_q, of_alpha = (
-        fitted(twins.UNSTABLE, twins.unstable(seed), noise, inputs="held", start=start).negative_log_likelihood
+        fitted(
+            twins.UNSTABLE, twins.unstable(seed), noise, options=FitOptions(inputs="held"), start=start
+        ).negative_log_likelihood
         for noise in ((zero_alpha, q), (alpha, zero_q))
     )
     assert fit.negative_log_likelihood == pytest.approx(of_q, abs=1e-3)
@@ -82,7 +98,9 @@ def test_an_unstable_aircraft_in_light_noise_is_found_from_starts_off_by_a_facto
     """There is no process noise: it is dropped, but for the little that keeps the filter stable."""
     rng = np.random.default_rng(seed)
     start = {name: value * rng.uniform(0.5, 2.0) for name, value in twins.UNSTABLE_TRUTH.items()}
-    fit = fitted(twins.UNSTABLE, twins.unstable(seed), twins.UNSTABLE_NOISE, inputs="held", start=start)
+    fit = fitted(
+        twins.UNSTABLE, twins.unstable(seed), twins.UNSTABLE_NOISE, options=FitOptions(inputs="held"), start=start
+    )
     assert fit.verdict.ok
     assert in_standard_errors(fit, twins.UNSTABLE_TRUTH) < 4
     assert "is negligible, but the filter needs it: the model is unstable" in fit.verdict.text
@@ -110,5 +128,7 @@ def test_an_unknown_method_for_the_start_is_refused():
 
 
 def test_a_fit_that_may_not_iterate_enough_is_not_converged():
-    fit = fitted(twins.UNSTABLE, twins.unstable(0), twins.UNSTABLE_NOISE, inputs="held", max_iterations=2)
+    fit = fitted(
+        twins.UNSTABLE, twins.unstable(0), twins.UNSTABLE_NOISE, options=FitOptions(inputs="held", max_iterations=2)
+    )
     assert fit.verdict.status is FitStatus.NOT_CONVERGED

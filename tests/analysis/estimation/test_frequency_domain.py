@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from analysis.estimation import equation_error, output_error
 from analysis.estimation.data import Segment, band_matrix
+from analysis.estimation.equation_error import fit_equation_error_in_band
+from analysis.estimation.output_error import fit_output_error
 from flight.errors import InputError
 from tests.analysis.estimation.test_output_error import SHORT_PERIOD, SIGMA, STEP_S, T_S, TRUTH, noisy
 
@@ -28,7 +29,7 @@ def test_transforms_of_white_noise_keep_its_variance_and_are_independent():
 
 def test_output_error_in_a_band_is_unbiased_and_scatters_as_its_bound():
     """64 seeds: the scatter is known to 9 %, the mean to 1/8 of the scatter."""
-    fits = [output_error.estimate(SHORT_PERIOD, noisy(seed), band_Hz=BAND_HZ) for seed in range(64)]
+    fits = [fit_output_error(SHORT_PERIOD, noisy(seed), band_Hz=BAND_HZ) for seed in range(64)]
     assert all(fit.verdict.ok for fit in fits)
     errors = np.array([fit.values[:4] for fit in fits]) - np.array([*TRUTH.values()])
     scatter = errors.std(axis=0)
@@ -39,8 +40,8 @@ def test_output_error_in_a_band_is_unbiased_and_scatters_as_its_bound():
 
 def test_drift_and_vibration_outside_the_band_do_no_harm():
     """In time they bias the estimates by many standard errors; in the band by less than three."""
-    in_band = output_error.estimate(SHORT_PERIOD, drifting(0), band_Hz=(0.3, 2.5))
-    in_time = output_error.estimate(SHORT_PERIOD, drifting(0))
+    in_band = fit_output_error(SHORT_PERIOD, drifting(0), band_Hz=(0.3, 2.5))
+    in_time = fit_output_error(SHORT_PERIOD, drifting(0))
     truth = np.array([*TRUTH.values()])
 
     def worst(fit):
@@ -52,24 +53,24 @@ def test_drift_and_vibration_outside_the_band_do_no_harm():
 
 def test_the_whole_band_gives_what_time_gives():
     """All frequencies are an orthonormal change of coordinates, but for mean and Nyquist frequency."""
-    whole = output_error.estimate(SHORT_PERIOD, noisy(1), band_Hz=(0.0, 12.4))
-    in_time = output_error.estimate(SHORT_PERIOD, noisy(1))
+    whole = fit_output_error(SHORT_PERIOD, noisy(1), band_Hz=(0.0, 12.4))
+    in_time = fit_output_error(SHORT_PERIOD, noisy(1))
     assert np.all(np.abs(whole.values - in_time.values)[:4] < 0.5 * np.sqrt(np.diag(in_time.covariance))[:4])
 
 
 def test_equation_error_in_a_band_is_near_the_truth():
     """Two biases stay: noise in the regressors within the band, and the leakage of the derivative's noise."""
-    found = [equation_error.estimate_in_band(SHORT_PERIOD, noisy(seed), band_Hz=BAND_HZ) for seed in range(10)]
+    found = [fit_equation_error_in_band(SHORT_PERIOD, noisy(seed), band_Hz=BAND_HZ) for seed in range(10)]
     mean = np.mean([[fit.parameters[name].value for name in TRUTH] for fit in found], axis=0)
     assert mean == pytest.approx([*TRUTH.values()], rel=0.15)
 
 
 def test_wrong_bands_and_records_are_refused():
     with pytest.raises(InputError, match=r"resolves 0\.17 Hz only"):
-        output_error.estimate(SHORT_PERIOD, noisy(0), band_Hz=(0.2, 0.3))
+        fit_output_error(SHORT_PERIOD, noisy(0), band_Hz=(0.2, 0.3))
     with pytest.raises(InputError, match="half the sampling rate of 25 Hz"):
-        output_error.estimate(SHORT_PERIOD, noisy(0), band_Hz=(0.2, 13.0))
+        fit_output_error(SHORT_PERIOD, noisy(0), band_Hz=(0.2, 13.0))
     holed = noisy(0)
     holed.z["q"][3] = np.nan
     with pytest.raises(InputError, match="output q has missing samples"):
-        output_error.estimate(SHORT_PERIOD, holed, band_Hz=BAND_HZ)
+        fit_output_error(SHORT_PERIOD, holed, band_Hz=BAND_HZ)

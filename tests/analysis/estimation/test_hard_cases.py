@@ -4,7 +4,7 @@ import pytest
 from disturbed import LINEAR
 from hard_cases import CASES, _record
 
-from analysis.estimation import output_error
+from analysis.estimation.output_error import MeasurementNoise, fit_output_error
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -13,10 +13,10 @@ def test_the_verdict_names_the_case(name):
 
 
 def test_a_good_fit_has_no_hints():
-    verdict = output_error.estimate(LINEAR, _record(0)).verdict
+    verdict = fit_output_error(LINEAR, _record(0)).verdict
     assert verdict.ok and not verdict.hints and str(verdict) == verdict.text
 
 
 def test_outliers_are_no_matter_with_t_noise():
     segment = CASES["outliers"].fit(0).segment_fits[0].segment
-    assert not output_error.estimate(LINEAR, segment, tail_dof=4.0).verdict.hints
+    assert not fit_output_error(LINEAR, segment, noise=MeasurementNoise(tail_dof=4.0)).verdict.hints

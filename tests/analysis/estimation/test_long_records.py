@@ -10,6 +10,7 @@ from disturbed import LINEAR, linear_record
 from analysis.estimation import output_error
 from analysis.estimation import output_error as long_records
 from analysis.estimation.data import Segment
+from analysis.estimation.output_error import fit_output_error
 from analysis.estimation.simulation import build_simulator
 
 
@@ -22,10 +23,10 @@ def segments():
 
 
 def test_a_fit_in_blocks_is_that_of_the_whole_record(segments, monkeypatch):
-    whole = output_error.estimate(LINEAR, segments, start={"Mq": -1.0})
+    whole = fit_output_error(LINEAR, segments, start={"Mq": -1.0})
     monkeypatch.setattr(output_error, "LONG", 0)
     monkeypatch.setattr(long_records, "BLOCK", 64)
-    in_blocks = output_error.estimate(LINEAR, segments, start={"Mq": -1.0})
+    in_blocks = fit_output_error(LINEAR, segments, start={"Mq": -1.0})
     assert in_blocks.iterations == whole.iterations
     assert in_blocks.values == pytest.approx(whole.values, rel=1e-9)
     assert in_blocks.covariance == pytest.approx(whole.covariance, rel=1e-9)
@@ -64,4 +65,4 @@ def test_a_response_that_is_not_finite_has_no_likelihood_in_blocks(segments, mon
 
     monkeypatch.setattr(output_error, "LONG", 0)
     with pytest.raises(InputError, match="the response is not finite"):
-        output_error.estimate(LINEAR, segments, start={"Mq": 1e5})
+        fit_output_error(LINEAR, segments, start={"Mq": 1e5})

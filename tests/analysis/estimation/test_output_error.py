@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.estimation import output_error
 from analysis.estimation.data import Segment, split
 from analysis.estimation.fit import FitStatus
 from analysis.estimation.model import Model, Parameter
+from analysis.estimation.output_error import MeasurementNoise, fit_output_error
+from analysis.estimation.problem import FitOptions
 
 TRUTH = {"Zal": -1.5, "Mal": -20.0, "Mq": -3.0, "Mde": -25.0}
 SIGMA = {"alpha": 0.004, "q": 0.01}
@@ -60,7 +61,7 @@ def noisy(seed, name="run", sigma=SIGMA):
 def test_estimates_are_unbiased_and_scatter_as_the_cramer_rao_bound():
     """500 seeds: the scatter itself is known to 1/sqrt(1000) = 3 %, the mean to 1/sqrt(500) of the scatter."""
     seeds = 500
-    fits = [output_error.estimate(SHORT_PERIOD, noisy(seed)) for seed in range(seeds)]
+    fits = [fit_output_error(SHORT_PERIOD, noisy(seed)) for seed in range(seeds)]
     assert all(fit.verdict.ok for fit in fits)
     errors = np.array([fit.values for fit in fits]) - np.array([*TRUTH.values(), 0.0, 0.0])
     scatter = errors.std(axis=0, ddof=1)
@@ -71,7 +72,7 @@ def test_estimates_are_unbiased_and_scatter_as_the_cramer_rao_bound():
 
 def test_without_noise_the_error_is_that_of_the_integrator():
     """RK4's error over a step of a 4.8 rad/s mode is (w h)^5/120 = 2e-6 of the motion, 1e-4 over the record."""
-    fit = output_error.estimate(SHORT_PERIOD, Segment(name="run", t_s=T_S, u={"de": DE}, z=CLEAN))
+    fit = fit_output_error(SHORT_PERIOD, Segment(name="run", t_s=T_S, u={"de": DE}, z=CLEAN))
     for name, value in TRUTH.items():
         assert fit.parameters[name].value == pytest.approx(value, rel=1e-3)
 
@@ -97,11 +98,11 @@ def test_integrators_converge_with_their_order():
 def test_a_hundred_starts_off_by_a_factor_of_two():
     rng = np.random.default_rng(0)
     segment = noisy(1)
-    best = output_error.estimate(SHORT_PERIOD, segment)
+    best = fit_output_error(SHORT_PERIOD, segment)
     reached = 0
     for _ in range(100):
         start = {name: value * 2.0 ** rng.choice([-1, 1]) for name, value in TRUTH.items()}
-        fit = output_error.estimate(SHORT_PERIOD, segment, start=start)
+        fit = fit_output_error(SHORT_PERIOD, segment, start=start)
         at_best = abs(fit.negative_log_likelihood - best.negative_log_likelihood) < 1e-3
         assert at_best or not fit.verdict.ok, "a fit that did not reach the optimum said it had"
         reached += at_best
@@ -113,8 +114,8 @@ def test_missing_samples_cost_information_and_nothing_else():
     z = {name: values.copy() for name, values in segment.z.items()}
     z["alpha"][40:90] = np.nan
     z["q"][::7] = np.nan
-    gappy = output_error.estimate(SHORT_PERIOD, Segment(name="run", t_s=T_S, u={"de": DE}, z=z))
-    full = output_error.estimate(SHORT_PERIOD, segment)
+    gappy = fit_output_error(SHORT_PERIOD, Segment(name="run", t_s=T_S, u={"de": DE}, z=z))
+    full = fit_output_error(SHORT_PERIOD, segment)
     assert gappy.verdict.ok
     assert np.isnan(gappy.residuals["run"][40:90, 0]).all()
     for name, value in TRUTH.items():
@@ -130,8 +131,8 @@ def test_correlated_outputs_are_weighted_by_the_full_covariance():
     own = rng.standard_normal((2, len(T_S))) * 0.2
     z = {name: CLEAN[name] + SIGMA[name] * (both + own[i]) for i, name in enumerate(("alpha", "q"))}
     segment = Segment(name="run", t_s=T_S, u={"de": DE}, z=z)
-    full = output_error.estimate(SHORT_PERIOD, segment, noise="full")
-    diagonal = output_error.estimate(SHORT_PERIOD, segment)
+    full = fit_output_error(SHORT_PERIOD, segment, noise=MeasurementNoise(structure="full"))
+    diagonal = fit_output_error(SHORT_PERIOD, segment)
     R = full.noise_covariance
     assert R[0, 1] / np.sqrt(R[0, 0] * R[1, 1]) == pytest.approx(1 / 1.04, abs=0.02)
     assert full.negative_log_likelihood < diagonal.negative_log_likelihood - 50
@@ -149,7 +150,7 @@ def test_outliers_get_little_weight_with_t_noise():
         q[hit] += 30 * SIGMA["q"]
         spoilt = Segment(name="run", t_s=T_S, u={"de": DE}, z={"alpha": segment.z["alpha"], "q": q})
         for kind, dof in (("normal", None), ("t", 4.0)):
-            fit = output_error.estimate(SHORT_PERIOD, spoilt, tail_dof=dof)
+            fit = fit_output_error(SHORT_PERIOD, spoilt, noise=MeasurementNoise(tail_dof=dof))
             off[kind].append(fit.parameters["Mq"].value - TRUTH["Mq"])
     assert np.std(off["t"]) < np.std(off["normal"]) / 3
 
@@ -157,10 +158,10 @@ def test_outliers_get_little_weight_with_t_noise():
 def test_a_prior_is_as_good_as_a_measurement():
     """Normal prior and likelihood: the precisions add, and the estimate is their weighted mean (to first order)."""
     segment = noisy(4)
-    plain = output_error.estimate(SHORT_PERIOD, segment)
+    plain = fit_output_error(SHORT_PERIOD, segment)
     Mq = plain.parameters["Mq"]
     model = SHORT_PERIOD.changed(Mq={"prior_mean": Mq.value + Mq.standard_error, "prior_sigma": Mq.standard_error})
-    held = output_error.estimate(model, segment).parameters["Mq"]
+    held = fit_output_error(model, segment).parameters["Mq"]
     assert held.standard_error == pytest.approx(Mq.standard_error / np.sqrt(2), rel=0.02)
     assert held.value == pytest.approx(Mq.value + Mq.standard_error / 2, abs=0.05 * Mq.standard_error)
 
@@ -182,7 +183,7 @@ def test_parameters_of_single_segments_and_shared_ones():
         dynamics=SHORT_PERIOD.dynamics,
         output_function=lambda x, u, p: (x.alpha + p.b, x.q),
     )
-    fit = output_error.estimate(model, segments, initial_states="given", start={"Mq": -2.0})
+    fit = fit_output_error(model, segments, options=FitOptions(initial_states="given"), start={"Mq": -2.0})
     assert fit.names == (*TRUTH, "b[one]", "b[two]")
     # The given initial states are the first measured samples, whose noise passes into the estimates: not the bound's
     # business, so that the allowance is that noise.
@@ -206,7 +207,7 @@ def test_parameters_that_cannot_be_separated_are_named():
     t = np.arange(50) * 0.1
     rng = np.random.default_rng(0)
     segment = Segment(name="s", t_s=t, u={"u": np.sin(t)}, z={"y": 5 * np.sin(t) + 1 + 0.1 * rng.standard_normal(50)})
-    fit = output_error.estimate(model, segment)
+    fit = fit_output_error(model, segment)
     assert fit.verdict.status is FitStatus.NOT_IDENTIFIABLE
     assert fit.verdict.text == "not identifiable: the data do not determine idle; a change by +1 a -0.5 b"
     assert np.isinf(fit.parameters["a"].standard_error) and np.isinf(fit.parameters["idle"].standard_error)
@@ -217,11 +218,11 @@ def test_parameters_that_cannot_be_separated_are_named():
 
 def test_a_bound_is_kept_and_reported():
     model = SHORT_PERIOD.changed(Mq={"start": -3.5, "upper": -3.4})
-    fit = output_error.estimate(model, noisy(5))
+    fit = fit_output_error(model, noisy(5))
     assert fit.verdict.status is FitStatus.AT_BOUND and "Mq = -3.4" in fit.verdict.text
     assert fit.parameters["Mq"].value == -3.4
     # The others are at the optimum given Mq: the gradient of a free fit with Mq held agrees.
-    held = output_error.estimate(SHORT_PERIOD.changed(Mq={"start": -3.4, "free": False}), noisy(5))
+    held = fit_output_error(SHORT_PERIOD.changed(Mq={"start": -3.4, "free": False}), noisy(5))
     assert fit.parameters["Mal"].value == pytest.approx(held.parameters["Mal"].value, rel=1e-4)
 
 
@@ -237,7 +238,7 @@ def test_a_static_model_is_ordinary_least_squares():
         parameters=tuple(Parameter(name=name, start=0.0) for name in "abc"),
         output_function=lambda x, u, p: (p.a + p.b * u.t + p.c * u.t**2,),
     )
-    fit = output_error.estimate(model, Segment(name="s", t_s=t, u={"t": t}, z={"z": z}))
+    fit = fit_output_error(model, Segment(name="s", t_s=t, u={"t": t}, z={"z": z}))
     Theta, (square,), *_ = np.linalg.lstsq(X, z, rcond=None)  # (2.18)
     assert fit.values == pytest.approx(Theta, rel=1e-9)
     assert fit.covariance == pytest.approx(square / 80 * np.linalg.inv(X.T @ X), rel=1e-6)
@@ -263,7 +264,7 @@ def test_a_response_that_is_not_finite_is_refused():
 
     model, segment = unstable()
     with pytest.raises(InputError, match=r"unstable, segment run: .* not finite from t = .*data\.split"):
-        output_error.estimate(model, segment)
+        fit_output_error(model, segment)
 
 
 def test_an_unstable_aircraft_with_split_segments():
@@ -284,7 +285,7 @@ def test_an_unstable_aircraft_with_split_segments():
     pieces = split(Segment(name="run", t_s=t, u={"de": de}, z=z), 10)
     assert sum(len(piece) for piece in pieces) == 250
     model = SHORT_PERIOD.changed(Mal={"start": 6.0}, Mq={"start": -1.5})
-    fit = output_error.estimate(model, pieces, inputs="held")
+    fit = fit_output_error(model, pieces, options=FitOptions(inputs="held"))
     assert fit.verdict.ok
     for name, value in truth.items():
         assert abs(fit.parameters[name].value - value) < 4 * fit.parameters[name].standard_error
@@ -317,9 +318,9 @@ def test_inputs_between_samples(rule, integral):
 
 
 def test_a_lower_bound_is_kept_and_the_others_are_at_their_optimum():
-    fit = output_error.estimate(SHORT_PERIOD.changed(Mq={"start": -2.0, "lower": -2.5}), noisy(5))
+    fit = fit_output_error(SHORT_PERIOD.changed(Mq={"start": -2.0, "lower": -2.5}), noisy(5))
     assert fit.verdict.status is FitStatus.AT_BOUND and fit.parameters["Mq"].value == -2.5
-    fixed = output_error.estimate(SHORT_PERIOD.changed(Mq={"start": -2.5, "free": False}), noisy(5))
+    fixed = fit_output_error(SHORT_PERIOD.changed(Mq={"start": -2.5, "free": False}), noisy(5))
     assert fit.parameters["Mal"].value == pytest.approx(fixed.parameters["Mal"].value, rel=1e-4)
 
 
@@ -329,7 +330,9 @@ def test_an_initial_state_that_is_given_is_not_estimated_and_the_other_is():
     rng = np.random.default_rng(2)
     z = {k: v + SIGMA[k] * rng.standard_normal(len(v)) for k, v in exact_response(TRUTH, DE, STEP_S, x0).items()}
     model = replace(SHORT_PERIOD, initial_state=lambda segment: {"alpha": x0[0], "q": 0.0})
-    fit = output_error.estimate(model, Segment(name="run", t_s=T_S, u={"de": DE}, z=z), initial_states=("q",))
+    fit = fit_output_error(
+        model, Segment(name="run", t_s=T_S, u={"de": DE}, z=z), options=FitOptions(initial_states=("q",))
+    )
     assert fit.verdict.ok and len(fit.names) == len(TRUTH) + 1
     for name, value in TRUTH.items():
         assert abs(fit.parameters[name].value - value) < 4 * fit.parameters[name].standard_error, name

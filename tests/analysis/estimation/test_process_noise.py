@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from disturbed import INTENSITY, LINEAR, LINEAR_NOISE, T_S, linear_record
 
-from analysis.estimation import filter_error, process_noise, uncertainty
+from analysis.estimation import process_noise, uncertainty
 from analysis.estimation.data import Segment
-from analysis.estimation.filter_error import ProcessNoise
+from analysis.estimation.filter_error import ProcessNoise, fit_filter_error
 
 NONE = ProcessNoise(state="alpha", start=0.0, free=False)
 
@@ -16,15 +16,15 @@ NONE = ProcessNoise(state="alpha", start=0.0, free=False)
 def test_a_prior_pulls_the_estimate():
     """A prior one standard error away and as good as the data: half a standard error, and 1/sqrt(2) of the error."""
     segment = linear_record(6)
-    Mq = filter_error.estimate(LINEAR, segment, LINEAR_NOISE, test_significance=False).parameters["Mq"]
+    Mq = fit_filter_error(LINEAR, segment, LINEAR_NOISE, test_significance=False).parameters["Mq"]
     model = LINEAR.changed(Mq={"prior_mean": Mq.value + Mq.standard_error, "prior_sigma": Mq.standard_error})
-    pulled = filter_error.estimate(model, segment, LINEAR_NOISE, test_significance=False).parameters["Mq"]
+    pulled = fit_filter_error(model, segment, LINEAR_NOISE, test_significance=False).parameters["Mq"]
     assert pulled.value == pytest.approx(Mq.value + Mq.standard_error / 2, abs=0.1 * Mq.standard_error)
     assert pulled.standard_error == pytest.approx(Mq.standard_error / np.sqrt(2), rel=0.05)
 
 
 def test_the_interval_of_an_intensity_is_that_of_its_logarithm():
-    fit = filter_error.estimate(LINEAR, linear_record(3), LINEAR_NOISE, test_significance=False)
+    fit = fit_filter_error(LINEAR, linear_record(3), LINEAR_NOISE, test_significance=False)
     found, ln_w = fit.process_noise["alpha"], fit.parameters["ln w(alpha)"]
     factor = np.exp(1.96 * ln_w.standard_error)
     assert (found.lo, found.hi) == pytest.approx((found.value / factor, found.value * factor), rel=1e-4)
@@ -47,7 +47,7 @@ def test_a_known_offset_of_the_sensors_changes_nothing():
     offset = replace(LINEAR, output_function=lambda x, u, p: (x.alpha + 0.1, x.q - 0.2))
     shifted = replace(segment, z={"alpha": segment.z["alpha"] + 0.1, "q": segment.z["q"] - 0.2})
     fits = [
-        filter_error.estimate(model, data, LINEAR_NOISE, test_significance=False)
+        fit_filter_error(model, data, LINEAR_NOISE, test_significance=False)
         for model, data in ((LINEAR, segment), (offset, shifted))
     ]
     assert fits[1].verdict.ok
@@ -57,9 +57,7 @@ def test_a_known_offset_of_the_sensors_changes_nothing():
 @pytest.mark.parametrize("factor", [1 / 300, 3])
 def test_a_starting_intensity_may_be_far_too_small_and_a_little_too_large(factor):
     near, far = (
-        filter_error.estimate(
-            LINEAR, linear_record(3), ProcessNoise(state="alpha", start=start), test_significance=False
-        )
+        fit_filter_error(LINEAR, linear_record(3), ProcessNoise(state="alpha", start=start), test_significance=False)
         for start in (INTENSITY, INTENSITY * factor)
     )
     assert far.verdict.ok
@@ -68,9 +66,9 @@ def test_a_starting_intensity_may_be_far_too_small_and_a_little_too_large(factor
 
 def test_a_starting_intensity_that_is_far_too_large_still_leads_to_the_optimum():
     """Process noise explains everything from there; the fit is repeated from equation error with less noise."""
-    near = filter_error.estimate(LINEAR, linear_record(3), LINEAR_NOISE, test_significance=False)
+    near = fit_filter_error(LINEAR, linear_record(3), LINEAR_NOISE, test_significance=False)
     noise = ProcessNoise(state="alpha", start=300 * INTENSITY)
-    far = filter_error.estimate(LINEAR, linear_record(3), noise, test_significance=False)
+    far = fit_filter_error(LINEAR, linear_record(3), noise, test_significance=False)
     assert far.verdict.ok and "negligible" not in far.verdict.text
     assert far.negative_log_likelihood == pytest.approx(near.negative_log_likelihood, abs=1e-3)
 
@@ -79,7 +77,7 @@ def test_morelli_klein_of_an_intensity_is_its_cramer_rao_bound():
     """White innovations: the correction changes nothing, neither for parameters nor for the noise parameters."""
     ratio = []
     for seed in range(10):
-        fit = filter_error.estimate(LINEAR, linear_record(seed), LINEAR_NOISE, test_significance=False)
+        fit = fit_filter_error(LINEAR, linear_record(seed), LINEAR_NOISE, test_significance=False)
         corrected = np.diag(uncertainty.morelli_klein(fit).covariance)
         ratio.append(corrected / np.diag(uncertainty.cramer_rao(fit).covariance))
     assert np.mean(ratio, axis=0) == pytest.approx(np.ones(len(fit.names)), abs=0.25)
@@ -87,7 +85,7 @@ def test_morelli_klein_of_an_intensity_is_its_cramer_rao_bound():
 
 def test_the_standard_error_of_a_noise_level():
     """ln sigma of n white samples has the information 2 n."""
-    fit = filter_error.estimate(LINEAR, linear_record(0, strength=0.0), NONE)
+    fit = fit_filter_error(LINEAR, linear_record(0, strength=0.0), NONE)
     for output in LINEAR.outputs:
         assert fit.parameters[f"ln v({output})"].standard_error == pytest.approx(1 / np.sqrt(2 * len(T_S)), rel=0.02)
 
@@ -97,7 +95,7 @@ def test_the_p_value_is_that_of_a_one_sided_likelihood_ratio():
     from scipy.stats import chi2
 
     segment = linear_record(1, strength=0.1)
-    fit = filter_error.estimate(LINEAR, segment, LINEAR_NOISE)
-    without = filter_error.estimate(LINEAR, segment, NONE)
+    fit = fit_filter_error(LINEAR, segment, LINEAR_NOISE)
+    without = fit_filter_error(LINEAR, segment, NONE)
     ratio = 2 * (without.negative_log_likelihood - fit.negative_log_likelihood)
     assert fit.process_noise["alpha"].p_value == pytest.approx(chi2.sf(ratio, 1) / 2, rel=1e-2)

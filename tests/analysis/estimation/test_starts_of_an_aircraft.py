@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from analysis.drag import aircraft_models
-from analysis.estimation import output_error
 from analysis.estimation.data import Segment
+from analysis.estimation.output_error import fit_output_error
 from analysis.estimation.simulation import build_simulator
 from flight.aircraft import load_aircraft
 
@@ -38,12 +38,12 @@ def made_by_the_model(name, seed, V0=13.0):
 
 def test_starts_off_by_a_factor_of_two_on_the_aircraft():
     run = made_by_the_model("run", 2)
-    best = output_error.estimate(MODEL, run, start=TRUTH)
+    best = fit_output_error(MODEL, run, start=TRUTH)
     rng = np.random.default_rng(0)
     reached = 0
     for _ in range(100):
         start = {name: value * 2.0 ** rng.choice([-1, 1]) for name, value in TRUTH.items()}
-        fit = output_error.estimate(MODEL, run, start=start)
+        fit = fit_output_error(MODEL, run, start=start)
         at_best = abs(fit.negative_log_likelihood - best.negative_log_likelihood) < 1e-2
         assert at_best or not fit.verdict.ok, "a fit that did not reach the optimum said it had"
         reached += at_best

@@ -7,10 +7,11 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
-from analysis.estimation import output_error, uncertainty
+from analysis.estimation import uncertainty
 from analysis.estimation.data import Segment
 from analysis.estimation.model import Model, Parameter
 from analysis.estimation.noise import NORMAL_95
+from analysis.estimation.output_error import fit_output_error
 from analysis.estimation.simulation import build_simulator
 from flight.errors import InputError
 
@@ -57,7 +58,7 @@ def shared_with_a_lag(rng):
 def fit_noisy(noise, **options):
     z = CLEAN + SIGMA * noise
     segment = Segment(name="run", t_s=T_S, u={"de": DE}, z={"alpha": z[:, 0], "q": z[:, 1]})
-    return output_error.estimate(SHORT_PERIOD, segment, **options)
+    return fit_output_error(SHORT_PERIOD, segment, **options)
 
 
 @pytest.mark.parametrize(
@@ -136,7 +137,7 @@ def test_prior_share_of_a_variance():
     assert uncertainty.cramer_rao(plain).prior_share == pytest.approx(np.zeros(6))
     Mq = plain.parameters["Mq"]
     model = SHORT_PERIOD.changed(Mq={"prior_mean": Mq.value, "prior_sigma": Mq.standard_error})
-    fit = output_error.estimate(model, plain.segment_fits[0].segment)
+    fit = fit_output_error(model, plain.segment_fits[0].segment)
     share = dict(zip(fit.names, uncertainty.cramer_rao(fit).prior_share, strict=True))
     assert share["Mq"] == pytest.approx(0.5, abs=0.01)
     assert share["alpha(0)[run]"] < 0.1
@@ -156,7 +157,7 @@ def test_a_parameter_that_does_nothing_is_significant_in_one_case_of_twenty():
     found = 0
     for seed in range(200):
         segment = fit_noisy_segment(np.random.default_rng(seed).standard_normal((N, 2)))
-        tests = uncertainty.t_tests(uncertainty.cramer_rao(output_error.estimate(model, segment)))
+        tests = uncertainty.t_tests(uncertainty.cramer_rao(fit_output_error(model, segment)))
         assert tests["Mde"].significant
         found += tests["Zde"].significant
     assert 2 <= found <= 22  # 10 +- 4 sigma of a binomial
@@ -201,7 +202,7 @@ def test_the_delta_method_refuses_unidentifiable_parameters():
         output_function=lambda x, u, p: ((p.a + p.b) * u.u,),
     )
     rng = np.random.default_rng(0)
-    fit = output_error.estimate(model, Segment(name="s", t_s=T_S, u={"u": T_S}, z={"y": T_S + rng.standard_normal(N)}))
+    fit = fit_output_error(model, Segment(name="s", t_s=T_S, u={"u": T_S}, z={"y": T_S + rng.standard_normal(N)}))
     with pytest.raises(InputError, match=r"not identifiable: .* a change by \+1 a -1 b"):
         uncertainty.delta_method(uncertainty.morelli_klein(fit), lambda p: p.a)
 
@@ -217,7 +218,7 @@ def test_signal_to_noise_does_not_count_a_constant():
     )
     t = np.linspace(0, 20 * np.pi, 2000, endpoint=False)
     y = 100 + 2 * np.sin(t) + 0.1 * np.random.default_rng(0).standard_normal(len(t))
-    fit = output_error.estimate(model, Segment(name="s", t_s=t, u={"u": np.sin(t)}, z={"y": y}))
+    fit = fit_output_error(model, Segment(name="s", t_s=t, u={"u": np.sin(t)}, z={"y": y}))
     assert uncertainty.signal_to_noise(fit)["y"] == pytest.approx(2 / 0.1**2, rel=0.1)
 
 
@@ -228,7 +229,7 @@ def mean_of(z):
         parameters=(Parameter(name="a", start=0.0),),
         output_function=lambda x, u, p: (p.a,),
     )
-    return output_error.estimate(model, Segment(name="s", t_s=np.arange(len(z)) * 0.1, u={}, z={"z": z}))
+    return fit_output_error(model, Segment(name="s", t_s=np.arange(len(z)) * 0.1, u={}, z={"z": z}))
 
 
 def test_the_t_test_is_two_sided_with_the_degrees_of_freedom_left():

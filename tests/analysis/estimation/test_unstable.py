@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 import twins
 
-from analysis.estimation import output_error
 from analysis.estimation.data import split
+from analysis.estimation.output_error import fit_output_error
+from analysis.estimation.problem import FitOptions
 
 
 @pytest.fixture(scope="module")
@@ -15,7 +16,7 @@ def segment():
 
 def test_output_error_of_the_whole_record_says_what_is_wrong(segment):
     start = {name: value * 1.2 for name, value in twins.UNSTABLE_TRUTH.items()}
-    verdict = output_error.estimate(twins.UNSTABLE, segment, inputs="held", start=start).verdict
+    verdict = fit_output_error(twins.UNSTABLE, segment, options=FitOptions(inputs="held"), start=start).verdict
     assert not verdict.ok
     assert "are not white" in str(verdict)
     assert "unstable: with an eigenvalue of +" in str(verdict) and "split it (data.split)" in str(verdict)
@@ -24,7 +25,7 @@ def test_output_error_of_the_whole_record_says_what_is_wrong(segment):
 def test_separate_parts_converge_from_starts_off_by_a_factor_of_two(segment):
     rng = np.random.default_rng(2)
     start = {name: value * rng.uniform(0.5, 2.0) for name, value in twins.UNSTABLE_TRUTH.items()}
-    fit = output_error.estimate(twins.UNSTABLE, split(segment, 10), inputs="held", start=start)
+    fit = fit_output_error(twins.UNSTABLE, split(segment, 10), options=FitOptions(inputs="held"), start=start)
     assert fit.verdict.ok
     for name, value in twins.UNSTABLE_TRUTH.items():
         estimate = fit.parameters[name]

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from analysis.estimation import output_error, uncertainty
+from analysis.estimation import uncertainty
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import load_summary, save_summary
 from analysis.estimation.hints import collinearities
 from analysis.estimation.model import Model, Parameter
+from analysis.estimation.output_error import fit_output_error
 from analysis.estimation.validation import agreement, cross_validate, predict
 from flight.errors import InputError
 from tests.analysis.estimation.test_output_error import (
@@ -20,7 +21,7 @@ from tests.analysis.estimation.test_output_error import (
     noisy,
 )
 
-FIT = output_error.estimate(SHORT_PERIOD, noisy(1))
+FIT = fit_output_error(SHORT_PERIOD, noisy(1))
 LINE = Model(
     name="line",
     inputs=("u1", "u2"),
@@ -51,7 +52,7 @@ def test_the_right_model_predicts_other_data_to_its_noise():
 
 def test_a_wrong_model_is_seen_on_other_data():
     """With the damping fixed at a quarter of its value."""
-    wrong = output_error.estimate(SHORT_PERIOD.changed(Mq={"start": -0.75, "free": False}), noisy(1))
+    wrong = fit_output_error(SHORT_PERIOD.changed(Mq={"start": -0.75, "free": False}), noisy(1))
     assert predict(wrong, other_maneuver()).agreement["q"].rms > 1.5 * SIGMA["q"]
 
 
@@ -76,7 +77,7 @@ def test_cross_validation_leaves_each_maneuver_out_once():
 
     def estimate(rest):
         fitted_to.append([segment.name for segment in rest])
-        return output_error.estimate(SHORT_PERIOD, rest)
+        return fit_output_error(SHORT_PERIOD, rest)
 
     found = cross_validate(segments, estimate)
     assert fitted_to == [["run 1", "run 2"], ["run 0", "run 2"], ["run 0", "run 1"]]
@@ -92,7 +93,7 @@ def test_two_inputs_that_are_alike_are_named():
 
     def fit(u2):
         segment = Segment(name="s", t_s=0.1 * np.arange(200), u={"u1": u1, "u2": u2}, z={"y": u1 + u2 + noise})
-        return output_error.estimate(LINE, segment)
+        return fit_output_error(LINE, segment)
 
     alike = fit(u1 + 1e-4 * rng.standard_normal(200))
     assert "collinear: a and b (condition index" in alike.verdict.text
@@ -128,7 +129,7 @@ def test_a_fit_is_printed_on_a_screen_and_kept(tmp_path):
 
 def test_an_unknown_that_is_not_determined_is_kept_without_a_number(tmp_path):
     segment = Segment(name="s", t_s=np.arange(9.0), u={"u1": np.ones(9), "u2": np.ones(9)}, z={"y": np.arange(9.0)})
-    summary = output_error.estimate(LINE, segment).summary()
+    summary = fit_output_error(LINE, segment).summary()
     assert summary.rows[0].standard_error is None
     assert "undetermined" in summary.table()
     save_summary(summary, tmp_path / "fit.json")
