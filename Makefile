@@ -66,7 +66,7 @@ bench: $(READY) ## measure drivers, simulator, parameter estimation and daemon
 	$(BIN)/python benchmarks/daemon.py day
 
 study: $(READY) ## coverage over worlds, weather and plans; hours, goes on where it stopped; JOBS=4 for four processes
-	$(BIN)/python benchmarks/study.py --jobs $(JOBS)
+	$(BIN)/python benchmarks/worlds.py --jobs $(JOBS)
 
 dissertation: $(READY) ## the results of the dissertation's chapters 4 and 7 from simulated flights, into out/dissertation (4 min)
 	$(BIN)/python benchmarks/dissertation.py

@@ -7,7 +7,7 @@ import numpy as np
 from campaign_draws import MORE_DRAG, Draws, with_more_drag
 from estimators import OVER_STALL, speeds
 from numpy.typing import NDArray
-from world_table import Points, world_table
+from worlds import Points, world_table
 
 from analysis.estimation.noise import NORMAL_95
 from analysis.polar import Polar, power_required

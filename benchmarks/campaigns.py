@@ -30,7 +30,7 @@ import typer
 from campaign_draws import MORE_DRAG
 from estimators import speeds
 from numpy.typing import ArrayLike, NDArray
-from study import known_lines
+from worlds import known_lines
 
 from analysis.airdata.probe import ProbeCalibration
 from analysis.drag import dynamic

@@ -1,65 +1,73 @@
 """The whole chain over simulated flights: fakes, daemon, log, analysis; error and coverage of the curve in the results.
 
-    python benchmarks/chain.py --turbulence-kt 3 --flights 8 --seed 0
-
 Each flight is flown and recorded by `sim fly` and analyzed by `analyze`, as a user would: all runs, and by an edited
 runs.toml the longest acceleration and the longest deceleration alone. Compared is the curve of results.json with the
 simulator's truth at the speeds of benchmarks/estimators.py that were flown; beside it stands what the same flights give
 without sensors' buses, counts and log ("direct"), as benchmarks/estimators.py has them, and by how much the two differ.
+`python benchmarks/study.py chain` repeats it.
 """
 
 import csv
 import json
 import subprocess
-import sysconfig
+import sys
 import tempfile
 import tomllib
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import estimators
+import msgspec
 import numpy as np
-import typer
-from flights import tunnel_probe
-from rich.console import Console
+from flights import Rows, Setup, tunnel_probe
 
 from analysis.polar import Condition, Polar, power_required
 from flight.aircraft import load_aircraft
 
-SCRIPTS = Path(sysconfig.get_path("scripts"))
 ALONE = {"one acceleration": "acceleration", "one deceleration": "deceleration"}
 NOT_TRUSTED, REFUSED = 1, 2  # exit codes: a result with a warning; input that is refused
 
 
 def run(*command: object, may_refuse: bool = False) -> bool:
     """Whether the command did it, or refused its input where it may."""
-    done = subprocess.run([str(part) for part in command], capture_output=True, text=True)
+    line = [sys.executable, "-m", "flightpower", *(str(part) for part in command)]
+    done = subprocess.run(line, capture_output=True, text=True)
     if done.returncode not in (0, NOT_TRUSTED) and not (may_refuse and done.returncode == REFUSED):
         raise RuntimeError(f"{command}: {done.stderr}")
     return done.returncode != REFUSED
 
 
-def one_flight(
-    folder: Path, plan: Path, errors: str, seed: int, hardware: bool, V: np.ndarray
-) -> dict[str, np.ndarray]:
-    """By what was kept: error and half the interval, % of the truth (2, speeds); NaN where not flown or refused."""
-    flags = [] if hardware else ["--no-hardware"]
-    log, report = folder / "log.mcap", folder / "log.report"
-    run(SCRIPTS / "sim", "fly", "--plan", plan, "--errors", errors, "--seed", seed,
-        "--probe", folder.parent / "probe.json", "-o", folder, *flags)  # fmt: skip
-    run(SCRIPTS / "analyze", log, "--quiet")
-    truth = read_truth(folder)
-    found = {"all runs": compared(read_results(report), truth, V)}
-    runs = tomllib.loads((report / "runs.toml").read_text("utf-8"))["run"]
-    for name, kind in ALONE.items():
-        edited = folder / f"{kind}.toml"
-        edited.write_text(alone(runs, kind), "utf-8")
-        answered = run(SCRIPTS / "analyze", log, "--quiet", "--runs", edited, "-o", folder / kind, may_refuse=True)
-        found[name] = compared(read_results(folder / kind), truth, V) if answered else np.full((2, len(V)), np.nan)
-    log.unlink()
-    return found
+def one_flight(setup: Setup, *, hardware: bool = True) -> Rows:
+    """By what was kept; NaN where not flown or refused. hardware: through fakes and daemon, not straight to the log."""
+    V = estimators.speeds(load_aircraft(setup.aircraft))
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        fly(setup, folder, *([] if hardware else ["--no-hardware"]))
+        log, report = folder / "log.mcap", folder / "log.report"
+        run("analyze", log, "--quiet")
+        truth = read_truth(folder)
+        found = {"all runs": compared(read_results(report), truth, V)}
+        runs = tomllib.loads((report / "runs.toml").read_text("utf-8"))["run"]
+        for title, kind in ALONE.items():
+            edited = folder / f"{kind}.toml"
+            edited.write_text(alone(runs, kind), "utf-8")
+            answered = run("analyze", log, "--quiet", "--runs", edited, "-o", folder / kind, may_refuse=True)
+            found[title] = compared(read_results(folder / kind), truth, V) if answered else np.full((2, len(V)), np.nan)
+    direct = dict(estimators.one_flight(setup))
+    rows = []
+    for title, figures in found.items():
+        apart = np.stack([figures[0] - direct[title][0], np.full(len(V), np.nan)])
+        rows += [(title, figures), (f"{title}, direct", direct[title]), (f"{title}, chain less direct", apart)]
+    return rows
+
+
+def fly(setup: Setup, folder: Path, *options: str, aircraft: Path | None = None) -> None:
+    """Flies and records into a folder. aircraft: a file in place of the shipped one."""
+    (folder / "plan.toml").write_text(plan_text(setup.plan, setup.turbulence_kt), "utf-8")
+    (folder / "probe.json").write_bytes(msgspec.json.encode(tunnel_probe()))
+    run("sim", "fly", "--replace", "--aircraft", aircraft or setup.aircraft, "--plan", folder / "plan.toml", "--errors",
+        setup.world, "--seed", setup.seed, "--probe", folder / "probe.json", "-o", folder, *options)  # fmt: skip
 
 
 def alone(runs: list[dict], kind: str) -> str:
@@ -103,51 +111,3 @@ def compared(results: dict[str, Any], truth: np.ndarray, V: np.ndarray) -> np.nd
     true = np.interp(V, *truth.T)
     figures = np.stack([found / true - 1, np.interp(V, flown, high / power - 1) * found / true])
     return np.where((V > flown[0] - 0.2) & (V < flown[-1] + 0.2), 100 * figures, np.nan)
-
-
-def main(
-    plan: Annotated[str, typer.Option(help="Flight plan.")] = "full-test-flight",
-    errors: Annotated[str, typer.Option(help="Error budget.")] = "study",
-    turbulence_kt: Annotated[float, typer.Option(help="W20 of the Dryden turbulence [kt].")] = 0.0,
-    flights: Annotated[int, typer.Option(help="How many; one seed each.")] = 8,
-    first_seed: Annotated[int, typer.Option("--seed", help="The first seed; development uses those below 1000.")] = 0,
-    hardware: Annotated[bool, typer.Option(help="Through fakes and daemon; or straight to the same log.")] = True,
-    jobs: Annotated[int, typer.Option(help="Flights at a time.")] = 2,
-) -> None:
-    aircraft = load_aircraft("nexstar")
-    V = estimators.speeds(aircraft)
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        (folder / "plan.toml").write_text(plan_text(plan, turbulence_kt), "utf-8")
-        run(SCRIPTS / "sim", "tunnel", "-o", folder / "tunnel.csv")
-        run(SCRIPTS / "calibrate", "probe", folder / "tunnel.csv", "-o", folder / "probe.json")
-        with ThreadPoolExecutor(jobs) as pool:
-            figures = list(
-                pool.map(
-                    lambda seed: one_flight(folder / str(seed), folder / "plan.toml", errors, seed, hardware, V),
-                    range(first_seed, first_seed + flights),
-                )
-            )
-        todo = [
-            estimators.Job(aircraft, tunnel_probe(), errors, plan, turbulence_kt, seed, False)
-            for seed in range(first_seed, first_seed + flights)
-        ]
-        with ProcessPoolExecutor(jobs) as processes:
-            direct = list(processes.map(estimators.one_flight, todo))
-    console = Console(width=120)
-    console.print(f"{errors}, {plan}, W20 = {turbulence_kt:g} kt, {flights} flights, the whole chain")
-    rows = {}
-    for name in figures[0]:
-        rows[name] = [one[name] for one in figures]
-        rows[f"{name}, direct"] = [one[name] for one in direct]
-    estimators.print_power(console, rows, V)
-    for name in figures[0]:
-        apart = np.array([one[name][0] - other[name][0] for one, other in zip(figures, direct, strict=True)])
-        flown = np.isfinite(apart).any(axis=0)
-        rms = " / ".join(f"{value:.2f}" for value in np.sqrt(np.nanmean(apart[:, flown] ** 2, axis=0)))
-        refused = sum(np.isnan(one[name]).all() for one in figures)
-        console.print(f"{name}, chain less direct, rms: {rms} %; refused: {refused}")
-
-
-if __name__ == "__main__":
-    typer.run(main)

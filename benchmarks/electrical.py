@@ -1,19 +1,14 @@
 """Errors and coverage of the electrical power of level flight over simulated flights that an autopilot logs.
 
-`python benchmarks/electrical.py [--plan NAME] [--flights N] [--first-seed N] [--wind KT ...] [--as px4 ardupilot]
-[--of electrical rpm motor]` prints a table for each turbulence, autopilot and quantity: at seven speeds from the
-slowest to the fastest of each curve, 95 % of errors, their mean, half widths, coverage. --of rpm, motor: power required
-by propeller table and motor speed, or the motor's constants.
+At seven speeds from the slowest to the fastest of each curve. `python benchmarks/study.py autopilot-logs` repeats it.
 """
 
-import argparse
 import dataclasses
 import tempfile
-from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
-from flights import KNOT_MPS, drawn, error_rows
+from flights import Rows, Setup, flown
 from numpy.typing import NDArray
 
 from analysis.autopilot_logs.ardupilot import read_ardupilot
@@ -24,19 +19,17 @@ from analysis.electrical.estimate import estimate
 from analysis.electrical.flight_table import flight_table
 from analysis.electrical.thrust_balance import motor_constants
 from analysis.estimation.noise import NORMAL_95
+from flight.aircraft import Aircraft
 from flight.complete_aircraft import CompleteAircraft, load_complete_aircraft
 from flight.propeller_files import load_propeller
 from sim.ardupilot_log import write_ardupilot_log
-from sim.fly import Flight, fly
-from sim.plan import load_plan
+from sim.fly import Flight
 from sim.plant import plant_of
 from sim.propulsion import power_train, throttle_for
 from sim.px4_log import IDLE_A, write_px4_log
-from sim.sensors import FlightSensorTruth, load_budget
 from sim.sensors.budget import DrawnErrors
 
 Array = NDArray[np.float64]
-Wanted = tuple[str, str]  # autopilot and quantity
 Errors = tuple[Array, Array]
 
 AUTOPILOTS = {"px4": (write_px4_log, read_px4), "ardupilot": (write_ardupilot_log, read_ardupilot)}
@@ -65,22 +58,24 @@ def true_power(aircraft: CompleteAircraft, flight: Flight, errors: DrawnErrors, 
     return np.where(np.isfinite(drag_N), power, np.nan)
 
 
-def flight_errors(
-    aircraft: CompleteAircraft, plan_name: str, knots: float, seed: int, folder: Path, wanted: Iterable[Wanted]
-) -> dict[Wanted, Errors]:
-    """Errors and half widths of the interval at SPEEDS speeds, both in percent, of one flight."""
-    plan = load_plan(plan_name)
-    if knots:
-        plan = dataclasses.replace(plan, air=dataclasses.replace(plan.air, turbulence_mps=knots * KNOT_MPS))
-    errors = drawn(load_budget("study"), seed)
-    flight = fly(aircraft, plan, seed=seed, deviations=errors.deviations)
-    sensors = FlightSensorTruth(flight, errors)
-    found = {}
-    for autopilot, of in wanted:
-        write, read = AUTOPILOTS[autopilot]
-        write(folder / "log", flight, sensors, errors, ["wrong-battery-first"])
-        found[autopilot, of] = _errors(aircraft, flight, errors, read(folder / "log"), of)
-    return found
+def one_flight(setup: Setup, *, autopilots: str = "px4", of: str = "electrical") -> Rows:
+    """By autopilot and quantity. of: electrical; rpm or motor: power required by propeller table and motor speed, or
+    by the motor's constants. Several are separated by commas."""
+    aircraft, errors = load_complete_aircraft(setup.aircraft), setup.drawn
+    flight, sensors, _ = flown(aircraft, errors, setup.plan, setup.seed, setup.turbulence_kt)
+    rows = []
+    with tempfile.TemporaryDirectory() as folder:
+        for autopilot in autopilots.split(","):
+            write, read = AUTOPILOTS[autopilot]
+            write(Path(folder) / "log", flight, sensors, errors, ["wrong-battery-first"])
+            for quantity in of.split(","):
+                compared = _errors(aircraft, flight, errors, read(Path(folder) / "log"), quantity)
+                rows.append((f"{autopilot}, {quantity}", np.stack(compared)))
+    return rows
+
+
+def columns(_: Aircraft) -> list[str]:
+    return ["slowest", *[""] * (SPEEDS - 2), "fastest"]
 
 
 def _errors(
@@ -104,31 +99,3 @@ def _errors(
     power, half = found.power_W[at], NORMAL_95 * found.standard_error_W[at]
     truth = true_power(aircraft, flight, errors, found.V_mps[at], found.conditions.rho)
     return 100 * (power / truth - 1), 100 * half / truth
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--plan", default="ordinary-flight")
-    parser.add_argument("--flights", type=int, default=60)
-    parser.add_argument("--wind", type=float, nargs="*", default=[0.0, 3.0, 8.0], help="W20 of the turbulence [kt]")
-    parser.add_argument("--first-seed", type=int, default=1000)
-    parser.add_argument("--as", dest="autopilots", nargs="+", choices=[*AUTOPILOTS], default=["px4"])
-    parser.add_argument("--of", nargs="+", choices=["electrical", "rpm", "motor"], default=["electrical"])
-    arguments = parser.parse_args()
-    aircraft = load_complete_aircraft("nexstar")
-    wanted = [(autopilot, of) for autopilot in arguments.autopilots for of in arguments.of]
-    seeds = range(arguments.first_seed, arguments.first_seed + arguments.flights)
-    with tempfile.TemporaryDirectory() as folder:
-        for knots in arguments.wind:
-            flown = [flight_errors(aircraft, arguments.plan, knots, seed, Path(folder), wanted) for seed in seeds]
-            for autopilot, of in wanted:
-                error, half = (np.array(part) for part in zip(*(one[autopilot, of] for one in flown), strict=True))
-                print(
-                    f"{arguments.plan}, {autopilot}, {of}, seeds {seeds[0]} to {seeds[-1]}, W20 = {knots:g} kt, percent"
-                )
-                for name, values, form in error_rows(error, half):
-                    print(f"  {name:24}", " ".join(f"{form.format(value):>6}" for value in values), flush=True)
-
-
-if __name__ == "__main__":
-    main()

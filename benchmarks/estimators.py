@@ -1,28 +1,20 @@
-"""How well each estimator does over many simulated flights: error of power required, width and coverage of intervals.
-
-    python benchmarks/estimators.py --errors study --turbulence-kt 3 --flights 200
-    python benchmarks/estimators.py --aircraft light-1kg --plan accel-decel --seed 1000 --flights 16 --jobs 1
+"""How well each estimator does: error of power required, width and coverage of intervals, and sensor errors.
 
 Flies, simulates the sensors (no buses, no counts: this compares estimators, not drivers), analyzes, and compares with
-the simulator's true curve at five speeds. docs/estimators.md quotes what this prints.
+the simulator's true curve at five speeds. `python benchmarks/study.py estimators` repeats it; docs/estimators.md quotes
+what that prints.
 """
 
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from typing import Annotated, NamedTuple
 
 import flights
 import numpy as np
 import pandas as pd
-import typer
+from flights import Rows, Setup
 from numpy.polynomial import Polynomial
-from rich.console import Console
-from rich.progress import track
-from rich.table import Table
 
-from analysis.airdata.probe import ProbeCalibration
 from analysis.airdata.transducers import air_data_errors
-from analysis.drag import cross_check as cross_check_module
+from analysis.drag import cross_check as checks
 from analysis.drag import dynamic
 from analysis.estimation.noise import NORMAL_95
 from analysis.maneuvers.find_level import find_runs
@@ -33,7 +25,6 @@ from analysis.trajectory.reconstruction import Trajectory, reconstruct
 from flight.aircraft import Aircraft, load_aircraft
 from flight.errors import InputError
 from flight.propeller_files import load_propeller
-from sim.sensors import load_budget
 from sim.sensors.budget import DrawnErrors
 
 OVER_STALL = (1.1, 1.3, 1.6, 1.9, 2.2)
@@ -43,30 +34,18 @@ SLOPE_DEGREE = 5  # of the polynomial of d alpha/d ln(dp_alpha) over alpha
 SLOW_OVER_STALL = 1.237  # 13 m/s of the Nexstar
 
 
-class Job(NamedTuple):
-    """One flight to fly and to analyze."""
+def one_flight(setup: Setup, *, cross_check: bool = False, calibrated: bool = False) -> Rows:
+    """Power required by method. By `path, …`: one number that all runs share (2, 1), in the unit named.
 
-    aircraft: Aircraft
-    probe: ProbeCalibration
-    errors: str
-    plan: str
-    turbulence_kt: float
-    seed: int
-    with_cross_check: bool
-    calibrated: bool = False  # transducers, by a water column
-
-
-def one_flight(job: Job) -> dict[str, np.ndarray]:
-    """By method: error and half the 95 % interval in per cent of the truth (2, speeds). By `path, …`: error and half
-    the interval of one number that all runs share (2, 1), in the unit named. Empty where the flight ended too soon."""
-    aircraft, probe, errors, plan_name, turbulence_kt, seed, with_cross_check, calibrated = job
-    drawn = flights.drawn(load_budget(errors), seed)
+    cross_check: output error too. calibrated: transducers, by a water column. Empty where the flight ended too soon.
+    """
+    aircraft, probe, drawn = load_aircraft(setup.aircraft), flights.tunnel_probe(), setup.drawn
     try:
-        flown = flights.flown(aircraft, drawn, plan_name, seed, turbulence_kt)
+        flown = flights.flown(aircraft, drawn, setup.plan, setup.seed, setup.turbulence_kt)
     except InputError:
-        return {}
+        return []
     flight, propeller = flown.flight, load_propeller(aircraft.propulsion.propeller)
-    transducers = flights.transducers_of(drawn, seed) if calibrated else None
+    transducers = flights.transducers_of(drawn, setup.seed) if calibrated else None
     measured = transducers.corrected(flown.table) if transducers else flown.table
     if transducers:  # what it leaves of the error
         V_scale = (1 + drawn.values.V_scale) / np.sqrt(transducers.airspeed.slope) - 1
@@ -91,12 +70,12 @@ def one_flight(job: Job) -> dict[str, np.ndarray]:
         if kind:  # the longest, as one who has to choose would
             chosen = sorted(chosen, key=lambda run: run.start_s - run.end_s)[:1]
         figures[name] = compared(dynamic.estimate_polar(trajectory, chosen, aircraft, propeller).polar)
-    if with_cross_check:
-        integrated = cross_check_module.on_runs_alone(
+    if cross_check:
+        integrated = checks.on_runs_alone(
             air, runs, aircraft, zeroed=at_rest is not None, propeller=propeller, gust_mps=trajectory.gust_mps
         )
         figures["output error"] = compared(integrated.polar)
-    return figures
+    return list(figures.items())
 
 
 def trajectory_errors(
@@ -177,56 +156,3 @@ def with_half_interval(error: float, standard_error: float) -> np.ndarray:
 
 def speeds(aircraft: Aircraft) -> np.ndarray:
     return np.array(OVER_STALL) * flights.stall_mps(aircraft)
-
-
-def main(
-    errors: Annotated[str, typer.Option(help="Error budget.")] = "study",
-    plan: Annotated[str, typer.Option(help="Flight plan.")] = "full-test-flight",
-    turbulence_kt: Annotated[float, typer.Option(help="W20 of the Dryden turbulence [kt].")] = 0.0,
-    count: Annotated[int, typer.Option("--flights", help="How many; one seed each.")] = 20,
-    first_seed: Annotated[int, typer.Option("--seed", help="The first seed; development uses those below 1000.")] = 0,
-    cross_check: Annotated[bool, typer.Option(help="Output error too.")] = False,
-    jobs: Annotated[int, typer.Option(help="Processes.")] = 2,
-    calibrated: Annotated[bool, typer.Option("--calibrated", help="Calibrate the transducers first.")] = False,
-    aircraft_name: Annotated[str, typer.Option("--aircraft", help="Aircraft.")] = "nexstar",
-) -> None:
-    aircraft = load_aircraft(aircraft_name)
-    todo = [
-        Job(aircraft, flights.tunnel_probe(), errors, plan, turbulence_kt, seed, cross_check, calibrated)
-        for seed in range(first_seed, first_seed + count)
-    ]
-    gathered: dict[str, list[np.ndarray]] = {}
-    lost = 0
-    with ProcessPoolExecutor(jobs) as pool:
-        done = track(pool.map(one_flight, todo), "flights", total=count, console=Console(stderr=True))
-        for figures in done:
-            lost += not figures
-            for name, values in figures.items():
-                gathered.setdefault(name, []).append(values)
-    console = Console(width=120)
-    console.print(f"{errors}, {plan}, W20 = {turbulence_kt:g} kt, {count} flights from seed {first_seed}, {lost} lost")
-    print_power(console, {k: v for k, v in gathered.items() if not k.startswith("path")}, speeds(aircraft))
-    print_trajectory(console, {k.removeprefix("path, "): v for k, v in gathered.items() if k.startswith("path")})
-
-
-def print_power(console: Console, gathered: dict[str, list[np.ndarray]], V: np.ndarray) -> None:
-    table = Table("power required, errors in %", "", *(f"{v:.1f} m/s" for v in V), box=None)
-    for method, values in gathered.items():
-        error, half = np.array(values).transpose(1, 0, 2)
-        for name, row, form in flights.error_rows(error, half):
-            table.add_row(method, name, *(form.format(x) for x in row))
-            method = ""
-    console.print(table)
-
-
-def print_trajectory(console: Console, gathered: dict[str, list[np.ndarray]]) -> None:
-    table = Table("path, errors", "rms", "mean", "stated, 1 sigma", "coverage, %", box=None)
-    for name, values in gathered.items():
-        error, half = np.array(values)[:, :, 0].T
-        stated = f"{np.median(half) / NORMAL_95:.3f}", f"{100 * np.mean(np.abs(error) < half):.0f}"
-        table.add_row(name, f"{np.sqrt(np.mean(error**2)):.3f}", f"{error.mean():+.3f}", *stated)
-    console.print(table)
-
-
-if __name__ == "__main__":
-    typer.run(main)

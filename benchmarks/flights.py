@@ -32,6 +32,7 @@ from sim.sensors import FlightSensorTruth, draw
 from sim.sensors.budget import DrawnErrors, ErrorBudget
 from sim.trim import Trimmer
 from sim.tunnel import simulated_measurements, write_calibration
+from sim.world import load_world
 
 KNOT_MPS = 0.514444
 # Of the water column, 1 sigma: its scale, as `calibrate transducers` takes by default, and 0.3 mm of each reading.
@@ -60,6 +61,25 @@ def drawn(budget: ErrorBudget, seed: int) -> DrawnErrors:
 def stall_mps(aircraft: Aircraft) -> float:
     """Stalling speed at the height of the whole test flight [m/s]."""
     return Trimmer(plant_of(aircraft), HEIGHT_M).V_stall
+
+
+class Setup(NamedTuple):
+    """One flight of a study, to simulate and to analyze."""
+
+    aircraft: str
+    world: str  # or an error budget
+    plan: str
+    turbulence_kt: float
+    seed: int
+
+    @property
+    def drawn(self) -> DrawnErrors:
+        """The errors of its day."""
+        return drawn(load_world(self.world).errors, self.seed)
+
+
+# Of one flight, by title: errors and half the 95 % intervals, % of the truth (2, columns); NaN is what it cannot say.
+Rows = list[tuple[str, np.ndarray]]
 
 
 class Flown(NamedTuple):
@@ -164,30 +184,22 @@ def transducers_of(errors: DrawnErrors, seed: int) -> TransducerCalibration:
     return calibration
 
 
-def as_markdown(title: str, error: np.ndarray, half: np.ndarray) -> str:
-    """A row of docs/methods.md: 95 % of errors below, median half widths in brackets; coverage. Known speeds alone."""
-    known = np.isfinite(error).any(axis=0)
-    below, _, widths, covered = (values[known] for _, values, _ in error_rows(error, half))
-
-    def listed(values: np.ndarray, form: str) -> str:
-        return " / ".join(form.format(x) for x in values)
-
-    return f"| {title} | {listed(below, '{:.1f}')} ({listed(widths, '{:.0f}')}) | {listed(covered, '{:.0f}')} |"
-
-
 def error_rows(error: np.ndarray, half: np.ndarray) -> Iterator[tuple[str, np.ndarray, str]]:
     """Name, values and format of what is told of errors (flights, speeds) with the half widths of their intervals.
 
-    NaN is what a flight cannot say; a speed that none can say is NaN in every row.
+    NaN is what a flight cannot say; a speed that none can say is NaN in every row. Without any half width none is told.
     """
-    covered = np.where(np.isfinite(error), np.abs(error) < half, np.nan)
     known = np.isfinite(error).any(axis=0)
-    rows = (
+    rows = [
         ("95 % of errors below", np.nanpercentile(np.abs(error[:, known]), 95, axis=0), "{:.1f}"),
         ("mean", np.nanmean(error[:, known], axis=0), "{:+.1f}"),
-        ("half width of intervals", np.nanmedian(half[:, known], axis=0), "{:.1f}"),
-        ("coverage, %", 100 * np.nanmean(covered[:, known], axis=0), "{:.0f}"),
-    )
+    ]
+    if np.isfinite(half).any():
+        covered = np.where(np.isfinite(error), np.abs(error) < half, np.nan)
+        rows += [
+            ("half width of intervals", np.nanmedian(half[:, known], axis=0), "{:.1f}"),
+            ("coverage, %", 100 * np.nanmean(covered[:, known], axis=0), "{:.0f}"),
+        ]
     for name, values, form in rows:
         row = np.full(len(known), np.nan)
         row[known] = values

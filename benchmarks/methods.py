@@ -1,25 +1,16 @@
 """Every method over many simulated flights: error, width and coverage of its interval, and causes of disagreements.
 
-    python benchmarks/methods.py --errors study --flights 12
-    python benchmarks/methods.py --errors bench --wrong alpha_offset_rad=0.02
-
-Simulates flights and sensors (no buses, no counts), analyses, and compares with the simulator's true curve within each
-method's range of speeds. `--wrong` sets one error of the budget to a given value instead of drawing it. docs/methods.md
-quotes what this prints.
+Simulates flights and sensors (no buses, no counts), analyzes, and compares with the simulator's true curve within each
+method's range of speeds. `python benchmarks/study.py methods` repeats it; docs/methods.md quotes what that prints.
 """
 
 import dataclasses
-from collections import Counter
-from concurrent.futures import ProcessPoolExecutor
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import flights
 import numpy as np
 import pandas as pd
-import typer
-from rich.console import Console
-from rich.progress import track
-from rich.table import Table
+from flights import Rows, Setup
 
 from analysis.airdata.probe import ProbeCalibration
 from analysis.drag.comparison import MethodDisagreement
@@ -34,8 +25,8 @@ from analysis.polar import Condition, Polar, lift_coefficient, power_required
 from analysis.trajectory.reconstruction import reconstruct
 from flight.aircraft import Aircraft, load_aircraft
 from flight.propeller_files import load_propeller
-from sim.sensors import load_budget
 from sim.sensors.budget import DrawnErrors, ErrorBudget
+from sim.world import load_world
 
 OVER_STALL = (1.2, 1.4, 1.7, 2.0, 2.3)
 
@@ -108,74 +99,20 @@ def compared(
     return np.where(seen, 100 * np.stack([power / truth - 1, NORMAL_95 * error / truth]), np.nan)
 
 
-class Job(NamedTuple):
-    """One flight to simulate and to analyze."""
-
-    aircraft: Aircraft
-    probe: ProbeCalibration
-    errors: str
-    wrong: dict[str, float]
-    plan: str
-    turbulence_kt: float
-    seed: int
-    V: np.ndarray  # speeds to compare at
-
-
-def one_flight(job: Job) -> tuple[list[tuple[str, np.ndarray]], list[str]]:
-    """Title of each method and its curve compared with the truth; causes of disagreements."""
-    flown = fly(
-        job.aircraft, job.probe, drawn(load_budget(job.errors), job.seed, **job.wrong),
-        job.plan, job.turbulence_kt, job.seed,
-    )  # fmt: skip
-    result = analyzed(job.aircraft, flown)
-    truth = np.interp(job.V, flown.truth["speed_mps"], flown.truth["power_W"])
+def one_flight(setup: Setup, **wrong: float) -> Rows:
+    """Each method's curve; as titles without figures the causes of disagreements. wrong: as in `drawn`."""
+    aircraft = load_aircraft(setup.aircraft)
+    errors = drawn(load_world(setup.world).errors, setup.seed, **wrong)
+    flown = fly(aircraft, flights.tunnel_probe(), errors, setup.plan, setup.turbulence_kt, setup.seed)
+    result, V = analyzed(aircraft, flown), speeds(aircraft)
+    truth = np.interp(V, flown.truth["speed_mps"], flown.truth["power_W"])
     curves = [("dynamic", result.dynamic.polar, result.flown_CL)]
     curves += [(e.method.title, e.polar, e.flown_CL) for e in result.estimates if e.polar is not None]
     curves += [("each run alone", e.polar, e.flown_CL) for e in result.one_by_one if e.polar is not None]
-    figures = [(title, compared(polar, flown_CL, job.V, truth, result.at)) for title, polar, flown_CL in curves]
-    return figures, [f"{one.first} - {one.second}: {one.cause}" for one in result.disagreements]
+    figures = [(title, compared(polar, flown_CL, V, truth, result.at)) for title, polar, flown_CL in curves]
+    causes = [f"{one.first} - {one.second}: {one.cause}" for one in result.disagreements]
+    return [*figures, *((cause, np.empty((2, 0))) for cause in causes)]
 
 
-def main(
-    errors: Annotated[str, typer.Option(help="Error budget.")] = "study",
-    plan: Annotated[str, typer.Option(help="Flight plan.")] = "full-test-flight",
-    turbulence_kt: Annotated[float, typer.Option(help="W20 of the Dryden turbulence [kt].")] = 0.0,
-    count: Annotated[int, typer.Option("--flights", help="How many; one seed each.")] = 12,
-    first_seed: Annotated[int, typer.Option("--seed", help="The first seed; development uses those below 1000.")] = 0,
-    wrong: Annotated[list[str] | None, typer.Option(help="NAME=VALUE: one error set instead of drawn.")] = None,
-    aircraft_name: Annotated[str, typer.Option("--aircraft", help="Aircraft.")] = "nexstar",
-    jobs: Annotated[int, typer.Option(help="Processes.")] = 2,
-) -> None:
-    aircraft, probe = load_aircraft(aircraft_name), flights.tunnel_probe()
-    given = {name: float(value) for name, _, value in (text.partition("=") for text in wrong or [])}
-    V = np.array(OVER_STALL) * flights.stall_mps(aircraft)
-    gathered: dict[str, list[np.ndarray]] = {}
-    causes: Counter[str] = Counter()
-    console = Console(width=140)
-    todo = [
-        Job(aircraft, probe, errors, given, plan, turbulence_kt, seed, V)
-        for seed in range(first_seed, first_seed + count)
-    ]
-    with ProcessPoolExecutor(jobs) as pool:
-        for figures, found in track(pool.map(one_flight, todo), "flights", total=count, console=Console(stderr=True)):
-            for title, values in figures:
-                gathered.setdefault(title, []).append(values)
-            causes.update(found)
-    console.print(f"{errors} {given or ''}, {plan}, W20 = {turbulence_kt:g} kt, {count} flights from seed {first_seed}")
-    table = Table("method", "", *(f"{v:.1f} m/s" for v in V), box=None)
-    rows = []
-    for title, curves in gathered.items():
-        error, half = np.array(curves).transpose(1, 0, 2)
-        rows.append(flights.as_markdown(title, error, half))
-        for name, row, form in flights.error_rows(error, half):
-            table.add_row(title, name, *(form.format(x) if np.isfinite(x) else "-" for x in row))
-            title = ""
-    console.print(table)
-    print("", *rows, "", sep="\n")
-    console.print("causes of disagreements:")
-    for text, count in causes.most_common():
-        console.print(f"  {count:3d} x {text}")
-
-
-if __name__ == "__main__":
-    typer.run(main)
+def speeds(aircraft: Aircraft) -> np.ndarray:
+    return np.array(OVER_STALL) * flights.stall_mps(aircraft)

@@ -1,255 +1,144 @@
-"""Coverage of the power curve's interval in worlds that the analysis does not assume (`sim worlds`).
+"""Errors, intervals and coverage of one thing over many simulated flights, by the table of cases below.
 
-    python benchmarks/study.py --jobs 4
-    python benchmarks/study.py --worlds weight --weather 0 --plans two-pairs --flights 4 --seed 0
-    python benchmarks/study.py --worlds study --weather 15 --plans full-test-flight --calibrated
+    python benchmarks/study.py estimators --turbulence-kt 3 --flights 200
+    python benchmarks/study.py estimators --aircraft light-1kg --plan accel-decel --seed 1000 --flights 16 --jobs 1
+    python benchmarks/study.py methods --errors bench --with alpha_offset_rad=0.02
+    python benchmarks/study.py autopilot-logs --turbulence-kt 0 --turbulence-kt 8 --with of=electrical,rpm
 
-With --calibrated, `calibrate transducers` comes first: the transducers of each flight are held at the pressures of the
-plan `transducer-column`, by a water column whose scale and readings have errors, and the flight is analyzed with the
-result.
-
-Every cell of world, weather and plan is flown with a number of seeds, recorded by `sim fly --no-hardware`, analyzed,
-and compared with the true curve of the aircraft flown. Each flight is a line of the file of flights as soon as it is
-done. A flight that has a line by this version of the code is not flown again, so that an interrupted study continues.
-Seeds below 1000 are for development; figures of the documentation come from others.
+Each flight is one seed; those below 1000 are for development, figures of the documentation come from others. `--with`
+gives an option of the case: the arguments of its `one_flight` are documented there.
 """
 
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import contextlib
-import hashlib
-import io
-import itertools
 import json
-import sys
-import tempfile
-import time
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from pathlib import Path
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from typing import Annotated, Any, NamedTuple
 
-import msgspec
+import answers
+import chain
+import electrical
+import estimators
+import methods
 import numpy as np
+import own_aircraft
+import thrust_stand
 import typer
-from chain import compared, plan_text, read_truth
-from estimators import OVER_STALL, speeds
-from flights import COLUMN, COLUMN_SCALE, as_read, column_pressures, error_rows, tunnel_probe
-from world_table import Points, coverage, world_table
+from flights import Rows, Setup, error_rows
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
 
-from analysis.airdata.pressure_plateaus import plateaus, readings
-from analysis.airdata.transducers import TransducerCalibration, calibrate
-from analysis.drag import cross_check
-from analysis.log_contents import Replacements
-from analysis.pipeline import Analysis, analyze
-from analysis.polar import Condition
-from analysis.results.files import to_json
-from flight.aircraft import load_aircraft
-from flight.errors import InputError
-from flight.log_reader import read_log
-from sim.__main__ import fly
-from sim.world import load_world, worlds
-
-ROOT = Path(__file__).parents[1]
-WEATHER_KT, PLANS = (0.0, 3.0, 15.0), ("full-test-flight", "two-pairs")
-STUDY, STUDY_FLIGHTS, FLIGHTS = "study", 60, 24
-WITHOUT_ERRORS = "none"
+from analysis.estimation.noise import NORMAL_95
+from flight.aircraft import Aircraft, load_aircraft
 
 
-class Cell(NamedTuple):
-    """One cell of the study."""
+def at_speeds(aircraft: Aircraft) -> list[str]:
+    return [f"{v:.1f} m/s" for v in estimators.speeds(aircraft)]
 
-    world: str
-    weather_kt: float
+
+class Case(NamedTuple):
+    """What is computed of each flight, at what, and the plan that is flown unless another is named."""
+
+    one_flight: Callable[..., Rows]
     plan: str
+    columns: Callable[[Aircraft], Sequence[str]] = at_speeds
 
 
-class Job(NamedTuple):
-    """One flight to fly and to analyze."""
-
-    cell: Cell
-    seed: int
-    version: str
-    probe: str  # text of the probe calibration
-    calibrated: bool  # transducers, before the flight
-
-
-def version() -> str:
-    """Hash of what a result depends on: code and data of simulator, daemon and analysis."""
-    digest = hashlib.sha256()
-    for folder in ("analysis", "flight", "sim", "hw_fakes", "daq"):
-        for path in sorted((ROOT / folder).rglob("*")):
-            if path.suffix in (".py", ".toml", ".csv") and path.parent.name != "worlds":
-                digest.update(path.read_bytes())
-    return digest.hexdigest()[:12]
-
-
-def world_version(version: str, world: str) -> str:
-    """The version with that world's file: another world may change without a new flight of this one."""
-    return hashlib.sha256(f"{version} {load_world(world)}".encode()).hexdigest()[:12]
-
-
-def one_flight(job: Job) -> dict[str, Any]:
-    """The line of one flight: error and half the 95 % interval at each speed, % of the truth; warnings and alarms."""
-    cell, seed, version, probe, calibrated = job
-    line: dict[str, Any] = {**cell._asdict(), "seed": seed, "version": version, "calibrated": calibrated}
-    with tempfile.TemporaryDirectory() as name, contextlib.redirect_stderr(io.StringIO()):
-        folder = Path(name)
-        (folder / "plan.toml").write_text(plan_text(cell.plan, cell.weather_kt), "utf-8")
-        (folder / "probe.json").write_text(probe, "utf-8")
-        output = folder / "flight"
-        try:
-            fly(output, plan=str(folder / "plan.toml"), world=cell.world, seed=seed, probe=folder / "probe.json",
-                no_hardware=True)  # fmt: skip
-            given = Replacements(transducers=transducers(folder, cell.world, seed) if calibrated else None)
-            analysis = analyze(read_log(output / "log.mcap"), given)
-        except (InputError, np.linalg.LinAlgError) as error:
-            return {**line, "refused": str(error).replace(name, "")}
-        V, results = speeds(load_aircraft("nexstar")), json.loads(to_json(analysis.results))
-        error, half = (
-            [float(x) if np.isfinite(x) else None for x in row] for row in compared(results, read_truth(output), V)
-        )
-    return {
-        **line, "error": error, "half": half, "warnings": analysis.results.warnings,
-        "alarm": alarm(analysis), "disagreements": len(results["disagreements"]),
-    }  # fmt: skip
-
-
-def transducers(folder: Path, world: str, seed: int) -> TransducerCalibration:
-    """The calibration of the transducers of one flight. Raises InputError if its data do not support it."""
-    output = folder / "column"
-    fly(output, plan=COLUMN, world=world, seed=seed, probe=folder / "probe.json", no_hardware=True)
-    found = plateaus(readings(read_log(output / "log.mcap")), COLUMN)
-    calibration, unsupported = calibrate(found, as_read(column_pressures(), seed), COLUMN_SCALE, COLUMN)
-    if unsupported:
-        raise InputError(unsupported)
-    return calibration
-
-
-def alarm(analysis: Analysis) -> bool:
-    """Whether the cross-check contradicts the curve."""
-    test, drag = analysis.results.test, analysis.drag
-    condition = Condition(test.weight_N, test.air_density_kgpm3, analysis.results.aircraft.wing_area_m2)
-    check = drag.cross_check
-    return bool(check and cross_check.disagreement(drag.main.polar, check, condition, drag.flown_CL).differs)
-
-
-def known_lines(path: Path) -> list[dict[str, Any]]:
-    """The lines of the file of flights. A last line that was cut off is left out."""
-    lines = []
-    for text in path.read_text("utf-8").splitlines() if path.exists() else []:
-        with contextlib.suppress(ValueError):
-            lines.append(json.loads(text))
-    return lines
-
-
-def key(line: dict[str, Any]) -> tuple[Any, ...]:
-    known = (line[name] for name in ("world", "weather_kt", "plan", "seed", "version"))
-    return (*known, line.get("calibrated", False))
-
-
-def cells(names: list[str], weather_kt: list[float], plans: list[str]) -> Iterator[Cell]:
-    """All cells; calm air is left out where a world differs by its gusts alone."""
-    for world, weather, plan in itertools.product(names, weather_kt, plans):
-        by_gusts = any(name.startswith("gust") for name in load_world(world).air)
-        if weather or not by_gusts:
-            yield Cell(world, weather, plan)
-
-
-def tables(lines: list[dict[str, Any]]) -> str:
-    """Markdown: one row a cell."""
-    speed_names = " / ".join(f"{x:g}" for x in OVER_STALL)
-    out = [
-        f"Speeds: {speed_names} times the stalling speed. Coverage of the 95 % interval over all speeds, and at each;"
-        " 95 % of errors below; median half width; % of the truth. Warnings a flight; share with a cross-check alarm.",
-        "",
-        "| world | W20, kt | plan | flights | coverage, % | at each speed | error | half width | warnings"
-        " | alarms, % |",
-        "|---|---|---|---|---|---|---|---|---|---|",
-    ]
-    by_cell: dict[Cell, list[dict[str, Any]]] = {}
-    for line in lines:
-        by_cell.setdefault(Cell(line["world"], line["weather_kt"], line["plan"]), []).append(line)
-    for cell, members in by_cell.items():
-        done = [line for line in members if "error" in line]
-        refused = f" ({len(members) - len(done)} refused)" if len(done) < len(members) else ""
-        head = f"| {cell.world} | {cell.weather_kt:g} | {cell.plan} | {len(done)}{refused} |"
-        if not done:
-            out.append(f"{head} - | - | - | - | - | - |")
-            continue
-        error, half = (np.array([line[name] for line in done], dtype=float) for name in ("error", "half"))
-        rows = {name: row for name, row, _ in error_rows(error, half)}
-
-        def listed(name: str, form: str, rows: dict[str, np.ndarray] = rows) -> str:
-            return " / ".join(form.format(x) if np.isfinite(x) else "-" for x in rows[name])
-
-        warnings = np.mean([len(line["warnings"]) for line in done])
-        alarms = 100 * np.mean([line["alarm"] for line in done])
-        out.append(
-            f"{head} {coverage(error, half):.0f} | {listed('coverage, %', '{:.0f}')}"
-            f" | {listed('95 % of errors below', '{:.1f}')} | {listed('half width of intervals', '{:.1f}')}"
-            f" | {warnings:.1f} | {alarms:.0f} |"
-        )
-    for plan in dict.fromkeys(cell.plan for cell in by_cell):
-        flights: dict[str, dict[float, list[Points]]] = {}
-        for cell, members in by_cell.items():
-            done = [(line["error"], line["half"]) for line in members if "error" in line]
-            if cell.plan == plan and done:
-                flights.setdefault(cell.world, {})[cell.weather_kt] = done
-        out += ["", f"Plan {plan}.", *world_table(flights)]
-    return "\n".join(out)
+CASES = {
+    "estimators": Case(estimators.one_flight, "full-test-flight"),
+    "methods": Case(
+        methods.one_flight, "full-test-flight", lambda aircraft: [f"{v:.1f} m/s" for v in methods.speeds(aircraft)]
+    ),
+    "answers": Case(answers.one_flight, "accel-decel", answers.columns),
+    "thrust-stand": Case(thrust_stand.one_flight, "accel-decel"),
+    "autopilot-logs": Case(electrical.one_flight, "ordinary-flight", electrical.columns),
+    "own-aircraft": Case(own_aircraft.one_flight, "accel-decel"),
+    "chain": Case(chain.one_flight, "full-test-flight"),
+}
 
 
 def main(
-    names: Annotated[list[str] | None, typer.Option("--worlds", help="Worlds; all but `none`.")] = None,
-    weather_kt: Annotated[
-        list[float] | None, typer.Option("--weather", help="W20 of turbulence [kt]; 0, 3, 15.")
+    name: Annotated[str, typer.Argument(metavar="CASE", help=", ".join(CASES))],
+    plan: Annotated[str | None, typer.Option(help="Flight plan.")] = None,
+    world: Annotated[str, typer.Option("--errors", "--world", help="Error budget or world.")] = "study",
+    turbulence_kt: Annotated[list[float] | None, typer.Option(help="W20 of the Dryden turbulence [kt]; 0.")] = None,
+    count: Annotated[int, typer.Option("--flights", help="How many; one seed each.")] = 20,
+    first_seed: Annotated[int, typer.Option("--seed", help="The first seed; development uses those below 1000.")] = 0,
+    aircraft: Annotated[str, typer.Option(help="Aircraft.")] = "nexstar",
+    given: Annotated[
+        list[str] | None, typer.Option("--with", metavar="NAME[=VALUE]", help="Option of the case.")
     ] = None,
-    plans: Annotated[list[str] | None, typer.Option(help="Plans; a whole test flight, and a short one.")] = None,
-    flights: Annotated[
-        int | None, typer.Option(help=f"Flights a cell; {FLIGHTS}, and {STUDY_FLIGHTS} in the world `{STUDY}`.")
-    ] = None,
-    first_seed: Annotated[
-        int, typer.Option("--seed", help="The first seed; development uses those below 1000.")
-    ] = 1000,
-    calibrated: Annotated[bool, typer.Option("--calibrated", help="Calibrate the transducers first.")] = False,
     jobs: Annotated[int, typer.Option(help="Processes.")] = 2,
-    file: Annotated[Path, typer.Option(help="Where flights are kept, one a line.")] = Path("out/study.jsonl"),
 ) -> None:
-    """Fly what is missing and print the table."""
-    code, probe = version(), msgspec.json.encode(tunnel_probe()).decode()
-    chosen = names or [name for name in worlds() if name != WITHOUT_ERRORS]
-    todo = []
-    # Seed by seed over all cells: an interrupted study has a few flights of everything.
-    of_cell = {cell: flights or (STUDY_FLIGHTS if cell.world == STUDY else FLIGHTS)
-               for cell in cells(chosen, weather_kt or list(WEATHER_KT), plans or list(PLANS))}  # fmt: skip
-    versions = {name: world_version(code, name) for name in chosen}
-    for i in range(max(of_cell.values())):
-        todo += [Job(c, first_seed + i, versions[c.world], probe, calibrated) for c, n in of_cell.items() if i < n]
-    file.parent.mkdir(parents=True, exist_ok=True)
-    wanted = {(*job.cell, job.seed, job.version, job.calibrated): job for job in todo}
-    done = {key(line): line for line in known_lines(file) if key(line) in wanted}
-    missing = [job for identity, job in wanted.items() if identity not in done]
-    began = time.monotonic()
-    with ProcessPoolExecutor(jobs) as pool, file.open("a", encoding="utf-8") as stream:
-        if stream.tell() and not file.read_text("utf-8").endswith("\n"):
-            stream.write("\n")  # after a line that was cut off
-        running = [pool.submit(one_flight, job) for job in missing]
-        for count, future in enumerate(as_completed(running), start=1):
-            line = future.result()
-            done[key(line)] = line
-            stream.write(json.dumps(line) + "\n")
-            stream.flush()
-            left_min = (time.monotonic() - began) / count * (len(missing) - count) / 60
-            print(f"{count}/{len(missing)}, {left_min:.0f} min left: {summary(line)}", file=sys.stderr, flush=True)
-    print(tables([done[identity] for identity in wanted]))
+    case = CASES[name]
+    one_flight = partial(case.one_flight, **dict(option(text) for text in given or []))
+    columns, console = case.columns(load_aircraft(aircraft)), Console(width=140, markup=False)
+    for kt in turbulence_kt or [0.0]:
+        seeds = range(first_seed, first_seed + count)
+        todo = [Setup(aircraft, world, plan or case.plan, kt, seed) for seed in seeds]
+        gathered: dict[str, list[np.ndarray]] = defaultdict(list)
+        lost = 0
+        with ProcessPoolExecutor(jobs) as pool:
+            for rows in track(pool.map(one_flight, todo), "flights", total=count, console=Console(stderr=True)):
+                lost += not rows
+                for title, values in rows:
+                    gathered[title].append(values)
+        console.print(f"{' '.join([name, *(given or [])])}: {world}, {todo[0].plan}, W20 = {kt:g} kt, {count} flights "
+                      f"from seed {first_seed}, {lost} lost")  # fmt: skip
+        print_errors(console, gathered, columns)
+        print_single_numbers(console, {title: one for title, one in gathered.items() if one[0].shape == (2, 1)})
+        for title, one in sorted(gathered.items(), key=lambda item: -len(item[1])):
+            if not one[0].size:
+                console.print(f"  {len(one):3d} x {title}")
 
 
-def summary(line: dict[str, Any]) -> str:
-    """One flight in one line."""
-    head = f"{line['world']}, {line['weather_kt']:g} kt, {line['plan']}, seed {line['seed']}"
-    if "error" not in line:
-        return f"{head}: refused, {line['refused']}"
-    points = zip(line["error"], line["half"], strict=True)
-    return f"{head}: {', '.join(f'{e:+.1f}±{h:.1f}' for e, h in points if e is not None)} %"
+def option(text: str) -> tuple[str, Any]:
+    """Name and value of an option; without a value it is switched on."""
+    name, _, value = text.partition("=")
+    with contextlib.suppress(ValueError):
+        return name, json.loads(value or "true")
+    return name, value
+
+
+def print_errors(console: Console, gathered: dict[str, list[np.ndarray]], columns: Sequence[str]) -> None:
+    """What is compared at several speeds: as a table, and as rows of the documentation."""
+    table, rows = Table("errors in %", "", *columns, box=None), []
+    for title, values in gathered.items():
+        if values[0].shape[1] != len(columns):
+            continue
+        error, half = np.array(values).transpose(1, 0, 2)
+        told = {name: (row, form) for name, row, form in error_rows(error, half)}
+        told["rms"] = np.sqrt(mean_square(error)), "{:.2f}"
+        for i, (name, (row, form)) in enumerate(told.items()):
+            table.add_row("" if i else title, name, *(form.format(x) if np.isfinite(x) else "-" for x in row))
+        listed = {name: " / ".join(form.format(x) for x in row if np.isfinite(x)) for name, (row, form) in told.items()}
+        rows.append("| " + " | ".join([title, *listed.values()]) + " |")
+    console.print(table)
+    print("", *rows, "", sep="\n")
+
+
+def mean_square(error: np.ndarray) -> np.ndarray:
+    """Of each column; NaN where no flight has a value."""
+    known = np.isfinite(error)
+    return np.nansum(error**2, axis=0) / np.where(known.any(axis=0), known.sum(axis=0), np.nan)
+
+
+def print_single_numbers(console: Console, gathered: dict[str, list[np.ndarray]]) -> None:
+    """What a whole flight has one of, such as a sensor's error."""
+    table = Table("errors", "rms", "mean", "stated, 1 sigma", "coverage, %", box=None)
+    for title, values in gathered.items():
+        error, half = np.array(values)[:, :, 0].T
+        stated = f"{np.median(half) / NORMAL_95:.3f}", f"{100 * np.mean(np.abs(error) < half):.0f}"
+        table.add_row(title, f"{np.sqrt(np.mean(error**2)):.3f}", f"{error.mean():+.3f}", *stated)
+    if gathered:
+        console.print(table)
 
 
 if __name__ == "__main__":

@@ -1,29 +1,19 @@
 """What thrust on a stand does for the interval of power required: the same simulated flights with and without it.
 
-    python benchmarks/thrust_stand.py --world study --flights 16 --seed 1000
-    python benchmarks/thrust_stand.py --world propeller --stated --flights 16 --seed 1000
-
 Before each flight the simulated propeller stands still on a load cell: ten readings at five motor speeds, up and down,
 1 % of noise each, and a scale wrong by 1 % (1 sigma). `calibrate thrust` compares them with the table that the analysis
-gets. No buses and no counts, as in benchmarks/estimators.py. docs/calibration.md quotes what this prints.
+gets. No buses and no counts, as in benchmarks/estimators.py. `python
+benchmarks/study.py thrust-stand` repeats it; docs/calibration.md quotes what that prints.
 """
-
-import os
-
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import math
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from typing import Annotated, NamedTuple
 
 import flights
 import numpy as np
-import typer
-from rich.console import Console
-from rich.progress import track
-from rich.table import Table
+from estimators import speeds
+from flights import Rows, Setup
 
 from analysis.drag import dynamic
 from analysis.drag.estimate import every_method, fallback
@@ -43,20 +33,10 @@ from sim.plant import plant_of
 from sim.sensors.budget import DrawnErrors, ErrorBudget
 from sim.world import load_world
 
-OVER_STALL = (1.1, 1.3, 1.6, 1.9, 2.2)
 SHARES = (0.45, 0.6, 0.7, 0.8, 0.9)  # of the highest motor speed
 READING_ERROR, SCALE_ERROR = 0.01, 0.01
 EVERY_LIFT = (0.01, 100.0)
 BOW_AT_REST = 2.5  # change at J = 0 from the straight line through flight, by one unit of bow
-
-
-class Job(NamedTuple):
-    aircraft: Aircraft
-    world: str
-    plan: str
-    turbulence_kt: float
-    seed: int
-    steady: bool  # by steady points alone
 
 
 def stand_of(aircraft: Aircraft, errors: DrawnErrors, seed: int) -> ThrustStand:
@@ -74,23 +54,29 @@ def stand_of(aircraft: Aircraft, errors: DrawnErrors, seed: int) -> ThrustStand:
     return found
 
 
-def one_flight(job: Job) -> dict[str, np.ndarray]:
-    """By data used: error and half the 95 % interval in per cent of the truth (2, speeds), without and with the stand;
-    thrust at rest in per cent of the table's. Empty where the flight ended too soon."""
-    aircraft, world, plan, turbulence_kt, seed, steady = job
-    drawn, probe = flights.drawn(load_world(world).errors, seed), flights.tunnel_probe()
+def one_flight(setup: Setup, *, stated: bool = False, steady: bool = False, curvature: float | None = None) -> Rows:
+    """By data used, without and with the stand; thrust at rest in per cent of the table's.
+
+    stated: the aircraft file has the world's errors of thrust. steady: by the steady points of the plan alone.
+    curvature: [uncertainty] thrust_curvature. Empty where the flight ended too soon.
+    """
+    aircraft, probe, drawn = load_aircraft(setup.aircraft), flights.tunnel_probe(), setup.drawn
+    if stated:
+        aircraft = stating_thrust(aircraft, load_world(setup.world).errors)
+    if curvature is not None:
+        aircraft = replace(aircraft, uncertainty=replace(aircraft.uncertainty, thrust_curvature_fraction=curvature))
     try:
-        flown = flights.flown(aircraft, drawn, plan, seed, turbulence_kt)
+        flown = flights.flown(aircraft, drawn, setup.plan, setup.seed, setup.turbulence_kt)
     except InputError:
-        return {}
+        return []
     propeller = load_propeller(aircraft.propulsion.propeller)
     air, still, _ = flights.air_of(flown.table, aircraft, probe)
     rho = float(air.loc[air["flying"], "rho"].mean())
     at = Condition(aircraft.mass.weight_N, rho, aircraft.geometry.wing_area_m2)
-    V = np.array(OVER_STALL) * flights.stall_mps(aircraft)
+    V = speeds(aircraft)
     truth = np.interp(V, flown.flight.power_required["speed_mps"], flown.flight.power_required["power_W"])
     trajectory = reconstruct(air, still, alpha_scale_sigma=probe.alpha_scale_sigma)
-    on_stand = stand_of(aircraft, drawn, seed).applied_to(aircraft)
+    on_stand = stand_of(aircraft, drawn, setup.seed).applied_to(aircraft)
     found = find(air, still).of("steady") if steady else find_runs(air)[0]
     figures = {}
     for title, given in (("without", aircraft), ("with the stand", on_stand)):
@@ -99,7 +85,7 @@ def one_flight(job: Job) -> dict[str, np.ndarray]:
             low, high = speed_at(np.array(flown_CL), at)[::-1]
             compared = 100 * np.stack([power / truth - 1, NORMAL_95 * error / truth])
             figures[f"{data}, {title}"] = np.where((V > low) & (V < high), compared, np.nan)
-    return dict(sorted(figures.items(), key=lambda item: item[0].partition(",")[0]))
+    return sorted(figures.items(), key=lambda item: item[0].partition(",")[0])
 
 
 def _estimates(
@@ -130,43 +116,3 @@ def stating_thrust(aircraft: Aircraft, budget: ErrorBudget) -> Aircraft:
             thrust_curvature_fraction=BOW_AT_REST * s.thrust_bow / root,
         ),
     )
-
-
-def main(
-    world: Annotated[str, typer.Option(help="World or error budget.")] = "study",
-    plan: Annotated[str, typer.Option(help="Flight plan.")] = "accel-decel",
-    turbulence_kt: Annotated[float, typer.Option(help="W20 of the Dryden turbulence [kt].")] = 0.0,
-    count: Annotated[int, typer.Option("--flights", help="How many; one seed each.")] = 16,
-    first_seed: Annotated[int, typer.Option("--seed", help="The first seed; development uses those below 1000.")] = 0,
-    stated: Annotated[bool, typer.Option("--stated", help="State the world's errors of thrust.")] = False,
-    steady: Annotated[bool, typer.Option("--steady", help="By the steady points of the plan alone.")] = False,
-    curvature: Annotated[float | None, typer.Option(help="[uncertainty] thrust_curvature, such as 0.")] = None,
-    jobs: Annotated[int, typer.Option(help="Processes.")] = 2,
-) -> None:
-    aircraft = load_aircraft("nexstar")
-    if stated:
-        aircraft = stating_thrust(aircraft, load_world(world).errors)
-    if curvature is not None:
-        aircraft = replace(aircraft, uncertainty=replace(aircraft.uncertainty, thrust_curvature_fraction=curvature))
-    todo = [Job(aircraft, world, plan, turbulence_kt, seed, steady) for seed in range(first_seed, first_seed + count)]
-    gathered: dict[str, list[np.ndarray]] = {}
-    with ProcessPoolExecutor(jobs) as pool:
-        for figures in track(pool.map(one_flight, todo), "flights", total=count, console=Console(stderr=True)):
-            for name, values in figures.items():
-                gathered.setdefault(name, []).append(values)
-    console = Console(width=120)
-    console.print(f"{world}{', stated' if stated else ''}, {plan}, W20 = {turbulence_kt:g} kt, seeds from {first_seed}")
-    table = Table("power required, errors in %", "", *(f"{ratio} V_stall" for ratio in OVER_STALL), box=None)
-    for name, values in gathered.items():
-        error, half = np.array(values).transpose(1, 0, 2)
-        known = np.isfinite(error).sum(axis=0)
-        rms = np.sqrt(np.nansum(error**2, axis=0) / np.where(known, known, np.nan))
-        table.add_row(name, "rms", *(f"{x:.1f}" for x in rms))
-        for title, row, form in flights.error_rows(error, half):
-            table.add_row("", title, *(form.format(x) for x in row))
-    console.print(table)
-    console.print(f"{len(next(iter(gathered.values()), []))} of {count} flights were flown")
-
-
-if __name__ == "__main__":
-    typer.run(main)

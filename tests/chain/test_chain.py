@@ -14,9 +14,9 @@ from running import command, done
 
 from analysis.pooling.pool import pool_results
 from analysis.schema import Results
-from benchmarks.named_speeds import below_slowest
 from flight.aircraft import load_aircraft
 from flight.messages import TYPE_OF_TOPIC
+from tests.analysis.report.named_speeds import below_slowest
 from tests.documented_commands import Walk
 
 pytestmark = pytest.mark.xdist_group("chain")

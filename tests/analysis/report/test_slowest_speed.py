@@ -2,7 +2,6 @@
 
 import numpy as np
 from msgspec.structs import replace
-from named_speeds import below_slowest
 
 from analysis.performance.analysis import flight_performance
 from analysis.performance.full_throttle import FullThrottle
@@ -15,6 +14,7 @@ from analysis.report.answers import headline_answers
 from analysis.report.field_table import to_markdown
 from analysis.results.power_curves import drag_polar, optimum, power_curve
 from analysis.schema import ConditionResult, MethodResult, Results, SlowestFlown, SpeedReason
+from tests.analysis.report.named_speeds import below_slowest
 
 SEEDS = range(50)
 LOSSLESS = PowerTrainModel(exact(shaft_scale=1.0, friction=0.0, copper=0.0, meter_scale=0.0), 0.0, True, "", ())

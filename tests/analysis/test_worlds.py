@@ -1,10 +1,9 @@
-"""The table of the study, and what it does not fly again."""
+"""The table of coverage by world, and what it does not fly again."""
 
 import json
 
 import pytest
-from study import Cell, cells, key, known_lines, tables
-from world_table import world_table
+from worlds import Cell, cells, key, known_lines, tables, world_table
 
 
 def line(seed: int, error: list[float | None], half: list[float | None], alarm: bool = False) -> dict[str, object]:
