@@ -7,6 +7,7 @@ from pathlib import PurePath
 from types import MappingProxyType
 from typing import NamedTuple
 
+from analysis.airdata.flight_data import Calibrations
 from analysis.airdata.magnetometer import MAGNETOMETER_FILE, MagnetometerCalibration
 from analysis.airdata.probe import PROBE_FILE, ProbeCalibration
 from analysis.airdata.transducers import TRANSDUCERS_FILE, TransducerCalibration
@@ -41,6 +42,10 @@ class LogContents(NamedTuple):
     notes: list[str]
     transducers: TransducerCalibration | None = None
     thrust_stand: ThrustStand | None = None
+
+    @property
+    def calibrations(self) -> Calibrations:
+        return Calibrations(self.probe, self.magnetometer, self.zero, self.transducers)
 
 
 class Replacements(NamedTuple):

@@ -30,6 +30,26 @@ class Clock(StrEnum):
     COMPUTER = "computer"  # of the aircraft; it may be wrong
 
 
+class CheckedBy(StrEnum):
+    """The estimator of a cross-check. Intervals of filter error are too narrow for a comparison."""
+
+    OUTPUT_ERROR = "output error"
+    FILTER_ERROR = "filter error"
+
+
+class CurveStatus(StrEnum):
+    """How the estimation of the power curve ended."""
+
+    CONVERGED = "converged"
+    BY_ANOTHER_METHOD = "by another method"  # no acceleration or deceleration was flown
+    NOT_CONVERGED = "not converged"  # the drag polar, or it is at a bound or not identifiable
+    TRAJECTORY_NOT_CONVERGED = "trajectory not converged"
+
+    @property
+    def usable(self) -> bool:
+        return self in (CurveStatus.CONVERGED, CurveStatus.BY_ANOTHER_METHOD)
+
+
 class AutopilotParameter(msgspec.Struct, frozen=True, kw_only=True):
     """A value to type into an autopilot, with its 95 % interval."""
 
@@ -457,8 +477,8 @@ class PoolingStatistics(msgspec.Struct, frozen=True, kw_only=True):
     installation: str  # [installation] name of the aircraft file; empty where it has none
     propeller_table: str  # fingerprint
     probe_calibration: str  # fingerprint, with that of the transducers if there is one
-    start_unix_s: float | None
-    battery_V: float | None  # mean over the runs
+    start_unix_s: float | None = None
+    battery_V: float | None = None  # mean over the runs
 
 
 class Results(msgspec.Struct, frozen=True, kw_only=True):
@@ -479,12 +499,14 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     power_required: list[PowerPoint]  # at the test's weight and density, over the flown range
     power_required_standard: list[PowerPoint]  # at the standard weight and sea-level density
     cross_check: list[PowerPoint]  # the same over the runs alone, at the test's weight and density, by
-    cross_check_by: str = "output error"  # or filter error, in gusts
+    cross_check_by: CheckedBy = CheckedBy.OUTPUT_ERROR
     cross_check_differs: bool = False  # from `power_required` by more than their 95 % intervals allow
     minimum_power_speed: SpeedInterval  # longest endurance, at the test's weight and density
     best_range_speed: SpeedInterval
     slowest_flown: SlowestFlown | None = None
-    verdict: str  # of the estimation: "converged", or what was wrong
+    # How the estimation of the curve ended; null in results of earlier versions.
+    status: CurveStatus | None = None
+    verdict: str  # the same in words, with what was wrong
     warnings: list[str]
     methods: list[MethodResult] = []
     one_by_one: list[MethodResult] = []  # each acceleration and deceleration alone, named by `title`

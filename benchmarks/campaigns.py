@@ -32,6 +32,7 @@ from estimators import speeds
 from numpy.typing import ArrayLike, NDArray
 from worlds import known_lines
 
+from analysis.airdata.flight_data import Calibrations
 from analysis.airdata.probe import ProbeCalibration
 from analysis.drag import dynamic
 from analysis.drag.assumed_values import with_assumption_uncertainty, with_transducer_uncertainty
@@ -158,7 +159,7 @@ def one_flight(job: Job) -> dict[str, Any]:
     rows = np.concatenate([np.arange(len(data.table))[run.rows] for run in runs])
     condition = flown_condition(data.table.iloc[rows], aircraft)
     flown_CL = flown_lift(data.table.iloc[rows], aircraft)
-    statistics = pooling_statistics(estimate, flown_CL, aircraft, propeller, probe)
+    statistics = pooling_statistics(estimate, flown_CL, aircraft, propeller, Calibrations(probe))
     V, truth = speeds(aircraft), flown.power_required
     return {
         **job._asdict(),

@@ -3,17 +3,17 @@
 import pickle
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from analysis import log_contents
 from analysis.drag import likelihood
 from analysis.estimation import uncertainty
 from analysis.estimation.fit import Fit
-from analysis.maneuvers.kinds import LEVEL_RUNS, STANDING, Maneuver
+from analysis.maneuvers.kinds import LEVEL_RUNS, STANDING, Maneuver, Maneuvers
 from analysis.pipeline import Analysis, analyze
 from analysis.polar import Condition, power_required
 from flight.aircraft import load_aircraft
@@ -132,9 +132,8 @@ def shown(name: FlightName, folder: Path) -> Shown:
 
 def _shown(name: FlightName, path: Path) -> Shown:
     log = read_log(path / "log.mcap")
-    contents = log_contents.contents(log)
     found = analyze(log, by_likelihood=True)
-    aircraft, results = contents.aircraft, found.results
+    aircraft, results = found.aircraft, found.results
     at = Condition(results.test.weight_N, results.test.air_density_kgpm3, aircraft.geometry.wing_area_m2)
     truth = pd.read_csv(path / "truth_power_required.csv")
     curves = {method.name: _curve(method.power_required) for method in results.methods if method.power_required}
@@ -148,7 +147,7 @@ def _shown(name: FlightName, path: Path) -> Shown:
         Curve(truth["speed_mps"].to_numpy(), truth["power_W"].to_numpy(), np.zeros(len(truth))),
         np.array([(p.speed_mps, p.power_W, p.power_lo_W, p.power_hi_W) for p in points], dtype=float),
         (sigma**0.5 / w**1.5, (sigma / w) ** 0.5),
-        [_run_fit(found, run, contents, at) for run in found.maneuvers.level_runs],
+        [_run_fit(found, run, at) for run in found.maneuvers.level_runs],
         results.pitch_rate.t if results.pitch_rate else np.nan,
         {run.name: _noise(table.iloc[run.rows]) for run in found.maneuvers.of(*LEVEL_RUNS, STANDING)},
         {run.name: table.iloc[run.rows] for run in found.maneuvers.of(*LEVEL_RUNS, STANDING)},
@@ -169,21 +168,13 @@ def _noise(rows: pd.DataFrame) -> dict[str, float]:
     }
 
 
-def _run_fit(found: Analysis, run: Maneuver, contents: log_contents.LogContents, at: Condition) -> RunFit:
+def _run_fit(found: Analysis, run: Maneuver, at: Condition) -> RunFit:
     """One run alone, as the source fits them."""
     rows = found.table.iloc[run.rows]
     CL = 2 * at.weight_N / (rows["rho"] * rows["V_mps"] ** 2 * at.wing_area_m2)
     flown_CL = tuple(float(x) for x in np.nanpercentile(CL, (2.0, 98.0)))
-    one = likelihood.estimate(
-        found.table,
-        found.trajectory,
-        [run],
-        contents.aircraft,
-        contents.propeller,
-        flown_CL,
-        zeroed=True,
-        wanted=(likelihood.TWO_STATE,),
-    )
+    alone = replace(found, maneuvers=Maneuvers([run]), flown_CL=flown_CL)
+    one = likelihood.estimate(alone, (likelihood.TWO_STATE,))
     fit = one.fits[likelihood.TWO_STATE.name]
     without, free = (one.fits[name] for name in (likelihood.AS_MEASURED_FIT, likelihood.CLQ_FIT))
     V = np.linspace(*(np.sqrt(2 * at.weight_N / (at.rho * cl * at.wing_area_m2)) for cl in flown_CL[::-1]), 40)

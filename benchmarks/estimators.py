@@ -72,7 +72,7 @@ def one_flight(setup: Setup, *, cross_check: bool = False, calibrated: bool = Fa
         figures[name] = compared(dynamic.estimate_polar(trajectory, chosen, aircraft, propeller).polar)
     if cross_check:
         integrated = checks.on_runs_alone(
-            air, runs, aircraft, zeroed=at_rest is not None, propeller=propeller, gust_mps=trajectory.gust_mps
+            air, runs, aircraft, propeller, gust_mps=trajectory.gust_mps, zeroed=at_rest is not None
         )
         figures["output error"] = compared(integrated.polar)
     return list(figures.items())

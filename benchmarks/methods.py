@@ -15,8 +15,8 @@ from flights import Rows, Setup
 from analysis.airdata.probe import ProbeCalibration
 from analysis.drag.comparison import MethodDisagreement
 from analysis.drag.dynamic import DynamicEstimate, estimate_polar
-from analysis.drag.estimate import every_method
 from analysis.drag.method import MethodEstimate
+from analysis.drag.methods import every_method
 from analysis.estimation.noise import NORMAL_95
 from analysis.flown import flown_condition, flown_lift
 from analysis.maneuvers.find import find
@@ -85,7 +85,7 @@ def analyzed(aircraft: Aircraft, flown: Flown) -> Analyzed:
     estimate = estimate_polar(trajectory, level, aircraft, propeller)
     rows = pd.concat([flown.table.iloc[run.rows] for run in level])
     at, flown_CL = flown_condition(rows, aircraft), flown_lift(rows, aircraft)
-    others = every_method(trajectory, found.maneuvers, estimate, flown_CL, aircraft, propeller, at)
+    others = every_method(trajectory, found.maneuvers, aircraft, propeller, at, dynamic=estimate, dynamic_CL=flown_CL)
     return Analyzed(estimate, flown_CL, others.by_method, others.one_by_one, others.disagreements, at)
 
 

@@ -16,7 +16,7 @@ from estimators import speeds
 from flights import Rows, Setup
 
 from analysis.drag import dynamic
-from analysis.drag.estimate import every_method, fallback
+from analysis.drag.methods import every_method, fallback
 from analysis.estimation.noise import NORMAL_95
 from analysis.ground.thrust_stand import StandReadings, ThrustStand, calibrate
 from analysis.maneuvers.find import find
@@ -93,7 +93,7 @@ def _estimates(
 ) -> Iterator[tuple[str, Polar, tuple[float, float]]]:
     """Data used, polar, and lift coefficients that it is valid for: of the runs, else of steady points."""
     if not any(run.kind in LEVEL_RUNS for run in found):
-        others = every_method(trajectory, found, None, (0, 1), aircraft, propeller, at)
+        others = every_method(trajectory, found, aircraft, propeller, at)
         estimate, flown_CL = fallback(others.by_method, trajectory, aircraft, "flight")
         yield "steady points", estimate.polar, flown_CL
         return

@@ -117,4 +117,13 @@ def test_imports_make_no_circle(of) -> None:
 
 def test_the_root_of_analysis_holds_the_pipeline_and_what_every_folder_uses() -> None:
     files = {path.name for path in (ROOT / "analysis").glob("*.py")}
-    assert files == {"__init__.py", "pipeline.py", "log_contents.py", "flown.py", "polar.py", "files.py", "schema.py"}
+    assert files == {
+        "__init__.py",
+        "pipeline.py",
+        "flight.py",
+        "log_contents.py",
+        "flown.py",
+        "polar.py",
+        "files.py",
+        "schema.py",
+    }

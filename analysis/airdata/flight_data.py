@@ -47,20 +47,24 @@ class FlightData(NamedTuple):
     calibrated: Mapping[str, float] = MappingProxyType({})
 
 
-def flight_data(
-    log: Log,
-    aircraft: Aircraft,
-    propeller: Propeller,
-    probe: ProbeCalibration,
-    magnetometer_calibration: MagnetometerCalibration | None = None,
-    zero: dict[str, float] | None = None,
-    transducers: TransducerCalibration | None = None,
-) -> FlightData:
+class Calibrations(NamedTuple):
+    """Of the sensors; None where there is none.
+
+    zero : by channel, the reading in still air that `daq zero` took before the flight
+    """
+
+    probe: ProbeCalibration
+    magnetometer: MagnetometerCalibration | None = None
+    zero: dict[str, float] | None = None
+    transducers: TransducerCalibration | None = None
+
+
+def flight_data(log: Log, aircraft: Aircraft, propeller: Propeller, calibrations: Calibrations) -> FlightData:
     """All measurements of a log on one time base, in SI units, at the center of gravity.
 
     log: accepted by `analysis.log_checks`.
-    zero: by channel, the reading in still air that `daq zero` took before the flight.
     """
+    probe, magnetometer_calibration, zero, transducers = calibrations
     lines = line_responses(log, aircraft)
     channels = synchronize(log, {line.topic: line.lag_s for line in lines})
     table, calibrated = channels.table, {}

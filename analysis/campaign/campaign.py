@@ -29,8 +29,8 @@ from analysis.campaign.folders import (
     records,
 )
 from analysis.campaign.processes import Analyze, Job, Outcome, load_ahead, run_on_processors
+from analysis.results.files import from_content
 from analysis.results.trust import NOT_TO_TRUST, reasons_not_to_trust
-from analysis.schema import Results
 from flight.errors import InputError
 
 
@@ -240,7 +240,7 @@ def read_results(folders: Sequence[Path]) -> FlightResults:
 def _reasons(content: dict[str, Any]) -> list[str]:
     """Reasons not to trust the results of a flight; none where another version wrote them."""
     try:
-        return reasons_not_to_trust(msgspec.convert(content, Results))
+        return reasons_not_to_trust(from_content(content))
     except msgspec.ValidationError:
         return []
 

@@ -11,7 +11,7 @@ Errors of the pressure transducers that no residual of the flight shows, as cons
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import pandas as pd
@@ -20,54 +20,54 @@ from numpy.typing import NDArray
 from analysis.airdata.transducers import AIR_DATA_CHANNELS, with_hysteresis, with_zero_step
 from analysis.drag.dynamic import POLAR, DynamicEstimate
 from analysis.polar import Condition, Polar, power_required, speed_at
-from flight.aerodynamics import lift_slope
+from analysis.trajectory.priors import UPWASH, UPWASH_SIGMA_RAD, upwash_slope_sigma
 from flight.aircraft import Aircraft
 from flight.propeller import FOLD, Propeller
 
 Array = NDArray[np.float64]
-# The estimate of a flight for another aircraft and propeller, and its values alone; last, a prior standard deviation of
-# the slope of angle of attack.
-RepeatEstimate = Callable[[Aircraft, Propeller, float], DynamicEstimate]
-RepeatValues = Callable[[Aircraft, Propeller, float], Array]
 
-# A horseshoe vortex of the wing gives 1 to 2 deg of upwash per unit of lift coefficient at 0.2 to 0.4 spans ahead of
-# the quarter chord; at the end of a boom from the wing tip, or far ahead, it is next to nothing.
-UPWASH_SIGMA_RAD = np.radians(1.0)
 PROBE_SIGMA_M, IMU_SIGMA_M = 0.2, 0.1
 LEAST_SHARE = 0.005  # of the interval: narrower by less is not worth a measurement
+
+
+class Rerun(Protocol):
+    """Of the estimate of a flight for another aircraft and propeller: `rerun.EstimateRerun`."""
+
+    def estimate(self, aircraft: Aircraft, propeller: Propeller, slope_sigma: float) -> DynamicEstimate: ...
+
+    def values(self, aircraft: Aircraft, propeller: Propeller, slope_sigma: float) -> Array: ...
 
 
 class AssumedValue(NamedTuple):
     """A value assumed for a missing key.
 
     key : of the aircraft file     description : the value and its standard deviation, in words
-    perturb : from aircraft and propeller, the same with this value changed by one standard deviation
+    perturbed : the aircraft with this value changed by one standard deviation
     """
 
     key: str
     description: str
-    perturb: Callable[[Aircraft, Propeller], tuple[Aircraft, Propeller]]
+    perturbed: Callable[[Aircraft], Aircraft]
 
 
-def _probe_ahead(aircraft: Aircraft, propeller: Propeller) -> tuple[Aircraft, Propeller]:
+def _probe_ahead(aircraft: Aircraft) -> Aircraft:
     x, y, z = aircraft.probe.position_m
-    return replace(aircraft, probe=replace(aircraft.probe, position_m=(x + PROBE_SIGMA_M, y, z))), propeller
+    return replace(aircraft, probe=replace(aircraft.probe, position_m=(x + PROBE_SIGMA_M, y, z)))
 
 
-def _more_upwash(aircraft: Aircraft, propeller: Propeller) -> tuple[Aircraft, Propeller]:
+def _more_upwash(aircraft: Aircraft) -> Aircraft:
     upwash = aircraft.probe.upwash_per_CL_rad + UPWASH_SIGMA_RAD
-    return replace(aircraft, probe=replace(aircraft.probe, upwash_per_CL_rad=upwash)), propeller
+    return replace(aircraft, probe=replace(aircraft.probe, upwash_per_CL_rad=upwash))
 
 
-def _imu_displaced(axis: int) -> Callable[[Aircraft, Propeller], tuple[Aircraft, Propeller]]:
-    def perturb(aircraft: Aircraft, propeller: Propeller) -> tuple[Aircraft, Propeller]:
+def _imu_displaced(axis: int) -> Callable[[Aircraft], Aircraft]:
+    def perturbed(aircraft: Aircraft) -> Aircraft:
         x, y, z = (part + IMU_SIGMA_M * (i == axis) for i, part in enumerate(aircraft.imu_position_m))
-        return replace(aircraft, imu_position_m=(x, y, z)), propeller
+        return replace(aircraft, imu_position_m=(x, y, z))
 
-    return perturb
+    return perturbed
 
 
-UPWASH = "probe.upwash_per_CL"
 ASSUMED_VALUES = (
     AssumedValue(UPWASH, "1 deg, ±1 deg", _more_upwash),
     AssumedValue("probe.position", f"0.3 m ahead of the center of gravity, ±{PROBE_SIGMA_M:g} m", _probe_ahead),
@@ -88,19 +88,8 @@ class AssumptionUncertainty(NamedTuple):
     changes: Mapping[str, Array] = MappingProxyType({})
 
 
-def alpha_scale_sigma(aircraft: Aircraft) -> float:
-    """Standard deviation of the slope of angle of attack by an upwash that is missing in the aircraft file.
-
-    Upwash per CL times the lift slope of the wing. 0 where the file gives it.
-    """
-    if aircraft.has(UPWASH):
-        return 0.0
-    return float(UPWASH_SIGMA_RAD * lift_slope(aircraft.aspect_ratio))
-
-
 def assumption_uncertainty(
-    repeat: RepeatEstimate,
-    repeat_values: RepeatValues,
+    rerun: Rerun,
     aircraft: Aircraft,
     propeller: Propeller,
     condition: Condition,
@@ -111,17 +100,17 @@ def assumption_uncertainty(
     condition, flown_CL : weight and density of the flight, and lift coefficients of the speeds flown.
     """
     missing = [assumed for assumed in ASSUMED_VALUES if not aircraft.has(assumed.key)]
-    upwash = alpha_scale_sigma(aircraft)
+    slope_sigma = upwash_slope_sigma(aircraft)
     if not missing:
         return None
-    estimate = repeat(aircraft, propeller, upwash)
+    estimate = rerun.estimate(aircraft, propeller, slope_sigma)
     own_covariance = estimate.noise + estimate.systematic
     added = {key: np.zeros(own_covariance.shape) for key in dict.fromkeys(assumed.key for assumed in missing)}
     changes: dict[str, Array] = {}
     for i, assumed in enumerate(ASSUMED_VALUES):
         if assumed not in missing:
             continue
-        change = repeat_values(*assumed.perturb(aircraft, propeller), upwash) - estimate.values
+        change = rerun.values(assumed.perturbed(aircraft), propeller, slope_sigma) - estimate.values
         changes[f"{assumed.key} {i}"] = change
         added[assumed.key] += np.outer(change, change)
     covariance = np.sum([np.zeros(own_covariance.shape), *added.values()], axis=0)
@@ -137,13 +126,13 @@ def assumption_uncertainty(
     for key, part in added.items():
         known_covariance = own_covariance
         if key == UPWASH:
-            known_upwash = repeat(aircraft, propeller, 0.0)
+            known_upwash = rerun.estimate(aircraft, propeller, 0.0)
             known_covariance = known_upwash.noise + known_upwash.systematic
         description = next(assumed.description for assumed in missing if assumed.key == key)
         with_key = standard_error(estimate.values[:3], known_covariance + covariance - part)
         notes.append(_note(key, description, 1 - with_key / without_keys, V[0]))
     if not aircraft.has("propulsion.beyond_zero_thrust") and propeller.beyond_zero_thrust != FOLD:
-        folding = repeat_values(aircraft, propeller.with_beyond_zero_thrust(FOLD), upwash)[:3]
+        folding = rerun.values(aircraft, propeller.with_beyond_zero_thrust(FOLD), slope_sigma)[:3]
         power, folded = (
             float(power_required(V, Polar(A, own_covariance[:3, :3]), condition)[0][0])
             for A in (estimate.values[:3], folding)

@@ -1,13 +1,8 @@
-"""The cross-check's data and priors: runs as segments for estimators that integrate the equations of motion.
-
-Filter error on the runs alone: output error with gusts as states.
-
-Process noise separates turbulence, which moves the aircraft, from measurement noise.
-
-Output error on the runs alone, pitch and height as states (3.24-3.45): the cross-check.
+"""The cross-check: output error on the runs alone, pitch and height as states (3.24-3.45).
 
 It integrates the equations of motion through each run and uses nothing of the rest of the flight. Its errors differ
-from those of the trajectory: where the two disagree, one of them is wrong.
+from those of the trajectory: where the two disagree, one of them is wrong. In gusts filter error takes its place:
+process noise separates turbulence, which moves the aircraft, from measurement noise.
 """
 
 import math
@@ -21,7 +16,6 @@ from scipy import special
 
 from analysis.drag import aircraft_models, covariance
 from analysis.drag.aircraft_models import Priors
-from analysis.drag.assumed_values import alpha_scale_sigma
 from analysis.estimation.data import Segment
 from analysis.estimation.filter_error import ProcessNoise, fit_filter_error
 from analysis.estimation.fit import Convergence, Fit
@@ -29,8 +23,10 @@ from analysis.estimation.output_error import fit_output_error
 from analysis.ground.thrust_prior import stand_measurements
 from analysis.maneuvers.kinds import Maneuver
 from analysis.polar import Condition, Polar, power_required, speed_at
+from analysis.schema import CheckedBy
 from analysis.signals.aircraft_size import speed_scale_of
 from analysis.signals.smoothing import without_gaps
+from analysis.trajectory.priors import upwash_slope_sigma
 from flight.aircraft import Aircraft
 from flight.propeller import Propeller
 
@@ -59,7 +55,7 @@ def priors(aircraft: Aircraft, *, zeroed: bool) -> Priors:
     stated = aircraft.uncertainty
     known = Priors(
         alpha_bias_rad=stated.angle_of_attack_offset_rad,
-        alpha_scale=math.hypot(stated.angle_of_attack_slope_fraction, alpha_scale_sigma(aircraft)),
+        alpha_scale=math.hypot(stated.angle_of_attack_slope_fraction, upwash_slope_sigma(aircraft)),
         accelerometer_bias_mps2=stated.accelerometer_offset_mps2,
         V_scale=stated.airspeed_scale_fraction,
         V_bias_mps=V_BIAS_MPS,
@@ -190,23 +186,23 @@ class CrossCheck(NamedTuple):
     convergence: Convergence | None = None
 
     @property
-    def by(self) -> str:
-        return "filter error" if self.in_gusts else "output error"
+    def by(self) -> CheckedBy:
+        return CheckedBy.FILTER_ERROR if self.in_gusts else CheckedBy.OUTPUT_ERROR
 
 
 def on_runs_alone(
     table: pd.DataFrame,
     runs: list[Maneuver],
     aircraft: Aircraft,
-    *,
-    zeroed: bool,
     propeller: Propeller,
+    *,
     gust_mps: float,
+    zeroed: bool,
 ) -> CrossCheck:
     """Fit all runs at once, by output error in still air, by filter error with gusts as states in gusts.
 
-    table: from `air_data`. zeroed: the gyro biases at rest were subtracted. gust_mps: standard deviation of vertical
-    gusts [m/s], by the trajectory, which tells them from noise. Of a long flight's runs, `spread` ones are taken.
+    table: from `air_data`. gust_mps: standard deviation of vertical gusts [m/s], by the trajectory, which tells them
+    from noise. zeroed: the gyro biases at rest were subtracted. Of a long flight's runs, `spread` ones are taken.
     """
     in_gusts = gust_mps > STILL_AIR_MPS
     fit_of = filter_error_fit if in_gusts else output_error_fit

@@ -33,6 +33,7 @@ from analysis.estimation.output_error import fit_output_error
 from analysis.ground.thrust_prior import J_REFERENCE, THRUST, stand_measurements
 from analysis.maneuvers.kinds import Maneuver
 from analysis.polar import Polar
+from analysis.schema import CurveStatus
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
@@ -96,6 +97,9 @@ def drag_model(aircraft: Aircraft) -> Model:
     )
 
 
+TRAJECTORY_DID_NOT_CONVERGE = "the trajectory did not converge"
+
+
 class RunFit(NamedTuple):
     """Measured and modeled quantities of one run at times t_s (n,), each (n,) by its name and unit."""
 
@@ -110,6 +114,7 @@ class DynamicEstimate:
     """A drag polar with its covariance, and data for the report.
 
     parameters : name, value, standard error, unit
+    verdict : what ended the estimation, in words
     values : (5,) of POLAR and THRUST
     noise, systematic : the parts (5, 5) of their covariance, by noise and by errors common to all runs
     joint : with the sensor errors, for the joint estimate of several flights; None by another method
@@ -118,6 +123,7 @@ class DynamicEstimate:
 
     polar: Polar
     parameters: list[tuple[str, float, float, str]]
+    status: CurveStatus
     verdict: str
     warnings: list[str]
     fits: list[RunFit]
@@ -182,7 +188,8 @@ def estimate_polar(
     return DynamicEstimate(
         polar=Polar(fit.values[:3], total[:3, :3]),
         parameters=parameter_list(values, total, trajectory),
-        verdict=fit.verdict.text if trajectory.converged else "the trajectory did not converge",
+        status=_status(fit, trajectory),
+        verdict=fit.verdict.text if trajectory.converged else TRAJECTORY_DID_NOT_CONVERGE,
         warnings=warnings,
         fits=_run_fits(flight_forces, forces, trajectory, fit),
         values=values,
@@ -191,6 +198,12 @@ def estimate_polar(
         joint=joint,
         convergence=fit.convergence,
     )
+
+
+def _status(fit: Fit, trajectory: Trajectory) -> CurveStatus:
+    if not trajectory.converged:
+        return CurveStatus.TRAJECTORY_NOT_CONVERGED
+    return CurveStatus.CONVERGED if fit.verdict.ok else CurveStatus.NOT_CONVERGED
 
 
 def estimate_values(trajectory: Trajectory, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller) -> Array:

@@ -12,7 +12,7 @@ The estimates depend on inputs that have errors: the trajectory, the propeller t
 read at. Each is changed by one standard deviation, and few more steps give the change of the estimates.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
@@ -31,16 +31,14 @@ from analysis.estimation.fit import Fit
 from analysis.estimation.model import NamedValues
 from analysis.estimation.output_error import fit_output_error
 from analysis.estimation.problem import FitOptions
+from analysis.flight import Reconstructed
 from analysis.ground.thrust_prior import J_REFERENCE
 from analysis.maneuvers.kinds import LEVEL_RUNS, Maneuver
 from analysis.polar import Polar
 from analysis.signals.smoothing import without_gaps
 from analysis.trajectory.equations import SENSOR_ERRORS, STATES
-from analysis.trajectory.reconstruction import Trajectory
 from flight.aerodynamics import stability_axes
-from flight.aircraft import Aircraft
 from flight.errors import InputError
-from flight.propeller import Propeller
 
 Array = NDArray[np.float64]
 PolarOf = Callable[[NamedValues], Array]
@@ -97,30 +95,19 @@ class LikelihoodEstimates:
     fits: dict[str, Fit]
 
 
-def estimate(
-    table: pd.DataFrame,
-    trajectory: Trajectory,
-    runs: list[Maneuver],
-    aircraft: Aircraft,
-    propeller: Propeller,
-    flown_CL: tuple[float, float],
-    *,
-    zeroed: bool,
-    wanted: tuple[MethodDescription, ...] = METHODS,
-) -> LikelihoodEstimates:
-    """The estimators on all level runs at once.
+def estimate(flight: Reconstructed, wanted: tuple[MethodDescription, ...] = METHODS) -> LikelihoodEstimates:
+    """The estimators on all level runs at once. wanted: one or both of METHODS.
 
-    table: from `air_data`. zeroed: the gyro biases at rest were subtracted. wanted: one or both of METHODS. Where an
-    estimator fails, its estimate has no polar but a note.
+    Where an estimator fails, its estimate has no polar but a note.
     """
-    level = [run for run in runs if run.kind in LEVEL_RUNS]
+    aircraft, level = flight.aircraft, flight.maneuvers.level_runs
     fits: dict[str, Fit] = {}
     pitch_rate = None
     try:
         if not level:
             raise InputError(f"no run of the required kind was flown: {' or '.join(LEVEL_RUNS)}")
-        data = _Data(table, trajectory, level, aircraft, propeller)
-        known = priors(aircraft, zeroed=zeroed)
+        data = _Data(flight)
+        known = priors(aircraft, zeroed=flight.data.zeroed)
         two_state = aircraft_models.two_state(aircraft, priors=known, J_ref=J_REFERENCE).changed(**TABLE_AS_IT_IS)
         start = aircraft_models.starting_values(aircraft, data.segments)
         fits[TWO_STATE.name] = fit_output_error(two_state, data.segments, start=start)
@@ -128,7 +115,7 @@ def estimate(
         fits[CLQ_FIT] = fit_output_error(
             two_state.changed(**WITHOUT_PRIOR), data.rate_as_measured, start=_values(fits[AS_MEASURED_FIT])
         )
-        pitch_rate = pitch_rate_of(table, level, fits[CLQ_FIT])
+        pitch_rate = pitch_rate_of(flight.table, level, fits[CLQ_FIT])
         if FORCE_MODELS in wanted:
             model = aircraft_models.force_models(aircraft, priors=known, J_ref=J_REFERENCE).changed(**TABLE_AS_IT_IS)
             fits[FORCE_MODELS.name] = fit_output_error(model, data.segments)
@@ -137,7 +124,7 @@ def estimate(
             FORCE_MODELS.name: partial(_polar_of_forces, *_alpha_and_elevator(data.segments)),
         }
         methods = [
-            _method_estimate(method, fits[method.name], polars[method.name], data, flown_CL) for method in wanted
+            _method_estimate(method, fits[method.name], polars[method.name], data, flight.flown_CL) for method in wanted
         ]
     except (InputError, np.linalg.LinAlgError) as error:
         methods = [MethodEstimate(method, notes=(str(error),)) for method in wanted]
@@ -147,15 +134,9 @@ def estimate(
 class _Data:
     """The runs as segments, with the pitch attitude of the trajectory, and the same with other errors."""
 
-    def __init__(
-        self,
-        table: pd.DataFrame,
-        trajectory: Trajectory,
-        runs: list[Maneuver],
-        aircraft: Aircraft,
-        propeller: Propeller,
-    ):
-        self.error_sigma = error_prior_sigma(aircraft.uncertainty)
+    def __init__(self, flight: Reconstructed):
+        table, runs, propeller = flight.table, flight.maneuvers.level_runs, flight.propeller
+        self.error_sigma = error_prior_sigma(flight.aircraft.uncertainty)
         as_measured = segments_of(table, runs, propeller, block=BLOCK)
         if not as_measured:
             raise InputError("no run has all the required data")
@@ -165,7 +146,7 @@ class _Data:
         window = round(SMOOTHED_S / float(table.index[1] - table.index[0]))
         smooth = savgol_filter(q, window + 1 - window % 2, SMOOTHED_DEGREE)
         self._smoothed = segments_of(table.assign(q_radps=smooth), runs, propeller, block=BLOCK)
-        self._trajectory = trajectory
+        self._trajectory = flight.trajectory
         no_error = np.zeros(len(SENSOR_ERRORS))
         self.rate_as_measured = self._along(no_error, as_measured)
         self.segments = self._along(no_error, self._smoothed)
@@ -195,11 +176,16 @@ class _Data:
         ]
 
 
+# Derivative of the thrust (n,) [N] that acts, by each of AS_MEASURED. u: inputs of a segment
+THRUST_BY: dict[str, Callable[[Mapping[str, Array]], Array]] = {
+    "airspeed_scale": lambda u: -u["thrust_per_speed"] * u["V_ref"],
+    "thrust_scale": lambda u: u["thrust"],
+    "thrust_slope": lambda u: u["thrust"] * (u["J"] - J_REFERENCE),
+}
+
+
 def _thrust_without(name: str, sigma: float, segment: Segment) -> Array:
-    u = segment.u
-    if name == "airspeed_scale":
-        return np.asarray(u["thrust"] - u["thrust_per_speed"] * u["V_ref"] * sigma)
-    return np.asarray(u["thrust"] * (1 + sigma * (1.0 if name == "thrust_scale" else u["J"] - J_REFERENCE)))
+    return np.asarray(segment.u["thrust"] + sigma * THRUST_BY[name](segment.u))
 
 
 def _method_estimate(

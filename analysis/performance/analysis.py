@@ -9,7 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.drag.dynamic import POLAR, DynamicEstimate
-from analysis.drag.estimate import DragEstimates
+from analysis.drag.estimate import Estimated
 from analysis.drag.forces import FlightForces
 from analysis.ground.thrust_prior import THRUST
 from analysis.performance.climb import (
@@ -63,25 +63,20 @@ class ConditionPerformance:
     full_throttle: FullThrottlePerformance | None
 
 
-def compute(
-    request: Request,
-    trajectory: Trajectory,
-    drag: DragEstimates,
-    aircraft: Aircraft,
-    propeller: Propeller,
-    *,
-    flight: FlownCondition,
-) -> PerformanceResult | None:
+def compute(request: Request, flight: Estimated) -> PerformanceResult | None:
     """Performance at the flight's weight and density, and at those requested.
 
     None where the battery's energy is not known, or the propeller's table cannot give the thrust of level flight.
     """
+    aircraft, drag = flight.aircraft, flight.drag
     if request.battery_energy_Wh(aircraft) is None:
         return None
-    data = power_train_data(trajectory, aircraft, propeller)
-    model = performance_model(data, drag.main, aircraft, propeller, drag.flown_CL)
+    flown = flight.flown
+    at = FlownCondition(flight.condition, float(flown["static_Pa"].mean()), float(flown["temperature_K"].mean()))
+    data = power_train_data(flight.trajectory, aircraft, flight.propeller)
+    model = performance_model(data, drag.main, aircraft, flight.propeller, drag.flown_CL)
     with_battery = replace(request, battery_Wh=request.battery_energy_Wh(aircraft))
-    return flight_performance(model, flight.condition, requested_conditions(request, flight), with_battery)
+    return flight_performance(model, flight.condition, requested_conditions(request, at), with_battery)
 
 
 def power_train_data(trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) -> pd.DataFrame:

@@ -4,9 +4,8 @@ from importlib.metadata import version
 
 import msgspec
 import numpy as np
-import pandas as pd
 
-from analysis.drag.estimate import DragEstimates
+from analysis.drag.estimate import Estimated
 from analysis.electrical.estimate import ElectricalEstimate
 from analysis.maneuvers.kinds import Maneuvers
 from analysis.polar import Condition, best_range_lift, minimum_power_lift
@@ -14,57 +13,45 @@ from analysis.results import flight_found, methods, power_curves
 from analysis.results.autopilot_parameters import of_power_required
 from analysis.results.electrical import electrical_points
 from analysis.results.likelihood import pitch_rate_result
+from analysis.results.pooling_statistics import mean_battery_V, pooling_statistics, start_unix_s
+from analysis.results.provenance import provenance
+from analysis.results.trajectory import trajectory_result
 from analysis.schema import (
     AircraftResult,
-    AirFound,
+    CheckedBy,
     ConditionResult,
     ParameterResult,
-    PathResult,
     PerformanceResult,
     PoolingStatistics,
-    Provenance,
     RejectedResult,
     Results,
     RunResult,
-    Track,
 )
-from flight.aircraft import Aircraft
+from analysis.trajectory.consistency import Consistency
+from analysis.trajectory.observability import sensor_error_estimates
 from flight.atmosphere import SEA_LEVEL_DENSITY
-from flight.propeller import Propeller
 
 
 def assemble(
-    *,
-    log: str,
-    aircraft: Aircraft,
-    propeller: Propeller,
-    flown: pd.DataFrame,
-    table: pd.DataFrame,
-    condition: Condition,
-    maneuvers: Maneuvers,
-    drag: DragEstimates,
-    trajectory: PathResult,
+    flight: Estimated,
+    agreement: Consistency,
     performance: PerformanceResult | None,
-    pooling: PoolingStatistics | None,
-    warnings: list[str],
-    provenance: Provenance,
-    air: AirFound,
-    ground_track: Track,
-    next_flight: list[str],
-    electrical: ElectricalEstimate | None = None,
+    electrical: ElectricalEstimate | None,
+    command_line: str,
 ) -> Results:
-    """The contents of `results.json`.
+    """The contents of `results.json` but for what to fly next.
 
-    table: of `air_data`, and flown: its rows within the maneuvers analyzed. condition: weight and density of the
-    flight.
+    electrical: None where the log does not determine the electrical curve. command_line: that started the analysis.
     """
+    aircraft, propeller, drag = flight.aircraft, flight.propeller, flight.drag
+    condition, maneuvers, flown, trajectory = flight.condition, flight.maneuvers, flight.flown, flight.trajectory
     polar, flown_CL = drag.main.polar, drag.flown_CL
     standard = Condition(aircraft.mass.standard_weight_N, SEA_LEVEL_DENSITY, aircraft.geometry.wing_area_m2)
     power_required = power_curves.power_curve(polar, condition, flown_CL, (flown, condition))
     check = drag.cross_check
     results = Results(
         software_version=version("flightpower"),
-        log=log,
+        log=flight.name,
         aircraft=AircraftResult(
             name=aircraft.name,
             title=aircraft.title,
@@ -89,33 +76,42 @@ def assemble(
         cross_check=power_curves.power_curve(check.polar, condition, flown_CL, (flown, condition))
         if check and check.converged
         else [],
-        cross_check_by=check.by if check else "output error",
+        cross_check_by=check.by if check else CheckedBy.OUTPUT_ERROR,
         cross_check_differs=drag.cross_check_differs,
         minimum_power_speed=power_curves.optimum(minimum_power_lift, polar, condition, flown_CL),
         best_range_speed=power_curves.optimum(best_range_lift, polar, condition, flown_CL),
-        slowest_flown=power_curves.slowest_flown(table, flown_CL, condition),
+        slowest_flown=power_curves.slowest_flown(flight.table, flown_CL, condition),
+        status=drag.main.status,
         verdict=drag.main.verdict,
-        warnings=warnings,
+        warnings=list(flight.notes),
         methods=[methods.method_result(estimate, condition, flown_CL[1]) for estimate in drag.methods],
         one_by_one=[methods.method_result(estimate, condition, flown_CL[1]) for estimate in drag.one_by_one],
         disagreements=[methods.disagreement_result(one) for one in drag.disagreements],
         interval_parts=power_curves.interval_parts(
             drag.main, condition, np.array([point.speed_mps for point in power_required])
         ),
-        path=trajectory,
+        path=trajectory_result(trajectory, agreement, sensor_error_estimates(trajectory)),
         use=performance,
-        pooling=pooling,
-        provenance=provenance,
-        air=air,
+        pooling=_pooling(flight),
+        provenance=provenance(flight, flight.runs_file, command_line),
+        air=flight_found.air_found(trajectory, flown, condition),
         run_residuals=flight_found.run_residuals(drag.main),
         parameter_correlation=flight_found.parameter_correlation(drag.main),
-        track=ground_track,
-        next_flight=next_flight,
+        track=flight_found.track(trajectory),
         electrical_power=electrical_points(electrical) if electrical else [],
-        pitch_rate=pitch_rate_result(drag.pitch_rate) if drag.pitch_rate else None,
+        pitch_rate=pitch_rate_result(drag.likelihood.pitch_rate) if drag.likelihood.pitch_rate else None,
     )
     parameters, withheld = of_power_required(results, *power_curves.two_term_polar(polar, flown_CL))
     return msgspec.structs.replace(results, autopilot_parameters=parameters, autopilot_parameters_withheld=withheld)
+
+
+def _pooling(flight: Estimated) -> PoolingStatistics | None:
+    statistics = pooling_statistics(
+        flight.drag.main, flight.drag.flown_CL, flight.aircraft, flight.propeller, flight.contents.calibrations
+    )
+    return statistics and msgspec.structs.replace(
+        statistics, start_unix_s=start_unix_s(flight.log), battery_V=mean_battery_V(flight.flown)
+    )
 
 
 def _runs(maneuvers: Maneuvers) -> list[RunResult]:

@@ -19,6 +19,7 @@ from analysis.results.electrical_parameters import flight_values
 from analysis.schema import (
     AircraftResult,
     ConditionResult,
+    CurveStatus,
     DragPolar,
     ElectricalResult,
     Interval,
@@ -86,6 +87,7 @@ def electrical_results(
         cross_check=[],
         minimum_power_speed=UNKNOWN,
         best_range_speed=UNKNOWN,
+        status=CurveStatus.CONVERGED,
         verdict="converged",
         warnings=[*flight.notes, *_warnings(estimate)],
         electrical_power=electrical_points(estimate),

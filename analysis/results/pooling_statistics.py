@@ -7,8 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.airdata.probe import ProbeCalibration
-from analysis.airdata.transducers import TransducerCalibration
+from analysis.airdata.flight_data import Calibrations
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.results.settings import RESULTS
 from analysis.schema import PoolingStatistics, PriorMeasurementStatistics
@@ -22,11 +21,7 @@ def pooling_statistics(
     flown_CL: tuple[float, float],
     aircraft: Aircraft,
     propeller: Propeller,
-    probe: ProbeCalibration,
-    *,
-    transducers: TransducerCalibration | None = None,
-    start_unix_s: float | None = None,
-    battery_V: float | None = None,
+    calibrations: Calibrations,
 ) -> PoolingStatistics | None:
     """None for an estimate by another method than the dynamic one, which has no sensor errors beside it."""
     joint = estimate.joint
@@ -54,10 +49,9 @@ def pooling_statistics(
             repr((propeller.diameter_m, propeller.beyond_zero_thrust, propeller.rows)).encode()
         ),
         probe_calibration=_fingerprint(
-            msgspec.json.encode(probe) + (msgspec.json.encode(transducers) if transducers else b"")
+            msgspec.json.encode(calibrations.probe)
+            + (msgspec.json.encode(calibrations.transducers) if calibrations.transducers else b"")
         ),
-        start_unix_s=start_unix_s,
-        battery_V=battery_V,
     )
 
 

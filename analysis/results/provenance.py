@@ -4,6 +4,7 @@ import hashlib
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+from analysis.flight import Recorded
 from analysis.log_contents import LogContents, Replacements
 from analysis.schema import Clock, Provenance, SensorHealth, SourceFile
 from flight.log_entries import STATUS_CODE
@@ -25,10 +26,9 @@ ROLES = {
 }
 
 
-def provenance(
-    log: Log, contents: LogContents, replacements: Replacements, runs_file: Path | None, command_line: str
-) -> Provenance:
+def provenance(flight: Recorded, runs_file: Path | None, command_line: str) -> Provenance:
     """Where log, aircraft, calibrations and weight come from. Files that can no longer be read have no hash."""
+    log, contents, replacements = flight.log, flight.contents, flight.replacements
     start_ns, end_ns = _span_ns(log)
     start_utc, clock = _start(log, start_ns)
     fixes = (entry.message for entry in log.entries.get("/gps", []) if isinstance(entry.message, Gps))

@@ -8,7 +8,7 @@ NOT_TO_TRUST = "not_to_trust"  # name under which the results of a flight in a p
 def reasons_not_to_trust(results: Results) -> list[str]:
     """Each in one sentence; empty for a result that can be used within its interval."""
     reasons = []
-    if not results.verdict.startswith(("converged", "by ")) or results.verdict.startswith("converged at a bound"):
+    if results.status and not results.status.usable:
         reasons.append(f"The estimation did not converge: {results.verdict}.")
     elif results.path is not None and not results.path.converged:
         reasons.append("The trajectory did not converge.")

@@ -17,7 +17,8 @@ from analysis.trajectory.block_means import BlockMeans, moving_average
 from analysis.trajectory.equations import SENSOR_ERRORS, STATES
 from analysis.trajectory.measurements import LevelField
 from analysis.trajectory.settings import PRIORS, SENSORS
-from flight.aircraft import Uncertainty
+from flight.aerodynamics import lift_slope
+from flight.aircraft import Aircraft, Uncertainty
 
 # Standard deviations of one sample where the log has no rest.
 BENCH_SIGMA = {
@@ -77,6 +78,20 @@ PRIOR_MEAN = {"gps_latency": 0.1}
 # What remains of two priors once the transducers are calibrated: error of the density, position error of the static
 # ports, differences of the probe on the aircraft from the probe in the tunnel. Values assumed, not measured.
 REMAINING_SIGMA = {"V_scale": 0.003, "alpha_scale": 0.005}
+UPWASH = "probe.upwash_per_CL"  # a key of the aircraft file
+# A horseshoe vortex of the wing gives 1 to 2 deg of upwash per unit of lift coefficient at 0.2 to 0.4 spans ahead of
+# the quarter chord; at the end of a boom from the wing tip, or far ahead, it is next to nothing.
+UPWASH_SIGMA_RAD = np.radians(1.0)
+
+
+def upwash_slope_sigma(aircraft: Aircraft) -> float:
+    """Standard deviation of the slope of angle of attack by an upwash that is missing in the aircraft file.
+
+    Upwash per CL times the lift slope of the wing. 0 where the file gives it.
+    """
+    if aircraft.has(UPWASH):
+        return 0.0
+    return float(UPWASH_SIGMA_RAD * lift_slope(aircraft.aspect_ratio))
 
 
 def sensor_error_prior(

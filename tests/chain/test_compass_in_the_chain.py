@@ -68,7 +68,7 @@ def test_without_a_calibration_the_log_s_magnetometer_is_named_and_not_used(flow
     log = read_once(flown / "log.mcap")
     log = dataclasses.replace(log, entries={topic: e for topic, e in log.entries.items() if topic != "/gps"})
     found = contents(log)
-    data = flight_data(log, found.aircraft, found.propeller, found.probe, found.magnetometer, found.zero)
+    data = flight_data(log, found.aircraft, found.propeller, found.calibrations)
     alone = reconstruct(data.table, data.rest, alpha_scale_sigma=0.01, compass=data.compass, log="log.mcap")
     errors = sensor_error_estimates(alone)
     notes = trajectory_notes(alone, errors, 2, magnetometer_calibrated=found.magnetometer is not None, log="log.mcap")

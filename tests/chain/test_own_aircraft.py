@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -46,8 +47,8 @@ def test_without_a_battery_s_energy_endurance_is_left_out_and_the_option_is_name
     aircraft = load_aircraft(four / "four.toml")
     (note,) = Request().notes(aircraft)
     assert "No endurance" in note and "--battery-Wh" in note
-    nothing: Any = None
-    assert compute(Request(), nothing, nothing, aircraft, nothing, flight=nothing) is None
+    flight: Any = SimpleNamespace(aircraft=aircraft, drag=None)
+    assert compute(Request(), flight) is None
     assert Request(battery_Wh=74.0).notes(aircraft) == []
 
 
@@ -81,6 +82,13 @@ def test_a_wrong_replacement_names_its_file(flown: Path, tmp_path: Path, option:
 
 def test_the_reasons_not_to_trust_a_flight_are_read_for_its_pool(four: Path, tmp_path: Path) -> None:
     content = json.loads((four / "four" / "results.json").read_text("utf-8"))
-    for verdict, reasons in ((content["verdict"], 0), ("not converged", 1)):
-        (tmp_path / "results.json").write_text(json.dumps(content | {"verdict": verdict}), "utf-8")
+    of_0_1 = {name: value for name, value in content.items() if name != "status"}
+    for written, reasons in (
+        (content, 0),
+        (content | {"status": "not converged"}, 1),
+        (of_0_1, 0),
+        (of_0_1 | {"verdict": "not converged"}, 1),
+        (of_0_1 | {"verdict": "converged at a bound: A0 = 0"}, 1),
+    ):
+        (tmp_path / "results.json").write_text(json.dumps(written), "utf-8")
         assert len(read_results([tmp_path]).not_to_trust) == reasons

@@ -1,6 +1,5 @@
 """`calibrate airspeed`"""
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -44,15 +43,10 @@ def airspeed(
       calibrate airspeed log.mcap --probe probe.json -o airspeed.json
       calibrate airspeed log.ulg                     a log of PX4 or ArduPilot
     """
-    from analysis.airdata.flight_data import flight_data
     from analysis.airdata.probe import PROBE_FILE
-    from analysis.drag.assumed_values import alpha_scale_sigma
-    from analysis.log_checks.axes import check_axes
-    from analysis.log_checks.structure import check_decodable, check_log
-    from analysis.log_contents import Replacements, contents
+    from analysis.flight import recorded, synchronized, trajectory_with
+    from analysis.log_contents import Replacements
     from analysis.trajectory.consistency import calibrate
-    from analysis.trajectory.priors import stated_sigma
-    from analysis.trajectory.reconstruction import reconstruct
     from flight.aircraft import load_aircraft
     from flight.log_reader import read_log
 
@@ -60,26 +54,14 @@ def airspeed(
     if firmware:
         refuse_daemon_options(log, probe=probe, aircraft=aircraft)
         return _calibrated(autopilot_airspeed(log, firmware), [], log)
-    recorded = read_log(log)
     given = Replacements(
         aircraft=load_aircraft(aircraft) if aircraft else None, probe=PROBE_FILE.load(probe) if probe else None
     )
-    check_decodable(recorded)
-    carried = contents(recorded, given)
-    check_log(recorded, carried.propeller.diameter_m)
-    data = flight_data(
-        recorded, carried.aircraft, carried.propeller, carried.probe, carried.magnetometer, carried.zero,
-        carried.transducers,
-    )  # fmt: skip
-    if not data.table["flying"].any():
+    flight = synchronized(recorded(read_log(log), given))
+    if not flight.table["flying"].any():
         raise InputError(f"{log}: no flight in this log")
-    check_axes(data.table, str(log))
-    sigma = math.hypot(carried.probe.alpha_scale_sigma, alpha_scale_sigma(carried.aircraft))
-    trajectory = reconstruct(
-        data.table, data.rest, alpha_scale_sigma=sigma, compass=data.compass, calibrated=data.calibrated, log=str(log),
-        stated=stated_sigma(carried.aircraft.uncertainty),
-    )  # fmt: skip
-    return _calibrated(calibrate(data.table, trajectory), carried.notes + data.notes, log)
+    found = calibrate(flight.table, trajectory_with(flight, flight.data))
+    return _calibrated(found, list(flight.notes), log)
 
 
 def autopilot_airspeed(log: Path, firmware: str) -> "AirspeedCalibration":

@@ -9,9 +9,9 @@ from analysis.estimation.noise import NORMAL_95
 from analysis.report.answers import stall_margin_percent
 from analysis.report.html_page import HtmlTable
 from analysis.report.sections.flight import CHANNELS, decimals
-from analysis.report.sections.summary import FILTER_ERROR, reference_point
+from analysis.report.sections.summary import reference_point
 from analysis.report.settings import REPORT
-from analysis.schema import IntervalPart, Results
+from analysis.schema import CheckedBy, IntervalPart, Results
 
 NOT_FLOWN = "no run of the required kind was flown: "  # begins a note of a method
 
@@ -61,8 +61,8 @@ def _checks(results: Results) -> list[tuple[str, str]]:
 
 def _cross_check(results: Results) -> str:
     """Filter error is not compared (`drag.cross_check.disagreement`)."""
-    if results.cross_check_by == FILTER_ERROR:
-        return f"Not compared: the intervals of {FILTER_ERROR} are too narrow for a comparison."
+    if results.cross_check_by is CheckedBy.FILTER_ERROR:
+        return f"Not compared: the intervals of {CheckedBy.FILTER_ERROR} are too narrow for a comparison."
     differs = "No: it differs by more than" if results.cross_check_differs else "Yes, within what"
     return f"{differs} the intervals allow ({results.cross_check_by})."
 

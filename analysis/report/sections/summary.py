@@ -9,7 +9,7 @@ import numpy as np
 
 from analysis.report.answers import HeadlineAnswer, headline_answers
 from analysis.results.trust import reasons_not_to_trust
-from analysis.schema import PowerPoint, Results
+from analysis.schema import CheckedBy, CurveStatus, PowerPoint, Results
 from flight.units import GRAVITY_MPS2
 
 FEET_PER_SECOND, KM_PER_HOUR = 1 / 0.3048, 3.6  # of 1 m/s
@@ -57,9 +57,6 @@ def _card(answer: HeadlineAnswer) -> AnswerCard:
     shown = f"{answer.speed_mps:.1f}"
     other_units = f"{float(shown) * KM_PER_HOUR:.0f} km/h · {float(shown) * FEET_PER_SECOND:.0f} ft/s"
     return AnswerCard(answer.question, shown, answer.remark, other_units, answer.note)
-
-
-FILTER_ERROR = "filter error"  # as `cross_check_by` says it; its intervals are too narrow for a comparison
 
 
 class NamedPoint(NamedTuple):
@@ -118,11 +115,11 @@ def verdict_section(results: Results) -> VerdictSection:
 def _support(results: Results) -> str:
     """What speaks for the result."""
     others = sum(bool(method.power_required) for method in results.methods)
-    parts = ["the estimation converged" if results.verdict.startswith("converged") else results.verdict]
+    parts = ["the estimation converged" if results.status is CurveStatus.CONVERGED else results.verdict]
     pairs = len(results.disagreements)
     if others and not pairs:
         parts.append(f"{others} other {'method agrees' if others == 1 else 'methods agree'} within the intervals")
-    if results.cross_check and results.cross_check_by != FILTER_ERROR:
+    if results.cross_check and results.cross_check_by is not CheckedBy.FILTER_ERROR:
         parts.append("the cross-check on the runs alone agrees")
     but = f", but {pairs} {'pair' if pairs == 1 else 'pairs'} of methods disagree: see the comparison" if pairs else ""
     return f"{', '.join(parts)}{but}."

@@ -8,15 +8,15 @@ import pytest
 from analysis.drag.assumed_values import (
     IMU_SIGMA_M,
     PROBE_SIGMA_M,
-    UPWASH_SIGMA_RAD,
     AssumptionUncertainty,
     _folding_note,
-    alpha_scale_sigma,
     assumption_uncertainty,
     with_assumption_uncertainty,
 )
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.polar import Condition, Polar, power_required, speed_at
+from analysis.schema import CurveStatus
+from analysis.trajectory.priors import UPWASH_SIGMA_RAD, upwash_slope_sigma
 from flight.aircraft import parse_aircraft
 
 FOUR_KEYS = """
@@ -37,6 +37,7 @@ def estimate(values, covariance=OWN):
     return DynamicEstimate(
         polar=Polar(values[:3], covariance[:3, :3]),
         parameters=parameters,
+        status=CurveStatus.CONVERGED,
         verdict="",
         warnings=[],
         fits=[],
@@ -46,30 +47,29 @@ def estimate(values, covariance=OWN):
     )
 
 
-def repeat(aircraft, propeller, upwash_sigma):
+class Rerun:
     """A0 grows by 0.01 a meter that the probe is further ahead, A1 by 0.02 a meter that the IMU is, A2 with upwash."""
-    values = np.array([*A, 0.0, 0.0])
-    values[2] += 0.1 * aircraft.probe.upwash_per_CL_rad
-    values[0] += 0.01 * aircraft.probe.position_m[0]
-    values[1] += 0.02 * aircraft.imu_position_m[0]
-    return estimate(values, OWN * (1 + upwash_sigma))
 
+    def estimate(self, aircraft, propeller, slope_sigma):
+        values = np.array([*A, 0.0, 0.0])
+        values[2] += 0.1 * aircraft.probe.upwash_per_CL_rad
+        values[0] += 0.01 * aircraft.probe.position_m[0]
+        values[1] += 0.02 * aircraft.imu_position_m[0]
+        return estimate(values, OWN * (1 + slope_sigma))
 
-def repeat_values(aircraft, propeller, upwash_sigma):
-    return repeat(aircraft, propeller, upwash_sigma).values
+    def values(self, aircraft, propeller, slope_sigma):
+        return self.estimate(aircraft, propeller, slope_sigma).values
 
 
 def test_without_missing_keys_nothing_is_added(nexstar, propeller):
-    assert assumption_uncertainty(repeat, repeat_values, nexstar, propeller, AT, FLOWN_CL) is None
-    assert alpha_scale_sigma(nexstar) == 0.0
+    assert assumption_uncertainty(Rerun(), nexstar, propeller, AT, FLOWN_CL) is None
+    assert upwash_slope_sigma(nexstar) == 0.0
     whole = estimate(np.array([*A, 0.0, 0.0]))
     assert with_assumption_uncertainty(whole, None) is whole
 
 
 def test_the_change_by_one_standard_deviation_is_squared_into_the_covariance(propeller):
-    found = assumption_uncertainty(
-        repeat, repeat_values, parse_aircraft(FOUR_KEYS, "mine.toml"), propeller, AT, FLOWN_CL
-    )
+    found = assumption_uncertainty(Rerun(), parse_aircraft(FOUR_KEYS, "mine.toml"), propeller, AT, FLOWN_CL)
     assert found is not None
     wanted = np.zeros((5, 5))
     wanted[0, 0] = (0.01 * PROBE_SIGMA_M) ** 2
@@ -80,14 +80,14 @@ def test_the_change_by_one_standard_deviation_is_squared_into_the_covariance(pro
 
 def test_the_notes_say_what_stands_in_and_by_how_much_the_key_would_narrow_the_interval(propeller):
     mine = parse_aircraft(FOUR_KEYS + '[probe]\nupwash_per_CL = "1 deg"\n', "mine.toml")
-    found = assumption_uncertainty(repeat, repeat_values, mine, propeller, AT, FLOWN_CL)
+    found = assumption_uncertainty(Rerun(), mine, propeller, AT, FLOWN_CL)
     assert found is not None
     (probe,) = (note for note in found.notes if "probe.position" in note)
     V = np.array([speed_at(FLOWN_CL[1], AT)])
     widths = []
     for key in ("", '[probe]\nposition = ["0.3 m", "0 m", "0 m"]\nupwash_per_CL = "1 deg"\n'):
         aircraft = parse_aircraft(FOUR_KEYS + key, "") if key else mine
-        added = assumption_uncertainty(repeat, repeat_values, aircraft, propeller, AT, FLOWN_CL)
+        added = assumption_uncertainty(Rerun(), aircraft, propeller, AT, FLOWN_CL)
         widened = with_assumption_uncertainty(estimate(np.array([*A, 0.0, 0.0])), added)
         widths.append(power_required(V, widened.polar, AT)[1][0])
     assert f"{100 * (1 - widths[1] / widths[0]):.0f} % narrower" in probe
@@ -107,9 +107,9 @@ def test_widening_adds_to_the_systematic_part_alone():
 def test_unknown_upwash_is_a_slope_of_angle_of_attack(nexstar):
     """1 deg per CL, 4.5 of CL per rad for an aspect ratio of 6.6: 8 % of slope."""
     mine = parse_aircraft(FOUR_KEYS, "mine.toml")
-    assert alpha_scale_sigma(mine) == pytest.approx(np.radians(1) * 4.5, rel=0.05)
+    assert upwash_slope_sigma(mine) == pytest.approx(np.radians(1) * 4.5, rel=0.05)
     slender = replace(mine, geometry=replace(mine.geometry, span_m=3.5))
-    assert alpha_scale_sigma(slender) > alpha_scale_sigma(mine)
+    assert upwash_slope_sigma(slender) > upwash_slope_sigma(mine)
 
 
 @pytest.mark.parametrize(("span_m", "lift_slope"), [(1e5, 2 * np.pi), (1e-3, np.pi / 2 * 1e-6 / 0.46), (1.75, 4.673)])
@@ -118,13 +118,13 @@ def test_the_slope_by_unknown_upwash_is_upwash_times_the_lift_slope_of_the_wing(
     Helmbold's equation: an angle alpha has a lift coefficient of a alpha, and that 1 deg of upwash for each unit."""
     mine = parse_aircraft(FOUR_KEYS, "mine.toml")
     wing = replace(mine, geometry=replace(mine.geometry, span_m=span_m))
-    assert alpha_scale_sigma(wing) == pytest.approx(np.radians(1) * lift_slope, rel=2e-3)
+    assert upwash_slope_sigma(wing) == pytest.approx(np.radians(1) * lift_slope, rel=2e-3)
 
 
 def test_known_upwash_narrows_the_interval_by_its_change_and_by_its_slope(propeller):
-    """`repeat` has the covariance OWN (1 + sigma): without upwash's sigma OWN is left, and its change of A2 is gone."""
+    """`Rerun` has the covariance OWN (1 + sigma): without upwash's sigma OWN is left, and its change of A2 is gone."""
     mine = parse_aircraft(FOUR_KEYS, "mine.toml")
-    found = assumption_uncertainty(repeat, repeat_values, mine, propeller, AT, FLOWN_CL)
+    found = assumption_uncertainty(Rerun(), mine, propeller, AT, FLOWN_CL)
     assert found is not None
     (note,) = (note for note in found.notes if "probe.upwash_per_CL" in note)
     V = np.array([speed_at(FLOWN_CL[1], AT)])
@@ -132,7 +132,7 @@ def test_known_upwash_narrows_the_interval_by_its_change_and_by_its_slope(propel
     def standard_error(covariance):
         return power_required(V, Polar(A, covariance[:3, :3]), AT)[1][0]
 
-    without = standard_error(OWN * (1 + alpha_scale_sigma(mine)) + found.covariance)
+    without = standard_error(OWN * (1 + upwash_slope_sigma(mine)) + found.covariance)
     part = np.zeros((5, 5))
     part[2, 2] = (0.1 * UPWASH_SIGMA_RAD) ** 2
     known = standard_error(OWN + found.covariance - part)

@@ -11,9 +11,9 @@ import pytest
 from methods import Analyzed, analyzed, drawn, fly
 
 from analysis.drag.dynamic import estimate_polar
-from analysis.drag.estimate import every_method, fallback
 from analysis.drag.forces import FlightForces
 from analysis.drag.method import MethodEstimate
+from analysis.drag.methods import every_method, fallback
 from analysis.drag.sensor_errors import estimate_errors
 from analysis.flown import flown_condition, flown_lift
 from analysis.maneuvers.find import find
@@ -99,7 +99,7 @@ def test_energy_shows_a_wrong_pitch_of_the_trajectory_with_size_and_sign(probe, 
     estimate = estimate_polar(tilted, level, AIRCRAFT, propeller)
     rows = pd.concat([flown.table.iloc[run.rows] for run in level])
     at, flown_CL = flown_condition(rows, AIRCRAFT), flown_lift(rows, AIRCRAFT)
-    said = every_method(tilted, level, estimate, flown_CL, AIRCRAFT, propeller, at).disagreements
+    said = every_method(tilted, level, AIRCRAFT, propeller, at, dynamic=estimate, dynamic_CL=flown_CL).disagreements
     (one,) = (one for one in said if one.second == "energy")
     assert one.cause == "pitch attitude"
     words = re.search(r"pitch attitude is ([\d.]+) deg too (high|low)", one.text)
@@ -156,7 +156,7 @@ def test_a_flight_of_maneuvers_alone_has_a_curve_and_one_of_a_single_speed_has_n
     found = find(flown.table, flown.still)
 
     def estimates(*kinds: str) -> list[MethodEstimate]:
-        return every_method(trajectory, found.of(*kinds), None, (0, 1), AIRCRAFT, propeller, at).by_method
+        return every_method(trajectory, found.of(*kinds), AIRCRAFT, propeller, at).by_method
 
     estimate, flown_CL = fallback(
         estimates("steady", "roller coaster", "wind-up turn"), trajectory, AIRCRAFT, "flight.mcap"

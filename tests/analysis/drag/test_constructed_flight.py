@@ -10,10 +10,10 @@ from constructed import AIRCRAFT, BLOCK, PROPELLER, STEP_S, W, accelerations_and
 from analysis.drag import covariance
 from analysis.drag.covariance import DENSITY
 from analysis.drag.dynamic import estimate_polar
-from analysis.drag.estimate import ALL_METHODS
 from analysis.drag.forces import FlightForces
 from analysis.drag.method import estimate_with
 from analysis.drag.method_inputs import MethodInputs, input_table, method_inputs
+from analysis.drag.methods import ALL_METHODS
 from analysis.drag.sensor_errors import CAUSES, error_prior_sigma, estimate_errors
 from analysis.polar import Condition, Polar, power_required
 from analysis.trajectory.block_means import BlockMeans

@@ -29,7 +29,7 @@ def asked(flight, aircraft, propeller):
     """The cross-check, and how far its power is off in its own standard errors and in per cent."""
     runs = find(flight.table, flight.still).of("acceleration", "deceleration")
     gust_mps = reconstruct(flight.table, flight.still).gust_mps
-    check = on_runs_alone(flight.table, runs, aircraft, zeroed=True, propeller=propeller, gust_mps=gust_mps)
+    check = on_runs_alone(flight.table, runs, aircraft, propeller, gust_mps=gust_mps, zeroed=True)
     rho = float(np.mean([flight.table["rho"].iloc[run.rows].mean() for run in runs]))
     at = Condition(aircraft.mass.weight_N, rho, aircraft.geometry.wing_area_m2)
     power, error = power_required(SPEEDS_MPS, check.polar, at)

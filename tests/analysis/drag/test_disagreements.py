@@ -11,6 +11,7 @@ from analysis.drag.method import Method, MethodEstimate
 from analysis.drag.methods_from_runs import ACCELERATIONS, DECELERATIONS, DIRECT, ENERGY
 from analysis.drag.sensor_errors import INSTALLATION_TOLERANCE, ErrorEstimate
 from analysis.polar import Condition, Polar
+from analysis.schema import CurveStatus
 
 AT = Condition(weight_N=37.68, rho=1.2, wing_area_m2=0.4636)
 A = np.array([0.0465, -0.0195, 0.065])
@@ -23,7 +24,7 @@ def dynamic(noise: np.ndarray = NOISE) -> DynamicEstimate:
     zero = np.zeros((5, 5))
     whole = zero.copy()
     whole[:3, :3] = noise
-    return DynamicEstimate(Polar(A, noise), [], "", [], [], np.r_[A, 0.0, 0.0], whole, zero)
+    return DynamicEstimate(Polar(A, noise), [], CurveStatus.CONVERGED, "", [], [], np.r_[A, 0.0, 0.0], whole, zero)
 
 
 def by(method: Method, change: float, **fields) -> MethodEstimate:

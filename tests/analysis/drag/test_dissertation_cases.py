@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 import pytest
+from flight_record import flight_record
 from methods import Flown, drawn, fly
 
 from analysis.airdata.probe import ProbeCalibration
@@ -63,7 +64,9 @@ def case(probe: ProbeCalibration):
 def by_likelihood(case) -> LikelihoodEstimates:
     one = case("case-1", 0)
     CL = flown_lift(one.flown.table[one.flown.table["flying"]], AIRCRAFT)
-    return likelihood.estimate(one.flown.table, one.trajectory, one.runs, AIRCRAFT, PROPELLER, CL, zeroed=True)
+    return likelihood.estimate(
+        flight_record(one.flown.table, one.trajectory, one.runs, AIRCRAFT, PROPELLER, flown_CL=CL)
+    )
 
 
 @pytest.mark.xdist_group("case-1")
@@ -95,7 +98,7 @@ def test_few_more_steps_are_the_effect_of_a_thrust_error(case, by_likelihood) ->
     sigma = AIRCRAFT.uncertainty.thrust_scale_fraction
     rows = tuple(replace(row, cT=tuple((1 + sigma) * cT for cT in row.cT)) for row in PROPELLER.rows)
     higher = Propeller("higher", PROPELLER.diameter_m, rows)
-    again = likelihood.estimate(one.flown.table, one.trajectory, one.runs, AIRCRAFT, higher, (0.2, 1), zeroed=True)
+    again = likelihood.estimate(flight_record(one.flown.table, one.trajectory, one.runs, AIRCRAFT, higher))
     for found, other in zip(by_likelihood.methods, again.methods, strict=True):
         changes = other.polar.A - found.polar.A, found.sensitivities["thrust_scale"] * sigma
         by_whole, by_steps = (power_required(V, Polar(A, np.zeros((3, 3))), one.at)[0] for A in changes)
@@ -120,6 +123,6 @@ def test_noise_is_told_from_a_smooth_signal() -> None:
 
 
 def test_without_runs_the_likelihoods_have_a_note(case) -> None:
-    estimates = likelihood.estimate(pd.DataFrame(), None, [], AIRCRAFT, PROPELLER, (0.2, 1.0), zeroed=True)
+    estimates = likelihood.estimate(flight_record(pd.DataFrame(), None, [], AIRCRAFT, PROPELLER))
     assert [one.polar for one in estimates.methods] == [None, None]
     assert "acceleration" in estimates.methods[0].notes[0] and estimates.pitch_rate is None

@@ -19,10 +19,10 @@ from constructed import (
 )
 
 from analysis.drag import covariance, dynamic
-from analysis.drag.estimate import fallback
 from analysis.drag.forces import FlightForces
 from analysis.drag.method import Method, MethodEstimate, _missing_term, estimate_with
 from analysis.drag.method_inputs import MethodInputs, method_inputs
+from analysis.drag.methods import fallback
 from analysis.drag.methods_from_runs import ENERGY, ONE_RUN, VARIED_LIFT
 from analysis.drag.sensor_errors import CAUSES, error_prior_sigma, estimate_errors
 from analysis.drag.steady_points import PIW_VIW_THREE, PIW_VIW_TWO

@@ -18,7 +18,9 @@ def runs(rng: np.random.Generator, kind: str, count: int, *, wider: float = 1.0)
     """Single runs whose polars scatter `wider` times as much as their noise says."""
     drawn = rng.multivariate_normal(TRUTH, NOISE * wider**2, count)
     return [
-        MethodEstimate(replace(ONE_RUN, title=f"{kind} at {i} s"), Polar(A, NOISE), NOISE, flown_CL=(0.3, 1.0))
+        MethodEstimate(
+            replace(ONE_RUN, title=f"{kind} at {i} s", kinds=(kind,)), Polar(A, NOISE), NOISE, flown_CL=(0.3, 1.0)
+        )
         for i, A in enumerate(drawn)
     ]
 
@@ -45,8 +47,8 @@ def test_the_warning_tells_the_scatter_in_per_cent_of_power_and_of_what_noise_al
     small = np.diag([0.001, 0.0, 0.0]) ** 2
     three = [
         MethodEstimate(
-            replace(ONE_RUN, title=f"acceleration at {i} s"), Polar(np.array([CD, 0.0, 0.0]), small), small,
-            flown_CL=(0.25, 1.0),
+            replace(ONE_RUN, title=f"acceleration at {i} s", kinds=("acceleration",)),
+            Polar(np.array([CD, 0.0, 0.0]), small), small, flown_CL=(0.25, 1.0),
         )
         for i, CD in enumerate((0.03, 0.04, 0.05))
     ]  # fmt: skip

@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 from constructed import PROPELLER, accelerations_and_decelerations, measured
 
+from analysis.airdata.flight_data import Calibrations
 from analysis.drag.dynamic import INPUTS, drag_model, estimate_polar
 from analysis.drag.rejected_assumptions import doubts
 from analysis.drag.sensor_errors import _thrust_errors
@@ -116,13 +117,13 @@ def test_results_have_the_stand_for_pools_and_thrust_at_rest(probe) -> None:
     estimate = estimate_polar(measured(f), runs, aircraft, PROPELLER)
     found = static_thrust(estimate)
     assert (found.value, found.standard_error) == pytest.approx((1.1, 1.1e-4), rel=0.02)
-    statistics = pooling_statistics(estimate, (0.3, 1.0), aircraft, PROPELLER, probe)
+    statistics = pooling_statistics(estimate, (0.3, 1.0), aircraft, PROPELLER, Calibrations(probe))
     assert statistics is not None
     (one,) = statistics.prior_measurements or []
     assert one.coefficients == {"thrust_scale": 1.0, "thrust_slope": -0.5}
     assert (one.value, one.sigma) == pytest.approx((0.1, 1.1e-4))
     without = pooling_statistics(
-        estimate_polar(measured(f), runs, NEXSTAR, PROPELLER), (0.3, 1), NEXSTAR, PROPELLER, probe
+        estimate_polar(measured(f), runs, NEXSTAR, PROPELLER), (0.3, 1.0), NEXSTAR, PROPELLER, Calibrations(probe)
     )
     assert b"prior_measurements" not in msgspec.json.encode(without), "as it was before there were stands"
 

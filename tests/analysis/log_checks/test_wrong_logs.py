@@ -15,8 +15,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis import pipeline
-from analysis.airdata.flight_data import flight_data
+from analysis import flight
+from analysis.airdata.flight_data import Calibrations, flight_data
 from analysis.log_checks.axes import check_axes
 from analysis.log_checks.structure import check_log
 from analysis.log_contents import Replacements, contents
@@ -121,7 +121,7 @@ def judged(log: Log) -> None:
     """The checks in the order of the pipeline."""
     found = contents(log)
     check_log(log, found.propeller.diameter_m)
-    check_axes(flight_data(log, found.aircraft, found.propeller, found.probe).table, str(log.path))
+    check_axes(flight_data(log, found.aircraft, found.propeller, Calibrations(found.probe)).table, str(log.path))
 
 
 def refusal(log: Log) -> str:
@@ -207,7 +207,7 @@ def test_the_trajectory_begins_with_what_the_aircraft_file_states(flown: Written
     def stated(_table: object, _rest: object, *, stated: dict[str, float], **_: object) -> None:
         raise Reached(stated)
 
-    monkeypatch.setattr(pipeline, "reconstruct", stated)
+    monkeypatch.setattr(flight, "reconstruct", stated)
     text = (
         load_complete_aircraft("nexstar").text
         + """
@@ -231,7 +231,7 @@ accelerometer_offset = "0.5 m/s^2"
 @pytest.mark.parametrize("tick", [lambda tick: 0, lambda tick: 8 * tick], ids=["stays 0", "counts all messages"])
 def test_the_sequence_need_not_count_ticks(written: Log, tick: Callable[[int], int]) -> None:
     found = contents(written)
-    data = flight_data(counted(tick)(written), found.aircraft, found.propeller, found.probe)
+    data = flight_data(counted(tick)(written), found.aircraft, found.propeller, Calibrations(found.probe))
     assert len(data.table) == len(written.entries["/imu"])
 
 

@@ -31,7 +31,7 @@ from analysis.performance.level_flight import PerformanceModel
 from analysis.performance.propagation import ParameterVector, combine_independent, exact
 from analysis.performance.request import Request, TitledCondition
 from analysis.polar import Condition, Polar, speed_at
-from analysis.schema import Interval
+from analysis.schema import CurveStatus, Interval
 from flight.runs import AIRCRAFT_SIZE
 from sim.plant import plant_of
 
@@ -93,7 +93,15 @@ def dynamic_estimate(noise: np.ndarray, systematic: np.ndarray) -> DynamicEstima
     values = np.array([*POLAR.values(), 0.02, -0.05])
     polar = Polar(values[:3], (noise + systematic)[:3, :3])
     return DynamicEstimate(
-        polar=polar, parameters=[], verdict="", warnings=[], fits=[], values=values, noise=noise, systematic=systematic
+        polar=polar,
+        parameters=[],
+        status=CurveStatus.CONVERGED,
+        verdict="",
+        warnings=[],
+        fits=[],
+        values=values,
+        noise=noise,
+        systematic=systematic,
     )
 
 

@@ -8,6 +8,7 @@ from analysis.schema import (
     AircraftResult,
     AvailableResult,
     ConditionResult,
+    CurveStatus,
     DisagreementResult,
     DragPolar,
     FieldRow,
@@ -70,7 +71,8 @@ def results() -> Results:
         power_required=curve(dashed_above=20.0), power_required_standard=curve(), cross_check=curve(1.02),
         minimum_power_speed=none,
         best_range_speed=SpeedInterval(speed_mps=13.1, lo_mps=12.8, hi_mps=13.4, inside_flown_range=True),
-        verdict="converged", warnings=["mind <this>"], methods=[steady, failed], disagreements=[disagreement],
+        status=CurveStatus.CONVERGED, verdict="converged", warnings=["mind <this>"],
+        methods=[steady, failed], disagreements=[disagreement],
         interval_parts=[IntervalPart(speed_mps=v, noise_W=1.0, systematic_W=2.0) for v in (12.0, 18.0, 24.0)],
     )  # fmt: skip
 

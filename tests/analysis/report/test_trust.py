@@ -8,11 +8,13 @@ from msgspec.structs import replace
 from analysis.cli.analyze import _finish
 from analysis.cli.electrical import Done
 from analysis.results.trust import reasons_not_to_trust
-from analysis.schema import Results
+from analysis.schema import CurveStatus, Results
 
 CHANGES = {
-    "did not converge": lambda r: replace(r, verdict="not converged: the step length"),
-    "at a bound": lambda r: replace(r, verdict="converged at a bound: A0 = 0"),
+    "did not converge": lambda r: replace(
+        r, status=CurveStatus.NOT_CONVERGED, verdict="not converged: the step length"
+    ),
+    "at a bound": lambda r: replace(r, status=CurveStatus.NOT_CONVERGED, verdict="converged at a bound: A0 = 0"),
     "reaches zero": lambda r: replace(r, power_required=[replace(r.power_required[0], power_lo_W=-1.0)]),
     "does not increase with lift": lambda r: replace(r, drag_polar=replace(r.drag_polar, A2=-0.01)),
     "cross-check by output error differs": lambda r: replace(r, cross_check_differs=True),

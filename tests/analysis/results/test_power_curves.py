@@ -14,7 +14,7 @@ from analysis.polar import Condition, Polar, best_range_lift, minimum_power_lift
 from analysis.results import power_curves
 from analysis.results.files import to_csv
 from analysis.results.methods import _point
-from analysis.schema import ConditionResult, PowerPoint
+from analysis.schema import ConditionResult, CurveStatus, PowerPoint
 
 AT = Condition(weight_N=37.7, rho=1.19, wing_area_m2=0.4636)
 CD0, K = 0.04, 0.06
@@ -108,8 +108,8 @@ def test_the_two_parts_of_an_interval_are_those_of_their_covariances() -> None:
     """A0 known to 0.001 by noise and to 0.002 by systematic errors."""
     noise, systematic = np.diag([0.001**2, 0, 0, 0, 0]), np.diag([0.002**2, 0, 0, 0, 0])
     estimate = DynamicEstimate(
-        polar=POLAR, parameters=[], verdict="", warnings=[], fits=[], values=np.zeros(5), noise=noise,
-        systematic=systematic,
+        polar=POLAR, parameters=[], status=CurveStatus.CONVERGED, verdict="", warnings=[], fits=[], values=np.zeros(5),
+        noise=noise, systematic=systematic,
     )  # fmt: skip
     (part,) = power_curves.interval_parts(estimate, AT, np.array([15.0]))
     unit_W = AT.rho * 15.0**3 / 2 * AT.wing_area_m2

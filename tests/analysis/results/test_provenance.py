@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from analysis.flight import Recorded
 from analysis.log_contents import Replacements
 from analysis.results.flight_found import autocorrelation, parameter_correlation, track
 from analysis.results.previous import replaced
@@ -54,7 +55,7 @@ def log(tmp_path: Path) -> Log:
 def made(
     log: Log, command: str = "analyze log.mcap", replacements: Replacements = Replacements(), **held
 ) -> Provenance:
-    return provenance(log, contents(**held), replacements, None, command)
+    return provenance(Recorded(log=log, replacements=replacements, contents=contents(**held)), None, command)
 
 
 def test_date_place_and_health_are_those_of_the_log(log: Log) -> None:

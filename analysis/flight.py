@@ -1,0 +1,197 @@
+"""The record of a flight: what the analysis knows of it so far. Every step takes the record and returns a richer one.
+
+    Recorded ──synchronized──▶ Measured ──with_runs──▶ Flown ──reconstructed──▶ Reconstructed ──▶ `pipeline.Analysis`
+
+Part of the analysis is run again with other assumptions (`rerun`), on a record that is the same but for these.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from numpy.typing import ArrayLike
+
+from analysis.airdata.flight_data import FlightData, flight_data
+from analysis.flown import check_lift, flown_condition, flown_lift, thrust_coverage
+from analysis.log_checks.axes import check_axes
+from analysis.log_checks.structure import check_decodable, check_log
+from analysis.log_contents import LogContents, Replacements, contents
+from analysis.maneuvers.kinds import FOR_DRAG, Maneuvers
+from analysis.maneuvers.runs_file import select
+from analysis.polar import Condition
+from analysis.trajectory.observability import (
+    conflict_notes,
+    prior_conflict,
+    sensor_error_estimates,
+    trajectory_notes,
+    with_misfit,
+)
+from analysis.trajectory.priors import stated_sigma, upwash_slope_sigma
+from analysis.trajectory.reconstruction import Trajectory, reconstruct
+from flight.aircraft import Aircraft
+from flight.log_reader import Log
+from flight.propeller import Propeller
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recorded:
+    """A log that can be decoded, and what it holds beside its measurements.
+
+    replacements : given in place of parts of the log
+    contents : aircraft, propeller, calibrations, with the replacements
+    notes : what the reader of the results has to know, in sentences, in the order in which it came up
+    """
+
+    log: Log
+    replacements: Replacements
+    contents: LogContents
+    notes: tuple[str, ...] = ()
+    progress: Progress = lambda _: None
+
+    @property
+    def name(self) -> str:
+        """Of the log, for messages."""
+        return str(self.log.path)
+
+    @property
+    def aircraft(self) -> Aircraft:
+        return self.contents.aircraft
+
+    @property
+    def propeller(self) -> Propeller:
+        return self.contents.propeller
+
+    def known(self) -> dict[str, Any]:
+        """All fields by name, for the record of the next step."""
+        return {one.name: getattr(self, one.name) for one in fields(self)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measured(Recorded):
+    """With all measurements on one time base, as air data at the center of gravity."""
+
+    data: FlightData
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """Of `airdata.air.air_data`, the whole flight."""
+        return self.data.table
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flown(Measured):
+    """With the maneuvers.
+
+    runs_file : the list of runs that was given; None where they were found in the data
+    condition : weight of the aircraft and mean density of the runs
+    flown_CL : range of the lift coefficients of level flight at the speeds of the runs
+    """
+
+    maneuvers: Maneuvers
+    runs_file: Path | None
+    condition: Condition
+    flown_CL: tuple[float, float]
+
+    @property
+    def flown(self) -> pd.DataFrame:
+        """The rows of the table in accelerations and decelerations; without any, in the maneuvers used instead."""
+        return _rows_flown(self.table, self.maneuvers)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reconstructed(Flown):
+    """With the trajectory and the sensor errors.
+
+    prior_factor : on the prior standard deviations of the sensor errors, larger than one where the flight denied them
+    """
+
+    trajectory: Trajectory
+    prior_factor: ArrayLike
+
+
+def recorded(log: Log, replacements: Replacements, progress: Progress = lambda _: None) -> Recorded:
+    """Raises InputError when the log lacks something that nothing replaces, or cannot be decoded."""
+    check_decodable(log)
+    found = contents(log, replacements)
+    return Recorded(log=log, replacements=replacements, contents=found, notes=tuple(found.notes), progress=progress)
+
+
+def synchronized(flight: Recorded) -> Measured:
+    """Raises InputError when the log is wrong: names, clock, units, axes."""
+    flight.progress("checking the log")
+    check_log(flight.log, flight.propeller.diameter_m)
+    flight.progress("synchronizing")
+    data = flight_data(flight.log, flight.aircraft, flight.propeller, flight.contents.calibrations)
+    check_axes(data.table, flight.name)
+    return Measured(**flight.known() | {"data": data, "notes": (*flight.notes, *data.notes)})
+
+
+def with_runs(flight: Measured, runs_file: Path | None) -> Flown:
+    """runs_file: an edited list of runs (`maneuvers.runs_file`). Raises InputError when there is none to analyze."""
+    flight.progress("finding runs")
+    maneuvers = select(flight.table, flight.data.rest, flight.name, runs_file)
+    flown = _rows_flown(flight.table, maneuvers)
+    condition, flown_CL = flown_condition(flown, flight.aircraft), flown_lift(flown, flight.aircraft)
+    check_lift(flown_CL, condition, flight.name)
+    kinds = {run.kind for run in maneuvers.level_runs}
+    notes = (*flight.notes, *thrust_coverage(flown, flight.propeller, kinds, str(runs_file or "")))
+    return Flown(
+        **flight.known()
+        | {"maneuvers": maneuvers, "runs_file": runs_file, "condition": condition, "flown_CL": flown_CL, "notes": notes}
+    )
+
+
+def _rows_flown(table: pd.DataFrame, maneuvers: Maneuvers) -> pd.DataFrame:
+    return pd.concat([table.iloc[run.rows] for run in maneuvers.level_runs or maneuvers.of(*FOR_DRAG)])
+
+
+def reconstructed(flight: Flown) -> Reconstructed:
+    """The trajectory is reconstructed again with wider priors where the flight denies those of the sensor errors."""
+    flight.progress("reconstructing the trajectory")
+    prior_factor: ArrayLike = 1.0
+    trajectory = trajectory_with(flight, flight.data)
+    conflict = prior_conflict(trajectory)
+    notes = [*flight.notes, *conflict_notes(conflict, trajectory)]
+    if conflict.conflicting:
+        flight.progress("reconstructing the trajectory with larger sensor errors")
+        prior_factor = conflict.factor
+        trajectory = trajectory_with(flight, flight.data, prior_factor=prior_factor)
+    trajectory, misfit_notes = with_misfit(trajectory)
+    notes += misfit_notes + trajectory_notes(
+        trajectory,
+        sensor_error_estimates(trajectory),
+        len(flight.maneuvers.level_runs),
+        magnetometer_calibrated=flight.contents.magnetometer is not None,
+        log=flight.name,
+    )
+    return Reconstructed(
+        **flight.known() | {"trajectory": trajectory, "prior_factor": prior_factor, "notes": tuple(notes)}
+    )
+
+
+def trajectory_with(
+    flight: Measured, data: FlightData, *, prior_factor: ArrayLike = 1.0, slope_sigma: float | None = None
+) -> Trajectory:
+    """The most probable trajectory by `data`, which may be others than the flight's own.
+
+    slope_sigma : prior standard deviation of the slope of angle of attack by upwash; None for that of the
+        aircraft file
+    """
+    uncertainty = flight.aircraft.uncertainty
+    by_upwash = upwash_slope_sigma(flight.aircraft) if slope_sigma is None else slope_sigma
+    return reconstruct(
+        data.table,
+        data.rest,
+        stated=stated_sigma(uncertainty),
+        alpha_scale_sigma=math.hypot(flight.contents.probe.alpha_scale_sigma, by_upwash),
+        compass=data.compass,
+        calibrated=data.calibrated,
+        gust_length=uncertainty.gust_length,
+        prior_factor=prior_factor,
+        log=flight.name,
+    )

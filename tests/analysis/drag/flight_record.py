@@ -1,0 +1,36 @@
+"""The record of a flight that no log holds, for methods that take the record."""
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pandas as pd
+
+from analysis.airdata.flight_data import FlightData
+from analysis.flight import Reconstructed
+from analysis.flown import flown_condition
+from analysis.log_contents import LogContents, Replacements
+from analysis.maneuvers.kinds import Maneuver, Maneuvers
+from flight.aircraft import Aircraft
+from flight.propeller import Propeller
+
+
+def flight_record(
+    table: pd.DataFrame, trajectory: Any, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller, **known: Any
+) -> Reconstructed:
+    """known: other fields of the record, such as flown_CL."""
+    log: Any = SimpleNamespace(path=Path("flight.mcap"), entries={}, attachments={})
+    probe: Any = None
+    fields: dict[str, Any] = {
+        "log": log,
+        "replacements": Replacements(),
+        "contents": LogContents(aircraft, propeller, probe, None, None, []),
+        "data": FlightData(table, [], zeroed=True, compass=None, notes=[]),
+        "maneuvers": Maneuvers(runs),
+        "runs_file": None,
+        "condition": flown_condition(table, aircraft) if len(table) else None,
+        "flown_CL": (0.2, 1.0),
+        "trajectory": trajectory,
+        "prior_factor": 1.0,
+    }
+    return Reconstructed(**fields | known)
