@@ -136,7 +136,7 @@ def _items(plan: FlightPlan, home: Home) -> list[_Item]:
                 case Turn(wanted, angle_rad) if angle_rad >= 2 * pi:
                     change(wanted)
                     radius_m = maneuver.width_m / 2
-                    turns = round(angle_rad / 2 * pi)
+                    turns = round(angle_rad / (2 * pi))
                     items.append(_Item(LOITER_TURNS, (turns, 0, round(radius_m, 1), 1), center))
                 case Hold() | Turn() | Porpoise() | TakeOff():
                     pass
