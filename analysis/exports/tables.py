@@ -56,19 +56,8 @@ def tables_of(analysis: Analysis, aircraft: Aircraft, propeller: Propeller) -> d
 
 
 def _runs(analysis: Analysis) -> pd.DataFrame:
-    rows = [
-        {
-            "kind": run.kind,
-            "start_s": run.start_s,
-            "end_s": run.end_s,
-            "lowest_speed_mps": run.lowest_speed_mps,
-            "highest_speed_mps": run.highest_speed_mps,
-            "altitude_change_m": run.altitude_change_m,
-            "notes": "; ".join(run.notes),
-        }
-        for run in analysis.maneuvers.maneuvers
-    ]
-    return pd.DataFrame(rows)
+    runs = analysis.results.runs
+    return pd.DataFrame([msgspec.structs.asdict(run) | {"notes": "; ".join(run.notes)} for run in runs])
 
 
 def _curves(analysis: Analysis) -> pd.DataFrame:

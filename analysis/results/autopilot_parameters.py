@@ -36,6 +36,15 @@ class FlightValues:
     airspeed_factor: Interval | None = None
     logged: Mapping[str, float] = field(default_factory=dict)
 
+    @property
+    def airspeed_ratio(self) -> Interval | None:
+        """Of ARSPD_RATIO: the airspeed shown goes with its root."""
+        logged, factor = self.logged.get("ARSPD_RATIO"), self.airspeed_factor
+        if not logged or factor is None:
+            return None
+        value, lo, hi = (logged * one**2 for one in (factor.value, factor.lo, factor.hi))
+        return Interval(value=value, lo=lo, hi=hi)
+
 
 class _Entry(NamedTuple):
     """value: name in FlightValues          factor: from its unit to that of the parameter"""
@@ -62,7 +71,7 @@ ENTRIES = (
     _Entry(PLANE, "AIRSPEED_MAX", "4.5 and later", "fastest"),
     _Entry(PLANE, "ARSPD_FBW_MAX", "up to 4.4", "fastest"),
     _Entry(PLANE, "TECS_SINK_MIN", "all", "sink"),
-    _Entry(PLANE, "ARSPD_RATIO", "all", "ratio", ""),
+    _Entry(PLANE, "ARSPD_RATIO", "all", "airspeed_ratio", ""),
     _Entry(PLANE, "SOAR_POLAR_CD0", "with soaring", "CD0", ""),
     _Entry(PLANE, "SOAR_POLAR_B", "with soaring", "B", ""),
     _Entry(PLANE, "SOAR_POLAR_K", "with soaring", "wing_loading", "m²/s²"),
@@ -76,7 +85,7 @@ BASIS = {
     "fastest": "the fastest flown",
     "sink": "drag times airspeed over weight at cruise speed",
     "airspeed_factor": "airspeed against GPS",
-    "ratio": "airspeed against GPS, and the logged ratio",
+    "airspeed_ratio": "airspeed against GPS, and the logged ratio",
     "CD0": "drag over the lift coefficients flown",
     "B": "drag over the lift coefficients flown",
     "wing_loading": "twice the weight over sea-level density and wing area",
@@ -96,23 +105,19 @@ WITHOUT = {
     "airspeed_factor": "ASPD_SCALE_1 is withheld: it takes an autopilot's airspeed and GPS.",
     "idle_power": "idle_power is withheld: the power with the motor off is too small for this current meter, or not"
     " measured.",
-    "ratio": "ARSPD_RATIO is withheld: it takes GPS and the ratio that the airspeed was computed with, which ArduPlane"
-    " logs as a parameter.",
+    "airspeed_ratio": "ARSPD_RATIO is withheld: it takes GPS and the ratio that the airspeed was computed with, which"
+    " ArduPlane logs as a parameter.",
     "cruise_power": "cruise_power is withheld: it takes the battery's power at cruise speed.",
 }
 
 
 def typed_in(values: FlightValues) -> tuple[list[AutopilotParameter], list[str]]:
     """The parameters that follow from a flight, and sentences on those that do not."""
-    found = {
-        name: interval
-        for name in BASIS
-        if (interval := _ratio(values) if name == "ratio" else getattr(values, name)) and _known(interval)
-    }
-    if "B" not in found or "CD0" not in found:
-        found = {name: interval for name, interval in found.items() if name not in ("CD0", "B")}
-    parameters = [_parameter(entry, found[entry.value], values.logged) for entry in ENTRIES if entry.value in found]
-    return parameters, [*(text for name, text in WITHOUT.items() if name not in found), *ALWAYS_WITHHELD]
+    known = {name: interval for name in BASIS if (interval := getattr(values, name)) and _known(interval)}
+    if not {"CD0", "B"} <= known.keys():  # neither is of use alone
+        known = {name: known[name] for name in known.keys() - {"CD0", "B"}}
+    parameters = [_parameter(entry, known[entry.value], values.logged) for entry in ENTRIES if entry.value in known]
+    return parameters, [*(text for name, text in WITHOUT.items() if name not in known), *ALWAYS_WITHHELD]
 
 
 def _parameter(entry: _Entry, interval: Interval, logged: Mapping[str, float]) -> AutopilotParameter:
@@ -137,15 +142,6 @@ def _known(interval: Interval) -> bool:
         and interval.value > 0
         and interval.hi - interval.lo < 2 * RESULTS.widest_share * interval.value
     )
-
-
-def _ratio(values: FlightValues) -> Interval | None:
-    """Of ARSPD_RATIO: the airspeed shown goes with its root."""
-    logged, factor = values.logged.get("ARSPD_RATIO"), values.airspeed_factor
-    if not logged or factor is None:
-        return None
-    value, lo, hi = (logged * one**2 for one in (factor.value, factor.lo, factor.hi))
-    return Interval(value=value, lo=lo, hi=hi)
 
 
 def wing_loading_of(weight_N: float, wing_area_m2: float) -> Interval:

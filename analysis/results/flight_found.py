@@ -98,4 +98,4 @@ def track(trajectory: Trajectory) -> Track:
 
 def _integral(rate: Array, t_s: Array) -> Array:
     """Trapezoids, from zero."""
-    return np.r_[0.0, np.cumsum((rate[1:] + rate[:-1]) / 2 * np.diff(t_s))]
+    return np.asarray(np.r_[0.0, np.cumsum((rate[1:] + rate[:-1]) / 2 * np.diff(t_s))])

@@ -26,7 +26,7 @@ def electrical_power(results: Results, estimate: ElectricalEstimate) -> Figure:
     """Electrical power against airspeed with its 95 % interval, and the flight's moments reduced to level flight."""
     figure = Figure()
     V, _, lo, hi = curve_arrays(results.electrical_power)
-    add_band(figure, V, lo, hi, BLUE, 0.3)
+    add_band(figure, V, (lo, hi), BLUE, 0.3)
     figure.add_scatter(
         x=rounded(estimate.measured_V_mps),
         y=rounded(estimate.measured_W),
@@ -35,7 +35,7 @@ def electrical_power(results: Results, estimate: ElectricalEstimate) -> Figure:
         name="the flight, reduced to level flight",
         hovertemplate="%{y:.0f} W",
     )
-    add_curve(figure, results.electrical_power, "electrical power", BLUE, 5)
+    add_curve(figure, results.electrical_power, "electrical power", BLUE, width=5)
     figure.update_xaxis(title="true airspeed, m/s")
     figure.update_yaxis(title="power, W", range=[0, 1.2 * float(np.max(hi))])
     return styled(figure, 420, hover="closest")

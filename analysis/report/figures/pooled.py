@@ -44,7 +44,7 @@ def power_required(pooled: PooledResults) -> Figure:
             x=rounded(np.array(x)), y=rounded(np.array(y)), mode="lines", name="each flight alone",
             line={"color": GRAY, "width": 2}, opacity=0.7, hoverinfo="skip", connectgaps=False,
         )  # fmt: skip
-    add_band(figure, V, lo, hi, BLUE, 0.35)
+    add_band(figure, V, (lo, hi), BLUE, 0.35)
     outside = np.array([point.extrapolated for point in pooled.power_required])
     for flag, dash in ((~outside, "solid"), (outside, "9px,6px")):
         if flag.any():
@@ -121,7 +121,7 @@ def difference(comparison: ComparisonResults) -> Figure:
     rows = comparison.differences
     V, d, lo, hi = (column(rows, name) for name in ("speed_mps", "difference_percent", "lo_percent", "hi_percent"))
     figure = Figure()
-    add_band(figure, V, lo, hi, BLUE, 0.3)
+    add_band(figure, V, (lo, hi), BLUE, 0.3)
     figure.add_scatter(
         x=rounded(V), y=rounded(d), mode="lines", name="B minus A", line={"color": BLUE, "width": 5},
         hovertemplate="%{y:+.1f} %", showlegend=False,

@@ -59,8 +59,8 @@ def power_required(results: Results) -> Figure:
     """Power required against speed with its 95 % interval, steady points, and power available at full throttle."""
     figure = Figure()
     V, P, lo, hi = curve_arrays(results.power_required)
-    add_band(figure, V, lo, hi, BLUE, 0.3)
-    add_curve(figure, results.power_required, "power required", BLUE, 5)
+    add_band(figure, V, (lo, hi), BLUE, 0.3)
+    add_curve(figure, results.power_required, "power required", BLUE, width=5)
     with_points = [method for method in results.methods if method.points]
     if with_points:
         add_measured_points(figure, with_points[0], ORANGE, "steady points")
@@ -68,10 +68,10 @@ def power_required(results: Results) -> Figure:
     top = float(np.max(hi)) * 1.12
     if results.use and results.use.available.power_available:
         available = results.use.available.power_available
-        add_curve(figure, available, "available at full throttle", INK, 3)
+        add_curve(figure, available, "available at full throttle", INK, width=3)
         top = max(top, min(float(np.max(curve_arrays(available)[1])) * 1.06, 2.2 * top))
-    _add_speed(figure, results.minimum_power_speed, "least power", GREEN, "circle", V, P)
-    _add_speed(figure, results.best_range_speed, "least drag", RED, "diamond", V, P)
+    _add_speed(figure, (V, P), results.minimum_power_speed, {"color": GREEN, "symbol": "circle"}, "least power")
+    _add_speed(figure, (V, P), results.best_range_speed, {"color": RED, "symbol": "diamond"}, "least drag")
     figure.update_xaxis(title="true airspeed, m/s")
     figure.update_yaxis(title="power, W", range=[0, top])
     return styled(figure, 400)
@@ -93,8 +93,11 @@ def _add_continuation(figure: Figure, results: Results, fastest: float) -> None:
     )  # fmt: skip
 
 
-def _add_speed(figure: Figure, optimum: SpeedInterval, name: str, color: str, symbol: str, V: Array, P: Array) -> None:
+def _add_speed(
+    figure: Figure, curve: tuple[Array, Array], optimum: SpeedInterval, marker: dict[str, str], name: str
+) -> None:
     """A mark on the curve (V, P) at an optimum speed inside the speeds flown, with the interval of that speed."""
+    V, P = curve
     speed = optimum.speed_mps
     if speed is None or not optimum.inside_flown_range:
         return
@@ -110,7 +113,7 @@ def _add_speed(figure: Figure, optimum: SpeedInterval, name: str, color: str, sy
         },
         mode="markers",
         name=name,
-        marker={"color": color, "size": 15, "symbol": symbol, "line": {"color": PAPER, "width": 2}},
+        marker={**marker, "size": 15, "line": {"color": PAPER, "width": 2}},
         hovertemplate="%{x:.1f} m/s",
     )
 
@@ -164,11 +167,11 @@ def every_method(results: Results) -> Figure:
     figure = Figure()
     drawn = [method for method in listed_methods(results) if method.power_required]
     V, _, lo, hi = curve_arrays(results.power_required)
-    add_band(figure, V, lo, hi, PALETTE[0], 0.25, legendgroup=capitalized_title(drawn[0]))
+    add_band(figure, V, (lo, hi), PALETTE[0], 0.25, legendgroup=capitalized_title(drawn[0]))
     for i, method in reversed(list(enumerate(drawn))):  # the first one on top
         color, title = PALETTE[i % len(PALETTE)], capitalized_title(method)
         symbol = "" if i == 0 else SYMBOLS[i % len(SYMBOLS)]
-        add_curve(figure, method.power_required, title, color, 5 if i == 0 else 2.5, symbol)
+        add_curve(figure, method.power_required, title, color, width=5 if i == 0 else 2.5, symbol=symbol)
         if i > 0:
             _add_interval_bars(figure, method, color, (i - 0.5) / len(drawn))
         if method.points:
@@ -202,8 +205,8 @@ def run_by_run(results: Results) -> Figure:
     """The curve of every run fitted alone, over the curve of all runs."""
     figure = Figure()
     V, _, lo, hi = curve_arrays(results.power_required)
-    add_band(figure, V, lo, hi, ALL_RUNS_COLOR, 0.3)
-    add_curve(figure, results.power_required, "all runs", ALL_RUNS_COLOR, 5)
+    add_band(figure, V, (lo, hi), ALL_RUNS_COLOR, 0.3)
+    add_curve(figure, results.power_required, "all runs", ALL_RUNS_COLOR, width=5)
     in_legend = set()
     for run in results.one_by_one:
         if run.power_required:
@@ -241,7 +244,7 @@ def _against_mass(use: PerformanceResult, values: list[Interval], title: str, ho
         value, lo, hi = np.array([(v.value, v.lo, v.hi) for _, v in here]).T
         color = PALETTE[i % len(PALETTE)]
         if as_flown:
-            add_band(figure, mass, lo, hi, color, 0.2)
+            add_band(figure, mass, (lo, hi), color, 0.2)
         figure.add_scatter(
             x=rounded(mass), y=rounded(value), name=name, mode="lines+markers", hovertemplate=hover,
             line={"color": color, "width": 4, "dash": ("solid", "dash", "dot")[i % 3]},
@@ -267,8 +270,8 @@ def efficiency(use: PerformanceResult) -> Figure:
             PowerPoint(speed_mps=v, power_W=p, power_lo_W=p, power_hi_W=p, extrapolated=point.extrapolated)
             for v, p, point in zip(V.tolist(), value.tolist(), points, strict=True)
         ]
-        add_band(figure, V, lo, hi, color, 0.18)
-        add_curve(figure, curve, title, color, 4)
+        add_band(figure, V, (lo, hi), color, 0.18)
+        add_curve(figure, curve, title, color, width=4)
         if measured:
             figure.add_scatter(
                 x=rounded(np.array([p.speed_mps for p in measured])),

@@ -159,8 +159,9 @@ def curve_arrays(points: Sequence[PowerPoint]) -> tuple[Array, Array, Array, Arr
     return V, P, lo, hi
 
 
-def add_band(figure: Figure, x: Array, lo: Array, hi: Array, color: str, opacity: float, **trace: Any) -> None:
-    """A shaded band between two curves."""
+def add_band(figure: Figure, x: Array, ends: tuple[Array, Array], color: str, opacity: float, **trace: Any) -> None:
+    """A shaded band between two curves, the lower and the upper."""
+    lo, hi = ends
     figure.add_scatter(
         x=rounded(np.r_[x, x[::-1]]),
         y=rounded(np.r_[hi, lo[::-1]]),
@@ -175,7 +176,7 @@ def add_band(figure: Figure, x: Array, lo: Array, hi: Array, color: str, opacity
 
 
 def add_curve(
-    figure: Figure, points: Sequence[PowerPoint], name: str, color: str, width: float, symbol: str = ""
+    figure: Figure, points: Sequence[PowerPoint], name: str, color: str, *, width: float, symbol: str = ""
 ) -> None:
     """A curve, solid where it was measured and dashed where it is extrapolated. symbol: on a few points of it."""
     marks: dict[str, Any] = {"mode": "lines"}
