@@ -8,9 +8,8 @@ from daq.config import Tray
 from daq.still_air_zero import parse_zero
 from flight.aircraft import Aircraft, load_aircraft
 from flight.errors import InputError
-from flight.json_file import json_object_text
+from flight.files import json_object_text, read_text
 from flight.log_writer import LogWriter
-from flight.text_file import read_text
 
 
 class Attachments(NamedTuple):

@@ -15,7 +15,7 @@ from daq.sensors.ads1115 import FULL_SCALE_V
 from daq.sensors.axes import Axes, parse_axes
 from daq.sensors.bridge import TransferFunction
 from flight.errors import InputError
-from flight.text_file import read_text
+from flight.files import read_text
 
 Address = Annotated[int, Meta(ge=0x03, le=0x77)]
 ZERO_FILE = "zero.json"

@@ -15,7 +15,7 @@ import msgspec
 from daq.sensors import Sample
 from daq.sync_directory import sync_directory
 from flight.errors import InputError
-from flight.json_file import JsonFormat
+from flight.files import JsonFormat
 from flight.messages import DifferentialPressure, Imu, Rpm, Status
 
 FORMAT = "flightpower-zero-1"

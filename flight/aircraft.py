@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 from flight import units
 from flight.aircraft_keys import EXAMPLES, SURFACES
 from flight.errors import InputError
-from flight.text_file import read_text
+from flight.files import read_text
 from flight.units import GRAVITY_MPS2, NO_KEY
 
 Position = tuple[float, float, float]

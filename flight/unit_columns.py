@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flight.errors import InputError
-from flight.text_file import read_text
+from flight.files import read_text
 from flight.units import to_si
 
 

@@ -12,7 +12,7 @@ import typer
 from flight.aircraft import shipped_aircraft
 from flight.command_line import application
 from flight.errors import InputError
-from flight.output_file import check_writable
+from flight.files import check_writable
 from flightpower import templates
 
 app = application(help="Write a commented file to fill in.")

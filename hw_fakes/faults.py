@@ -26,7 +26,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from flight.errors import InputError
-from flight.text_file import read_text
+from flight.files import read_text
 from flight.units import read_table
 from hw_fakes.i2c import I2CBus, no_acknowledge
 

@@ -10,7 +10,7 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from hw_fakes import bridge, ms56xx, ublox_ddc
+from hw_fakes import bridge, ms56xx
 from hw_fakes.ads1115 import FakeADS1115
 from hw_fakes.ak8963 import FakeAK8963
 from hw_fakes.autopilot import FakeAutopilot
@@ -20,8 +20,7 @@ from hw_fakes.i2c import FakeI2CBus, I2CBus, I2CDevice
 from hw_fakes.ina2xx import INA226, FakePowerMonitor
 from hw_fakes.mpu9250 import FakeMPU9250
 from hw_fakes.port import FakePort, SerialDevice
-from hw_fakes.ublox import PORT_DDC, PORT_UART1, FakeUbloxM8
-from hw_fakes.ublox_ddc import FakeUbloxDdc
+from hw_fakes.ublox import DDC_ADDRESS, PORT_DDC, PORT_UART1, FakeUbloxDdc, FakeUbloxM8
 from sim.sensor_truth import SensorTruth
 
 I2C_BUS, GPS_PORT, ESC_PORT, AUTOPILOT_PORT = "/dev/i2c-1", "/dev/ttyAMA0", "/dev/ttyUSB0", "/dev/ttyUSB1"
@@ -128,8 +127,8 @@ class FakeTray:
         addresses, ports = dict(ADDRESSES), dict(PORTS)
         if variant.gps_on_i2c:
             del ports["gps"]
-            addresses["gps"] = ublox_ddc.ADDRESS
-            devices[ublox_ddc.ADDRESS] = FakeUbloxDdc(self.gps, now_ns)
+            addresses["gps"] = DDC_ADDRESS
+            devices[DDC_ADDRESS] = FakeUbloxDdc(self.gps, now_ns)
         spend_ns = getattr(clock, "advance_ns", None)
         self._parts_faults: dict[str, list[PartFault]] = {}
         for number, fault in enumerate(faults):

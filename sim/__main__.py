@@ -15,7 +15,7 @@ from rich.console import Console
 from flight.command_line import application, run
 from flight.complete_aircraft import CompleteAircraft, load_complete_aircraft
 from flight.errors import InputError
-from flight.output_file import check_writable
+from flight.files import check_writable
 from sim.options import (
     AircraftOption,
     BankOption,
@@ -23,9 +23,11 @@ from sim.options import (
     HeightOption,
     ReplaceFileOption,
     ReplaceOption,
+    Report,
     RpmOption,
     SeedOption,
     SpeedOption,
+    progress_bar,
 )
 from sim.output_folder import (
     LOG,
@@ -36,10 +38,9 @@ from sim.output_folder import (
     probe_text,
     write_flight,
 )
-from sim.progress import Report, progress_bar
 
 if TYPE_CHECKING:
-    from hw_fakes.direct_log_timing import Compensation
+    from hw_fakes.direct_log import Compensation
     from hw_fakes.faults import Fault
     from hw_fakes.tray import FakeTray
     from sim.sensor_truth import SensorTruth
@@ -205,7 +206,7 @@ def _compensations(parts: "FakeTray") -> "dict[str, Compensation]":
     from functools import partial
 
     from daq.sensors.ms56xx import MS5611, MS5805, TemperatureTrend, compensate
-    from hw_fakes.direct_log_timing import Compensation
+    from hw_fakes.direct_log import Compensation
 
     return {
         "baro": Compensation(partial(compensate, MS5611, tuple(parts.baro.prom)), TemperatureTrend),

@@ -1,17 +1,18 @@
-"""The air of a flight: pressure, temperature, wind with shear and veer, updrafts, and Dryden turbulence.
+"""The air of a flight: pressure, temperature, wind with shear and veer, updrafts, turbulence by Dryden or von Karman.
 
 The functions accept floats, arrays and CasADi symbols.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flight.atmosphere import density, pressure_at, temperature_at
 from flight.errors import InputError
 from flight.number import Number, Vector
-from sim.convection import updraft
 
 FOOT_M = 0.3048
 # MIL-F-8785C sec. 3.7.3.4: the wind is given at 20 ft; roughness length 0.15 ft for all but the terminal phase.
@@ -180,3 +181,78 @@ def gust_of(states: GustStates, rates: GustStates, velocity: Vector, V: Number) 
     """A gradient along x is a rotation of the air: q_g = -dw_g/dx, r_g = +dv_g/dx, with d/dx = (d/dt)/V."""
     u, v, w = velocity
     return Gust(u, v, w, states.p, -rates.q / V, rates.r / V)
+
+
+WAVES = 6
+LENGTH_RATIO = 2.0  # the longest and the shortest wavelength over the middle one
+
+
+def updraft(north_m: Number, east_m: Number, *, length_m: float, seed: int) -> Number:
+    """Updrafts and sinks as convection makes them in calm weather, of unit rms over all places, elementwise.
+
+    A sum of plane waves of random direction and phase: its horizontal mean is zero, but the mean along one track is
+    not. At 40 m in a boundary layer of 1 km the vertical air motion has a standard deviation of 0.44 times the
+    convective velocity (Lenschow et al. 1980, J. Atmos. Sci. 37, eq. for w variance), 0.5 to 2 m/s on a day with sun.
+    length_m: the middle wavelength.
+    """
+    total = 0.0
+    for k_north, k_east, phase in _waves(length_m, seed).tolist():
+        total = total + np.sqrt(2 / WAVES) * np.cos(k_north * north_m + k_east * east_m + phase)
+    return total
+
+
+@lru_cache(maxsize=16)
+def _waves(length_m: float, seed: int) -> NDArray[np.float64]:
+    """Wave numbers north and east [rad/m] and phase [rad] of each wave, (WAVES, 3)."""
+    rng = np.random.default_rng([seed, 0xC0])
+    lengths = length_m * np.geomspace(1 / LENGTH_RATIO, LENGTH_RATIO, WAVES)
+    direction, phase = rng.uniform(0, 2 * np.pi, (2, WAVES))
+    k = 2 * np.pi / lengths
+    return np.column_stack([k * np.cos(direction), k * np.sin(direction), phase])
+
+
+# Von Karman turbulence: filters whose spectra approximate those of MIL-F-8785C sec. 3.7.1.1. At high frequency they
+# fall as Omega^(-5/3), as measured in the atmosphere, where Dryden's fall as Omega^-2.
+# Rational approximations of the spectra, over T s with T = L/V (those of MathWorks' continuous von Karman model):
+# longitudinal (1 + 0.25 Ts)/(1 + 1.357 Ts + 0.1987 (Ts)^2), lateral and vertical of second over third order.
+LONGITUDINAL_ZERO, LONGITUDINAL_POLES = 0.25, (1.357, 0.1987)
+LATERAL_ZEROS, LATERAL_POLES = (2.7478, 0.3398), (2.9958, 1.9754, 0.1539)
+
+
+def von_karman(
+    states: GustStates, white: Number, *, V: Number, span_m: float, scales: Scales
+) -> tuple[GustStates, Gust]:
+    """Rates of change of the shaping filters, and the gusts they give; arguments as of `sim.air.dryden`."""
+    sigma_u, sigma_w, L_u, L_w = scales
+    V = np.maximum(V, 5.0)
+    T_u, T_w = L_u / V, L_w / V
+    n_u, n_v, n_w, n_p = white
+    u = sigma_u * np.sqrt(2 * T_u) * (states.u + LONGITUDINAL_ZERO * states.u2)
+    v = sigma_u * np.sqrt(T_u) * _lateral(states.v1, states.v2, states.v3)
+    w = sigma_w * np.sqrt(T_w) * _lateral(states.w1, states.w2, states.w3)
+    p_rate, q_rate, r_rate = rotation_rates(states, v, w, n_p, V=V, span_m=span_m, scales=scales)
+    a1, a2 = LONGITUDINAL_POLES
+    rates = GustStates(
+        u=states.u2 / T_u,
+        v1=states.v2 / T_u,
+        v2=states.v3 / T_u,
+        w1=states.w2 / T_w,
+        w2=states.w3 / T_w,
+        p=p_rate,
+        q=q_rate,
+        r=r_rate,
+        u2=(n_u - states.u - a1 * states.u2) / (a2 * T_u),
+        v3=_last_rate(states.v1, states.v2, states.v3, n_v, T_u),
+        w3=_last_rate(states.w1, states.w2, states.w3, n_w, T_w),
+    )
+    return rates, gust_of(states, rates, (u, v, w), V)
+
+
+def _lateral(x1: Number, x2: Number, x3: Number) -> Number:
+    b1, b2 = LATERAL_ZEROS
+    return x1 + b1 * x2 + b2 * x3
+
+
+def _last_rate(x1: Number, x2: Number, x3: Number, white: Number, T: Number) -> Number:
+    a1, a2, a3 = LATERAL_POLES
+    return (white - x1 - a1 * x2 - a2 * x3) / (a3 * T)

@@ -15,8 +15,7 @@ from sim.air import mean_wind
 from sim.bench import BenchSegment
 from sim.ground import EndState, Motion, move, smooth_step, stand
 from sim.integration import Observation, Stepper
-from sim.pilot import Pilot
-from sim.pilot_wander import drawn_phases
+from sim.pilot import Pilot, drawn_phases
 from sim.plan import DT_S, Plan
 from sim.plan_segment import FlightContext
 from sim.plant import NO_DEVIATIONS, AircraftState, Commands, Deviations, Plant, plant_of

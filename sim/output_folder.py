@@ -5,8 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flight.errors import InputError
-from flight.json_file import json_object_text
-from flight.output_file import check_writable
+from flight.files import check_writable, json_object_text
 
 if TYPE_CHECKING:
     from sim.fly import Flight

@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from flight.errors import InputError
-from flight.text_file import read_text
+from flight.files import read_text
 from flight.units import read_table
 from sim.air import Air
-from sim.pilot import Gains, pilot_named
-from sim.pilot_wander import PilotWander
+from sim.pilot import Gains, PilotWander, pilot_named
 from sim.segments import AIRBORNE, GROUND
 
 DT_S = 0.02

@@ -24,11 +24,10 @@ from flight.motion import (
 from flight.number import Number
 from flight.propeller import PropellerModel
 from flight.propeller_files import load_propeller
-from sim.air import VON_KARMAN, Air, Gust, GustStates, ambient, dryden, gust_scales, mean_wind
+from sim.air import VON_KARMAN, Air, Gust, GustStates, ambient, dryden, gust_scales, mean_wind, von_karman
 from sim.drag_shape import PARABOLA, REFERENCE_CL, DragShape
 from sim.propulsion import PowerTrainState, ThrustFactor, power_train
 from sim.true_propeller import true_propeller
-from sim.von_karman import von_karman
 
 
 class AircraftState(NamedTuple):

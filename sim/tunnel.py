@@ -12,7 +12,7 @@ import pandas as pd
 
 from flight.atmosphere import density
 from flight.errors import InputError
-from flight.output_file import check_writable
+from flight.files import check_writable
 from sim.sensors.noise import rng_of
 from sim.sensors.probe import port_pressures
 

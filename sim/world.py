@@ -17,7 +17,7 @@ from flight.propeller_files import load_propeller
 from flight.units import read_table, split_unit
 from sim.air import Air
 from sim.defects import NO_DEFECTS
-from sim.pilot_wander import PilotWander
+from sim.pilot import PilotWander
 from sim.plan import Plan
 from sim.sensors.budget import AS_GIVEN, ErrorBudget, Systematic, load_budget, shipped_budgets
 from sim.true_propeller import table_until, true_propeller

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from analysis.airdata.settings import AIR, MAGNETOMETER
 from flight.errors import InputError
-from flight.json_file import JsonFormat
+from flight.files import JsonFormat
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from analysis.airdata.polynomial_map import FittedMap
 from analysis.airdata.settings import MAP
-from flight.json_file import JsonFormat
+from flight.files import JsonFormat
 from flight.probe_maps import FIRST_FORMAT, FORMATS
 
 Array = NDArray[np.float64]

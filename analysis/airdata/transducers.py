@@ -20,7 +20,7 @@ from analysis.airdata.pressure_plateaus import CHANNELS, Plateau, in_words
 from analysis.airdata.settings import GROUND
 from analysis.estimation.noise import NORMAL_95
 from flight.errors import InputError
-from flight.json_file import JsonFormat
+from flight.files import JsonFormat
 
 Array = NDArray[np.float64]
 Reading = TypeVar("Reading", float, pd.Series)

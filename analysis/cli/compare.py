@@ -8,7 +8,7 @@ from rich.console import Console
 
 from flight.command_line import ExitCode, application
 from flight.errors import InputError
-from flight.output_file import check_writable
+from flight.files import check_writable
 
 app = application()
 

@@ -12,8 +12,8 @@ from analysis.cli.options import LogOptions, QuietOption
 from analysis.exports import FOLDERS, KINDS
 from flight.command_line import application, run, takes_options
 from flight.errors import InputError
+from flight.files import check_writable
 from flight.log_reader import Log, read_log
-from flight.output_file import check_writable
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -14,8 +14,8 @@ from analysis.cli.electrical import (
 from analysis.cli.lean_imports import import_lean
 from analysis.cli.options import Options
 from flight.errors import InputError
+from flight.files import check_writable
 from flight.log_reader import read_log
-from flight.output_file import check_writable
 from flight.units import GRAVITY_MPS2
 
 Progress = Callable[[str], None]

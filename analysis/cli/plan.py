@@ -11,7 +11,7 @@ from rich.console import Console
 from flight.aircraft import Aircraft, load_aircraft
 from flight.command_line import application, quantity, run, takes_options
 from flight.errors import InputError
-from flight.output_file import check_writable
+from flight.files import check_writable
 
 if TYPE_CHECKING:
     from analysis.planning.search import FlightPlan

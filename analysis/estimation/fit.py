@@ -19,7 +19,7 @@ from analysis.estimation.model import Model, NamedValues
 from analysis.estimation.noise import Whitened
 from analysis.estimation.simulation import InputRule, Integrator, Response
 from flight.errors import InputError
-from flight.json_file import JsonFormat
+from flight.files import JsonFormat
 
 FORMAT = "flightpower fit 1"
 SIGNIFICANCE_LEVEL = 0.05  # of the test for process noise

@@ -21,7 +21,7 @@ from analysis.estimation.noise import NORMAL_95
 from flight.aircraft import Aircraft
 from flight.atmosphere import density
 from flight.errors import InputError
-from flight.json_file import JsonFormat
+from flight.files import JsonFormat
 from flight.propeller import Propeller
 from flight.unit_columns import csv_rows, si_column
 

@@ -29,8 +29,8 @@ from analysis.maneuvers.smooth import smooth
 from analysis.signals.aircraft_size import speed_scale_of
 from analysis.signals.channels import COLUMNS
 from flight.errors import InputError
+from flight.files import read_text
 from flight.runs import LEVEL_RUN, Rejection, RunRejected, flying_Pa
-from flight.text_file import read_text
 from flight.units import read_table
 
 HEAD = """\

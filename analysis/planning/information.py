@@ -40,7 +40,7 @@ from analysis.trajectory.reconstruction import Trajectory
 from analysis.trajectory.settings import SOLVER
 from analysis.trajectory.smoother import GaussNewtonStep, gauss_newton_step
 from flight.errors import InputError
-from flight.json_file import JsonFormat, json_object_text
+from flight.files import JsonFormat, json_object_text
 
 Array = NDArray[np.float64]
 

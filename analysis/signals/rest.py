@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from analysis.signals.channels import COLUMNS
 from analysis.signals.settings import REST
 from analysis.signals.smoothing import stretches
-from flight.json_file import JsonFormat
+from flight.files import JsonFormat
 from flight.runs import AIRCRAFT_SIZE, STANDING
 
 Array = NDArray[np.float64]

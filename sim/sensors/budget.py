@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flight.errors import InputError
-from flight.text_file import read_text
+from flight.files import read_text
 from flight.units import read_table
 from sim.defects import NO_DEFECTS, Defects
 from sim.drag_shape import DragShape

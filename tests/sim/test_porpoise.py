@@ -4,8 +4,7 @@ import pytest
 
 from sim.integration import Observation
 from sim.maneuvers import PorpoiseSegment
-from sim.pilot import Targets
-from sim.pilot_wander import PilotWander, drawn_phases
+from sim.pilot import PilotWander, Targets, drawn_phases
 from sim.plan_segment import FlightContext
 
 

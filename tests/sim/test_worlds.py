@@ -9,8 +9,7 @@ from flight.aircraft import Uncertainty, load_aircraft, parse_aircraft
 from flight.atmosphere import GRAVITY_MPS2 as g
 from flight.errors import InputError
 from flight.propeller_files import load_propeller
-from sim.air import Air, GustStates, gust_scales, mean_wind
-from sim.convection import updraft
+from sim.air import Air, GustStates, gust_scales, mean_wind, updraft, von_karman
 from sim.drag_shape import BUCKET_CL, DragShape
 from sim.fly import fly
 from sim.plan import parse_plan
@@ -18,7 +17,6 @@ from sim.plant import Deviations, plant_of
 from sim.sensors import FlightSensorTruth, draw, load_budget
 from sim.trim import power_required
 from sim.true_propeller import table_until, true_propeller
-from sim.von_karman import von_karman
 from sim.world import load_world, parse_world, worlds
 
 TABLE = load_propeller("apc-12x8e")

@@ -13,7 +13,7 @@ from analysis.cli.options import ReplaceOption
 from analysis.files import write_file
 from flight.command_line import ExitCode, as_command
 from flight.errors import InputError
-from flight.output_file import check_writable
+from flight.files import check_writable
 
 LogFile = Annotated[Path, typer.Argument(metavar="LOG", help="A log recorded by the daemon.")]
 CalibrationFile = Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="Calibration file to write.")]

@@ -1,15 +1,51 @@
-"""Small JSON files with a field `format`: calibrations and transducer zeros, as files or attached to a log."""
+"""Files that people name: reading text and JSON, and whether one can be written."""
 
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Generic, Protocol, TypeVar
 
 import msgspec
 
 from flight.errors import InputError
-from flight.text_file import read_text
+
+
+def read_text(path: Path) -> str:
+    """The content of a UTF-8 text file, without the mark that some editors put at its beginning (BOM).
+
+    Raises InputError when it cannot be read or is not text.
+    """
+    try:
+        return path.read_text("utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: not a text file in UTF-8; save it as text in UTF-8") from None
+    except OSError as error:
+        cause = "it is a folder" if path.is_dir() else error.strerror or error
+        raise InputError(f"{path}: cannot be read ({cause})") from None
+
+
+def check_writable(path: Path) -> None:
+    """Raises InputError unless a file of this name can be written, with its folder. Leaves nothing behind."""
+    made: list[Path] = []
+    try:
+        if path.is_dir():
+            raise IsADirectoryError(0, "it is a folder")
+        for folder in reversed(path.parents):
+            if not folder.exists():
+                folder.mkdir()
+                made.append(folder)
+        with TemporaryFile(dir=path.parent):
+            pass
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror or error}); give another name") from None
+    finally:
+        for folder in reversed(made):
+            folder.rmdir()
+
+
+# Small JSON files with a field `format`: calibrations and transducer zeros, as files or attached to a log.
 
 
 class _HasFormat(Protocol):
