@@ -81,17 +81,17 @@ class AirData(NamedTuple):
 
 
 def air_data(
-    table: pd.DataFrame, aircraft: Aircraft, probe: ProbeCalibration, propeller: Propeller, scale: float
+    table: pd.DataFrame, aircraft: Aircraft, probe: ProbeCalibration, propeller: Propeller, speed_scale: float
 ) -> AirData:
     """The table with speed, angles, density, height, thrust, bank and `flying` added.
 
-    table: the zeros at rest subtracted, specific forces at the center of gravity. scale: the aircraft's `speed_scale`.
+    table: the zeros at rest subtracted, specific forces at the center of gravity. speed_scale: of `aircraft_size`.
     Angles are those at the center of gravity: corrected for upwash and for the velocity of the probe by rotation.
     """
     notes: list[str] = []
     out = table.copy()
-    out[SPEED_SCALE] = scale
-    least_Pa = flying_Pa(scale)
+    out[SPEED_SCALE] = speed_scale
+    least_Pa = flying_Pa(speed_scale)
     for name in ("dp_alpha_Pa", "dp_beta_Pa", "q_c_Pa"):
         if _stuck(out[name], out["q_c_Pa"], least_Pa):
             out[name] = np.nan
@@ -110,12 +110,13 @@ def air_data(
     dp_beta = np.nan_to_num(sideslip)  # the maps take missing sideslip as zero
     # The mean of a quotient by a noisy number is biased, and so is that of a root: near the stall by 0.5 % of angle and
     # 0.07 % of speed. So quotients use the mean of q_c, and speed is linear in the deviation of q_c from its mean. The
-    # bias is as the square of noise over dynamic pressure: means of slower aircraft are over more samples.
+    # bias is as the variance of noise over dynamic pressure, which is as the fourth power of one over speed: means of
+    # pressure differences of slower aircraft are over so many more samples.
     step_s = table.index[1] - table.index[0]
-    window = max(1, round(AIR.smoothing_s / scale**2 / step_s))
+    window = max(1, round(AIR.smoothing_s / speed_scale**2 / step_s))
     mean_q_c = out["q_c_Pa"].rolling(window, center=True, min_periods=1).mean().to_numpy()
     known_q_c = np.where(out["q_c_Pa"].notna(), mean_q_c, np.nan)
-    flow = flow_at_probe(probe, out["dp_alpha_Pa"].to_numpy(), dp_beta, known_q_c, samples=round(scale**-4))
+    flow = flow_at_probe(probe, out["dp_alpha_Pa"].to_numpy(), dp_beta, known_q_c, samples=round(speed_scale**-4))
     deviation = out["q_c_Pa"].to_numpy() / mean_q_c - 1
     flying = (flow.qbar_Pa > least_Pa) & flow.inside
     nan_on_ground = np.where(flying, 1.0, np.nan)
@@ -138,7 +139,7 @@ def air_data(
     out["beta_rad"] = measured - out["beta_by_rotation_rad"]
     out["bank_rad"] = bank_angle(out)
     _add_thrust(out, propeller)
-    notes += _slow_flight(out["height_m"].to_numpy(), flow.qbar_Pa, least_Pa, scale)
+    notes += _slow_flight(out["height_m"].to_numpy(), flow.qbar_Pa, least_Pa, speed_scale)
     outside = ~flow.inside[flow.qbar_Pa > least_Pa]
     if len(outside) and np.mean(outside) > AIR.largest_unmentioned_share:
         notes.append(
@@ -148,15 +149,15 @@ def air_data(
     return AirData(out, notes)
 
 
-def _slow_flight(height_m: Array, qbar_Pa: Array, least_Pa: float, scale: float) -> list[str]:
+def _slow_flight(height_m: Array, qbar_Pa: Array, least_Pa: float, speed_scale: float) -> list[str]:
     """A note where much of the time aloft has too little dynamic pressure to count as flight."""
-    aloft = height_m > AIRCRAFT_SIZE.least_height_m * scale
+    aloft = height_m > AIRCRAFT_SIZE.least_height_m * speed_scale
     share = float(np.mean(qbar_Pa[aloft] <= least_Pa)) if aloft.any() else 0.0
     if share <= AIR.largest_unmentioned_share:
         return []
     return [
-        f"{100 * share:.0f} % of the time above {AIRCRAFT_SIZE.least_height_m * scale:.0f} m has a dynamic pressure"
-        f" below {least_Pa:.0f} Pa, too little for this aircraft to fly level, and is left out."
+        f"{100 * share:.0f} % of the time above {AIRCRAFT_SIZE.least_height_m * speed_scale:.0f} m has a dynamic"
+        f" pressure below {least_Pa:.0f} Pa, too little for this aircraft to fly level, and is left out."
     ]
 
 

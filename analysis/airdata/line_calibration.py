@@ -292,7 +292,7 @@ class LineLag(NamedTuple):
 def line_lags(log: Log, aircraft: Aircraft) -> list[LineLag]:
     """The lag of every line for which `lines.TOPIC` names a transducer, at the log's pressure and temperature."""
     gas = air_in(log)
-    found = []
+    lags = []
     for name, topic in TOPIC.items():
         line = aircraft.probe.lines.get(name)
         if line is not None and line.length_m <= 0:
@@ -300,14 +300,14 @@ def line_lags(log: Log, aircraft: Aircraft) -> list[LineLag]:
         expected_s = low_frequency_lag_s([line], gas) if line else None
         steps, noise = find_steps(*field_of(log, topic, FIELD[name]))
         if not steps:
-            found.append(LineLag(name, topic, None, expected_s, None))
+            lags.append(LineLag(name, topic, None, expected_s, None))
             continue
         lag = fit_lag(steps, noise, through(line, gas) if line else exponential)
         one = LineLag(name, topic, lag, expected_s, None)
         if line and lag.bounded and not one.unsupported:
             one = one._replace(line=replace(line, diameter_m=diameter_of_lag_m(line, lag.lag_s, gas)))
-        found.append(one)
-    return found
+        lags.append(one)
+    return lags
 
 
 def to_toml(lags: list[LineLag]) -> str:

@@ -45,11 +45,13 @@ class MagnetometerCalibration(msgspec.Struct, frozen=True, kw_only=True):
         return corrected
 
 
-def _check(found: MagnetometerCalibration, where: str) -> None:
-    if len(found.soft_iron) != 3:
-        raise InputError(f"{where}: not a magnetometer calibration (soft_iron has {len(found.soft_iron)} rows, not 3)")
-    if not MAGNETOMETER.earth_T[0] < found.field_T < MAGNETOMETER.earth_T[1]:
-        raise InputError(f"{where}: a field of {1e6 * found.field_T:.0f} uT is nowhere on earth; calibrate again")
+def _check(calibration: MagnetometerCalibration, where: str) -> None:
+    if len(calibration.soft_iron) != 3:
+        raise InputError(
+            f"{where}: not a magnetometer calibration (soft_iron has {len(calibration.soft_iron)} rows, not 3)"
+        )
+    if not MAGNETOMETER.earth_T[0] < calibration.field_T < MAGNETOMETER.earth_T[1]:
+        raise InputError(f"{where}: a field of {1e6 * calibration.field_T:.0f} uT is nowhere on earth; calibrate again")
 
 
 MAGNETOMETER_FILE = JsonFormat(MagnetometerCalibration, (FORMAT,), "a magnetometer calibration", _check)
@@ -79,10 +81,10 @@ def compass(table: pd.DataFrame, calibration: MagnetometerCalibration) -> tuple[
     if seen.sum() < MAGNETOMETER.fewest_samples:
         return None, [f"{_NOT_USED}: it is calibrated, but has too few samples in flight."]
     F, usual = calibration.field_T, float(np.median(strength[seen]))
-    if abs(usual / F - 1) > MAGNETOMETER.field_off:
+    if abs(usual / F - 1) > MAGNETOMETER.off:
         why = f"the field in flight is {1e6 * usual:.0f} uT, but {1e6 * F:.0f} uT in its calibration"
         return None, [f"{_NOT_USED}: {why}. {_AGAIN}"]
-    off = seen & (np.abs(strength / usual - 1) > MAGNETOMETER.sample_off)
+    off = seen & (np.abs(strength / usual - 1) > MAGNETOMETER.off)
     field[off] = np.nan
     share = float(off.sum() / seen.sum())
     level_T = float(np.nanmedian(np.hypot(field[:, 0], field[:, 1])))
@@ -98,7 +100,7 @@ def compass(table: pd.DataFrame, calibration: MagnetometerCalibration) -> tuple[
             + (varies_T * usual / level_T) ** 2
         )
     )
-    if share > MAGNETOMETER.most_off or error_T > MAGNETOMETER.worst_rad * level_T:
+    if share > MAGNETOMETER.off or error_T > MAGNETOMETER.worst_rad * level_T:
         varies_uT = 1e6 * float(np.std(strength[seen]))
         why = f"the field strength varies by {varies_uT:.1f} uT in flight, but should be constant"
         return None, [f"{_NOT_USED}: {why}. {_AGAIN}"]
@@ -106,7 +108,7 @@ def compass(table: pd.DataFrame, calibration: MagnetometerCalibration) -> tuple[
     if share > AIR.largest_unmentioned_share:
         notes.append(
             f"The magnetometer is left out for {100 * share:.0f} % of the flight, where the field strength is more than"
-            f" {100 * MAGNETOMETER.sample_off:.0f} % off."
+            f" {100 * MAGNETOMETER.off:.0f} % off."
         )
     return Compass(field, error_T), notes
 

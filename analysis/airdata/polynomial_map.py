@@ -113,8 +113,8 @@ def _best_order(x: Array, y: Array, target: Array, weight: Array) -> tuple[Fitte
         tried.append(rms)
         if rms < (1 - MAP.least_improvement) * best_rms:
             best, best_rms = order, rms
-    found, covariance = polynomial_of_order(x, y, target, weight, best)
-    return structs.replace(found, residual_rms=best_rms, tried_rms=tried), covariance
+    fitted, covariance = polynomial_of_order(x, y, target, weight, best)
+    return structs.replace(fitted, residual_rms=best_rms, tried_rms=tried), covariance
 
 
 def _left_out_rms(X: Array, y: Array, fold: NDArray[np.int64]) -> float:

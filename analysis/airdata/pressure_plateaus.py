@@ -77,7 +77,7 @@ def plateaus(table: pd.DataFrame, source: str) -> list[Plateau]:
         for a, b in _steady(smooth, allowed_Pa, round(GROUND.reference_s / step_s))
         if t_s[b] - t_s[a] >= GROUND.pressure_held_s
     ]
-    found = []
+    plateaus = []
     for first, last in spans:
         inside = table.loc[t_s[first] + GROUND.edge_s : t_s[last] - GROUND.edge_s]
         for name in CHANNELS:
@@ -88,34 +88,34 @@ def plateaus(table: pd.DataFrame, source: str) -> list[Plateau]:
                 )
         means = inside.mean()
         values = (float(means["alpha"]), float(means["beta"]), float(means["airspeed"]))
-        found.append(Plateau(float(t_s[first]), float(t_s[last]), values, open=False))
-    if not found:
+        plateaus.append(Plateau(float(t_s[first]), float(t_s[last]), values, open=False))
+    if not plateaus:
         return []
-    zero = found[0].readings_Pa[-1]
-    swing = max(abs(plateau.readings_Pa[-1] - zero) for plateau in found)
+    zero = plateaus[0].readings_Pa[-1]
+    swing = max(abs(plateau.readings_Pa[-1] - zero) for plateau in plateaus)
     nearest = max(GROUND.open_share * swing, allowed_Pa)
-    return [plateau._replace(open=abs(plateau.readings_Pa[-1] - zero) <= nearest) for plateau in found]
+    return [plateau._replace(open=abs(plateau.readings_Pa[-1] - zero) <= nearest) for plateau in plateaus]
 
 
 def _steady(values: Array, allowed: float, reference: int) -> list[tuple[int, int]]:
     """First and last row of stretches whose values stay within `allowed` of the median of their first rows."""
-    found, start = [], 0
+    stretches, start = [], 0
     middle = values[0]
     for i in range(1, len(values) + 1):
         if i - start <= reference:
             middle = np.nanmedian(values[start : max(i, start + 1)]) if np.isfinite(values[start:i]).any() else np.nan
         if i < len(values) and not abs(values[i] - middle) > allowed:
             continue
-        found.append((start, i - 1))
+        stretches.append((start, i - 1))
         start = i
         middle = values[min(i, len(values) - 1)]
-    return found
+    return stretches
 
 
-def in_words(found: Sequence[Plateau]) -> str:
+def in_words(plateaus: Sequence[Plateau]) -> str:
     """The plateaus with their times, to be matched with the pressures written down; those at zero without a number."""
     words, number = [], 0
-    for plateau in found:
+    for plateau in plateaus:
         at = f"at {plateau.start_s:.0f} s"
         number += not plateau.open
         words.append(f"zero {at}" if plateau.open else f"{number}: {plateau.readings_Pa[-1]:.0f} Pa {at}")

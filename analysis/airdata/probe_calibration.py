@@ -125,7 +125,7 @@ def speed_dependence(tunnel: TunnelData, residual_rad: Array, angle_rad: Array) 
     """The slope of an angle's residual at each speed, within TUNNEL.slope_range_rad. residual_rad, angle_rad : (n,)."""
     small = np.abs(angle_rad) <= TUNNEL.slope_range_rad
     groups = _speed_groups(tunnel.speed_mps)
-    found = []
+    at_speeds = []
     for group in range(groups.max() + 1):
         mine = small & (groups == group)
         x, y = angle_rad[mine], residual_rad[mine]
@@ -136,16 +136,16 @@ def speed_dependence(tunnel: TunnelData, residual_rad: Array, angle_rad: Array) 
         left = y - y.mean() - slope * x_mean
         error = float(np.sqrt(left @ left / (len(x) - 2) / (x_mean @ x_mean)))
         offset = float(y.mean() - slope * x.mean())
-        found.append(SlopeAtSpeed(float(tunnel.speed_mps[mine].mean()), len(x), offset, slope, error))
-    if len(found) < 2:
-        return SpeedDependence(found, 0.0, 0.0)
-    slopes, errors = np.array([f.slope for f in found]), np.array([f.slope_error for f in found])
+        at_speeds.append(SlopeAtSpeed(float(tunnel.speed_mps[mine].mean()), len(x), offset, slope, error))
+    if len(at_speeds) < 2:
+        return SpeedDependence(at_speeds, 0.0, 0.0)
+    slopes, errors = np.array([f.slope for f in at_speeds]), np.array([f.slope_error for f in at_speeds])
     mean = np.average(slopes, weights=1 / errors**2)
     chi_squared = float(np.sum(((slopes - mean) / errors) ** 2))
-    if chi_squared < special.chdtri(len(found) - 1, 1 - TUNNEL.significance):
-        return SpeedDependence(found, chi_squared, 0.0)
+    if chi_squared < special.chdtri(len(at_speeds) - 1, 1 - TUNNEL.significance):
+        return SpeedDependence(at_speeds, chi_squared, 0.0)
     beyond = max(float(np.var(slopes, ddof=1) - np.mean(errors**2)), 0.0)
-    return SpeedDependence(found, chi_squared, float(np.sqrt(beyond)))
+    return SpeedDependence(at_speeds, chi_squared, float(np.sqrt(beyond)))
 
 
 def _speed_groups(speed_mps: Array) -> NDArray[np.int64]:

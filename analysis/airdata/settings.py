@@ -68,11 +68,12 @@ class MagnetometerSettings(Settings):
     tilt_rad: float = setting(
         np.radians(0.5), "rad", "of the tray on the aircraft, and of the attitude by which the field is leveled"
     )
-    sample_off: float = setting(0.1, "1", "a sample whose strength differs from the median by this share is left out")
-    field_off: float = setting(
-        0.1, "1", "the compass is not used if the median strength differs from the calibration's by this share …"
+    off: float = setting(
+        0.1,
+        "1",
+        "a sample whose strength differs from the median by this share is left out; the compass is not used if this"
+        " share of the samples is, or if the median strength differs from the calibration's by this share …",
     )
-    most_off: float = setting(0.1, "1", "… or if this share of the samples is left out …")
     worst_rad: float = setting(np.radians(10.0), "rad", "… or if its heading has a larger error")
     correlated: int = setting(5, "1", "neighboring samples that share errors of the model and count as one")
 

@@ -33,7 +33,7 @@ class SurfaceTable(NamedTuple):
 
 def held_pulses(t_s: Array, pulse_us: Array) -> list[HeldPulse]:
     """Pulses held for GROUND.position_held_s at least, in order of time. t_s, pulse_us : (n,)."""
-    found: list[HeldPulse] = []
+    holds: list[HeldPulse] = []
     start = 0
     for i in range(1, len(t_s) + 1):
         reference_us = np.median(pulse_us[start : min(i, start + GROUND.median_samples)])
@@ -41,26 +41,26 @@ def held_pulses(t_s: Array, pulse_us: Array) -> list[HeldPulse]:
         if not ended:
             continue
         if t_s[i - 1] - t_s[start] >= GROUND.position_held_s:
-            found.append(
+            holds.append(
                 HeldPulse(float(t_s[start]), float(t_s[i - 1] - t_s[start]), float(np.median(pulse_us[start:i])))
             )
         start = i
-    return found
+    return holds
 
 
-def surface_table(found: Sequence[HeldPulse], angles_deg: Sequence[float | None]) -> SurfaceTable:
+def surface_table(holds: Sequence[HeldPulse], angles_deg: Sequence[float | None]) -> SurfaceTable:
     """The table of pulses and angles; an angle is None where it was not read.
 
     Raises InputError if there are not as many angles as held pulses, if too few positions were read, if they
     do not rise or fall with the pulse, or if a step between two positions is not significant: two readings of one
     position that differ by d have a standard deviation of d/sqrt(2) each, so a step is significant (95 %) from 1.96 d.
     """
-    if len(found) != len(angles_deg):
+    if len(holds) != len(angles_deg):
         raise InputError(
-            f"{len(angles_deg)} angles for {len(found)} positions: give one for each, in order, and - for one that"
-            f" was not read. Positions: {found_in_words(found)}"
+            f"{len(angles_deg)} angles for {len(holds)} positions: give one for each, in order, and - for one that"
+            f" was not read. Positions: {found_in_words(holds)}"
         )
-    read = sorted((hold.pulse_us, angle) for hold, angle in zip(found, angles_deg, strict=True) if angle is not None)
+    read = sorted((hold.pulse_us, angle) for hold, angle in zip(holds, angles_deg, strict=True) if angle is not None)
     groups: list[list[tuple[float, float]]] = []
     for pulse, angle in read:
         if groups and pulse - groups[-1][0][0] <= GROUND.same_us:
@@ -88,12 +88,12 @@ def surface_table(found: Sequence[HeldPulse], angles_deg: Sequence[float | None]
     return SurfaceTable(pulses, angles, play)
 
 
-def found_in_words(found: Sequence[HeldPulse]) -> str:
+def found_in_words(holds: Sequence[HeldPulse]) -> str:
     """The held pulses with their times, to be matched with the written angles."""
-    return ", ".join(f"{k}: {h.pulse_us:.0f} us at {h.start_s:.0f} s" for k, h in enumerate(found, start=1)) or "none"
+    return ", ".join(f"{k}: {h.pulse_us:.0f} us at {h.start_s:.0f} s" for k, h in enumerate(holds, start=1)) or "none"
 
 
-def to_toml(surface: str, channel: int, found: SurfaceTable) -> str:
+def to_toml(surface: str, channel: int, table: SurfaceTable) -> str:
     """The surface's section of an aircraft file."""
-    angles = ", ".join(f'"{angle:.1f} deg"' for angle in found.angle_deg)
-    return f"[{surface}]\nchannel = {channel}\npulse_us = {found.pulse_us}\nangle = [{angles}]\n"
+    angles = ", ".join(f'"{angle:.1f} deg"' for angle in table.angle_deg)
+    return f"[{surface}]\nchannel = {channel}\npulse_us = {table.pulse_us}\nangle = [{angles}]\n"

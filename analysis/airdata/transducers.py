@@ -74,15 +74,17 @@ class TransducerCalibration(msgspec.Struct, frozen=True, kw_only=True):
 COLUMN_OF = {"alpha": "dp_alpha_Pa", "beta": "dp_beta_Pa", "airspeed": "q_c_Pa"}
 
 
-def _check(found: TransducerCalibration, where: str) -> None:
+def _check(calibration: TransducerCalibration, where: str) -> None:
     for name in CHANNELS:
-        line = found.line(name)
+        line = calibration.line(name)
         if not abs(line.slope - 1) <= GROUND.largest_gain_error or not 0 < line.slope_error < GROUND.largest_gain_error:
             raise InputError(
                 f"{where}: not a transducer calibration ({name}: slope {line.slope:g} ± {line.slope_error:g})"
             )
-    if not 0 < found.airspeed_scale_error < GROUND.largest_gain_error:
-        raise InputError(f"{where}: not a transducer calibration (airspeed_scale_error {found.airspeed_scale_error:g})")
+    if not 0 < calibration.airspeed_scale_error < GROUND.largest_gain_error:
+        raise InputError(
+            f"{where}: not a transducer calibration (airspeed_scale_error {calibration.airspeed_scale_error:g})"
+        )
 
 
 TRANSDUCERS_FILE = JsonFormat(TransducerCalibration, (FORMAT,), "a transducer calibration", _check)
@@ -101,7 +103,7 @@ def air_data_errors(calibration: TransducerCalibration) -> AirDataErrors:
 
 
 def calibrate(
-    found: Sequence[Plateau], pressures_Pa: Sequence[float], reference_error: float, source: str
+    plateaus: Sequence[Plateau], pressures_Pa: Sequence[float], reference_error: float, source: str
 ) -> tuple[TransducerCalibration, str]:
     """The lines of the three transducers, and why the data do not support them (empty if they do).
 
@@ -109,11 +111,11 @@ def calibrate(
     reference_error : standard deviation of the reference's scale
     Raises InputError if the pressures are not those of the plateaus.
     """
-    pressed = [plateau for plateau in found if not plateau.open]
+    pressed = [plateau for plateau in plateaus if not plateau.open]
     if len(pressed) != len(pressures_Pa):
         raise InputError(
             f"{source}: {len(pressures_Pa)} pressures for {len(pressed)} plateaus: give one for each, in order, without"
-            f" those at zero. Plateaus: {in_words(found)}"
+            f" those at zero. Plateaus: {in_words(plateaus)}"
         )
     levels = len(set(pressures_Pa))
     if levels < GROUND.fewest_pressures:
@@ -122,8 +124,8 @@ def calibrate(
             " up to 400 Pa"
         )
     remaining = iter(pressures_Pa)
-    p = np.array([0.0 if plateau.open else next(remaining) for plateau in found])
-    readings = np.array([plateau.readings_Pa for plateau in found])
+    p = np.array([0.0 if plateau.open else next(remaining) for plateau in plateaus])
+    readings = np.array([plateau.readings_Pa for plateau in plateaus])
     X = np.column_stack([np.ones(len(p)), p])
     coefficients, *_ = np.linalg.lstsq(X, readings, rcond=None)
     residuals = readings - X @ coefficients

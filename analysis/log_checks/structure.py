@@ -94,8 +94,8 @@ def _no_topic(log: Log, topic: str) -> InputError:
 
 def _match(log: Log, topic: str) -> str | None:
     """The unknown topic that resembles `topic`, or ends with it."""
-    found = get_close_matches(topic, log.unknown_topics, 1, STRUCTURE.similar)
-    return next((name for name in [*found, *log.unknown_topics] if name in found or name.endswith(topic)), None)
+    similar = get_close_matches(topic, log.unknown_topics, 1, STRUCTURE.similar)
+    return next((name for name in [*similar, *log.unknown_topics] if name in similar or name.endswith(topic)), None)
 
 
 def _similar_topic(log: Log, topic: str) -> str:

@@ -68,14 +68,14 @@ def _check(log: Log, limits: Limits) -> None:
     _, values = field_of(log, limits.topic, limits.field)
     if not len(values):
         return
-    found = float(np.percentile(np.abs(values), limits.percentile))
-    if limits.least <= found <= limits.largest:
+    measured = float(np.percentile(np.abs(values), limits.percentile))
+    if limits.least <= measured <= limits.largest:
         return
-    unit = next((u for u, factor in limits.units.items() if limits.least <= found * factor <= limits.largest), None)
+    unit = next((u for u, factor in limits.units.items() if limits.least <= measured * factor <= limits.largest), None)
     remedy = f"it looks like {unit}; multiply by {limits.units[unit]:g}" if unit else "write SI units"
     which = "median" if limits.percentile == MEDIAN else f"{limits.percentile:g} % of the log below"
     raise InputError(
-        f"{log.path}: {limits.topic}: {limits.field} is {found:.4g} ({which}), but {limits.reason}: {remedy}"
+        f"{log.path}: {limits.topic}: {limits.field} is {measured:.4g} ({which}), but {limits.reason}: {remedy}"
     )
 
 
@@ -108,12 +108,14 @@ def _check_specific_force(log: Log) -> None:
 
 def _check_temperature(log: Log) -> None:
     _, values = field_of(log, "/static", "temperature_K")
-    found = float(np.median(values))
-    if UNITS.temperature_K[0] <= found <= UNITS.temperature_K[1]:
+    median_K = float(np.median(values))
+    if UNITS.temperature_K[0] <= median_K <= UNITS.temperature_K[1]:
         return
-    other = UNITS.other_degrees[0] <= found <= UNITS.other_degrees[1]
+    other = UNITS.other_degrees[0] <= median_K <= UNITS.other_degrees[1]
     remedy = "it looks like degrees Celsius (add 273.15) or Fahrenheit" if other else "write kelvin"
-    raise InputError(f"{log.path}: /static: temperature_K is {found:.1f} (median), but air has 220 to 330 K: {remedy}")
+    raise InputError(
+        f"{log.path}: /static: temperature_K is {median_K:.1f} (median), but air has 220 to 330 K: {remedy}"
+    )
 
 
 def _check_motor_speed(log: Log, diameter_m: float) -> None:
@@ -122,14 +124,14 @@ def _check_motor_speed(log: Log, diameter_m: float) -> None:
     turning = values[np.abs(values) > STANDING.motor_revps]
     if not len(turning):
         return
-    found = float(np.median(np.abs(turning)))
-    tip_mps = np.pi * diameter_m * found
+    median_revps = float(np.median(np.abs(turning)))
+    tip_mps = np.pi * diameter_m * median_revps
     if tip_mps > UNITS.speed_of_sound_mps:
         per_minute = UNITS.slowest_tip_mps < tip_mps / 60 < UNITS.speed_of_sound_mps
         remedy = "it looks like rev/min; divide by 60" if per_minute else "is it in rad/s, or electrical revolutions?"
         raise InputError(
-            f"{log.path}: /rpm: motor_speed_revps is {found:.0f} (median of the turning motor), at which the tips of a"
-            f" propeller of {diameter_m:.2f} m move faster than sound: {remedy}"
+            f"{log.path}: /rpm: motor_speed_revps is {median_revps:.0f} (median of the turning motor), at which the"
+            f" tips of a propeller of {diameter_m:.2f} m move faster than sound: {remedy}"
         )
 
 

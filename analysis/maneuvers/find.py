@@ -39,7 +39,7 @@ def find_steady(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeu
     steady &= (np.abs(np.nan_to_num(motion.climb, nan=np.inf)) < STEADY_POINT.largest_climb_mps) & (
         np.abs(motion.bank) < STEADY_POINT.largest_bank_rad
     )
-    found: list[Maneuver] = []
+    points: list[Maneuver] = []
     rejected: list[RejectedManeuver] = []
     for rows in stretches(steady):
         data = table.iloc[rows]
@@ -49,8 +49,8 @@ def find_steady(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeu
         if rejection := _rejection(data, motion.V[rows], seconds):
             rejected.append(RejectedManeuver(STEADY, float(data.index[0]), float(data.index[-1]), rejection))
         else:
-            found.append(maneuver_in(STEADY, rows, table, motion.V, find_level.notes(data, motion.bank[rows])))
-    return found, rejected
+            points.append(maneuver_in(STEADY, rows, table, motion.V, find_level.notes(data, motion.bank[rows])))
+    return points, rejected
 
 
 def _rejection(data: pd.DataFrame, V: Array, seconds: float) -> Rejection | None:
@@ -75,9 +75,9 @@ def find(table: pd.DataFrame, rest: list[slice]) -> Maneuvers:
     steps, no_steps = find_3211(table)
     maneuvers, rejected = [*steps, *_standing_and_flying(table, rest)], [*no_steps]
     for finder in (find_runs, find_steady, find_loads):
-        found, unsuitable = finder(table)
+        of_kind, unsuitable = finder(table)
         # The load factor during a 3-2-1-1 input looks like a roller coaster.
-        maneuvers += [maneuver for maneuver in found if not _within(maneuver, steps)]
+        maneuvers += [maneuver for maneuver in of_kind if not _within(maneuver, steps)]
         rejected += [stretch for stretch in unsuitable if not _within(stretch, steps)]
     porpoising = [maneuver for maneuver in maneuvers if maneuver.kind == PORPOISING]
     rejected = [stretch for stretch in rejected if not _part_of(stretch, porpoising)]

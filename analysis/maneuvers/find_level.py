@@ -41,33 +41,33 @@ def missing_share(data: pd.DataFrame) -> tuple[str, float]:
 
 def notes(data: pd.DataFrame, bank: Array) -> tuple[str, ...]:
     """What a reader should know of a maneuver that is used, a few words each. bank: (n,) [rad]."""
-    found = []
+    remarks = []
     uncovered = 1 - float(data["propeller_covered"].mean())
     if uncovered > NOTED.outside_table:
-        found.append(
+        remarks.append(
             f"{100 * uncovered:.0f} % of the data lie outside the propeller table, which is extrapolated there"
         )
     height = data["height_m"].dropna()
     if len(height) and np.ptp(height) > NOTED.height_m:
-        found.append(f"height varied by {np.ptp(height):.0f} m")
+        remarks.append(f"height varied by {np.ptp(height):.0f} m")
     if np.nanmax(np.abs(bank)) > NOTED.bank_rad:
-        found.append(f"bank reached {np.degrees(np.nanmax(np.abs(bank))):.0f} deg")
+        remarks.append(f"bank reached {np.degrees(np.nanmax(np.abs(bank))):.0f} deg")
     step = throttle_step(data)
     if step > NOTED.throttle_step:
-        found.append(
+        remarks.append(
             f"throttle moved by {100 * step:.0f} % within {NOTED.throttle_step_s:g} s: a step pitches the aircraft"
         )
     rms = load_factor_rms(data)
     if rms > NOTED.light_turbulence:
         word = "rough" if rms > NOTED.rough_turbulence else "light"
-        found.append(f"{word} turbulence: the load factor varies by {rms:.2f} rms")
+        remarks.append(f"{word} turbulence: the load factor varies by {rms:.2f} rms")
     for name in NEEDED:
         missing = float(data[name].isna().mean())
         if missing > NOTED.gap_share:
-            found.append(
+            remarks.append(
                 f"{quantity(name)} was stale or missing for {100 * missing:.1f} % of the time and is interpolated there"
             )
-    return tuple(found)
+    return tuple(remarks)
 
 
 def load_factor_rms(data: pd.DataFrame) -> float:
@@ -99,7 +99,7 @@ def find_runs(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuve
     turning_or_steep = (np.abs(np.nan_to_num(motion.bank)) > LEVEL_RUN.largest_bank_rad) | (
         np.abs(np.nan_to_num(motion.climb)) > LEVEL_RUN.steep_mps
     )
-    found: list[Maneuver] = []
+    level_runs: list[Maneuver] = []
     rejected: list[RejectedManeuver] = []
     for stretch in [*stretches(flying & ~turning_or_steep), *stretches(flying & turning_or_steep)]:
         for leg in legs_of(motion.V[stretch].tolist()):
@@ -111,8 +111,8 @@ def find_runs(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuve
             if rejection := measures.rejection(scale):
                 rejected.append(RejectedManeuver(leg.kind, float(data.index[0]), float(data.index[-1]), rejection))
             else:
-                found.append(maneuver_in(leg.kind, rows, table, motion.V, notes(data, motion.bank[rows])))
-    return sorted(found, key=lambda run: run.start_s), sorted(rejected, key=lambda run: run.start_s)
+                level_runs.append(maneuver_in(leg.kind, rows, table, motion.V, notes(data, motion.bank[rows])))
+    return sorted(level_runs, key=lambda run: run.start_s), sorted(rejected, key=lambda run: run.start_s)
 
 
 def _changing_rows(motion: SmoothedMotion, start: int, leg: runs.Leg, scale: float) -> slice:

@@ -21,7 +21,7 @@ from analysis.maneuvers.kinds import (
 from analysis.maneuvers.settings import LOADS, STEPS
 from analysis.maneuvers.smooth import SmoothedMotion, load_factor, smooth
 from analysis.signals.smoothing import stretches, without_gaps
-from flight.runs import Rejection, RunRejected
+from flight.runs import LEVEL_RUN, Rejection, RunRejected
 
 Array = NDArray[np.float64]
 
@@ -30,12 +30,12 @@ def find_loads(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuv
     """The maneuvers of all three kinds, and the rejected stretches. table: of `air_data`."""
     motion, n = smooth(table, LOADS.smoothing_s), load_factor(table, LOADS.load_smoothing_s)
     flying = table["flying"].to_numpy() & np.isfinite(motion.V)
-    found: list[Maneuver] = []
+    maneuvers: list[Maneuver] = []
     rejected: list[RejectedManeuver] = []
     for kind, where, loads_enough, rejection_of in (
         (
             ROLLER_COASTER,
-            flying & (np.abs(n - 1) > LOADS.loaded) & (np.abs(motion.bank) < LOADS.wings_level_rad),
+            flying & (np.abs(n - 1) > LOADS.loaded) & (np.abs(motion.bank) < LEVEL_RUN.largest_bank_rad),
             _pulled_and_pushed,
             _roller_coaster_rejection,
         ),
@@ -47,7 +47,7 @@ def find_loads(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuv
                 continue
             data = table.iloc[rows]
             if kind == ROLLER_COASTER and _swings(n[rows]) >= LOADS.porpoising_swings:
-                found.append(maneuver_in(PORPOISING, rows, table, motion.V, _range_of(n[rows])))
+                maneuvers.append(maneuver_in(PORPOISING, rows, table, motion.V, _range_of(n[rows])))
                 continue
             rejection = (
                 find_level.without_data(data) or rejection_of(data, motion, rows, n[rows]) or find_level.too_low(data)
@@ -55,12 +55,14 @@ def find_loads(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuv
             if rejection:
                 rejected.append(RejectedManeuver(kind, float(data.index[0]), float(data.index[-1]), rejection))
             else:
-                found.append(maneuver_in(kind, rows, table, motion.V, _range_of(n[rows])))
-    return found, rejected + _gentle_porpoises(table, n, flying & (np.abs(motion.bank) < LOADS.wings_level_rad), found)
+                maneuvers.append(maneuver_in(kind, rows, table, motion.V, _range_of(n[rows])))
+    return maneuvers, rejected + _gentle_porpoises(
+        table, n, flying & (np.abs(motion.bank) < LEVEL_RUN.largest_bank_rad), maneuvers
+    )
 
 
 def _gentle_porpoises(
-    table: pd.DataFrame, n: Array, level: NDArray[np.bool_], found: list[Maneuver]
+    table: pd.DataFrame, n: Array, level: NDArray[np.bool_], maneuvers: list[Maneuver]
 ) -> list[RejectedManeuver]:
     """Porpoises in which the load factor stays between pushed and pulled. level: in flight with wings level."""
     t = table.index.to_numpy()
@@ -76,7 +78,9 @@ def _gentle_porpoises(
         )
         for part in stretches(regular):
             start, end = float(swings[part.start]), float(swings[part.stop])
-            if part.stop - part.start < LOADS.regular_swings or any(m.start_s < end and start < m.end_s for m in found):
+            if part.stop - part.start < LOADS.regular_swings or any(
+                m.start_s < end and start < m.end_s for m in maneuvers
+            ):
                 continue
             within = n[(t >= start) & (t <= end)]
             swung = f"{np.nanmin(within):.2f} to {np.nanmax(within):.2f}, beyond {LOADS.pushed:g} and {LOADS.pulled:g}"
@@ -103,7 +107,7 @@ def _roller_coaster_rejection(data: pd.DataFrame, motion: SmoothedMotion, rows: 
     seconds = float(data.index[-1] - data.index[0])
     if seconds < LOADS.shortest_s:
         return Rejection(RunRejected.TOO_SHORT, seconds, LOADS.shortest_s)
-    return Rejection(RunRejected.TOO_LONG, seconds, LOADS.longest_s) if seconds > LOADS.longest_s else None
+    return Rejection(RunRejected.TOO_LONG, seconds, LEVEL_RUN.longest_s) if seconds > LEVEL_RUN.longest_s else None
 
 
 def _wound_up(n: Array) -> bool:
@@ -150,7 +154,7 @@ def find_3211(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuve
         return [], []
     motion = smooth(table, LOADS.smoothing_s)
     times, signs = _edges(without_gaps(table["elevator_rad"].to_numpy()), motion.step_s)
-    found: list[Maneuver] = []
+    inputs: list[Maneuver] = []
     rejected: list[RejectedManeuver] = []
     for first, last in _alternating(times, signs):
         holds = np.diff(times[first : last + 1])
@@ -167,8 +171,8 @@ def find_3211(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuve
             rejected.append(RejectedManeuver(STEPS_3211, float(data.index[0]), float(data.index[-1]), rejection))
         else:
             notes = (f"unit {np.sum(holds) / np.sum(UNITS):.2f} s",)
-            found.append(maneuver_in(STEPS_3211, rows, table, motion.V, notes))
-    return found, rejected
+            inputs.append(maneuver_in(STEPS_3211, rows, table, motion.V, notes))
+    return inputs, rejected
 
 
 def _edges(elevator: Array, step_s: float) -> tuple[Array, Array]:
@@ -188,12 +192,12 @@ def _edges(elevator: Array, step_s: float) -> tuple[Array, Array]:
 
 def _alternating(times: Array, signs: Array) -> list[tuple[int, int]]:
     """Indices of the first and last edge of each alternating sequence without a hold above STEPS.longest_hold_s."""
-    found, first = [], 0
+    sequences, first = [], 0
     for i in range(1, len(times) + 1):
         if i == len(times) or signs[i] == signs[i - 1] or times[i] - times[i - 1] > STEPS.longest_hold_s:
-            found.append((first, i - 1))
+            sequences.append((first, i - 1))
             first = i
-    return [pair for pair in found if pair[1] > pair[0]]
+    return [pair for pair in sequences if pair[1] > pair[0]]
 
 
 def _best_part(holds: Array, first: int, last: int) -> tuple[int, int]:

@@ -54,10 +54,10 @@ class ManeuverEntry:
     keep: bool = True
 
 
-def to_toml(found: Maneuvers, log: str, name: str = "runs.toml") -> str:
+def to_toml(maneuvers: Maneuvers, log: str, name: str = "runs.toml") -> str:
     """The maneuvers of a flight and the rejected stretches as a file to edit."""
     parts = [HEAD.format(log=log, name=name, kinds=", ".join(KINDS))]
-    everything: list[Maneuver | RejectedManeuver] = sorted([*found.maneuvers, *found.rejected], key=_start)
+    everything: list[Maneuver | RejectedManeuver] = sorted([*maneuvers.maneuvers, *maneuvers.rejected], key=_start)
     for stretch in everything:
         keep = "true" if isinstance(stretch, Maneuver) else "false"
         remarks = stretch.notes if isinstance(stretch, Maneuver) else (f"rejected: {stretch.reason}",)
@@ -156,14 +156,14 @@ def select(table: pd.DataFrame, rest: list[slice], log: str, runs_file: Path | N
     Raises InputError naming the log or the file if no maneuver allows drag to be estimated.
     """
     entries = load(runs_file) if runs_file else None
-    found = find(table, rest)
+    maneuvers = find(table, rest)
     if entries:
-        found = apply(entries, table, found.rejected, str(runs_file))
-    if found.of(*FOR_DRAG):
-        return found
+        maneuvers = apply(entries, table, maneuvers.rejected, str(runs_file))
+    if maneuvers.of(*FOR_DRAG):
+        return maneuvers
     if runs_file:
         raise InputError(f"{runs_file}: no maneuver to analyze; keep one of these: {', '.join(FOR_DRAG)}")
-    missed = nearest_miss(found.rejected, table, rested=bool(rest))
+    missed = nearest_miss(maneuvers.rejected, table, rested=bool(rest))
     raise InputError(f"{log}: no acceleration or deceleration to analyze{missed}")
 
 

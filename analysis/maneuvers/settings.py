@@ -16,9 +16,13 @@ class SteadyPointSettings(Settings):
     largest_climb_mps: float = setting(0.5, "m/s", "momentary; the energy balance corrects for what remains")
     largest_bank_rad: float = setting(np.radians(12), "rad", "2 % more lift than weight")
     shortest_s: float = setting(8.0, "s", "longer than the smoothing")
-    mentioned_s: float = setting(4.0, "s", "a stretch this long is listed as rejected; a shorter one is ignored")
     largest_speed_change: float = setting(0.06, "1", "of the mean speed: one point of the curve")
     largest_motor_spread: float = setting(0.05, "1", "standard deviation over mean of the motor's speed")
+
+    @property
+    def mentioned_s(self) -> float:
+        """A stretch this long is listed as rejected; a shorter one is ignored."""
+        return self.shortest_s / 2
 
 
 @dataclass(frozen=True)
@@ -29,21 +33,23 @@ class LoadSettings(Settings):
     load_smoothing_s: float = setting(0.4, "s", "of the load factor; short against a swing")
     loaded: float = setting(0.15, "1", "a maneuver lasts while the load factor differs from 1 by more than this")
     pause_s: float = setting(1.0, "s", "with pauses no longer than this")
-    pulled: float = setting(1.25, "1", "load factor that a roller coaster exceeds")
-    pushed: float = setting(0.75, "1", "load factor below which it goes")
+    pulled: float = setting(1.25, "1", "load factor that a roller coaster exceeds; it goes as far below 1")
     shortest_s: float = setting(2.5, "s", "a few swings")
-    longest_s: float = setting(40.0, "s", "as of a level run")
     porpoising_swings: int = setting(8, "1", "this many swings in one stretch are porpoising, not a roller coaster")
     gentle: float = setting(0.05, "1", "a gentle porpoise swings beyond this load factor to either side of 1")
     regular_swings: int = setting(12, "1", "in a row: a gentle porpoise is told from gusts by its regular swings")
     regular: float = setting(0.35, "1", "departure of the time between two swings from its median, at most")
     swing_s: tuple[float, float] = setting((0.4, 1.6), "s", "between two swings of a gentle porpoise")
-    wings_level_rad: float = setting(np.radians(25), "rad", "largest bank of a roller coaster")
     banked_rad: float = setting(np.radians(15), "rad", "least bank of a wind-up turn")
     wound_up: float = setting(1.4, "1", "load factor that a wind-up turn reaches")
     loading_per_s: float = setting(0.03, "1/s", "least slope of the load factor in a wind-up turn")
     linear: float = setting(0.8, "1", "share of the load factor's variance that a straight line explains")
     largest_speed_change: float = setting(0.2, "1", "of the mean speed in a wind-up turn")
+
+    @property
+    def pushed(self) -> float:
+        """Load factor below which a roller coaster goes."""
+        return 2 - self.pulled
 
 
 @dataclass(frozen=True)

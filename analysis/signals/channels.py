@@ -38,8 +38,8 @@ def values(entries: Entries, field: str) -> Array:
     numbers = entries.columns[field].numbers if field in entries.columns else None
     if numbers is None:
         return np.full(len(entries), np.nan)
-    found = np.array(numbers)
-    return found if numbers.typecode == "d" else np.where(found == NO_INTEGER, np.nan, found.astype(float))
+    array = np.array(numbers)
+    return array if numbers.typecode == "d" else np.where(array == NO_INTEGER, np.nan, array.astype(float))
 
 
 def field_of(log: Log, topic: str, field: str) -> tuple[Array, Array]:

@@ -65,8 +65,8 @@ def rest_segments(table: pd.DataFrame, rate_Hz: float, flying_Pa: float = AIRCRA
     speed = gps.pow(2).sum(axis=1, min_count=2).pow(0.5)
     at_rest &= ~(speed.rolling(window, center=True, min_periods=1).mean() > REST.rolling_mps)
     margin = window // 2  # rows whose window reaches beyond the rest
-    found = [slice(s.start + margin, s.stop - margin) for s in stretches(at_rest.to_numpy())]
-    standing = [_without_motion(table, s, window) for s in found if s.stop - s.start >= REST.shortest_s * rate_Hz]
+    rests = [slice(s.start + margin, s.stop - margin) for s in stretches(at_rest.to_numpy())]
+    standing = [_without_motion(table, s, window) for s in rests if s.stop - s.start >= REST.shortest_s * rate_Hz]
     long = [s for s in standing if s.stop - s.start >= REST.shortest_s * rate_Hz]
     q_c_Pa = [table["q_c_Pa"].iloc[s].mean() for s in long]
     least_Pa = min((q for q in q_c_Pa if np.isfinite(q)), default=0.0)

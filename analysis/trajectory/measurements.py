@@ -117,7 +117,7 @@ def _standard_deviations(blocks: BlockMeans, noise: dict[str, float], V_referenc
     root = np.sqrt(BLOCK)
     constant = {
         "height": noise["static_Pa"] / SENSORS.barometer_PaPm / root,
-        "gps_north": SENSORS.gps_mps, "gps_east": SENSORS.gps_mps, "gps_down": SENSORS.gps_down_mps,
+        "gps_north": SENSORS.gps_mps[0], "gps_east": SENSORS.gps_mps[0], "gps_down": SENSORS.gps_mps[1],
         "v_north": SENSORS.rest_mps, "v_east": SENSORS.rest_mps, "v_down": SENSORS.rest_mps,
     }  # fmt: skip
     return {name: np.full(blocks.n, sigma) for name, sigma in constant.items()} | {

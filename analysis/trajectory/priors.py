@@ -110,8 +110,8 @@ def sensor_error_prior(
     stated : of `stated_sigma`
     zeros : standard errors [Pa] of the zeros that the log shows, `zeros_at_rest`
     """
-    own = {name: float(np.hypot(error, REMAINING_SIGMA[name])) for name, error in calibrated.items()}
-    sigma = {**stated, **own, **zeros}
+    with_calibration = {name: float(np.hypot(error, REMAINING_SIGMA[name])) for name, error in calibrated.items()}
+    sigma = {**stated, **with_calibration, **zeros}
     for name in ZEROS:
         sigma[name] = float(np.hypot(sigma[name], stated[CHANGE_OF_ZERO]))
     sigma["alpha_scale"] = float(np.hypot(sigma["alpha_scale"], alpha_scale_sigma))

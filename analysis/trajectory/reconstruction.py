@@ -241,8 +241,9 @@ def _solve(
         initial = x[0]
         step = gauss_newton_step(linearization, prior, initial, remaining)
         move = step.sensor_errors / np.sqrt(np.diag(step.covariance))
-        # Without a measured heading steps may oscillate between two points; the middle is better than either.
-        damping = SOLVER.damped if move @ last_move < SOLVER.oscillating * (last_move @ last_move) else damping
+        # Without a measured heading steps may oscillate between two points (correlation of a step with the one before
+        # below -0.3); the middle is better than either.
+        damping = 0.5 if move @ last_move < -0.3 * (last_move @ last_move) else damping
         x, sensor_errors, last_move = x + damping * step.states, sensor_errors + damping * step.sensor_errors, move
         if np.max(np.abs(move)) < tolerance:
             converged = True

@@ -169,9 +169,7 @@ class Regressors:
         V_regressors = np.column_stack([inertial_V, derivative(inertial_V, self._flying, self._step_s)])
         V_instruments = self._airspeed_instruments(inertial_V, V_regressors, sigma_w_mps)
         measured_V = np.maximum(self._measured_V_predicted / (1 + errors.V_scale), self._slowest_mps)
-        cos_bank = np.cos(
-            np.clip(self._extrapolated(state.phi)[0], -PREDICTION.largest_bank_rad, PREDICTION.largest_bank_rad)
-        )
+        cos_bank = np.cos(np.clip(self._extrapolated(state.phi)[0], -1.2, 1.2))  # a steeper prediction is none
         lift = 1 / (measured_V**2 * cos_bank)  # lift coefficient up to a factor
         az = np.nan_to_num(blocks["az_mps2"], nan=-9.8)
         regressors, predicted_regressors, alpha_predicted = self._alpha(

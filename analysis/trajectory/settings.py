@@ -61,10 +61,12 @@ class SensorSettings(Settings):
     accelerometer_scale: float = setting(0.002, "1", "the same of the accelerometers")
     missing_radps: float = setting(0.5, "rad/s", "process noise where samples are missing: rates of a usual flight")
     missing_mps2: float = setting(5.0, "m/s²", "the same of accelerations")
-    gps_mps: float = setting(
-        0.3, "m/s", "GPS velocity errors are correlated over a minute; horizontal ones look like wind"
+    gps_mps: tuple[float, float] = setting(
+        (0.3, 1.0),
+        "m/s",
+        "horizontal and vertical velocity: GPS errors are correlated over a minute; horizontal ones look like wind, and"
+        " height comes from the barometer",
     )
-    gps_down_mps: float = setting(1.0, "m/s", "vertical GPS velocity; height comes from the barometer")
     rest_mps: float = setting(0.1, "m/s", "velocity of the aircraft at rest")
     barometer_PaPm: float = setting(11.8, "Pa/m", "rho g at 100 m")
     independent_headings: int = setting(
@@ -115,7 +117,6 @@ class PredictionSettings(Settings):
     slow_s: float = setting(3.0, "s", "window of predictions of speed and bank")
     rate_s: float = setting(1.0, "s", "window of predictions of their derivatives")
     newest: int = setting(2, "1", "blocks before: the means of neighboring blocks share part of a gust's increment")
-    largest_bank_rad: float = setting(1.2, "rad", "a steeper predicted bank is taken as this one")
 
 
 @dataclass(frozen=True)
@@ -129,10 +130,6 @@ class SolverSettings(Settings):
     converged_first: float = setting(
         5.0, "1", "the same of the first solution, which only has to be good enough to compare gust intensities"
     )
-    oscillating: float = setting(
-        -0.3, "1", "correlation of a step with the one before, below which later steps are damped"
-    )
-    damped: float = setting(0.5, "1", "factor on these steps")
 
 
 @dataclass(frozen=True)
