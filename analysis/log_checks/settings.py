@@ -19,28 +19,11 @@ class AxesSettings(Settings):
         5.0, "m/s²", "angular rate needs a centripetal force; none of 42 flights exceeded this in any second …"
     )
     most_exceeded: float = setting(0.05, "1", "… and in deg/s 15 % to 78 % do")
-    reversed_correlation: float = setting(
-        -0.5,
-        "1",
-        "correlation of angle of attack and lift coefficient: 0.76 to 0.99 in 42 flights; of roll rate and change"
-        " of bank: 0.21 (short flights in 15 kt) to 0.91 in 64 flights of three aircraft",
-    )
-    reversed_sideslip: float = setting(
-        0.4,
-        "1",
-        "correlation of the changes of side force and of sideslip: -0.94 to 0.05; calm flights hardly sideslip,"
-        " and their curve does not depend on it",
-    )
     least_slope: float = setting(
         0.03, "1", "of alpha's pressure over q_c on the relative lift coefficient; 0.22 to 0.58; in hPa 0.01 at most"
     )
     exchanged: float = setting(0.6, "1", "correlation of lift and beta's pressure over q_c: -0.11 to 0.52 …")
     exchanged_more: float = setting(0.2, "1", "… and how much more than alpha's, which is 0.74 to 1.00")
-    reversed_pitch: float = setting(-0.35, "1", "correlation of pitch rate and load; 0.46 to 0.98")
-    least_gain_mps2: float = setting(0.3, "m/s²", "standard deviation; correlation 0.68 to 1.00")
-    least_turn_radps: float = setting(0.1, "rad/s", "standard deviation; correlation 0.97 to 1.00")
-    least_lift_spread: float = setting(0.05, "1", "relative; at a constant lift coefficient nothing correlates with it")
-    least_climb_mps: float = setting(0.5, "m/s", "standard deviation of the climb rate")
     fastest_ground: float = setting(2.5, "1", "times the airspeed, median; wind is slower than 1.5 of it")
     slowest_ground: float = setting(0.05, "1", "times the airspeed, median")
 
