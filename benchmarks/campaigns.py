@@ -13,11 +13,7 @@ Campaigns below 10 are for development; figures of the documentation come from o
 
 import dataclasses
 import hashlib
-import json
-import sys
-import time
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -30,7 +26,6 @@ import typer
 from campaign_draws import MORE_DRAG
 from estimators import speeds
 from numpy.typing import ArrayLike, NDArray
-from worlds import known_lines
 
 from analysis.airdata.flight_data import Calibrations
 from analysis.airdata.probe import ProbeCalibration
@@ -209,27 +204,17 @@ def main(
     wanted = list(
         jobs_of(worlds or ["study"], weather_kt or [3.0, 15.0], range(first, first + campaigns), most, with_B)
     )
-    file.parent.mkdir(parents=True, exist_ok=True)
-    known = known_lines(file)
     if not fly_missing:
         places = {tuple(job)[:-1] for job in wanted}  # by any version
         campaign_figures.print_figures(
-            [line for line in known if tuple(line[n] for n in Job._fields[:-1]) in places], drawn
+            [line for line in flights.known_lines(file) if tuple(line[n] for n in Job._fields[:-1]) in places], drawn
         )
         return
-    done = {tuple(line[name] for name in Job._fields): line for line in known}
-    missing = [job for job in wanted if tuple(job) not in done]
-    began = time.monotonic()
-    with ProcessPoolExecutor(jobs) as pool, file.open("a", encoding="utf-8") as stream:
-        running = [pool.submit(one_flight, job) for job in missing]
-        for count, future in enumerate(as_completed(running), start=1):
-            line = future.result()
-            done[tuple(line[name] for name in Job._fields)] = line
-            stream.write(json.dumps(line) + "\n")
-            stream.flush()
-            left_min = (time.monotonic() - began) / count * (len(missing) - count) / 60
-            print(f"{count}/{len(missing)}, {left_min:.0f} min left {line.get('refused', '')}", file=sys.stderr)
-    campaign_figures.print_figures([done[tuple(job)] for job in wanted if tuple(job) in done], drawn)
+    done = flights.fly_missing(
+        file, {tuple(job): job for job in wanted}, one_flight, lambda line: tuple(line[name] for name in Job._fields),
+        jobs=jobs, told=lambda line: line.get("refused", ""),
+    )  # fmt: skip
+    campaign_figures.print_figures([done[tuple(job)] for job in wanted], drawn)
 
 
 if __name__ == "__main__":

@@ -1,12 +1,17 @@
 """Simulated flights as the analysis receives them, without buses, counts or log: what benchmarks and tests share."""
 
+import contextlib
 import dataclasses
+import json
 import pickle
+import sys
 import tempfile
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -33,6 +38,10 @@ from sim.sensors.budget import DrawnErrors, ErrorBudget
 from sim.trim import Trimmer
 from sim.tunnel import simulated_measurements, write_calibration
 from sim.world import load_world
+
+Job = TypeVar("Job")
+Key = tuple[Any, ...]
+Line = dict[str, Any]
 
 KNOT_MPS = 0.514444
 # Of the water column, 1 sigma: its scale, as `calibrate transducers` takes by default, and 0.3 mm of each reading.
@@ -182,6 +191,38 @@ def transducers_of(errors: DrawnErrors, seed: int) -> TransducerCalibration:
     if unsupported:
         raise InputError(unsupported)
     return calibration
+
+
+def known_lines(path: Path) -> list[dict[str, Any]]:
+    """The lines of a file of flights. A last line that was cut off is left out."""
+    lines = []
+    for text in path.read_text("utf-8").splitlines() if path.exists() else []:
+        with contextlib.suppress(ValueError):
+            lines.append(json.loads(text))
+    return lines
+
+
+def fly_missing(
+    file: Path, wanted: Mapping[Key, Job], one_flight: Callable[[Job], Line], key: Callable[[Line], Key], *, jobs: int,
+    told: Callable[[Line], str],
+) -> dict[Key, Line]:  # fmt: skip
+    """All lines of a file by their keys. Flights that it lacks are flown; each is a line as soon as it is done."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    done = {key(line): line for line in known_lines(file)}
+    missing = [job for identity, job in wanted.items() if identity not in done]
+    began = time.monotonic()
+    with ProcessPoolExecutor(jobs) as pool, file.open("a", encoding="utf-8") as stream:
+        if stream.tell() and not file.read_text("utf-8").endswith("\n"):
+            stream.write("\n")  # after a line that was cut off
+        running = [pool.submit(one_flight, job) for job in missing]
+        for count, future in enumerate(as_completed(running), start=1):
+            line = future.result()
+            done[key(line)] = line
+            stream.write(json.dumps(line) + "\n")
+            stream.flush()
+            left_min = (time.monotonic() - began) / count * (len(missing) - count) / 60
+            print(f"{count}/{len(missing)}, {left_min:.0f} min left: {told(line)}", file=sys.stderr, flush=True)
+    return done
 
 
 def error_rows(error: np.ndarray, half: np.ndarray) -> Iterator[tuple[str, np.ndarray, str]]:

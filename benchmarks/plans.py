@@ -10,7 +10,7 @@ there are not flown again, so a run that was stopped continues. docs/flying.md q
 import json
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import estimators
 import flights
@@ -37,6 +37,7 @@ from sim.sensors import load_budget
 SHIPPED = "full-test-flight"
 BY_HAND = Pilot(autopilot=False, load=1.0)
 HEIGHT_M, LEG_M = 40.0, 1300.0  # those of the shipped plan
+KEY = ("aircraft", "question", "kt", "minutes", "plan", "pilot", "seed")
 EARLIER_SEED = 999  # of the first flight, after which others are planned
 
 
@@ -116,18 +117,26 @@ def analyzed(aircraft: Aircraft, plan: str, kt: float, seed: int) -> tuple[Polar
     return dynamic.estimate_polar(trajectory, runs, aircraft, propeller).polar, flown, air
 
 
-def one_flight(aircraft_name: str, plan: str, kt: float, seed: int) -> dict[str, Any]:
-    """Errors and half widths [% of the truth] at estimators.speeds; empty where the flight ended too soon."""
-    aircraft = load_aircraft(aircraft_name)
+class Job(NamedTuple):
+    """A flight: the values of KEY with the predicted half widths, and the plan."""
+
+    row: dict[str, Any]
+    plan: str
+
+
+def one_flight(job: Job) -> dict[str, Any]:
+    """The row with errors and half widths [% of the truth] at estimators.speeds, or why the flight ended too soon."""
+    aircraft = load_aircraft(job.row["aircraft"])
     try:
-        polar, flown, air = analyzed(aircraft, plan, kt, seed)
+        polar, flown, air = analyzed(aircraft, job.plan, job.row["kt"], job.row["seed"])
     except (InputError, np.linalg.LinAlgError, ValueError) as error:
-        return {"lost": str(error)}
+        return {**job.row, "lost": str(error)}
     at = Condition(aircraft.mass.weight_N, float(air.loc[air["flying"], "rho"].mean()), aircraft.geometry.wing_area_m2)
     V, truth = estimators.speeds(aircraft), flown.flight.power_required
     true_W = np.interp(V, truth["speed_mps"], truth["power_W"])
     power, sigma = power_required(V, polar, at)
     return {
+        **job.row,
         "error": (100 * (power / true_W - 1)).tolist(),
         "half": (100 * NORMAL_95 * sigma / true_W).tolist(),
         "seconds": float(air.index[-1]),
@@ -145,29 +154,25 @@ def main(
     only: Annotated[str, typer.Option(help="planned, shipped, or both.")] = "both",
     known_drag: Annotated[bool, typer.Option(help="Plan with the drag that a first flight has found.")] = False,
     pilot: Annotated[str, typer.Option(help="exact, or average: bank 10 deg, height 8 m, speed 1 m/s.")] = "exact",
+    processes: Annotated[int, typer.Option("--jobs", help="Processes.")] = 2,
     output: Annotated[Path, typer.Option("-o", "--output", help="Lines of JSON, one a flight.")] = Path("plans.jsonl"),
 ) -> None:
     """Flies cell after cell, seed after seed, and prints the table of what there is."""
     output.parent.mkdir(parents=True, exist_ok=True)
-    known = [json.loads(line) for line in output.read_text("utf-8").splitlines()] if output.is_file() else []
-    done = {(r["aircraft"], r["question"], r["kt"], r["minutes"], r["plan"], r["pilot"], r["seed"]) for r in known}
     wanted = [(float(kt), float(minutes)) for kt, minutes in (cell.split(":") for cell in cells.split(","))]
     made = {cell: make_plans(aircraft, *cell, asked, output.parent, known_drag=known_drag) for cell in wanted}
     question = f"{asked}, drag known" if known_drag else asked
+    jobs = {}
     for seed in range(first_seed, first_seed + count):
         for kt, minutes in wanted:
             for name in ("planned", "shipped") if only == "both" else (only,):
-                key = (aircraft, question, kt, minutes, name, pilot, seed)
-                if key in done:
-                    continue
                 plan = made[kt, minutes][name]
                 path = plan["path"] if pilot == "exact" else _flown_by_average_pilot(Path(plan["path"]))
-                row = dict(zip(("aircraft", "question", "kt", "minutes", "plan", "pilot", "seed"), key, strict=True))
-                row |= {"predicted": plan["predicted"]} | one_flight(aircraft, path, kt, seed)
-                with output.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps(row) + "\n")
-                known.append(row)
-    print_table(known)
+                key = (aircraft, question, kt, minutes, name, pilot, seed)
+                jobs[key] = Job(dict(zip(KEY, key, strict=True)) | {"predicted": plan["predicted"]}, path)
+    known = flights.fly_missing(output, jobs, one_flight, lambda row: tuple(row[name] for name in KEY), jobs=processes,
+                                told=lambda row: row.get("lost", ""))  # fmt: skip
+    print_table(known.values())
 
 
 WANDER = '\n[wander]\nbank = "{bank} deg"\nheight = "{height} m"\nspeed = "{speed} m/s"\n'

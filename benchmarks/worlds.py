@@ -19,11 +19,8 @@ import hashlib
 import io
 import itertools
 import json
-import sys
 import tempfile
-import time
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -32,7 +29,7 @@ import numpy as np
 import typer
 from chain import compared, plan_text, read_truth
 from estimators import OVER_STALL, speeds
-from flights import COLUMN, COLUMN_SCALE, as_read, column_pressures, error_rows, tunnel_probe
+from flights import COLUMN, COLUMN_SCALE, as_read, column_pressures, error_rows, fly_missing, tunnel_probe
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.airdata.pressure_plateaus import plateaus, readings
@@ -132,15 +129,6 @@ def alarm(analysis: Analysis) -> bool:
     condition = Condition(test.weight_N, test.air_density_kgpm3, analysis.results.aircraft.wing_area_m2)
     check = drag.cross_check
     return bool(check and cross_check.disagreement(drag.main.polar, check, condition, drag.flown_CL).differs)
-
-
-def known_lines(path: Path) -> list[dict[str, Any]]:
-    """The lines of the file of flights. A last line that was cut off is left out."""
-    lines = []
-    for text in path.read_text("utf-8").splitlines() if path.exists() else []:
-        with contextlib.suppress(ValueError):
-            lines.append(json.loads(text))
-    return lines
 
 
 def key(line: dict[str, Any]) -> tuple[Any, ...]:
@@ -266,22 +254,8 @@ def main(
     versions = {name: world_version(code, name) for name in chosen}
     for i in range(max(of_cell.values())):
         todo += [Job(c, first_seed + i, versions[c.world], probe, calibrated) for c, n in of_cell.items() if i < n]
-    file.parent.mkdir(parents=True, exist_ok=True)
     wanted = {(*job.cell, job.seed, job.version, job.calibrated): job for job in todo}
-    done = {key(line): line for line in known_lines(file) if key(line) in wanted}
-    missing = [job for identity, job in wanted.items() if identity not in done]
-    began = time.monotonic()
-    with ProcessPoolExecutor(jobs) as pool, file.open("a", encoding="utf-8") as stream:
-        if stream.tell() and not file.read_text("utf-8").endswith("\n"):
-            stream.write("\n")  # after a line that was cut off
-        running = [pool.submit(one_flight, job) for job in missing]
-        for count, future in enumerate(as_completed(running), start=1):
-            line = future.result()
-            done[key(line)] = line
-            stream.write(json.dumps(line) + "\n")
-            stream.flush()
-            left_min = (time.monotonic() - began) / count * (len(missing) - count) / 60
-            print(f"{count}/{len(missing)}, {left_min:.0f} min left: {summary(line)}", file=sys.stderr, flush=True)
+    done = fly_missing(file, wanted, one_flight, key, jobs=jobs, told=summary)
     print(tables([done[identity] for identity in wanted]))
 
 

@@ -3,7 +3,8 @@
 import json
 
 import pytest
-from worlds import Cell, cells, key, known_lines, tables, world_table
+from flights import known_lines
+from worlds import Cell, cells, key, tables, world_table
 
 
 def line(seed: int, error: list[float | None], half: list[float | None], alarm: bool = False) -> dict[str, object]:
