@@ -1,6 +1,6 @@
 """`python -m flightpower`"""
 
-from flightpower.scripts import flightpower
+from flightpower.scripts import flightpower as main
 
 if __name__ == "__main__":
-    flightpower()
+    main()

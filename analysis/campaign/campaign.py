@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Protocol
 
 import msgspec
 
-from analysis.campaign.cluster import run_on_cluster
+from analysis.campaign.cluster import cluster
 from analysis.campaign.folders import (
     RESULTS,
     LogFile,
@@ -28,7 +28,7 @@ from analysis.campaign.folders import (
     record_of,
     records,
 )
-from analysis.campaign.processes import Analyze, Job, Outcome, load_ahead, run_on_processors
+from analysis.campaign.processes import Analyze, Job, Outcome, load_ahead, processors, run_jobs
 from analysis.results.files import from_content
 from analysis.results.trust import NOT_TO_TRUST, reasons_not_to_trust
 from flight.errors import InputError
@@ -100,22 +100,19 @@ def run(
     def step(job: Job, text: str) -> None:
         monitor.step(job.name, text)
 
-    todo = [one.job for one in planned.values()]
-    if scheduler is None:
-        ending = run_on_processors(todo, work.analyze, jobs, new_folder, step)
-    else:
-        ending = run_on_cluster(todo, work.analyze, scheduler, new_folder, step)
-    for job, partial, outcome in ending:
-        if outcome.error:
-            shutil.rmtree(partial, ignore_errors=True)
-            campaign.failures.append(outcome.error)
-        else:
-            _, wanted, log = planned[job.name]
-            complete(partial, output / job.name, key=wanted, log=log, runs=job.runs)
-            campaign.folders.append(output / job.name)
-        campaign.processor_seconds += outcome.processor_seconds
-        campaign.peak_bytes = max(campaign.peak_bytes, outcome.peak_bytes)
-        monitor.ended(job.name, outcome)
+    place = processors(work.analyze, jobs, step) if scheduler is None else cluster(scheduler, work.analyze, step)
+    with place as computers:
+        for job, partial, outcome in run_jobs((one.job for one in planned.values()), computers, new_folder):
+            if outcome.error:
+                shutil.rmtree(partial, ignore_errors=True)
+                campaign.failures.append(outcome.error)
+            else:
+                _, wanted, log = planned[job.name]
+                complete(partial, output / job.name, key=wanted, log=log, runs=job.runs)
+                campaign.folders.append(output / job.name)
+            campaign.processor_seconds += outcome.processor_seconds
+            campaign.peak_bytes = max(campaign.peak_bytes, outcome.peak_bytes)
+            monitor.ended(job.name, outcome)
     campaign.folders.sort(key=lambda folder: folder.name)
     campaign.failures.sort()
     return campaign

@@ -2,19 +2,18 @@
 
 import os
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from analysis.campaign.folders import software
 from analysis.campaign.process_apart import run_apart
-from analysis.campaign.processes import Analyze, Job, Outcome, below
+from analysis.campaign.processes import Analyze, Computers, Job, Outcome, Returned, below
+from analysis.campaign.settings import CAMPAIGN
 from flight.errors import InputError
-
-CONNECT_S = 10
-QUEUED_PER_THREAD = 2  # jobs at the scheduler for each thread of a worker: enough to keep it busy
-LARGEST_JOB_BYTES = 2**31  # above which Dask warns that a job is large
 
 
 class Parcel(NamedTuple):
@@ -27,53 +26,32 @@ class Parcel(NamedTuple):
     software: str
 
 
-class Returned(NamedTuple):
-    outcome: Outcome
-    files: dict[str, bytes]  # of the flight's folder, by name
+@contextmanager
+def cluster(address: str, analyze: Analyze, step: Callable[[Job, str], None]) -> Iterator[Computers]:
+    """The cluster of a scheduler. A job whose worker dies runs again on another.
 
-
-def run_on_cluster(
-    jobs: Sequence[Job],
-    analyze: Analyze,
-    address: str,
-    new_folder: Callable[[str], Path],
-    progress: Callable[[Job, str], None],
-) -> Iterator[tuple[Job, Path, Outcome]]:
-    """Run jobs on the cluster of a scheduler; yields each with its folder when it ends.
-
-    A job whose worker dies runs again on another. Raises InputError when there is no such scheduler.
+    Raises InputError when there is no such scheduler.
     """
     try:
         import dask.config
-        from distributed import Client, as_completed
+        from distributed import Client
     except ModuleNotFoundError:
         raise InputError('--scheduler: distributed is not installed; run: pip install "flightpower[cluster]"') from None
-    settings = {"distributed.admin.large-graph-warning-threshold": LARGEST_JOB_BYTES}
+    settings = {"distributed.admin.large-graph-warning-threshold": 2**31}  # bytes: a job has its log with it
     with dask.config.set(settings), _client(Client, address) as client:
-        waiting, running = list(reversed(jobs)), dict[Any, Job]()
-        ended = as_completed()
+        executor = client.get_executor(pure=False, retries=2)  # closed with the client, which forgets its jobs
 
-        def submit() -> None:
-            threads = sum(client.nthreads().values())
-            while waiting and len(running) < max(1, QUEUED_PER_THREAD * threads):
-                job = waiting.pop()
-                progress(job, "on the cluster")
-                future = client.submit(analyze_parcel, _parcel(analyze, job), pure=False, retries=2)
-                running[future] = job
-                ended.add(future)
+        def submit(job: Job, folder: Path) -> "Future[Returned]":
+            step(job, "on the cluster")
+            submitted: Future[Returned] = executor.submit(analyze_parcel, _parcel(analyze, job))
+            return submitted
 
-        submit()
-        for future in ended:
-            job = running.pop(future)
-            folder = new_folder(job.name)
-            yield job, folder, _unpack(future, job, folder)
-            future.release()
-            submit()
+        yield Computers(submit, lambda: max(1, CAMPAIGN.queued_per_thread * sum(client.nthreads().values())))
 
 
 def _client(client: Callable[..., Any], address: str) -> Any:
     try:
-        return client(address, timeout=CONNECT_S)
+        return client(address, timeout=CAMPAIGN.connect_s)
     except (OSError, ValueError) as error:
         cause = str(error) or type(error).__name__
         raise InputError(
@@ -89,18 +67,6 @@ def _parcel(analyze: Analyze, job: Job) -> Parcel:
 def _absolute(path: Path) -> Path:
     """Without `..`, but with its symbolic links: they are part of the name by which a file is asked for."""
     return Path(os.path.normpath(path.absolute()))
-
-
-def _unpack(future: Any, job: Job, folder: Path) -> Outcome:
-    try:
-        returned: Returned = future.result()
-    except Exception as error:
-        return Outcome(f"{job.log}: the cluster could not analyze it ({type(error).__name__}: {error})".splitlines()[0])
-    for name, content in returned.files.items():
-        path = folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(content)
-    return returned.outcome
 
 
 def analyze_parcel(parcel: Parcel) -> Returned:

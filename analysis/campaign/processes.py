@@ -1,27 +1,26 @@
-"""One analysis among many, and how it ended.
-
-Jobs on the processors of this computer: a process for each, so that memory stays flat and a crash costs one job.
-"""
+"""One analysis among many, and how it ended; where many run: on the processors of this computer."""
 
 import multiprocessing
 import multiprocessing.forkserver
 import os
 import signal
 import sys
+import threading
 import time
 import traceback
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from multiprocessing.connection import Connection, wait
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
+from analysis.campaign.settings import CAMPAIGN
 from flight.errors import InputError
 
 Progress = Callable[[str], None]
-
-MEMORY_LIMIT_BYTES = 4 * 2**30  # of one analysis; a flight of two hours takes a quarter of it
 
 
 class Analyze(Protocol):
@@ -59,14 +58,14 @@ class Outcome(NamedTuple):
 def run_job(analyze: Analyze, job: Job, folder: Path, progress: Progress) -> Outcome:
     """Run one job in this process, which is its own: the memory of the process is limited. Never raises."""
     start, processor_start = time.monotonic(), time.process_time()
-    limit_memory(MEMORY_LIMIT_BYTES)
+    limit_memory(round(CAMPAIGN.memory_GB * 2**30))
     error = ""
     try:
         analyze(job.log, folder, job.runs, progress)
     except InputError as cause:
         error = str(cause)
     except MemoryError:
-        error = f"{job.log}: needs more than {MEMORY_LIMIT_BYTES / 2**30:.0f} GB of memory; analyze it alone"
+        error = f"{job.log}: needs more than {CAMPAIGN.memory_GB:.0f} GB of memory; analyze it alone"
     except BaseException as cause:
         where = traceback.extract_tb(cause.__traceback__)[-1]
         error = (
@@ -101,13 +100,51 @@ def peak_bytes() -> int:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 
 
+class Returned(NamedTuple):
+    """What a job gives back. files: of the flight's folder by name, where the job could not write there itself."""
+
+    outcome: Outcome
+    files: Mapping[str, bytes] = {}
+
+
+class Computers(NamedTuple):
+    """Where jobs run. submit: begins a job that writes into a folder. at_once: jobs that keep them busy."""
+
+    submit: Callable[[Job, Path], "Future[Returned]"]
+    at_once: Callable[[], int]
+
+
+def run_jobs(
+    jobs: Iterable[Job], computers: Computers, new_folder: Callable[[str], Path]
+) -> Iterator[tuple[Job, Path, Outcome]]:
+    """Run jobs; yields each with its folder when it ends. new_folder: by name, the folder of a job's results.
+
+    No more jobs are begun than keep the computers busy: logs and results of the others need no memory.
+    """
+    waiting, running = deque(jobs), dict[Future[Returned], tuple[Job, Path]]()
+    while waiting or running:
+        while waiting and len(running) < computers.at_once():
+            job = waiting.popleft()
+            folder = new_folder(job.name)
+            running[computers.submit(job, folder)] = job, folder
+        for future in wait(running, return_when=FIRST_COMPLETED).done:
+            job, folder = running.pop(future)
+            yield job, folder, _outcome(future, job, folder)
+
+
+def _outcome(future: "Future[Returned]", job: Job, folder: Path) -> Outcome:
+    try:
+        outcome, files = future.result()
+    except (Exception, CancelledError) as error:
+        return Outcome(f"{job.log}: could not be analyzed ({type(error).__name__}: {error})".splitlines()[0])
+    for name, content in files.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+    return outcome
+
+
 START_METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
-
-
-class Running(NamedTuple):
-    job: Job
-    folder: Path
-    process: Any
 
 
 def load_ahead(modules: Sequence[str]) -> None:
@@ -117,47 +154,53 @@ def load_ahead(modules: Sequence[str]) -> None:
         multiprocessing.forkserver.ensure_running()
 
 
-def run_on_processors(
-    jobs: Sequence[Job],
-    analyze: Analyze,
-    count: int,
-    new_folder: Callable[[str], Path],
-    progress: Callable[[Job, str], None],
-) -> Iterator[tuple[Job, Path, Outcome]]:
-    """Run jobs, `count` at a time; yields each with its folder when it ends.
+@contextmanager
+def processors(analyze: Analyze, count: int, step: Callable[[Job, str], None]) -> Iterator[Computers]:
+    """This computer: `count` threads, each of which waits for the process of one job.
 
-    new_folder: by name, the folder that a job writes into.
+    Not a ProcessPoolExecutor: a process that dies breaks the whole pool there, and fails the jobs of all others.
+    step: called with each step of a job. Jobs that still run at the end are killed.
     """
-    context: Any = multiprocessing.get_context(START_METHOD)
-    waiting, running = list(reversed(jobs)), dict[Connection, Running]()
-    try:
-        while waiting or running:
-            while waiting and len(running) < count:
-                receiver, started = _start(context, analyze, waiting.pop(), new_folder)
-                running[receiver] = started
-            ready: Any = wait(list(running))
-            for receiver in ready:
-                job, folder, process = running[receiver]
-                message = _received(receiver)
-                if isinstance(message, str):
-                    progress(job, message)
-                    continue
-                del running[receiver]
-                receiver.close()
-                process.join()
-                yield job, folder, message or Outcome(f"{job.log}: {_death(process.exitcode)}")
-    finally:
-        for _, _, process in running.values():
-            process.kill()
+    processes = OwnProcesses(analyze, step)
+    with ThreadPoolExecutor(count) as threads:
+        try:
+            yield Computers(lambda job, folder: threads.submit(processes.run, job, folder), lambda: count)
+        finally:
+            processes.kill()
 
 
-def _start(context: Any, analyze: Analyze, job: Job, new_folder: Callable[[str], Path]) -> tuple[Connection, Running]:
-    receiver, sender = context.Pipe(duplex=False)
-    folder = new_folder(job.name)
-    process = context.Process(target=_in_process, args=(analyze, job, folder, sender), daemon=True)
-    process.start()
-    sender.close()
-    return receiver, Running(job, folder, process)
+class OwnProcesses:
+    """Runs each job in a process of its own, so that memory stays flat and a crash costs one job."""
+
+    def __init__(self, analyze: Analyze, step: Callable[[Job, str], None]):
+        self._analyze, self._step = analyze, step
+        self._context: Any = multiprocessing.get_context(START_METHOD)
+        self._lock, self._ended, self._running = threading.Lock(), False, set[Any]()
+
+    def run(self, job: Job, folder: Path) -> Returned:
+        """Start the process of a job, and wait for its end."""
+        receiver, sender = self._context.Pipe(duplex=False)
+        process = self._context.Process(target=_in_process, args=(self._analyze, job, folder, sender), daemon=True)
+        with self._lock:  # multiprocessing looks at all processes when it starts one, and not from several threads
+            if self._ended:
+                raise CancelledError
+            process.start()
+            self._running.add(process)
+        sender.close()
+        with receiver:
+            while isinstance(message := _received(receiver), str):
+                self._step(job, message)
+        with self._lock:
+            process.join()
+            self._running.discard(process)
+        return Returned(message or Outcome(f"{job.log}: {_death(process.exitcode)}"))
+
+    def kill(self) -> None:
+        """End all that run; start no more."""
+        with self._lock:
+            self._ended = True
+            for process in self._running:
+                process.kill()
 
 
 def _in_process(analyze: Analyze, job: Job, folder: Path, sender: Connection) -> None:

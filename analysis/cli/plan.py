@@ -1,6 +1,7 @@
 """The command `plan`: what to fly for the narrowest interval. Arguments, messages and exit codes only."""
 
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from math import inf, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -8,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
+from analysis.cli.settings import PLANS
 from flight.aircraft import Aircraft, load_aircraft
 from flight.command_line import application, quantity, run, takes_options
 from flight.errors import InputError
@@ -16,16 +18,32 @@ from flight.files import check_writable
 if TYPE_CHECKING:
     from analysis.planning.search import FlightPlan
 
-QUESTIONS = ("curve", "endurance", "range", "propellers", "probe")
-PILOTS = {"line-of-sight": 500.0, "autopilot": 1300.0}  # length of a leg where none is given [m]
-FIRMWARES = ("px4", "ardupilot")
-
 app = application()
+
+
+class QuestionName(StrEnum):
+    """What is to be known as well as possible."""
+
+    CURVE = "curve"
+    ENDURANCE = "endurance"
+    RANGE = "range"
+    PROPELLERS = "propellers"
+    PROBE = "probe"
+
+
+class PilotKind(StrEnum):
+    LINE_OF_SIGHT = "line-of-sight"
+    AUTOPILOT = "autopilot"
+
+
+class Firmware(StrEnum):
+    PX4 = "px4"
+    ARDUPILOT = "ardupilot"
 
 
 @dataclass(frozen=True)
 class PlanOptions:
-    """What is asked of a plan. Raises InputError for a value that is none of those possible."""
+    """What is asked of a plan."""
 
     propeller: Annotated[
         str | None,
@@ -49,15 +67,18 @@ class PlanOptions:
             help="Wind at 6 m above the ground, which makes the turbulence.",
         ),
     ] = 5.0
-    question: Annotated[str, typer.Option("--question", help=f"One of {', '.join(QUESTIONS)}.")] = "curve"
-    pilot: Annotated[str, typer.Option("--pilot", help=f"One of {', '.join(PILOTS)}.")] = "line-of-sight"
+    question: Annotated[QuestionName, typer.Option("--question", help="What is to be known as well as possible.")] = (
+        QuestionName.CURVE
+    )
+    pilot: Annotated[PilotKind, typer.Option("--pilot", help="Who flies.")] = PilotKind.LINE_OF_SIGHT
     leg_m: Annotated[
         float | None,
         typer.Option(
             "--leg",
             parser=quantity("--leg", "m", '"1500 ft"', least=100, most=20000),
             metavar="LENGTH",
-            help="Longest straight flight; default: 500 m in line of sight, 1300 m with an autopilot.",
+            help=f"Longest straight flight; default: {PLANS.leg_in_sight_m:.0f} m in line of sight,"
+            f" {PLANS.leg_of_autopilot_m:.0f} m with an autopilot.",
         ),
     ] = None
     height_m: Annotated[
@@ -113,16 +134,13 @@ class PlanOptions:
             help="Of the legs [deg].",
         ),
     ] = 0.0
-    firmware: Annotated[str, typer.Option("--firmware", help=f"Of the mission: {' or '.join(FIRMWARES)}.")] = "px4"
+    firmware: Annotated[Firmware, typer.Option("--firmware", help="Of the mission.")] = Firmware.PX4
 
-    def __post_init__(self) -> None:
-        for option, value, known in (
-            ("--question", self.question, QUESTIONS),
-            ("--pilot", self.pilot, tuple(PILOTS)),
-            ("--firmware", self.firmware, FIRMWARES),
-        ):
-            if value not in known:
-                raise InputError(f"{option} {value}: should be one of {', '.join(known)}")
+    @property
+    def longest_leg_m(self) -> float:
+        """The length given, or that of the pilot."""
+        by_autopilot = self.pilot is PilotKind.AUTOPILOT
+        return self.leg_m or (PLANS.leg_of_autopilot_m if by_autopilot else PLANS.leg_in_sight_m)
 
     @property
     def place_deg(self) -> tuple[float, float] | None:
@@ -196,8 +214,8 @@ def flight_plan(aircraft: str, options: PlanOptions) -> "FlightPlan":
     request = Request(
         options.minutes,
         options.wind_kt,
-        Space(options.leg_m or PILOTS[options.pilot], options.height_m, side_m),
-        Pilot(options.pilot == "autopilot", options.load_factor - 1),
+        Space(options.longest_leg_m, options.height_m, side_m),
+        Pilot(options.pilot is PilotKind.AUTOPILOT, options.load_factor - 1),
         options.question,
         information.information(results),
     )

@@ -18,7 +18,7 @@ class Pooling(Settings):
     false_alarms: float = setting(
         0.05, "1", "level of each test: outliers, homogeneity, trends and differences of two configurations"
     )
-    detection: float = setting(0.9, "1", "probability with which a difference is to be seen, as usual in planning")
+    detection: float = setting(0.9, "1", "probability with which a planned difference is to be seen: 9 of 10 campaigns")
     largest_plan: int = setting(200, "flights", "more flights of each configuration are not a plan")
     differences_to_see: tuple[float, ...] = setting(
         (0.01, 0.02, 0.05), "1", "fractions of drag for which the number of flights is given"

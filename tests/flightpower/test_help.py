@@ -80,4 +80,6 @@ def test_plans_are_by_default_those_that_the_page_on_flying_tells() -> None:
     assert found and legs and load
     default = {name: one.default for name, one in signature(plan.PlanOptions).parameters.items()}
     assert default["minutes"] == float(found[1]) and default["load_factor"] == float(load[1])
-    assert [plan.PILOTS[pilot] for pilot in ("line-of-sight", "autopilot")] == [float(leg) for leg in legs.groups()]
+    assert [plan.PlanOptions(pilot=pilot).longest_leg_m for pilot in plan.PilotKind] == [
+        float(leg) for leg in legs.groups()
+    ]

@@ -33,8 +33,8 @@ MAIN: dict[str, Callable[[], None]] = {
 WRONG = {
     # plan
     "flightpower plan missing": "aircraft missing: neither a file nor one of",
-    "flightpower plan nexstar --question speed": "--question speed: should be one of curve, endurance",
-    "flightpower plan nexstar --pilot hand": "--pilot hand: should be one of line-of-sight, autopilot",
+    "flightpower plan nexstar --question speed": "'speed' is not one of 'curve', 'endurance'",
+    "flightpower plan nexstar --pilot hand": "'hand' is not one of 'line-of-sight', 'autopilot'",
     "flightpower plan nexstar --minutes 0": "--minutes 0: should be above 0 and at most 240 min",
     "flightpower plan nexstar --wind-kt -3": "--wind-kt -3: should be at least 0",
     "flightpower plan nexstar --home here": "--home here: should be latitude and longitude",

@@ -13,8 +13,6 @@ from flight.errors import InputError
 if TYPE_CHECKING:
     from analysis.airdata.probe import ProbeCalibration
 
-LARGEST_ANGLE_SCALE = 20.0  # per cent
-
 
 @calibration(CalibrationFile, "probe.json")
 def probe(
@@ -31,7 +29,7 @@ def probe(
         float,
         typer.Option(
             "--angle-scale",
-            parser=quantity("--angle-scale", "%", '"0.5 %"', least=0, most=LARGEST_ANGLE_SCALE),
+            parser=quantity("--angle-scale", "%", '"0.5 %"', least=0, most=20.0),
             metavar="PERCENT",
             help="Standard error of the tunnel's own angles, in per cent.",
         ),

@@ -9,8 +9,6 @@ import typer
 from analysis.cli.calibrate.runner import AircraftFileLines, Calibrated, LogFile, calibration
 from flight.errors import InputError
 
-LARGEST_ANGLE_DEG = 90.0
-
 
 class SurfaceName(StrEnum):
     elevator = "elevator"
@@ -96,6 +94,6 @@ def _angle_deg(word: str) -> float | None:
         angle = float(word)
     except ValueError:
         angle = math.nan
-    if not abs(angle) < LARGEST_ANGLE_DEG:
+    if not abs(angle) < 90.0:
         raise InputError(f"--angles: {word!r} is not an angle in degrees; give - for a position not read")
     return angle

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from analysis.cli.calibrate.runner import Calibrated, CalibrationFile, LogFile, calibration
+from analysis.cli.settings import CALIBRATIONS
 from flight.command_line import quantity
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2, to_si
@@ -13,8 +14,6 @@ from flight.units import GRAVITY_MPS2, to_si
 if TYPE_CHECKING:
     from analysis.airdata.transducers import TransducerCalibration
 
-WATER_KGPM3 = 998.2  # at 20 degC
-LARGEST_PA = 20e3
 EXAMPLE = '--pressures "10 20 30 40 mm" (a water column) or "100 200 300 400 Pa"'
 
 
@@ -92,13 +91,14 @@ def pressures_Pa(text: str) -> list[float]:
         raise InputError(f"--pressures {text!r}: the unit is missing; give a list such as {EXAMPLE}")
     factor = _unit_Pa(unit, text)
     values = [factor * number for number in numbers]
-    if not all(math.isfinite(value) and abs(value) <= LARGEST_PA for value in values):
-        raise InputError(f"--pressures {text!r}: not within {LARGEST_PA:g} Pa; give a list such as {EXAMPLE}")
+    highest = CALIBRATIONS.highest_pressure_Pa
+    if not all(math.isfinite(value) and abs(value) <= highest for value in values):
+        raise InputError(f"--pressures {text!r}: not within {highest:g} Pa; give a list such as {EXAMPLE}")
     return [value for value in values if value]
 
 
 def _unit_Pa(unit: str, text: str) -> float:
-    for of, factor in (("Pa", 1.0), ("m", WATER_KGPM3 * GRAVITY_MPS2)):
+    for of, factor in (("Pa", 1.0), ("m", CALIBRATIONS.water_kgpm3 * GRAVITY_MPS2)):
         try:
             return factor * to_si(f"1 {unit}", of, "")
         except InputError:

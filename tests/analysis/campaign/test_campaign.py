@@ -101,6 +101,53 @@ def test_a_log_that_moved_or_got_a_namesake_keeps_its_results(tmp_path: Path, wo
     assert sorted(path.name for path in out.iterdir()) == [".lock", "monday-log", "tuesday-log"]
 
 
+def test_a_folder_follows_its_log_to_another_name_and_keeps_the_users_files(
+    tmp_path: Path, work: Work, analyzed
+) -> None:
+    """Below the folder of results, whatever the working folder is; two logs may also exchange their names."""
+    out = tmp_path / "out"
+    one, two = logs(tmp_path / "in", a="1", b="2")
+    run_in(out, [one, two], work)
+    (out / "a" / "remarks.txt").write_text("mine")
+    analyzed()
+    moved = one.rename(tmp_path / "in" / "c.mcap")
+    found = run_in(out, [moved, two], work)
+    assert [folder for folder in found.folders] == [out / "b", out / "c"] and found.kept == 2 and analyzed() == []
+    assert sorted(path.name for path in out.iterdir()) == [".lock", "b", "c"]
+    assert (out / "c" / "remarks.txt").read_text() == "mine"
+    two.rename(one), moved.rename(two)
+    found = run_in(out, logs(tmp_path / "in"), work)
+    assert found.kept == 2 and analyzed() == [] and not found.notes
+    assert (out / "b" / "remarks.txt").read_text() == "mine" and not (out / "a" / "remarks.txt").exists()
+
+
+def test_ctrl_c_ends_the_analyses_that_run_at_once(tmp_path: Path, work: Work) -> None:
+    class Interrupted(Silent):
+        def ended(self, name: str, outcome) -> None:
+            raise KeyboardInterrupt
+
+    out, begun = tmp_path / "out", time.monotonic()
+    with exclusive(out), pytest.raises(KeyboardInterrupt):
+        run(logs(tmp_path / "in", a="1", b="slow"), out, work, Interrupted(), jobs=2)
+    assert time.monotonic() - begun < 30  # the slow one takes 60 s
+    assert [path.name for path in out.iterdir() if path.name != ".lock"] == ["a"]
+
+
+@pytest.mark.slow
+def test_a_cluster_gives_the_same_and_a_job_that_fails_there_costs_its_own_flight(tmp_path: Path, work: Work) -> None:
+    distributed = pytest.importorskip("distributed")
+    paths = logs(tmp_path / "in", a="1", b="killed", c="3")
+    options = {"n_workers": 1, "threads_per_worker": 2, "processes": False, "dashboard_address": None}
+    with distributed.LocalCluster(**options) as local, exclusive(tmp_path / "out"):
+        found = run(paths, tmp_path / "out", work, Silent(), jobs=2, scheduler=local.scheduler_address)
+    assert [folder.name for folder in found.folders] == ["a", "c"]
+    assert len(found.failures) == 1 and "b.mcap" in found.failures[0]
+    run_in(tmp_path / "here", paths, work)
+    for name in ("a", "c"):
+        results = [(tmp_path / where / name / "results.json").read_bytes() for where in ("out", "here")]
+        assert results[0] == results[1]
+
+
 def test_an_edited_list_of_runs_stays_with_its_log(tmp_path: Path, work: Work, analyzed) -> None:
     """A log that gets a namesake keeps it; another log of the same name does not inherit it."""
     out = tmp_path / "out"

@@ -9,7 +9,7 @@ import pytest
 from analysis.cli.calibrate.probe import probe
 from analysis.cli.calibrate.transducers import transducers
 from analysis.cli.calibrate.weight_and_balance import weight_and_balance
-from analysis.cli.plan import PILOTS, plan
+from analysis.cli.plan import plan
 from daq.__main__ import check, zero
 
 
@@ -28,9 +28,3 @@ from daq.__main__ import check, zero
 def test_an_option_that_is_not_given_has_its_usual_value(command: Callable[..., None], assumed: dict[str, Any]) -> None:
     parameters = inspect.signature(command).parameters
     assert {name: parameters[name].default for name in assumed} == assumed
-
-
-def test_the_lengths_of_legs_are_those_of_the_help() -> None:
-    help_of = str(inspect.signature(plan).parameters["leg_m"].annotation.__metadata__[0].help)
-    for pilot, words in (("line-of-sight", "{:.0f} m in line of sight"), ("autopilot", "{:.0f} m with an autopilot")):
-        assert words.format(PILOTS[pilot]) in help_of
