@@ -12,13 +12,14 @@ from daq.background_recovery import BackgroundRecovery, Recovery
 from daq.bus import IN_USE, Buses
 from daq.bus_recording import BusRecording
 from daq.clock import Clock
-from daq.config import SensorConfig, Tray
+from daq.config import EscCounterConfig, SensorConfig, Tray
 from daq.disk_space import DiskSpace
 from daq.driver_factory import DriverFactory, driver_factory
 from daq.log_files import FileLimits, LogFiles
 from daq.log_names import numbered_logs, numbered_names, part_names
+from daq.missed_ticks import MissedTicks
 from daq.recorder import Recorder
-from daq.recording_status import RecordingStatus
+from daq.recording_status import RecordingState, RecordingStatus
 from daq.sampling_loop import Cycle, StopFlag, cycles
 from daq.sensor_supervisor import SensorSupervisor
 from daq.sensors import Sample
@@ -28,7 +29,7 @@ from flight.messages import Event, Time
 
 REPORT_EVERY_NS = 1_000_000_000
 STOP_SERVICE = "sudo systemctl stop flightpower-daq"
-OWN_TOPICS = ("/time", "/daq/tick", "/daq/event")
+OWN_TOPICS = ("/time", "/daq/tick", "/daq/event", "/daq/state")
 
 
 class RecordingResult(NamedTuple):
@@ -58,9 +59,14 @@ class DeviceInUse(InputError):
 
 
 class CycleListener(Protocol):
-    """Receives every cycle. Called from the sampling thread: must not wait and must not raise."""
+    """Receives every cycle, and the state once a second, before the cycle.
+
+    Called from the sampling thread: must not wait and must not raise.
+    """
 
     def hear(self, cycle: Cycle, events: list[Event]) -> None: ...
+
+    def hear_status(self, status: RecordingStatus) -> None: ...
 
 
 def sensor_supervisors(
@@ -78,7 +84,14 @@ def sensor_supervisors(
         return recording.driver_factory(driver_factory(table, tray, recording.buses(buses), aircraft))
 
     return [
-        SensorSupervisor(table.name, table.device, table.topics, make(table), blocking=table.blocking)
+        SensorSupervisor(
+            table.name,
+            table.device,
+            table.topics,
+            make(table),
+            blocking=table.blocking,
+            silent_at_rest=isinstance(table, EscCounterConfig) and not table.framed,
+        )
         for table in tray.sensors
     ]
 
@@ -161,13 +174,14 @@ def record(
     limits = FileLimits(round(tray.files.new_after_min * 60e9), round(tray.files.new_after_MB * 1e6))
     log_files = LogFiles(name, begin, offset_ns=offset_ns, limits=limits, disk_space=disk_space)
     arm_switch = ArmSwitch(tray.arm)
+    missed_ticks = MissedTicks(round(1e9 / tray.rate_Hz))
     if disk_space.sufficient and arm_switch.recording:
         log_files.open(start_ns)
     disk_space.start()
     recovery.start()
     tell = on_event or (lambda event: None)
     ticks = missed = 0
-    report_ns = start_ns
+    reported_ticks, reported_ns, report_ns = 0, start_ns, start_ns
     try:
         for cycle in cycles(
             supervisors,
@@ -183,34 +197,39 @@ def record(
                 new_file.clear()
             if (offset := satellite_offset_ns(cycle.samples)) is not None:
                 log_files.satellite_offset_ns = offset
-            events = recovery.events() + cycle.events + arm_switch.update(cycle.samples)
+            events = recovery.events() + missed_ticks.add(cycle.tick, cycle.now_ns)
+            events += cycle.events + arm_switch.update(cycle.samples)
             events += log_files.update(cycle.now_ns, wanted=arm_switch.recording, new_file=new_file_requested)
             for event in events:
                 tell(event)
-            log_files.write(
-                cycle.samples + [Sample("/daq/event", cycle.now_ns, event) for event in events],
-                tick=cycle.tick.number,
-                now_ns=cycle.now_ns,
-            )
-            if listener is not None:
-                listener.hear(cycle, events)
+            own = [Sample("/daq/event", cycle.now_ns, event) for event in events]
             if cycle.now_ns >= report_ns:
                 report_ns += REPORT_EVERY_NS * (1 + (cycle.now_ns - report_ns) // REPORT_EVERY_NS)
                 elapsed_s = (cycle.now_ns - start_ns) / 1e9
+                since_s = (cycle.now_ns - reported_ns) / 1e9
+                status = RecordingStatus(
+                    state=recording_state(log_files, armed=arm_switch.recording),
+                    log=log_files.path.name if log_files.path else "",
+                    elapsed_s=elapsed_s,
+                    ticks=ticks,
+                    missed=missed,
+                    rate_Hz=(ticks - reported_ticks) / since_s if since_s else tray.rate_Hz,
+                    free_bytes=disk_space.free_bytes if disk_space.free_bytes >= 0 else None,
+                    error=log_files.error,
+                    sensors={each.name: each.health.state for each in supervisors},
+                    slow=cycle.slow,
+                )
+                reported_ticks, reported_ns = ticks, cycle.now_ns
+                own.append(Sample("/daq/state", cycle.now_ns, status.message))
                 if progress is not None:
                     progress(elapsed_s)
                 if report is not None:
-                    status = recording_status(
-                        elapsed_s,
-                        ticks,
-                        missed,
-                        supervisors,
-                        log_files,
-                        disk_space,
-                        armed=arm_switch.recording,
-                        slow=cycle.slow,
-                    )
                     report(status)
+                if listener is not None:
+                    listener.hear_status(status)
+            log_files.write(cycle.samples + own, tick=cycle.tick.number, now_ns=cycle.now_ns)
+            if listener is not None:
+                listener.hear(cycle, events)
     finally:
         recovery.stop()
         write_error = log_files.close()
@@ -254,27 +273,8 @@ def write_header(
         recorder.log.declare(topic)
 
 
-def recording_status(
-    elapsed_s: float,
-    ticks: int,
-    missed: int,
-    supervisors: list[SensorSupervisor],
-    log_files: LogFiles,
-    disk_space: DiskSpace,
-    *,
-    armed: bool,
-    slow: list[str],
-) -> RecordingStatus:
-    """The state of the recording."""
-    return RecordingStatus(
-        recording=log_files.recording,
-        waiting_for_switch=not armed,
-        log=log_files.path.name if log_files.path else "",
-        elapsed_s=elapsed_s,
-        ticks=ticks,
-        missed=missed,
-        free_bytes=disk_space.free_bytes if disk_space.free_bytes >= 0 else None,
-        error=log_files.error,
-        sensors={each.name: str(each.health.state) for each in supervisors},
-        slow=slow,
-    )
+def recording_state(log_files: LogFiles, *, armed: bool) -> RecordingState:
+    """Whether the daemon records. armed: by the arm switch, if there is one."""
+    if log_files.recording:
+        return RecordingState.RECORDING
+    return RecordingState.CARD_FULL if armed else RecordingState.WAITING

@@ -1,44 +1,88 @@
 """The state of a recording, once a second: a line for the terminal and systemd, a file for the status page."""
 
+import enum
 from collections import deque
 from pathlib import Path
 
 import msgspec
 
-from flight.messages import Event
+from daq.sensor_health import SensorState
+from flight.messages import Event, State
 
 LATEST_EVENTS = 20
+
+
+class RecordingState(enum.StrEnum):
+    """Whether the daemon records, and if not, why."""
+
+    RECORDING = "recording"
+    WAITING = "waiting for the arm switch"
+    CARD_FULL = "NOT RECORDING: the card is full"
+
+
+IN_ORDER = frozenset({SensorState.OK, SensorState.WAITING})
 
 
 class RecordingStatus(msgspec.Struct, frozen=True, kw_only=True):
     """What the daemon does at the moment."""
 
-    recording: bool
-    waiting_for_switch: bool
+    state: RecordingState
     log: str  # name of the file; empty while there is none
     elapsed_s: float
     ticks: int
     missed: int
+    rate_Hz: float  # of the ticks since the last status
     free_bytes: int | None
     error: str  # why the disk cannot be written; empty when it can
-    sensors: dict[str, str]  # state by name
+    sensors: dict[str, SensorState]  # by name
     slow: list[str]  # what to do about buses that are too slow
 
     @property
-    def line(self) -> str:
-        """All of it in one line."""
-        if self.recording:
-            state = f"recording {self.log or 'to memory'}"
+    def failing(self) -> list[str]:
+        """The sensors that do not work, by state: "imu, gps failed"."""
+        by_state: dict[SensorState, list[str]] = {}
+        for name, state in self.sensors.items():
+            if state not in IN_ORDER:
+                by_state.setdefault(state, []).append(name)
+        return [f"{', '.join(names)} {state}" for state, names in by_state.items()]
+
+    @property
+    def well(self) -> bool:
+        """Whether there is nothing that the crew should know before the next run."""
+        return self.state is not RecordingState.CARD_FULL and not (self.failing or self.error or self.slow)
+
+    @property
+    def summary(self) -> str:
+        """The state in one short line, for the ground station, the page and the log."""
+        if self.state is RecordingState.RECORDING:
+            begin = f"recording {self.elapsed_s / 60:.0f} min, {self.rate_Hz:.0f} Hz"
         else:
-            state = "waiting for the arm switch" if self.waiting_for_switch else "NOT RECORDING: the card is full"
+            begin = str(self.state)
+        wrong = "; ".join(filter(None, (self.error, ", ".join(self.failing), *self.slow)))
+        return f"{begin}: {wrong}" if wrong else f"{begin}, all well" if self.well else begin
+
+    @property
+    def line(self) -> str:
+        """All of it in one line, for the terminal and systemd."""
+        state = f"recording {self.log or 'to memory'}" if self.state is RecordingState.RECORDING else str(self.state)
         error = f"{self.error}; " if self.error else ""
         free = "" if self.free_bytes is None else f", {self.free_bytes / 1e9:.1f} GB free"
-        failing = ", ".join(f"{name} {state}" for name, state in self.sensors.items() if state != "ok")
         line = (
             f"{state}, {self.elapsed_s:.0f} s, {self.ticks} ticks, {self.missed} missed{free}; "
-            f"{error}{failing or 'all sensors ok'}"
+            f"{error}{', '.join(self.failing) or 'all sensors ok'}"
         )
         return "; ".join([line, *self.slow])
+
+    @property
+    def message(self) -> State:
+        """As it is written to the log."""
+        return State(
+            recording=self.state is RecordingState.RECORDING,
+            well=self.well,
+            rate_Hz=round(self.rate_Hz, 2),
+            missed=self.missed,
+            text=self.summary,
+        )
 
 
 class PublishedStatus(msgspec.Struct, frozen=True, kw_only=True):

@@ -8,13 +8,16 @@ from flight.messages import Event, Status
 
 class SensorState(enum.StrEnum):
     STARTING = "starting"
+    WAITING = "waiting"  # it has sent nothing yet, which is normal: the motor stands
     OK = "ok"
     DEGRADED = "degraded"  # it answers, but without measurements
     FAILED = "failed"  # it does not answer, or is another part than configured
     RECOVERING = "recovering"  # it answers again, but not yet for RECOVERED_AFTER_NS
 
 
+UNTRIED = frozenset({SensorState.STARTING, SensorState.WAITING})
 GOOD_STATUSES = frozenset({Status.OK, Status.BUSY})
+SILENT = frozenset({Status.NO_DATA})
 EVENT_SPACING_NS = 5_000_000_000  # at least, between two events of one sensor
 RECOVERED_AFTER_NS = 500_000_000  # of good readings after a failure
 STARTUP_NS = 2_000_000_000  # failures are not reported at power-on: the magnetometer has to wait for the IMU
@@ -25,8 +28,10 @@ SEVERITY = {SensorState.DEGRADED: "warning", SensorState.FAILED: "error"}
 class SensorHealth:
     """Tracks the state of one sensor: counts its statuses and reports changes of state, with limited frequency."""
 
-    def __init__(self, sensor: str):
+    def __init__(self, sensor: str, *, silent_at_rest: bool = False):
+        """silent_at_rest: it sends nothing until the motor turns."""
         self.sensor = sensor
+        self._may_wait = silent_at_rest
         self.state = SensorState.STARTING
         self.statuses: Counter[Status] = Counter()
         self._cause = ""
@@ -63,10 +68,13 @@ class SensorHealth:
         """The driver returned messages with these statuses; the list may be empty."""
         if not statuses:
             return self._event(now_ns)
+        if self._may_wait and SILENT.issuperset(statuses):
+            return self._move(SensorState.WAITING, now_ns)
         if GOOD_STATUSES.issuperset(statuses):
+            self._may_wait = False
             self._bad_since_ns = None
             self._good_since_ns = now_ns if self._good_since_ns is None else self._good_since_ns
-            recovered = self.state is SensorState.STARTING or now_ns - self._good_since_ns >= RECOVERED_AFTER_NS
+            recovered = self.state in UNTRIED or now_ns - self._good_since_ns >= RECOVERED_AFTER_NS
             if self.state is SensorState.OK or recovered:
                 return self._move(SensorState.OK, now_ns)
             return self._move(SensorState.RECOVERING, now_ns)
@@ -87,7 +95,7 @@ class SensorHealth:
 
     def _event(self, now_ns: int) -> Event | None:
         """An event if a change is unreported and the last event is at least EVENT_SPACING_NS old."""
-        if self.state is self._reported or self.state is SensorState.RECOVERING:
+        if self.state in (self._reported, SensorState.RECOVERING, SensorState.WAITING):
             return None
         if self._reported_ns is not None and now_ns - self._reported_ns < EVENT_SPACING_NS:
             return None

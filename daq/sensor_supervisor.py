@@ -23,18 +23,26 @@ class SensorSupervisor:
 
     device: the bus or port it is connected to; after a timeout the other sensors on it are skipped in that tick.
     make: opens the bus or port and returns a new driver; may raise OSError. topics: what the driver writes. blocking:
-    whether a transfer waits for the sensor (a bus), or takes what has arrived (a port).
+    whether a transfer waits for the sensor (a bus), or takes what has arrived (a port). silent_at_rest: see
+    `SensorHealth`.
     """
 
     def __init__(
-        self, name: str, device: str, topics: tuple[str, ...], make: Callable[[], Sensor], *, blocking: bool = False
+        self,
+        name: str,
+        device: str,
+        topics: tuple[str, ...],
+        make: Callable[[], Sensor],
+        *,
+        blocking: bool = False,
+        silent_at_rest: bool = False,
     ):
         self.name = name
         self.blocking = blocking
         self.device = device
         self.timed_out = False  # whether the latest read ended in a timeout
         self.topics = topics
-        self.health = SensorHealth(name)
+        self.health = SensorHealth(name, silent_at_rest=silent_at_rest)
         self.skipped = 0  # messages of ticks in which the sensor was skipped
         self._skipped_ns: deque[int] = deque(maxlen=2)  # times of the latest skipped ticks
         self.events: list[Event] = []  # emptied by the bus worker

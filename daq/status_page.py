@@ -15,7 +15,7 @@ import msgspec
 
 from daq.config import Tray
 from daq.log_names import numbered_logs
-from daq.recording_status import PublishedStatus
+from daq.recording_status import IN_ORDER, PublishedStatus, RecordingState
 from daq.still_air_zero import Zero
 from daq.tray_check import check_file
 from flight.errors import InputError
@@ -98,24 +98,20 @@ def _daemon(path: Path, now_s: float) -> tuple[str, bool, list[str]]:
     except (OSError, msgspec.MsgspecError):
         return "The daemon does not run", False, []
     status = published.status
-    failing = [name for name, state in status.sensors.items() if state != "ok"]
+    recording = status.state is RecordingState.RECORDING
     if age_s > NO_NEWS_S:
         headline, good = f"No news from the daemon for {age_s:.0f} s", False
-    elif not status.recording:
-        headline, good = ("Waiting for the arm switch", True) if status.waiting_for_switch else ("NOT RECORDING", False)
     else:
-        headline, good = f"Recording for {status.elapsed_s / 60:.1f} min", not status.error
-    if good and failing:
-        headline, good = f"{headline}, but failing: {', '.join(failing)}", False
+        headline, good = status.summary, status.well
     rows: list[Row] = [
-        ("log", status.log or "none", bool(status.log) or not status.recording),
+        ("log", status.log or "none", bool(status.log) or not recording),
         ("ticks", f"{status.ticks}, {status.missed} missed", True),
     ]
     if status.free_bytes is not None:
         rows.append(("free on the card", f"{status.free_bytes / 1e9:.1f} GB", True))
     rows += [("card", status.error, False)] if status.error else []
     rows += [("bus", text, False) for text in status.slow]
-    sensors: list[Row] = [(name, state, state == "ok") for name, state in status.sensors.items()]
+    sensors: list[Row] = [(name, state, state in IN_ORDER) for name, state in status.sensors.items()]
     events: list[Row] = [(event.severity, event.text, event.severity == "info") for event in published.events]
     return headline, good, [_section("Now", rows), _section("Sensors", sensors), _section("Latest events", events)]
 

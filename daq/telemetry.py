@@ -12,14 +12,15 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 
 from daq.config import AutopilotConfig, TelemetryConfig, Tray
 from daq.linux_bus import LinuxSerial
+from daq.recording_status import IN_ORDER, RecordingState, RecordingStatus
 from daq.run_monitor import RunMonitor
 from daq.sampling_loop import Cycle
 from daq.still_air_zero import DIFFERENCE, Zero, parse_zero
@@ -31,7 +32,9 @@ from flight.probe_maps import ProbeMaps, load_probe_maps
 
 RESTART_AFTER_S = 5.0
 HEARTBEAT_PERIOD_S = 1.0
-TEXT_BYTES = 50  # of a STATUSTEXT
+STATE_PERIOD_S = 4.0  # of the state as a text: a ground station that joins knows it within 5 s
+CHUNK_BYTES = 50  # of a STATUSTEXT; longer texts go in several
+TEXT_LENGTH = 200  # characters of a text; a line in the pipe has to hold four
 KEPT_EVENTS = 20  # the latest events are kept while the pipe is full
 EVENTS_PER_LINE = 4  # a line has to fit into PIPE_BUF
 KEPT_MEANS = 25  # the same for means of the readings
@@ -46,10 +49,36 @@ VEHICLE_SYSTEM = 25  # without an autopilot
 AUTOPILOT_SYSTEM = 1  # of an autopilot that was not heard yet: the default of ArduPilot and PX4
 
 
+# Bits of SYS_STATUS (MAV_SYS_STATUS_SENSOR) by topic.
+SENSOR_BITS = {
+    "/imu": 0x1 | 0x2,  # gyroscopes, accelerometers
+    "/mag": 0x4,
+    "/baro": 0x8,
+    "/static": 0x8,
+    "/probe/alpha": 0x10,
+    "/probe/beta": 0x10,
+    "/probe/airspeed": 0x10,
+    "/gps": 0x20,
+    "/rpm": 0x8000,  # motor outputs
+    "/controls": 0x10000,  # RC receiver
+    "/battery": 0x2000000,
+}
+LOGGING_BIT = 0x1000000
+
+
+class SensorBits(NamedTuple):
+    """For SYS_STATUS: which kinds of sensors are there, and of which all work."""
+
+    present: int
+    healthy: int
+
+
 class Snapshot(msgspec.Struct, kw_only=True):
     """One line of JSON in the pipe: the latest good messages by topic, their ages, new means and new events."""
 
     elapsed_s: float
+    status: RecordingStatus | None = None  # of the last second
+    bits: SensorBits = SensorBits(0, 0)
     autopilot_system: int | None = None
     messages: dict[str, dict[str, Any]] = {}
     ages_s: dict[str, float] = {}
@@ -69,6 +98,8 @@ class TelemetryLink:
         self._tick_means = TickMeans()
         self._means: deque[Means] = deque(maxlen=KEPT_MEANS)
         self._encoder = msgspec.json.Encoder()
+        self._status: RecordingStatus | None = None
+        self._topics = {sensor.name: sensor.topics for sensor in tray.sensors}
         self._read_end, self._write_end = os.pipe2(os.O_CLOEXEC)
         os.set_blocking(self._write_end, False)
         if telemetry.vehicle is None:
@@ -88,13 +119,17 @@ class TelemetryLink:
         self._thread = threading.Thread(target=self._keep_alive, name="telemetry", daemon=True)
         self._thread.start()
 
+    def hear_status(self, status: RecordingStatus) -> None:
+        """Keep the state of the recording, which each line carries until the next."""
+        self._status = status
+
     def hear(self, cycle: Cycle, events: list[Event]) -> None:
         """Keep this cycle's good messages and events; write them to the pipe when a line is due."""
         for topic, time_ns, message, _ in cycle.samples:
             if topic in TOPICS and message.status is OK:
                 self._latest[topic] = (time_ns, message)
         for event in events:  # no more of the text than is sent
-            self._events.append(Event(severity=event.severity, text=event.text[:TEXT_BYTES]))
+            self._events.append(Event(severity=event.severity, text=event.text[:TEXT_LENGTH]))
         means = self._tick_means.add(cycle.now_ns, cycle.samples)
         if means is not None:
             self._means.append(means)
@@ -105,6 +140,8 @@ class TelemetryLink:
         self._due_ns += self._period_ns * (1 + (cycle.now_ns - self._due_ns) // self._period_ns)
         content: dict[str, Any] = {
             "elapsed_s": (cycle.now_ns - self._start_ns) / 1e9,
+            "status": self._status,
+            "bits": sensor_bits(self._status, self._topics) if self._status else SensorBits(0, 0),
             "autopilot_system": cycle.autopilot_system,
             "messages": {topic: message for topic, (_, message) in self._latest.items()},
             "ages_s": {topic: (cycle.now_ns - at_ns) / 1e9 for topic, (at_ns, _) in self._latest.items()},
@@ -170,6 +207,8 @@ class MavlinkEncoder:
         self._probe = probe
         self._zero = zero
         self._heartbeat_s: float | None = None
+        self._state_s: float | None = None
+        self._text_id = 0
         self._first_height_m: float | None = None
 
     def packets(self, snapshot: Snapshot) -> Iterator[bytes]:
@@ -185,16 +224,22 @@ class MavlinkEncoder:
         if self._heartbeat_s is None or snapshot.elapsed_s - self._heartbeat_s >= HEARTBEAT_PERIOD_S:
             self._heartbeat_s = snapshot.elapsed_s
             # Of a generic autopilot QGroundControl expects no parameters.
-            yield (
-                link.heartbeat_encode(m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_GENERIC, 0, 0, m.MAV_STATE_ACTIVE)
+            kind = (
+                (m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_GENERIC)
                 if self._vehicle
-                else link.heartbeat_encode(
-                    m.MAV_TYPE_ONBOARD_CONTROLLER, m.MAV_AUTOPILOT_INVALID, 0, 0, m.MAV_STATE_ACTIVE
-                )
+                else (m.MAV_TYPE_ONBOARD_CONTROLLER, m.MAV_AUTOPILOT_INVALID)
             )
+            yield link.heartbeat_encode(*kind, 0, 0, self._state_of(snapshot.status))
+            if self._vehicle and snapshot.status is not None:  # an autopilot sends its own
+                yield self._sys_status(snapshot.bits)
         for event in snapshot.events:
-            text = event.text.encode("ascii", "replace")[:TEXT_BYTES]
-            yield link.statustext_encode(SEVERITIES.get(event.severity, 6), text)
+            yield from self._text(event)
+        if snapshot.status is not None and (
+            self._state_s is None or snapshot.elapsed_s - self._state_s >= STATE_PERIOD_S
+        ):
+            self._state_s = snapshot.elapsed_s
+            severity = "info" if snapshot.status.well else "warning"
+            yield from self._text(Event(severity=severity, text=snapshot.status.summary))
         fresh = {topic: values for topic, values in snapshot.messages.items() if snapshot.ages_s[topic] <= MAX_AGE_S}
         gps, static, controls = fresh.get("/gps", {}), fresh.get("/static", {}), fresh.get("/controls", {})
         flow = self._flow(fresh)
@@ -210,6 +255,33 @@ class MavlinkEncoder:
         for name, value in {**named, "rpm": None if rpm is None else 60 * rpm}.items():
             if value is not None:
                 yield link.named_value_float_encode(boot_ms, name.encode(), value)
+
+    def _state_of(self, status: RecordingStatus | None) -> int:
+        """MAV_STATE: booting, standing by, active when all is well, critical when not."""
+        m = self._mavlink
+        if status is None:
+            state: int = m.MAV_STATE_BOOT
+        elif not status.well:
+            state = m.MAV_STATE_CRITICAL
+        else:
+            state = m.MAV_STATE_ACTIVE if status.state is RecordingState.RECORDING else m.MAV_STATE_STANDBY
+        return state
+
+    def _sys_status(self, bits: SensorBits) -> Any:
+        """SYS_STATUS with the sensors; load, battery and errors of the link are unknown."""
+        return self._link.sys_status_encode(
+            bits.present, bits.present, bits.healthy, 0, 0xFFFF, -1, -1, 0, 0, 0, 0, 0, 0
+        )
+
+    def _text(self, event: Event) -> Iterator[Any]:
+        """STATUSTEXT, in chunks if it is long. A zero byte ends a text: one of whole chunks needs an empty one more."""
+        severity, text = SEVERITIES.get(event.severity, 6), event.text.encode("ascii", "replace")
+        if len(text) <= CHUNK_BYTES:
+            yield self._link.statustext_encode(severity, text)
+            return
+        self._text_id = self._text_id % 0xFFFF + 1
+        for number, begin in enumerate(range(0, len(text) + 1, CHUNK_BYTES)):
+            yield self._link.statustext_encode(severity, text[begin : begin + CHUNK_BYTES], self._text_id, number)
 
     def _hud(self, gps: dict[str, Any], airspeed: float, throttle: float) -> Any:
         north, east, down = (gps.get(f"velocity_{axis}_mps") or 0.0 for axis in ("north", "east", "down"))
@@ -262,6 +334,18 @@ class MavlinkEncoder:
         if value is None or self._zero is None or topic not in self._zero.readings:
             return value
         return value - self._zero.readings[topic][DIFFERENCE].mean
+
+
+def sensor_bits(status: RecordingStatus, topics: Mapping[str, Sequence[str]]) -> SensorBits:
+    """The bits of SYS_STATUS. topics: of each sensor, by its name."""
+    present = LOGGING_BIT
+    failed = 0 if status.state is RecordingState.RECORDING and not status.error else LOGGING_BIT
+    for name, state in status.sensors.items():
+        for topic in topics.get(name, ()):
+            bits = SENSOR_BITS.get(topic, 0)
+            present |= bits
+            failed |= 0 if state in IN_ORDER else bits
+    return SensorBits(present, present & ~failed)
 
 
 def airspeed_mps(qbar_Pa: float | None, static_Pa: float | None, temperature_K: float | None) -> float:

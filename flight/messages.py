@@ -204,6 +204,18 @@ class Event(Message):
     text: str = ""
 
 
+class State(Message):
+    """The state of the recording, once a second; the page and the ground station have the same text."""
+
+    topics = ("/daq/state",)
+
+    recording: bool = False
+    well: bool = False  # nothing that the crew should know before the next run
+    rate_Hz: float = 0.0  # of the ticks since the last state
+    missed: int = 0  # ticks since the start
+    text: str = ""
+
+
 MESSAGES: tuple[type[Message], ...] = (
     Imu,
     Magnetometer,
@@ -218,6 +230,7 @@ MESSAGES: tuple[type[Message], ...] = (
     Time,
     Tick,
     Event,
+    State,
 )
 TYPE_OF_TOPIC: dict[str, type[Message]] = {topic: kind for kind in MESSAGES for topic in kind.topics}
 
@@ -251,6 +264,8 @@ def _schema_of_type(of: msgspec.inspect.Type) -> dict[str, Any]:
             return {"type": "array", "items": _schema_of_type(item)}
         case msgspec.inspect.DictType(value_type=value):
             return {"type": "object", "properties": {}, "additionalProperties": _schema_of_type(value)}
+        case msgspec.inspect.BoolType():
+            return {"type": "boolean"}
         case msgspec.inspect.IntType():
             return {"type": "integer"}
         case msgspec.inspect.FloatType():

@@ -13,6 +13,7 @@ from flight.messages import TYPE_OF_TOPIC, Status
 
 PAGE = (Path(__file__).parent.parent / "docs" / "log-format.md").read_text("utf-8")
 UNITS = {
+    "Hz": "Hz",
     "mps2": "m/s²", "radps": "rad/s", "revps": "rev/s", "mps": "m/s", "counts": "counts", "rad": "rad", "deg": "deg",
     "Pa": "Pa", "K": "K", "T": "T", "V": "V", "A": "A", "m": "m", "s": "s", "ms": "ms", "us": "µs", "ns": "ns",
 }  # fmt: skip

@@ -42,7 +42,7 @@ def logs(flown: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Log]:
 
 def test_the_same_topics_and_luggage(logs):
     recorded, straight = logs
-    assert set(recorded.entries) - set(straight.entries) == {"/daq/tick", "/daq/event"}
+    assert set(recorded.entries) - set(straight.entries) == {"/daq/tick", "/daq/event", "/daq/state"}
     assert set(straight.entries) == set(COUNT)
     assert straight.attachments == recorded.attachments
     assert straight.metadata == recorded.metadata

@@ -8,7 +8,8 @@ from scripted_parts import HandClock
 
 from daq import sampling_loop
 from daq.bus_worker import NO_READINGS
-from daq.sampling_loop import cycles, grid_ticks, time_message
+from daq.missed_ticks import MissedTicks
+from daq.sampling_loop import GridTick, cycles, grid_ticks, time_message
 from daq.sensor_health import SensorHealth, SensorState
 from daq.sensor_supervisor import SensorSupervisor
 from daq.sensors import Sample, SensorFailure
@@ -313,3 +314,25 @@ def test_single_stale_readings_with_good_ones_between_are_not_degraded():
     for tick in range(100):
         health.read([Status.OK if tick % 10 else Status.STALE], tick * TICK_NS)
     assert health.state is SensorState.OK
+
+
+def test_a_counter_that_is_silent_while_the_motor_stands_has_not_failed():
+    """Until its first frame: afterwards silence may be a broken wire."""
+    health = SensorHealth("esc_counter", silent_at_rest=True)
+    assert not any(health.read([Status.NO_DATA], i * 10**9) for i in range(60))
+    assert health.state is SensorState.WAITING
+    assert health.read([Status.OK], 60 * 10**9) is not None and health.state is SensorState.OK
+    for i in range(61, 64):
+        health.read([Status.NO_DATA], i * 10**9)
+    assert health.state is SensorState.DEGRADED
+
+
+def test_missed_ticks_are_news_at_most_every_five_seconds_and_a_stall_is_an_error():
+    missed = MissedTicks(40_000_000)
+    assert missed.add(GridTick(1, 0, 0), 0) == []
+    (first,) = missed.add(GridTick(5, 0, 3), 10**9)
+    assert first.severity == "warning" and first.text.startswith("3 ticks missed, 0.1 s in a row")
+    assert missed.add(GridTick(8, 0, 2), 2 * 10**9) == []
+    (second,) = missed.add(GridTick(160, 0, 150), 8 * 10**9)
+    assert second.severity == "error" and second.text.startswith("152 ticks missed, 6.0 s in a row")
+    assert missed.add(GridTick(161, 0, 0), 20 * 10**9) == []

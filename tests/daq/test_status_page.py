@@ -11,7 +11,8 @@ import waitress
 from test_daemon import SteadySensorTruth, default_tray
 
 from daq.daemon import record
-from daq.recording_status import RecordingStatus, StatusFile
+from daq.recording_status import RecordingState, RecordingStatus, StatusFile
+from daq.sensor_health import SensorState
 from daq.status_page import application, page, sources_of
 from daq.still_air_zero import FORMAT, Zero
 from flight.messages import Event
@@ -45,7 +46,7 @@ def now_s(sources) -> float:
 
 def test_what_is_wrong_is_in_the_headline(sources):
     text = page(sources, now_s(sources))
-    assert '<h1 class="bad">Recording for 0.2 min, but failing: baro</h1>' in text
+    assert '<h1 class="bad">recording 0 min, 25 Hz: baro failed</h1>' in text
     assert "baro failed: " in text
     assert "log-0001_2016-05-14_093000Z.mcap" in text
     assert "<script>" not in text and "&lt;script&gt;" in text
@@ -89,17 +90,17 @@ def test_a_browser_shows_it(sources, tmp_path):
         arguments = [*quiet, f"--user-data-dir={tmp_path}", "--enable-logging=stderr", "--dump-dom", address]
         shown = subprocess.run([str(CHROMIUM), *arguments], capture_output=True, text=True, timeout=120)
         server.close()
-    assert "but failing: baro" in shown.stdout or "No news from the daemon" in shown.stdout
+    assert "baro failed" in shown.stdout or "No news from the daemon" in shown.stdout
     assert ":CONSOLE" not in shown.stderr
 
 
 def test_what_is_free_on_the_card_is_told_in_gigabytes(sources, tmp_path):
     file = StatusFile(tmp_path / "status.json")
     status = RecordingStatus(
-        recording=True, waiting_for_switch=False, log="log-0001.mcap", elapsed_s=750.0, ticks=18750, missed=3,
-        free_bytes=12_340_000_000, error="", sensors={"imu": "ok"}, slow=[],
+        state=RecordingState.RECORDING, log="log-0001.mcap", elapsed_s=750.0, ticks=18750, missed=3, rate_Hz=25.0,
+        free_bytes=12_340_000_000, error="", sensors={"imu": SensorState.OK}, slow=[],
     )  # fmt: skip
     file.write(status)
     text = page(sources._replace(status=tmp_path / "status.json"), (tmp_path / "status.json").stat().st_mtime + 1)
-    assert "Recording for 12.5 min" in text and "12.3 GB" in text and "18750, 3 missed" in text
+    assert "recording 12 min, 25 Hz, all well" in text and "12.3 GB" in text and "18750, 3 missed" in text
     assert ", 12.3 GB free" in status.line

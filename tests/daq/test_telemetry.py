@@ -12,6 +12,7 @@ import socket
 import threading
 import time
 import tty
+from itertools import pairwise
 from pathlib import Path
 
 import msgspec
@@ -21,10 +22,12 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from daq import telemetry as telemetry_module
 from daq.config import TelemetryConfig, parse_tray
+from daq.recording_status import RecordingState, RecordingStatus
 from daq.sampling_loop import Cycle, GridTick
+from daq.sensor_health import SensorState
 from daq.sensors import Sample
 from daq.still_air_zero import Zero, ZeroReading
-from daq.telemetry import MavlinkEncoder, Snapshot, TelemetryLink, airspeed_mps
+from daq.telemetry import MavlinkEncoder, Snapshot, TelemetryLink, airspeed_mps, sensor_bits
 from flight.errors import InputError
 from flight.messages import (
     TYPE_OF_TOPIC,
@@ -432,6 +435,9 @@ def test_the_autopilot_that_the_daemon_hears_gives_its_system_to_the_ground_stat
         def hear(self, cycle, events):
             cycles.append(cycle)
 
+        def hear_status(self, status):
+            """Not needed here."""
+
     clock = SimulatedClock()
     to = parse_tray('[[sensors]]\ndriver = "autopilot"\nport = "/dev/ttyUSB1"\n', "tray.toml", tmp_path)
     record(
@@ -439,6 +445,84 @@ def test_the_autopilot_that_the_daemon_hears_gives_its_system_to_the_ground_stat
         until_ns=clock.now_ns() + 3_000_000_000, listener=Listener(),
     )  # fmt: skip
     assert cycles[0].autopilot_system is None and cycles[-1].autopilot_system == 1
+
+
+def status(**changes) -> RecordingStatus:
+    values = {
+        "state": RecordingState.RECORDING, "log": "log-0001.mcap", "elapsed_s": 740.0, "ticks": 18500, "missed": 0,
+        "rate_Hz": 25.0, "free_bytes": 10**9, "error": "", "sensors": {"imu": SensorState.OK}, "slow": [],
+    }  # fmt: skip
+    return RecordingStatus(**(values | changes))
+
+
+@pytest.mark.parametrize(
+    ("changes", "state"),
+    [
+        (None, mavlink.MAV_STATE_BOOT),
+        ({}, mavlink.MAV_STATE_ACTIVE),
+        ({"sensors": {"imu": SensorState.FAILED}}, mavlink.MAV_STATE_CRITICAL),
+        ({"sensors": {"imu": SensorState.WAITING}}, mavlink.MAV_STATE_ACTIVE),
+        ({"error": "Input/output error"}, mavlink.MAV_STATE_CRITICAL),
+        ({"state": RecordingState.CARD_FULL}, mavlink.MAV_STATE_CRITICAL),
+        ({"state": RecordingState.WAITING}, mavlink.MAV_STATE_STANDBY),
+    ],
+)
+def test_the_heartbeat_says_whether_it_records_and_all_is_well(changes, state):
+    ground = MavlinkEncoder(TelemetryConfig(to="udp:127.0.0.1:9"), None, None)
+    given = None if changes is None else status(**changes)
+    messages = decoded(ground.packets(Snapshot(elapsed_s=10.0, status=given)))
+    assert [m.system_status for m in messages if m.get_type() == "HEARTBEAT"] == [state]
+
+
+def test_a_ground_station_that_joins_late_knows_the_state_within_five_seconds():
+    ground = MavlinkEncoder(TelemetryConfig(to="udp:127.0.0.1:9"), None, None)
+    told_s = [
+        i / 4
+        for i in range(80)
+        for m in decoded(ground.packets(Snapshot(elapsed_s=i / 4, status=status())))
+        if m.get_type() == "STATUSTEXT" and m.text == "recording 12 min, 25 Hz, all well"
+    ]
+    assert max(later - earlier for earlier, later in pairwise(told_s)) <= 5.0
+    failed = status(sensors={"imu": SensorState.FAILED})
+    last = next(
+        m for m in decoded(ground.packets(Snapshot(elapsed_s=100.0, status=failed))) if m.get_type() == "STATUSTEXT"
+    )
+    assert (last.text, last.severity) == ("recording 12 min, 25 Hz: imu failed", mavlink.MAV_SEVERITY_WARNING)
+
+
+def test_sys_status_has_a_bit_for_each_kind_of_sensor_and_only_an_aircraft_of_its_own_sends_it():
+    topics = {"imu": ("/imu",), "gps": ("/gps",), "esc_counter": ("/rpm",)}
+    states = {"imu": SensorState.OK, "gps": SensorState.FAILED, "esc_counter": SensorState.WAITING}
+    bits = sensor_bits(status(sensors=states), topics)
+    gps, logging = mavlink.MAV_SYS_STATUS_SENSOR_GPS, mavlink.MAV_SYS_STATUS_LOGGING
+    imu = mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO | mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL
+    motor = mavlink.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
+    assert bits == (imu | gps | motor | logging, imu | motor | logging)
+    assert not sensor_bits(status(state=RecordingState.CARD_FULL), topics).healthy & logging
+    for vehicle in (True, False):
+        ground = MavlinkEncoder(TelemetryConfig(to="udp:127.0.0.1:9", vehicle=vehicle), None, None)
+        sent = decoded(ground.packets(Snapshot(elapsed_s=1.0, status=status(), bits=bits)))
+        found = [m for m in sent if m.get_type() == "SYS_STATUS"]
+        assert len(found) == vehicle
+        assert all((m.onboard_control_sensors_health, m.onboard_control_sensors_present) == bits[::-1] for m in found)
+
+
+@pytest.mark.parametrize("length", [1, 49, 50, 51, 99, 100, 101, 200])
+def test_a_long_text_arrives_whole(length):
+    """In chunks of one id, in order; a ground station knows the end by a zero byte."""
+    text = ("0123456789" * 20)[:length]
+    ground = MavlinkEncoder(TelemetryConfig(to="udp:127.0.0.1:9"), None, None)
+    packets = [*ground.packets(Snapshot(elapsed_s=1.0, events=[Event(text=text), Event(text=text)]))]
+    chunks = [m for m in decoded(packets) if m.get_type() == "STATUSTEXT"]
+    by_id = [[m for m in chunks if m.id == number] for number in dict.fromkeys(m.id for m in chunks)]
+    if length <= 50:
+        assert [m.text for m in chunks] == [text, text] and {m.id for m in chunks} == {0}
+        return
+    assert len(by_id) == 2
+    for these in by_id:
+        assert "".join(m.text for m in these) == text
+        assert [m.chunk_seq for m in these] == list(range(len(these)))
+        assert len(these[-1].text) < 50
 
 
 def test_heartbeats_come_once_a_second():

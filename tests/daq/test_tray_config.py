@@ -37,6 +37,7 @@ def test_the_example_is_the_default_tray(example):
         "/time",
         "/daq/tick",
         "/daq/event",
+        "/daq/state",
     }
     assert tray.text == example.read_text()
 

@@ -24,6 +24,8 @@ def filled(kind: type[Message], number: int) -> Message:
         text = str(field.type)
         if field.name == "status":
             values[field.name] = list(Status)[number % len(Status)]
+        elif "bool" in text:
+            values[field.name] = number % 2 == 0
         elif "dict" in text:
             values[field.name] = {"imu": number}
         elif "list" in text:

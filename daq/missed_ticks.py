@@ -1,0 +1,29 @@
+"""News of ticks that were missed: other programs, or a kernel that was busy, kept the sampling thread waiting."""
+
+from daq.sampling_loop import GridTick
+from flight.messages import Event
+
+EVENT_SPACING_NS = 5_000_000_000  # at least, between two events
+STALL_NS = 5_000_000_000  # so long without a tick is a stall: a run has a hole that no interpolation bridges
+
+
+class MissedTicks:
+    """Counts missed ticks and reports them, at most every five seconds. period_ns: of the ticks."""
+
+    def __init__(self, period_ns: int):
+        self._period_ns = period_ns
+        self._unreported = self._longest = 0
+        self._reported_ns: int | None = None
+
+    def add(self, tick: GridTick, now_ns: int) -> list[Event]:
+        """Take a tick; returns an event when missed ones are to be reported."""
+        self._unreported += tick.missed
+        self._longest = max(self._longest, tick.missed)
+        if not self._unreported or (self._reported_ns is not None and now_ns - self._reported_ns < EVENT_SPACING_NS):
+            return []
+        longest_s = self._longest * self._period_ns / 1e9
+        stalled = self._longest * self._period_ns >= STALL_NS
+        text = f"{self._unreported} ticks missed, {longest_s:.1f} s in a row: stop other programs on this computer"
+        self._unreported = self._longest = 0
+        self._reported_ns = now_ns
+        return [Event(severity="error" if stalled else "warning", sensor="daq", text=text)]
