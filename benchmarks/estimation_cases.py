@@ -165,8 +165,9 @@ def cases(seeds: Annotated[int, typer.Option(help="Number of draws of the noise.
     """Twelve fits that must not be used as they are: how often the verdict says so, and what it says."""
     table = Table("case", "named", "verdict", box=None)
     for name, case in hard_cases.CASES.items():
-        verdicts = [str(case.fit(seed).verdict) for seed in range(FIRST_SEED, FIRST_SEED + seeds)]
-        table.add_row(name, f"{sum(case.says in verdict for verdict in verdicts)} of {seeds}", verdicts[0])
+        verdicts = [case.fit(seed).verdict for seed in range(FIRST_SEED, FIRST_SEED + seeds)]
+        named = sum(case.finding in verdict.findings for verdict in verdicts)
+        table.add_row(name, f"{named} of {seeds}", str(verdicts[0]))
     CONSOLE.print(table)
 
 

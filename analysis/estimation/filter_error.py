@@ -24,19 +24,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.estimation.data import Segment
-from analysis.estimation.fit import SIGNIFICANCE_LEVEL, Fit, FitStatus, Intensity, Verdict
+from analysis.estimation.fit import SIGNIFICANCE_LEVEL, Finding, Fit, FitStatus, Intensity, Remark, Verdict
 from analysis.estimation.hints import innovation_hints
 from analysis.estimation.innovations import InnovationsLikelihood, not_finite
 from analysis.estimation.kalman_filter import build_filter
-from analysis.estimation.model import Model
-from analysis.estimation.optimizer import Evaluation, make_fit, maximize
+from analysis.estimation.model import Model, UnknownKey, UnknownKind
+from analysis.estimation.optimizer import Evaluation, Stop, make_fit, maximize
 from analysis.estimation.problem import FitOptions, Problem, as_segments, free_names
 from analysis.estimation.process_noise import ProcessNoise as ProcessNoise
 from analysis.estimation.process_noise import (
     check_noise,
+    intensity_key,
     intensity_of,
     logarithm,
     noise_from_predictions,
+    noise_key,
     noise_unknowns,
 )
 from analysis.estimation.starts import starting_values_by_equation_error, starting_values_by_output_error
@@ -93,9 +95,9 @@ def fit_filter_error(
             " value is not estimated; leave it out"
         )
     kalman_filter = build_filter(model, free_names(model), tuple(noise.state for noise in noises), options)
-    fixed = {f"ln w({noise.state})": logarithm(noise.start) for noise in noises if not noise.free}
-    fixed |= {f"ln v({output})": logarithm(sigma) for output, sigma in (noise_sigma or {}).items()}
-    free_noise = [unknown for unknown in noise_unknowns(model, segments, noises) if unknown.name not in fixed]
+    fixed = {intensity_key(noise.state): logarithm(noise.start) for noise in noises if not noise.free}
+    fixed |= {noise_key(output): logarithm(sigma) for output, sigma in (noise_sigma or {}).items()}
+    free_noise = [unknown for unknown in noise_unknowns(model, segments, noises) if unknown.key not in fixed]
 
     def fitted(values: Mapping[str, float]) -> _Optimum:
         problem = Problem.assemble(model, segments, initial_states, values, free_noise)
@@ -113,23 +115,22 @@ def fit_filter_error(
         values = values_by(start)
         if start == "equation error":
             guess = noise_from_predictions(model, segments, noises, values, options.inputs)
-            values |= {n.name: guess[n.name] for n in free_noise if n.prior_information == 0}
+            values |= {n.name: guess[n.key] for n in free_noise if n.prior_information == 0}
         found = fitted(values)
     else:
-        small = {f"ln w({noise.state})": logarithm(noise.start * SMALLER) for noise in noises if noise.free}
+        small = {str(intensity_key(noise.state)): logarithm(noise.start * SMALLER) for noise in noises if noise.free}
         found = _best(fitted, start or {}, values_by, small)
-    fit = make_fit(found.likelihood, found.point, found.iterations, found.why_stopped)
+    fit = make_fit(found.likelihood, found.point, found.iterations, found.stop)
     fit = replace(fit, integrator=options.integrator, inputs=options.inputs)
     intensities = {noise.state: intensity_of(fit, noise, found.negligible) for noise in noises}
     if test_significance and fit.verdict.status in (FitStatus.CONVERGED, FitStatus.AT_BOUND):
-        for name in found.likelihood.intensities:
-            smaller, theta = found.likelihood.holding({name: -math.inf}, found.point.theta)
-            without, _, failed = maximize(
+        for key in found.likelihood.intensities:
+            smaller, theta = found.likelihood.holding({key: -math.inf}, found.point.theta)
+            without, _, stop = maximize(
                 smaller, smaller.evaluate(theta), options.max_iterations, step_tolerance=STEP_TOLERANCE
             )
-            ratio = math.nan if failed else max(0.0, 2 * (without.cost - found.point.cost))
-            state = name.removeprefix("ln w(").removesuffix(")")
-            intensities[state] = intensities[state]._replace(p_value=math.erfc(math.sqrt(ratio / 2)) / 2)
+            ratio = math.nan if stop.failed else max(0.0, 2 * (without.cost - found.point.cost))
+            intensities[key.of] = intensities[key.of]._replace(p_value=math.erfc(math.sqrt(ratio / 2)) / 2)
     verdict = _verdict(fit, intensities, found.negligible)
     return replace(fit, verdict=verdict, process_noise=intensities)
 
@@ -141,8 +142,8 @@ class _Optimum:
     likelihood: InnovationsLikelihood
     point: Evaluation
     iterations: int
-    why_stopped: str
-    negligible: dict[str, float]
+    stop: Stop
+    negligible: dict[UnknownKey, float]
 
 
 def _optimum(likelihood: InnovationsLikelihood, theta: Array, max_iterations: int) -> _Optimum:
@@ -150,10 +151,10 @@ def _optimum(likelihood: InnovationsLikelihood, theta: Array, max_iterations: in
     point = likelihood.evaluate(theta)
     if not np.isfinite(point.cost):
         raise InputError(not_finite(likelihood))
-    iterations, negligible, tried = 0, dict[str, float](), dict[str, float]()
-    lowest = dict(zip(likelihood.problem.names, likelihood.problem.lower.tolist(), strict=True))
+    iterations, negligible, tried = 0, dict[UnknownKey, float](), dict[UnknownKey, float]()
+    lowest = dict(zip(likelihood.problem.keys, likelihood.problem.lower.tolist(), strict=True))
     while True:
-        point, more, why_stopped = maximize(
+        point, more, stop = maximize(
             likelihood,
             point,
             max_iterations,
@@ -163,7 +164,7 @@ def _optimum(likelihood: InnovationsLikelihood, theta: Array, max_iterations: in
         )
         iterations += more
         dropped = likelihood.negligible(point)
-        doubtful = [] if dropped or why_stopped else likelihood.doubtful(point, tried)
+        doubtful = [] if dropped or stop.failed else likelihood.doubtful(point, tried)
         if doubtful:
             tried[doubtful[0]] = float(point.information[(likelihood.index(doubtful[0]),) * 2])
             least = _with_the_least(likelihood, point, doubtful[0])
@@ -171,21 +172,21 @@ def _optimum(likelihood: InnovationsLikelihood, theta: Array, max_iterations: in
             if least is None:
                 continue
             point = least
-            dropped = [*doubtful[:1], *(name for name in likelihood.negligible(point) if name != doubtful[0])]
-        if not dropped or why_stopped:
-            return _Optimum(likelihood, point, iterations, why_stopped, negligible)
-        held = {name: float(point.theta[likelihood.index(name)]) for name in dropped}
-        zero = held | {name: -math.inf for name in dropped if name.startswith("ln w(")}
+            dropped = [*doubtful[:1], *(key for key in likelihood.negligible(point) if key != doubtful[0])]
+        if not dropped or stop.failed:
+            return _Optimum(likelihood, point, iterations, stop, negligible)
+        held = {key: float(point.theta[likelihood.index(key)]) for key in dropped}
+        zero = held | {key: -math.inf for key in dropped if key.kind is UnknownKind.PROCESS_NOISE}
         smaller, without = _holding(likelihood, zero, point)
         if not without.cost <= point.cost + ZERO_COST:
             zero = held
             smaller, without = _holding(likelihood, held, point)
         # The filter may need the least noise of one state. Which one makes the data likeliest is seen after a step.
-        gone = {name: value for name, value in (negligible | zero).items() if name.startswith("ln w(")}
+        gone = {key: value for key, value in (negligible | zero).items() if key.kind is UnknownKind.PROCESS_NOISE}
         if any(value > -math.inf for value in gone.values()) and len(gone) > 1:
             ends = [(zero, smaller, maximize(smaller, without, 1, step_tolerance=STEP_TOLERANCE)[0])]
-            for name in gone:
-                only = dict.fromkeys(gone, -math.inf) | {name: lowest[name]}
+            for key in gone:
+                only = dict.fromkeys(gone, -math.inf) | {key: lowest[key]}
                 if only != gone:
                     other, start = _holding(likelihood, only, point)
                     ends.append((zero | only, other, maximize(other, start, 1, step_tolerance=STEP_TOLERANCE)[0]))
@@ -196,26 +197,26 @@ def _optimum(likelihood: InnovationsLikelihood, theta: Array, max_iterations: in
 
 
 def _holding(
-    likelihood: InnovationsLikelihood, values: Mapping[str, float], point: Evaluation
+    likelihood: InnovationsLikelihood, values: Mapping[UnknownKey, float], point: Evaluation
 ) -> tuple[InnovationsLikelihood, Evaluation]:
     """The likelihood with these ln w and ln v fixed, and the point of it with the other unknowns unchanged."""
     smaller, theta = likelihood.holding(values, point.theta)
     return smaller, smaller.evaluate(theta)._replace(costs=point.costs, steps=point.steps)
 
 
-def _with_the_least(likelihood: InnovationsLikelihood, point: Evaluation, name: str) -> Evaluation | None:
+def _with_the_least(likelihood: InnovationsLikelihood, point: Evaluation, noise: UnknownKey) -> Evaluation | None:
     """The point with this noise at its lower bound, after one step of parameters and initial states.
 
     None if the likelihood there is not higher than what is expected with the noise.
     """
-    names, theta = likelihood.problem.names, point.theta.copy()
-    theta[likelihood.index(name)] = likelihood.problem.lower[likelihood.index(name)]
-    noises = {n: float(value) for n, value in zip(names, theta, strict=True) if n.startswith(("ln w(", "ln v("))}
+    keys, theta = likelihood.problem.keys, point.theta.copy()
+    theta[likelihood.index(noise)] = likelihood.problem.lower[likelihood.index(noise)]
+    noises = {key: float(value) for key, value in zip(keys, theta, strict=True) if key.is_noise}
     without_noises, start = likelihood.holding(noises, theta)
     moved = maximize(without_noises, without_noises.evaluate(start), 1, step_tolerance=STEP_TOLERANCE)[0]
     if not moved.cost < point.cost - likelihood.expected_gain(point):
         return None
-    theta[[n not in noises for n in names]] = moved.theta
+    theta[[key not in noises for key in keys]] = moved.theta
     steps = (*point.steps, *(moved.steps or (0.0,)))
     return likelihood.evaluate(theta)._replace(costs=(*point.costs, point.cost), steps=steps)
 
@@ -228,36 +229,37 @@ def _best(
 ) -> _Optimum:
     """The fit from given values; if that is not convincing, the best of it and those from other methods.
 
-    small : starting values of ln w for those
+    small : starting values of ln w for those, by name
     """
-    found, failures = [], []
+    optima, failures = [], []
     for source in (None, *SOURCES):
         try:
-            found.append(fitted(start if source is None else {**start, **small, **values_by(source)}))
+            optima.append(fitted(start if source is None else {**start, **small, **values_by(source)}))
         except InputError as error:
             failures.append(error)
             continue
-        if not found[-1].why_stopped and not any(name.startswith("ln v(") for name in found[-1].negligible):
+        explained_by_process_noise = any(key.kind is UnknownKind.MEASUREMENT_NOISE for key in optima[-1].negligible)
+        if not optima[-1].stop.failed and not explained_by_process_noise:
             break
-    if not found:
+    if not optima:
         raise failures[0]
-    return min(found, key=lambda one: (bool(one.why_stopped), one.point.cost))
+    return min(optima, key=lambda one: (one.stop.failed, one.point.cost))
 
 
-def _verdict(fit: Fit, intensities: dict[str, Intensity], negligible: Mapping[str, float]) -> Verdict:
+def _verdict(fit: Fit, intensities: dict[str, Intensity], negligible: Mapping[UnknownKey, float]) -> Verdict:
     """The verdict of the fit, with noise that could be left out."""
     if fit.verdict.status is FitStatus.NOT_CONVERGED:
         return fit.verdict
-    text = fit.verdict.text
-    quiet = [name.removeprefix("ln v(").removesuffix(")") for name in negligible if name.startswith("ln v(")]
-    if quiet:
-        text += f"; measurement noise of {', '.join(quiet)} is negligible beside the process noise"
-    stabilizing = [state for state in intensities if negligible.get(f"ln w({state})", -math.inf) > -math.inf]
-    if stabilizing:
-        text += (
-            f"; process noise of {', '.join(stabilizing)} is negligible, but the filter needs it: the model is unstable"
-        )
+    quiet = [key.of for key in negligible if key.kind is UnknownKind.MEASUREMENT_NOISE]
+    stabilizing = [state for state in intensities if negligible.get(intensity_key(state), -math.inf) > -math.inf]
     insignificant = [state for state, intensity in intensities.items() if intensity.p_value >= SIGNIFICANCE_LEVEL]
-    if insignificant:
-        text += f"; process noise of {', '.join(insignificant)} is not significant"
-    return fit.verdict._replace(text=text, hints=innovation_hints(fit))
+    remarks = (
+        (Finding.NEGLIGIBLE_MEASUREMENT_NOISE, quiet, "measurement noise of {} is negligible beside the process noise"),
+        (Finding.NEGLIGIBLE_BUT_STABILIZING, stabilizing,
+         "process noise of {} is negligible, but the filter needs it: the model is unstable"),
+        (Finding.PROCESS_NOISE_NOT_SIGNIFICANT, insignificant, "process noise of {} is not significant"),
+    )  # fmt: skip
+    verdict = fit.verdict.with_remarks(
+        *(Remark(finding, text.format(", ".join(of))) for finding, of, text in remarks if of)
+    )
+    return verdict._replace(hints=innovation_hints(fit))

@@ -7,6 +7,7 @@ import enum
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,11 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.estimation.data import Segment
-from analysis.estimation.model import Model, NamedValues
+from analysis.estimation.model import Model, NamedValues, UnknownKey, UnknownKind
 from analysis.estimation.noise import Whitened
 from analysis.estimation.simulation import InputRule, Integrator, Response
 from flight.errors import InputError
-from flight.files import JsonFormat
 
 FORMAT = "flightpower fit 1"
 SIGNIFICANCE_LEVEL = 0.05  # of the test for process noise
@@ -90,7 +90,13 @@ def save_summary(summary: FitSummary, file: Path) -> None:
 
 def load_summary(file: Path) -> FitSummary:
     """Read what `save_summary` wrote. Raises InputError for another kind of file."""
-    return JsonFormat(FitSummary, (FORMAT,), "a saved fit").parsed(file.read_bytes(), str(file))
+    try:
+        summary = msgspec.json.decode(file.read_bytes(), type=FitSummary)
+    except (OSError, msgspec.MsgspecError) as error:
+        raise InputError(f"{file}: not a saved fit: {error}") from None
+    if summary.format != FORMAT:
+        raise InputError(f"{file}: not a saved fit: its format is {summary.format!r}, expected {FORMAT!r}")
+    return summary
 
 
 Array = NDArray[np.float64]
@@ -103,19 +109,64 @@ class FitStatus(enum.StrEnum):
     NOT_CONVERGED = "not converged"
 
 
+class Finding(enum.Enum):
+    """What a verdict says, for a program."""
+
+    OPTIMUM = enum.auto()
+    AT_BOUND = enum.auto()
+    TOO_FEW_VALUES = enum.auto()
+    UNDETERMINED = enum.auto()
+    NO_BETTER_STEP = enum.auto()
+    TOO_FEW_ITERATIONS = enum.auto()
+    MODEL_HAS_BRANCHES = enum.auto()
+    COLLINEAR = enum.auto()
+    NEGLIGIBLE_MEASUREMENT_NOISE = enum.auto()
+    NEGLIGIBLE_BUT_STABILIZING = enum.auto()
+    PROCESS_NOISE_NOT_SIGNIFICANT = enum.auto()
+    REACHED_FROM_STARTS = enum.auto()
+    WORSE_OPTIMA = enum.auto()
+    STARTS_NOT_CONVERGED = enum.auto()
+    NOT_WHITE = enum.auto()
+    OUTLIERS = enum.auto()
+    UNSTABLE = enum.auto()
+
+
+class Remark(NamedTuple):
+    """One finding, for a program and in words."""
+
+    finding: Finding
+    text: str
+
+
 class Verdict(NamedTuple):
-    """Whether a fit can be used: a status, one line of text for the user, and hints at what may be wrong with it."""
+    """Whether a fit can be used.
+
+    remarks : the first says the status in words, the others what the user should know of the estimate
+    hints : at what may be wrong with model or data, from the residuals
+    """
 
     status: FitStatus
-    text: str
-    hints: tuple[str, ...] = ()
+    remarks: tuple[Remark, ...]
+    hints: tuple[Remark, ...] = ()
 
     @property
     def ok(self) -> bool:
         return self.status is FitStatus.CONVERGED
 
+    @property
+    def text(self) -> str:
+        """The remarks, as one line."""
+        return "; ".join(remark.text for remark in self.remarks)
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        return tuple(remark.finding for remark in (*self.remarks, *self.hints))
+
+    def with_remarks(self, *remarks: Remark) -> "Verdict":
+        return self._replace(remarks=(*self.remarks, *remarks))
+
     def __str__(self) -> str:
-        return "; ".join((self.text, *self.hints))
+        return "; ".join(remark.text for remark in (*self.remarks, *self.hints))
 
 
 class Intensity(NamedTuple):
@@ -175,8 +226,8 @@ class SegmentFit:
 class Fit:
     """The result of an estimation.
 
-    names : of the m unknowns: "CLa" for a shared parameter, "b[run]" for a segment's own, "V(0)[run]" for an initial
-    state. `values` and all matrices are in this order.
+    keys, names : of the m unknowns, typed and as text: "CLa" for a shared parameter, "b[run]" for a segment's own,
+    "V(0)[run]" for an initial state. `values` and all matrices are in this order.
     values : (m,)
     covariance : (m, m) Cramer-Rao bound, priors included; inf and NaN for unknowns that are not identifiable
     parameters : free and fixed parameters by name
@@ -190,7 +241,7 @@ class Fit:
     """
 
     model: Model
-    names: tuple[str, ...]
+    keys: tuple[UnknownKey, ...]
     values: Array
     covariance: Array
     parameters: dict[str, ParameterEstimate]
@@ -212,6 +263,10 @@ class Fit:
         return self.summary().table()
 
     __repr__ = __str__
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        return tuple(map(str, self.keys))
 
     @property
     def residuals(self) -> dict[str, Array]:
@@ -241,7 +296,8 @@ class Fit:
         """The numbers without the data. corrected : (m, m) covariance for colored residuals (`uncertainty`)."""
         residuals = np.concatenate([fit.residuals for fit in self.segment_fits])
         wider = [None] * len(self.names) if corrected is None else np.sqrt(np.diag(corrected)).tolist()
-        units = {q.name: q.unit for q in self.model.parameters}
+        unit_of = {q.name: q.unit for q in self.model.parameters}
+        units = {key: unit_of[key.of] for key in self.keys if key.kind is UnknownKind.PARAMETER}
         return FitSummary(
             model=self.model.name,
             status=self.verdict.status.value,
@@ -250,9 +306,9 @@ class Fit:
             samples=self.samples,
             negative_log_likelihood=self.negative_log_likelihood,
             rows=[
-                SummaryRow(name, units.get(name.partition("[")[0], ""), float(value), _finite(error), _finite(wide))
-                for name, value, error, wide in zip(
-                    self.names, self.values, np.sqrt(np.diag(self.covariance)).tolist(), wider, strict=True
+                SummaryRow(str(key), units.get(key, ""), float(value), _finite(error), _finite(wide))
+                for key, value, error, wide in zip(
+                    self.keys, self.values, np.sqrt(np.diag(self.covariance)).tolist(), wider, strict=True
                 )
             ],
             fixed={q.name: q.start for q in self.model.parameters if not q.free},

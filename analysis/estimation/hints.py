@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.estimation.fit import Fit, FitStatus, SegmentFit
+from analysis.estimation.fit import Finding, Fit, FitStatus, Remark, SegmentFit
 
 Array = NDArray[np.float64]
 
@@ -64,8 +64,8 @@ def collinearities(names: tuple[str, ...], information: Array, smallest_index: f
 # called colored: one white record in a thousand.
 NOT_WHITE = 3.3
 RESIDUALS_NOT_WHITE = (
-    "the model lacks something, process noise acts, or this is a false optimum; compare starts.estimate and"
-    " filter_error, and use uncertainty.morelli_klein"
+    "the model lacks something, process noise acts, or this is a false optimum; compare best_of_starts and"
+    " fit_filter_error, and use uncertainty.morelli_klein"
 )
 INNOVATIONS_NOT_WHITE = (
     "the model lacks something, process noise acts on other states too, or it is colored (give it a state of its own)"
@@ -76,20 +76,20 @@ SAMPLES = 20  # of each segment, at which the eigenvalues are computed
 DIFFERENCE_STEP = 1e-6  # of the state, relative to its largest value
 
 
-def hints_of(fit: Fit) -> tuple[str, ...]:
+def hints_of(fit: Fit) -> tuple[Remark, ...]:
     """One sentence for each finding. Stability is examined if the fit is not convincing otherwise."""
-    found = _colored(fit) + _outliers(fit)
-    if found or fit.verdict.status is not FitStatus.CONVERGED:
-        found += _unstable(fit)
-    return tuple(found)
+    hints = _colored(fit) + _outliers(fit)
+    if hints or fit.verdict.status is not FitStatus.CONVERGED:
+        hints += _unstable(fit)
+    return tuple(hints)
 
 
-def innovation_hints(fit: Fit) -> tuple[str, ...]:
+def innovation_hints(fit: Fit) -> tuple[Remark, ...]:
     """One sentence if the innovations of filter error are not white."""
     return tuple(_colored(fit, INNOVATIONS_NOT_WHITE))
 
 
-def _colored(fit: Fit, explanation: str = RESIDUALS_NOT_WHITE) -> list[str]:
+def _colored(fit: Fit, explanation: str = RESIDUALS_NOT_WHITE) -> list[Remark]:
     outputs = len(fit.model.outputs)
     products, squares, pairs = np.zeros(outputs), np.zeros(outputs), np.zeros(outputs)
     for segment_fit in fit.segment_fits:
@@ -103,27 +103,30 @@ def _colored(fit: Fit, explanation: str = RESIDUALS_NOT_WHITE) -> list[str]:
         return []
     names = [name for name, is_colored in zip(fit.model.outputs, colored, strict=True) if is_colored]
     largest = np.abs(lag_one[colored]).max()
-    return [f"residuals of {', '.join(names)} are not white (lag-one correlation up to {largest:.2f}): {explanation}"]
+    text = f"residuals of {', '.join(names)} are not white (lag-one correlation up to {largest:.2f}): {explanation}"
+    return [Remark(Finding.NOT_WHITE, text)]
 
 
-def _outliers(fit: Fit) -> list[str]:
+def _outliers(fit: Fit) -> list[Remark]:
     """Of normal noise only: t noise gives them a small weight."""
     found = np.sum([(np.abs(segment_fit.white.e) > OUTLIER).sum(axis=0) for segment_fit in fit.segment_fits], axis=0)
     if not found.any() or any((segment_fit.white.weight != 1).any() for segment_fit in fit.segment_fits):
         return []
     counts = [f"{count} of {name}" for name, count in zip(fit.model.outputs, found, strict=True) if count]
-    return [f"outliers: {', '.join(counts)} beyond {OUTLIER:g} standard deviations; use tail_dof=4"]
+    text = f"outliers: {', '.join(counts)} beyond {OUTLIER:g} standard deviations; use MeasurementNoise(tail_dof=4)"
+    return [Remark(Finding.OUTLIERS, text)]
 
 
-def _unstable(fit: Fit) -> list[str]:
-    found = max((unstable_growth(fit, segment_fit) for segment_fit in fit.segment_fits), default=(0.0, 0.0, ""))
-    ln_growth, eigenvalue, name = found
+def _unstable(fit: Fit) -> list[Remark]:
+    growths = (unstable_growth(fit, segment_fit) for segment_fit in fit.segment_fits)
+    ln_growth, eigenvalue, name = max(growths, default=(0.0, 0.0, ""))
     if ln_growth < math.log(LARGE_GROWTH):
         return []
-    return [
+    text = (
         f"unstable: with an eigenvalue of {eigenvalue:+.2g} 1/s an error grows by {math.exp(min(ln_growth, 700)):.0e}"
-        f" within segment {name}; split it (data.split), or use filter_error"
-    ]
+        f" within segment {name}; split it (data.split), or use filter error"
+    )
+    return [Remark(Finding.UNSTABLE, text)]
 
 
 def unstable_growth(fit: Fit, segment_fit: SegmentFit) -> tuple[float, float, str]:

@@ -8,10 +8,11 @@ from numpy.typing import NDArray
 
 from analysis.estimation.fit import SegmentFit
 from analysis.estimation.kalman_filter import Innovations, KalmanFilter, NoiseLevels
+from analysis.estimation.model import UnknownKey, UnknownKind
 from analysis.estimation.noise import NORMAL_95, Whitened
 from analysis.estimation.optimizer import Evaluation, nowhere
 from analysis.estimation.problem import Problem
-from analysis.estimation.process_noise import ProcessNoise
+from analysis.estimation.process_noise import ProcessNoise, intensity_key, noise_key
 from analysis.estimation.simulation import Record, Response
 
 Array = NDArray[np.float64]
@@ -23,36 +24,36 @@ AGAIN = 0.25  # of the information about ln w at a trial without it: then it is 
 
 @dataclass(frozen=True)
 class InnovationsLikelihood:
-    """Of the innovations. fixed : ln w and ln v that are not among the unknowns, by name."""
+    """Of the innovations. fixed : ln w and ln v that are not among the unknowns."""
 
     problem: Problem
     filter: KalmanFilter
     noises: tuple[ProcessNoise, ...]
-    fixed: dict[str, float]
+    fixed: dict[UnknownKey, float]
 
     @property
-    def intensities(self) -> list[str]:
-        """Names of the free intensities."""
-        return [name for name in self.problem.names if name.startswith("ln w(")]
+    def intensities(self) -> list[UnknownKey]:
+        """The free intensities."""
+        return [key for key in self.problem.keys if key.kind is UnknownKind.PROCESS_NOISE]
 
-    def index(self, name: str) -> int:
-        return self.problem.names.index(name)
+    def index(self, key: UnknownKey) -> int:
+        return self.problem.keys.index(key)
 
-    def holding(self, held: Mapping[str, float], theta: Array) -> tuple["InnovationsLikelihood", Array]:
+    def holding(self, held: Mapping[UnknownKey, float], theta: Array) -> tuple["InnovationsLikelihood", Array]:
         """The likelihood with these ln w and ln v fixed, and theta without them."""
-        keep = np.array([name not in held for name in self.problem.names])
+        keep = np.array([key not in held for key in self.problem.keys])
         return replace(self, problem=self.problem.without(keep), fixed=self.fixed | dict(held)), theta[keep]
 
-    def negligible(self, point: Evaluation) -> list[str]:
+    def negligible(self, point: Evaluation) -> list[UnknownKey]:
         """Noises that hardly change the variances of the innovations, and at which the likelihood falls.
 
         A noise that the data determine to a factor of exp(10) only has no effect on them.
         """
         problem, information = self.problem, np.diag(point.information)
         return [
-            name
-            for i, name in enumerate(problem.names)
-            if name.startswith(("ln w(", "ln v("))
+            key
+            for i, key in enumerate(problem.keys)
+            if key.is_noise
             and problem.prior_information[i] == 0
             and (point.theta[i] <= problem.lower[i] or (point.gradient[i] < 0 and information[i] < NEGLIGIBLE))
         ]
@@ -62,33 +63,33 @@ class InnovationsLikelihood:
         H = point.information + self.problem.prior_matrix
         return float(point.gradient @ np.linalg.lstsq(H, point.gradient, rcond=None)[0]) / 2
 
-    def doubtful(self, point: Evaluation, tried: Mapping[str, float]) -> list[str]:
+    def doubtful(self, point: Evaluation, tried: Mapping[UnknownKey, float]) -> list[UnknownKey]:
         """Intensities near the optimum that are not significant, the least certain first.
 
-        tried : names with the information about ln w when they were tried; they are tried again when it is AGAIN of it
+        tried : those with the information about ln w when they were tried; they are tried again when it is AGAIN of it
         The intensity squared is its standard error times half the root of the information about ln w.
         """
         problem, information = self.problem, np.diag(point.information)
-        found = [
+        insignificant = [
             i
-            for i, name in enumerate(problem.names)
-            if name.startswith("ln w(")
-            and information[i] < AGAIN * tried.get(name, np.inf)
+            for i, key in enumerate(problem.keys)
+            if key.kind is UnknownKind.PROCESS_NOISE
+            and information[i] < AGAIN * tried.get(key, np.inf)
             and problem.prior_information[i] == 0
             and information[i] < 4 * NORMAL_95**2
         ]
-        if not found or self.expected_gain(point) > NEAR_GAIN:
+        if not insignificant or self.expected_gain(point) > NEAR_GAIN:
             return []
-        return [problem.names[i] for i in sorted(found, key=lambda i: information[i])]
+        return [problem.keys[i] for i in sorted(insignificant, key=lambda i: information[i])]
 
     def filtered(self, theta: Array, i: int) -> tuple[Innovations, Array]:
         """Segment i's innovations, with derivatives to the unknowns of this segment only; and ln v (outputs,)."""
         problem = self.problem
         p, x0, free_noise = problem.unpack(theta, i)
-        all_names = [f"ln w({noise.state})" for noise in self.noises]
-        all_names += [f"ln v({output})" for output in problem.model.outputs]
-        free = [k for k, name in enumerate(all_names) if name not in self.fixed]
-        ln_noise = np.array([self.fixed.get(name, np.nan) for name in all_names])
+        keys = [intensity_key(noise.state) for noise in self.noises]
+        keys += [noise_key(output) for output in problem.model.outputs]
+        free = [k for k, key in enumerate(keys) if key not in self.fixed]
+        ln_noise = np.array([self.fixed.get(key, np.nan) for key in keys])
         ln_noise[free] = free_noise
         ln_w, ln_v = np.split(ln_noise, [len(self.noises)])
         active_before_s = np.array([noise.active_before_s for noise in self.noises])
@@ -97,7 +98,7 @@ class InnovationsLikelihood:
             innovations = self.filter.run(record, problem.Z[i], NoiseLevels(ln_w, ln_v, active_before_s))
         count = len(self.filter.free)
         own = np.concatenate(
-            [np.arange(count), count + len(all_names) + problem.free_states, count + np.array(free, dtype=int)]
+            [np.arange(count), count + len(keys) + problem.free_states, count + np.array(free, dtype=int)]
         )
         return innovations._replace(d_e=innovations.d_e[:, :, own], d_ln_s=innovations.d_ln_s[:, :, own]), ln_v
 

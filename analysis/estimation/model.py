@@ -7,6 +7,7 @@ output, in the order of the model's names.
 Whether a model's functions accept CasADi symbols, and whether their values jump.
 """
 
+import enum
 import math
 import numbers
 from collections import Counter
@@ -38,6 +39,39 @@ class NamedValues:
         if name.startswith("__"):
             raise AttributeError(name)
         return self[name]
+
+
+class UnknownKind(enum.Enum):
+    """What an unknown of an estimation is."""
+
+    PARAMETER = enum.auto()
+    INITIAL_STATE = enum.auto()
+    PROCESS_NOISE = enum.auto()  # ln w, w the intensity
+    MEASUREMENT_NOISE = enum.auto()  # ln v, v the standard deviation
+
+
+class UnknownKey(NamedTuple):
+    """Which unknown: of a parameter, a state or an output; `segment` if it has a value of its own in each of them.
+
+    As text it is the name in tables: "CLa", "b[run]", "V(0)[run]", "ln w(V)", "ln v(ax)".
+    """
+
+    kind: UnknownKind
+    of: str
+    segment: str | None = None
+
+    @property
+    def is_noise(self) -> bool:
+        return self.kind in (UnknownKind.PROCESS_NOISE, UnknownKind.MEASUREMENT_NOISE)
+
+    def __str__(self) -> str:
+        forms = {
+            UnknownKind.PARAMETER: "{}",
+            UnknownKind.INITIAL_STATE: "{}(0)",
+            UnknownKind.PROCESS_NOISE: "ln w({})",
+            UnknownKind.MEASUREMENT_NOISE: "ln v({})",
+        }
+        return forms[self.kind].format(self.of) + (f"[{self.segment}]" if self.segment is not None else "")
 
 
 ModelFunction = Callable[[NamedValues, NamedValues, NamedValues], Sequence[Any]]

@@ -6,12 +6,13 @@ constant.
 """
 
 from collections.abc import Callable
+from enum import Enum, auto
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.estimation.fit import Fit, FitStatus, ParameterEstimate, SegmentFit, Verdict
+from analysis.estimation.fit import Finding, Fit, FitStatus, ParameterEstimate, Remark, SegmentFit, Verdict
 from analysis.estimation.hints import collinearities
 from analysis.estimation.problem import Problem
 
@@ -33,8 +34,19 @@ SMALLEST_PRODUCT = 1e-8  # of a secant's terms, relative to their norms: below i
 HALVINGS = 3  # of a step before the damping is increased
 SECANT_LENGTH = 0.3  # of a step whose change of the gradient tells the curvature, in standard errors
 FIRST_DAMPING, LARGEST_DAMPING = 1e-3, 1e8
-NO_STEP = "no step, however short, improves the likelihood any more"
 NEGLIGIBLE_SHARE = 0.01  # of an eigenvector's element: unknowns below it do not take part in the combination
+
+
+class Stop(Enum):
+    """Why a maximization ended."""
+
+    OPTIMUM = auto()  # or where `stop` was true
+    NO_BETTER_STEP = auto()
+    TOO_FEW_ITERATIONS = auto()
+
+    @property
+    def failed(self) -> bool:
+        return self is not Stop.OPTIMUM
 
 
 class Evaluation(NamedTuple):
@@ -107,11 +119,11 @@ def maximize(
     step_tolerance: float = STEP_TOLERANCE,
     stop: Callable[[Evaluation], bool] | None = None,
     secant: bool = False,
-) -> tuple[Evaluation, int, str]:
+) -> tuple[Evaluation, int, Stop]:
     """Maximize the likelihood from `point`, to the optimum or the first point at which `stop` is true.
 
     secant : correct the curvature by the changes of the gradient over the steps near the optimum
-    Returns the last point, the number of iterations, and "" or the reason why the point is not the optimum.
+    Returns the last point, the number of iterations, and why there were no more.
     """
     problem = likelihood.problem
     damping, length = 0.0, np.inf
@@ -125,16 +137,16 @@ def maximize(
         )
         moving = np.flatnonzero(~held)
         if not len(moving):
-            return point, iteration, ""
+            return point, iteration, Stop.OPTIMUM
         eigen = _step_matrix(likelihood, point, correction, moving, length < NEAR * np.sqrt(values))
         gain = point.gradient[moving] @ eigen.step(point.gradient[moving], 0.0)
         if gain < ROUNDING * abs(point.cost):
-            return point, iteration, ""
+            return point, iteration, Stop.OPTIMUM
         new, damping = _improve(likelihood, point, eigen, moving, damping)
         if new is None or new.cost == point.cost:  # rounding errors dominate, or the gradient is wrong
             if gain < GAIN_TOLERANCE:
-                return point, iteration, ""
-            return point, iteration, NO_STEP
+                return point, iteration, Stop.OPTIMUM
+            return point, iteration, Stop.NO_BETTER_STEP
         step = new.theta - point.theta
         length = np.sqrt(max(float(step @ H @ step), 0.0))
         change = abs(new.ln_det_R - point.ln_det_R)
@@ -147,10 +159,10 @@ def maximize(
                 correction = np.zeros_like(H)
         point = new._replace(costs=(*point.costs, float(point.cost)), steps=(*point.steps, float(length)))
         if stop is not None and stop(point):
-            return point, iteration, ""
+            return point, iteration, Stop.OPTIMUM
         if damping == 0 and length < step_tolerance and change < LNDET_TOLERANCE:
-            return point, iteration, ""
-    return point, max_iterations, f"{max_iterations} iterations were not enough"
+            return point, iteration, Stop.OPTIMUM
+    return point, max_iterations, Stop.TOO_FEW_ITERATIONS
 
 
 def _secant(correction: Array, step: Array, change: Array, curvature: Array, information: Array) -> Array:
@@ -229,7 +241,7 @@ def _limited(step: Array, largest: Array) -> Array:
     return limited
 
 
-def make_fit(likelihood: Likelihood, point: Evaluation, iterations: int, why_stopped: str) -> Fit:
+def make_fit(likelihood: Likelihood, point: Evaluation, iterations: int, stop: Stop) -> Fit:
     """The fit at `point`, the result of `maximize`."""
     problem = likelihood.problem
     eigen = _EigenSystem.of(point.information + problem.prior_matrix)
@@ -239,21 +251,21 @@ def make_fit(likelihood: Likelihood, point: Evaluation, iterations: int, why_sto
     indeterminate = np.flatnonzero((np.abs(singular_vectors) > NEGLIGIBLE_SHARE).any(axis=1))
     covariance[indeterminate, :] = covariance[:, indeterminate] = np.nan
     covariance[indeterminate, indeterminate] = np.inf
-    errors = np.sqrt(np.diag(covariance))
+    errors, units = np.sqrt(np.diag(covariance)), [unknown.unit for unknown in problem.unknowns]
     parameters = {
         q.name: ParameterEstimate(q.name, q.start, 0.0, q.unit, False) for q in problem.model.parameters if not q.free
     } | {
         name: ParameterEstimate(name, float(value), float(error), unit, True)
-        for name, value, error, unit in zip(problem.names, point.theta, errors, problem.units, strict=True)
+        for name, value, error, unit in zip(problem.names, point.theta, errors, units, strict=True)
     }
     return Fit(
         model=problem.model,
-        names=problem.names,
+        keys=problem.keys,
         values=point.theta,
         covariance=covariance,
         parameters=parameters,
         noise_covariance=point.R,
-        verdict=_judge(problem, point, eigen, iterations, why_stopped),
+        verdict=_judge(problem, point, eigen, iterations, stop),
         iterations=iterations,
         negative_log_likelihood=point.cost,
         information=point.information,
@@ -265,38 +277,43 @@ def make_fit(likelihood: Likelihood, point: Evaluation, iterations: int, why_sto
     )
 
 
-def _judge(problem: Problem, point: Evaluation, eigen: _EigenSystem, iterations: int, why_stopped: str) -> Verdict:
+def _judge(problem: Problem, point: Evaluation, eigen: _EigenSystem, iterations: int, stop: Stop) -> Verdict:
     values = sum(fit.white.present.sum() for fit in point.segment_fits)
     without_prior = int((problem.prior_information == 0).sum())
     if values <= without_prior:
         text = f"not identifiable: {values} measured values are too few for {without_prior} unknowns without prior"
-        return Verdict(FitStatus.NOT_IDENTIFIABLE, text)
-    if why_stopped:
-        return Verdict(FitStatus.NOT_CONVERGED, f"not converged: {why_stopped}")
+        return Verdict(FitStatus.NOT_IDENTIFIABLE, (Remark(Finding.TOO_FEW_VALUES, text),))
+    if stop is Stop.NO_BETTER_STEP:
+        text = "not converged: no step, however short, improves the likelihood any more"
+        return Verdict(FitStatus.NOT_CONVERGED, (Remark(Finding.NO_BETTER_STEP, text),))
+    if stop is Stop.TOO_FEW_ITERATIONS:
+        text = f"not converged: {iterations} iterations were not enough"
+        return Verdict(FitStatus.NOT_CONVERGED, (Remark(Finding.TOO_FEW_ITERATIONS, text),))
     if not eigen.identifiable.all():
         directions = eigen.vectors[:, ~eigen.identifiable] / eigen.scale[:, None]
         combinations = "; ".join(
             _combination(problem.names, direction, shares)
             for direction, shares in zip(directions.T, eigen.vectors.T, strict=False)
         )
-        return Verdict(FitStatus.NOT_IDENTIFIABLE, f"not identifiable: the data do not determine {combinations}")
+        text = f"not identifiable: the data do not determine {combinations}"
+        return Verdict(FitStatus.NOT_IDENTIFIABLE, (Remark(Finding.UNDETERMINED, text),))
     at_bound = [
         f"{name} = {value:g}"
         for name, value, low, high in zip(problem.names, point.theta, problem.lower, problem.upper, strict=True)
         if value in (low, high)
     ]
     if at_bound:
-        return Verdict(FitStatus.AT_BOUND, f"converged at a bound: {', '.join(at_bound)}")
-    information = point.information + problem.prior_matrix
-    return Verdict(FitStatus.CONVERGED, converged_text(problem.names, information, iterations))
-
-
-def converged_text(names: tuple[str, ...], information: Array, iterations: int) -> str:
-    """The verdict on a fit that converged, with unknowns that are collinear. information : (m, m), priors included."""
-    text = f"converged in {iterations} iterations"
-    for collinear in collinearities(names, information):
-        text += f"; collinear: {collinear}: fix one of them, or give data in which they do not move together"
-    return text
+        text = f"converged at a bound: {', '.join(at_bound)}"
+        return Verdict(FitStatus.AT_BOUND, (Remark(Finding.AT_BOUND, text),))
+    converged = Remark(Finding.OPTIMUM, f"converged in {iterations} iterations")
+    collinear = [
+        Remark(
+            Finding.COLLINEAR,
+            f"collinear: {unknowns}: fix one of them, or give data in which they do not move together",
+        )
+        for unknowns in collinearities(problem.names, point.information + problem.prior_matrix)
+    ]
+    return Verdict(FitStatus.CONVERGED, (converged, *collinear))
 
 
 def _combination(names: tuple[str, ...], direction: Array, shares: Array) -> str:

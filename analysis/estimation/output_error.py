@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.estimation.data import Band, Segment, band_matrix
-from analysis.estimation.fit import Fit, SegmentFit
+from analysis.estimation.fit import Finding, Fit, Remark, SegmentFit
 from analysis.estimation.hints import hints_of
 from analysis.estimation.model import Model
 from analysis.estimation.noise import (
@@ -28,7 +28,7 @@ from analysis.estimation.noise import (
     noise_covariance_of,
     whiten,
 )
-from analysis.estimation.optimizer import NO_STEP, Evaluation, make_fit, maximize, nowhere
+from analysis.estimation.optimizer import Evaluation, Stop, make_fit, maximize, nowhere
 from analysis.estimation.problem import FitOptions, Problem, as_segments, free_names
 from analysis.estimation.simulation import Record, Response, Simulator, build_simulator
 from flight.errors import InputError
@@ -144,18 +144,22 @@ def fit_output_error(
     point = likelihood.evaluate(problem.start)
     if not np.isfinite(point.cost):
         raise InputError(_not_finite(likelihood))
-    point, iterations, why_stopped = maximize(likelihood, point, options.max_iterations)
+    point, iterations, stop = maximize(likelihood, point, options.max_iterations)
     if likelihood.is_long:
         point = likelihood.evaluate_whole(point.theta)._replace(costs=point.costs, steps=point.steps)
-    if why_stopped == NO_STEP and simulator.has_branches:
-        why_stopped += (
-            "; the model has branches (np.where, np.sign, np.maximum), where the likelihood may jump: smooth them,"
-            " for example with np.tanh"
+    fit = make_fit(likelihood, point, iterations, stop)
+    verdict = fit.verdict
+    if stop is Stop.NO_BETTER_STEP and simulator.has_branches:
+        verdict = verdict.with_remarks(
+            Remark(
+                Finding.MODEL_HAS_BRANCHES,
+                "the model has branches (np.where, np.sign, np.maximum), where the likelihood may jump: smooth them,"
+                " for example with np.tanh",
+            )
         )
-    fit = replace(
-        make_fit(likelihood, point, iterations, why_stopped), integrator=options.integrator, inputs=options.inputs
-    )
-    return fit if band_Hz else replace(fit, verdict=fit.verdict._replace(hints=hints_of(fit)))
+    if band_Hz is None:
+        verdict = verdict._replace(hints=hints_of(fit))
+    return replace(fit, verdict=verdict, integrator=options.integrator, inputs=options.inputs)
 
 
 def _band_matrix(model: Model, segment: Segment, band_Hz: Band) -> Array:

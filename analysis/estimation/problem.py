@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import compress
 from typing import Literal, NamedTuple
 
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.estimation.data import Segment
-from analysis.estimation.model import Model
+from analysis.estimation.model import Model, UnknownKey, UnknownKind
 from analysis.estimation.simulation import InputRule, Integrator
 from flight.errors import InputError
 
@@ -36,7 +37,7 @@ class FitOptions:
 class Unknown(NamedTuple):
     """One element of theta: start, bounds, mean and information (1/variance) of its normal prior, largest step."""
 
-    name: str
+    key: UnknownKey
     unit: str
     start: float
     lower: float = -np.inf
@@ -45,13 +46,17 @@ class Unknown(NamedTuple):
     prior_information: float = 0.0
     largest_step: float = np.inf  # in one iteration
 
+    @property
+    def name(self) -> str:
+        return str(self.key)
+
 
 @dataclass(frozen=True)
 class Problem:
     """A model, its data, and the vector of unknowns theta (m,) of all segments.
 
     U, Z : per segment, inputs (n, inputs) and measured outputs (n, outputs), NaN where missing
-    names, units, start, lower, upper, prior_mean, prior_information, largest_step : (m,), in the order of theta
+    unknowns : (m,), in the order of theta     start : (m,), within the bounds
     columns : per segment, the indices in theta of its unknowns: free parameters, free initial states, noise parameters
     free_states : indices of the states whose initial values are estimated
     measured_rows, measured_values : (k, m) and (k,), the prior measurements of the model in units of their sigma:
@@ -63,14 +68,8 @@ class Problem:
     segments: tuple[Segment, ...]
     U: list[Array]
     Z: list[Array]
-    names: tuple[str, ...]
-    units: tuple[str, ...]
+    unknowns: tuple[Unknown, ...]
     start: Array
-    lower: Array
-    upper: Array
-    prior_mean: Array
-    prior_information: Array  # diagonal
-    largest_step: Array
     columns: list[NDArray[np.intp]]
     free_states: NDArray[np.intp]
     x0: list[Array]
@@ -114,7 +113,7 @@ class Problem:
             x0.append(initial_state_of(model, segment))
             own = [
                 Unknown(
-                    q.name if q.shared else f"{q.name}[{segment.name}]",
+                    UnknownKey(UnknownKind.PARAMETER, q.name, None if q.shared else segment.name),
                     q.unit,
                     float(np.clip(start.get(q.name, q.start), q.lower, q.upper)),
                     q.lower,
@@ -125,7 +124,10 @@ class Problem:
                 for q in model.parameters
                 if q.free
             ]
-            own += [Unknown(f"{model.states[i]}(0)[{segment.name}]", "", x0[-1][i]) for i in free_states]
+            own += [
+                Unknown(UnknownKey(UnknownKind.INITIAL_STATE, model.states[i], segment.name), "", x0[-1][i])
+                for i in free_states
+            ]
             unknowns |= {unknown.name: unknown for unknown in own}
             by_segment.append([*own, *noise])
         unknowns |= {unknown.name: unknown for unknown in noise}
@@ -142,10 +144,7 @@ class Problem:
         return cls(
             model, segments,
             [inputs_of(model, s) for s in segments], [measurements_of(model, s) for s in segments],
-            tuple(unknowns), tuple(n.unit for n in free), np.clip(values, lower, upper), lower, upper,
-            np.array([n.prior_mean for n in free]), np.array([n.prior_information for n in free]),
-            np.array([n.largest_step for n in free]),
-            columns, free_states, x0, *_prior_measurements(model, index),
+            tuple(free), np.clip(values, lower, upper), columns, free_states, x0, *_prior_measurements(model, index),
         )  # fmt: skip
 
     def without(self, keep: NDArray[np.bool_]) -> "Problem":
@@ -153,19 +152,42 @@ class Problem:
         new_index = np.cumsum(keep) - 1
         return replace(
             self,
-            names=tuple(compress(self.names, keep)),
-            units=tuple(compress(self.units, keep)),
+            unknowns=tuple(compress(self.unknowns, keep)),
             start=self.start[keep],
-            lower=self.lower[keep],
-            upper=self.upper[keep],
-            prior_mean=self.prior_mean[keep],
-            prior_information=self.prior_information[keep],
-            largest_step=self.largest_step[keep],
             columns=[new_index[columns[keep[columns]]] for columns in self.columns],
             measured_rows=self.measured_rows[:, keep],
         )
 
-    @property
+    @cached_property
+    def keys(self) -> tuple[UnknownKey, ...]:
+        return tuple(unknown.key for unknown in self.unknowns)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        return tuple(unknown.name for unknown in self.unknowns)
+
+    @cached_property
+    def lower(self) -> Array:
+        return np.array([unknown.lower for unknown in self.unknowns])
+
+    @cached_property
+    def upper(self) -> Array:
+        return np.array([unknown.upper for unknown in self.unknowns])
+
+    @cached_property
+    def prior_mean(self) -> Array:
+        return np.array([unknown.prior_mean for unknown in self.unknowns])
+
+    @cached_property
+    def prior_information(self) -> Array:
+        """(m,) 1/variance of the normal prior of each unknown, 0 without one."""
+        return np.array([unknown.prior_information for unknown in self.unknowns])
+
+    @cached_property
+    def largest_step(self) -> Array:
+        return np.array([unknown.largest_step for unknown in self.unknowns])
+
+    @cached_property
     def prior_matrix(self) -> Array:
         """Information (m, m) of all priors: those of the unknowns, and the prior measurements."""
         return np.asarray(np.diag(self.prior_information) + self.measured_rows.T @ self.measured_rows)

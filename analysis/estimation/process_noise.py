@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Fit, Intensity
-from analysis.estimation.model import Model
+from analysis.estimation.model import Model, UnknownKey, UnknownKind
 from analysis.estimation.noise import NORMAL_95
 from analysis.estimation.problem import Unknown, inputs_of, measurements_of
 from analysis.estimation.simulation import INPUT_RULES, InputRule, rk4
@@ -86,14 +86,24 @@ def logarithm(value: float) -> float:
     return math.log(value) if value > 0 else -math.inf
 
 
+def intensity_key(state: str) -> UnknownKey:
+    """ln w of this state."""
+    return UnknownKey(UnknownKind.PROCESS_NOISE, state)
+
+
+def noise_key(output: str) -> UnknownKey:
+    """ln v of this output."""
+    return UnknownKey(UnknownKind.MEASUREMENT_NOISE, output)
+
+
 def noise_unknowns(model: Model, segments: tuple[Segment, ...], noises: tuple[ProcessNoise, ...]) -> list[Unknown]:
     """ln w and ln v with starting values: ln v from the second differences of the outputs."""
     unknowns = []
     for noise in noises:
         ln_w = logarithm(noise.start)
         lower, upper = ln_w - LN_INTENSITY_RANGE, ln_w + LN_INTENSITY_RANGE
-        name, prior = f"ln w({noise.state})", noise.prior_sigma**-2.0
-        unknowns.append(Unknown(name, "", ln_w, lower, upper, ln_w, prior, LARGEST_STEP))
+        prior = noise.prior_sigma**-2.0
+        unknowns.append(Unknown(intensity_key(noise.state), "", ln_w, lower, upper, ln_w, prior, LARGEST_STEP))
     for output in model.outputs:
         signals = [segment.z[output] for segment in segments if output in segment.z]
         scale = math.sqrt(np.nanmean(np.square(np.concatenate(signals)))) if _any_finite(signals) else 0.0
@@ -102,9 +112,9 @@ def noise_unknowns(model: Model, segments: tuple[Segment, ...], noises: tuple[Pr
         differences = np.concatenate([z[1:-1] - (z[:-2] + z[2:]) / 2 for z in signals] or [np.array([])])
         differences = differences[np.isfinite(differences)]
         sigma = math.sqrt(np.mean(differences**2) / 1.5) if len(differences) else 0.01 * scale
-        name, upper = f"ln v({output})", logarithm(LARGEST_NOISE * max(scale, sigma, 2 * lowest))
+        upper = logarithm(LARGEST_NOISE * max(scale, sigma, 2 * lowest))
         first = logarithm(max(sigma, 2 * lowest))
-        unknowns.append(Unknown(name, "", first, logarithm(lowest), upper, largest_step=LARGEST_STEP))
+        unknowns.append(Unknown(noise_key(output), "", first, logarithm(lowest), upper, largest_step=LARGEST_STEP))
     return unknowns
 
 
@@ -112,15 +122,16 @@ def _any_finite(signals: list[Array]) -> bool:
     return any(np.isfinite(z).any() for z in signals)
 
 
-def intensity_of(fit: Fit, noise: ProcessNoise, negligible: Mapping[str, float]) -> Intensity:
-    """The intensity in a fit. negligible : logarithms of noises that were dropped from the unknowns, by name."""
-    name = f"ln w({noise.state})"
-    if name in negligible:
-        value = math.exp(negligible[name])
+def intensity_of(fit: Fit, noise: ProcessNoise, negligible: Mapping[UnknownKey, float]) -> Intensity:
+    """The intensity in a fit. negligible : logarithms of noises that were dropped from the unknowns."""
+    key = intensity_key(noise.state)
+    if key in negligible:
+        value = math.exp(negligible[key])
         return Intensity(value, 0.0, value, 0.5 if value == 0 else math.nan)
-    if name not in fit.names:
+    if key not in fit.keys:
         return Intensity(noise.start, noise.start, noise.start, np.nan)
-    ln_w, error = fit.parameters[name].value, fit.parameters[name].standard_error
+    estimate = fit.parameters[str(key)]
+    ln_w, error = estimate.value, estimate.standard_error
     lo, hi = np.exp([ln_w - NORMAL_95 * error, ln_w + NORMAL_95 * error])
     return Intensity(math.exp(ln_w), float(lo), float(hi), np.nan)
 
@@ -134,7 +145,7 @@ def noise_from_predictions(
     noises: Sequence[ProcessNoise],
     values: Mapping[str, float],
     inputs: InputRule,
-) -> dict[str, float]:
+) -> dict[UnknownKey, float]:
     """Starting values of ln w and ln v; every state must be measured. values : parameters by name.
 
     From sample k the model predicts sample k + 1. The error d of this prediction has the covariance
@@ -174,9 +185,9 @@ def noise_from_predictions(
     V = np.clip(-c1 / np.diag(F), smallest / 2 * c0, c0)
     Q = np.maximum(c0 - V - F**2 @ V, smallest * c0) / segments[0].step_s
     R = np.maximum(r - C_squared @ V, smallest * r)
-    found = {f"ln w({noise.state})": float(np.log(Q[model.states.index(noise.state)]) / 2) for noise in noises}
-    found |= {f"ln v({model.states[i]})": float(np.log(v) / 2) for i, v in enumerate(V)}
-    return found | {f"ln v({model.outputs[i]})": float(np.log(v) / 2) for i, v in zip(others, R, strict=True)}
+    ln_w = {intensity_key(noise.state): float(np.log(Q[model.states.index(noise.state)]) / 2) for noise in noises}
+    ln_v = {noise_key(state): float(np.log(v) / 2) for state, v in zip(model.states, V, strict=True)}
+    return ln_w | ln_v | {noise_key(model.outputs[i]): float(np.log(v) / 2) for i, v in zip(others, R, strict=True)}
 
 
 def _rows(values: Sequence[Array], like: Array) -> Array:

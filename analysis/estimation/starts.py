@@ -7,7 +7,7 @@ import numpy as np
 
 from analysis.estimation.data import Segment
 from analysis.estimation.equation_error import fit_equation_error
-from analysis.estimation.fit import Fit, FitStatus
+from analysis.estimation.fit import Finding, Fit, FitStatus, Remark
 from analysis.estimation.model import Model
 from analysis.estimation.output_error import fit_output_error
 from analysis.estimation.problem import FitOptions, as_segments
@@ -83,10 +83,9 @@ def best_of_starts(
     best = min(usable, key=lambda one: one.negative_log_likelihood)
     costs = np.array([one.negative_log_likelihood for one in usable])
     reached = int((costs < best.negative_log_likelihood + SAME_OPTIMUM).sum())
-    text = f"{best.verdict.text}; reached from {reached} of {len(tried)} starts"
-    others = len(usable) - reached
-    if others:
-        text += f", {others} ended at worse optima"
-    if len(usable) < len(tried):
-        text += f", {len(tried) - len(usable)} did not converge"
-    return replace(best, verdict=best.verdict._replace(text=text))
+    remarks = [Remark(Finding.REACHED_FROM_STARTS, f"reached from {reached} of {len(tried)} starts")]
+    if len(usable) > reached:
+        remarks.append(Remark(Finding.WORSE_OPTIMA, f"{len(usable) - reached} ended at worse optima"))
+    if len(tried) > len(usable):
+        remarks.append(Remark(Finding.STARTS_NOT_CONVERGED, f"{len(tried) - len(usable)} did not converge"))
+    return replace(best, verdict=best.verdict.with_remarks(*remarks))

@@ -141,14 +141,14 @@ class Significance(NamedTuple):
 def t_tests(uncertainty: Uncertainty, level: float = 0.05) -> dict[str, Significance]:
     """Whether each unknown differs from zero, by Student's t with N - n_p degrees of freedom (4.3-4.5).
 
-    Logarithms of noise parameters are left out, because zero has no meaning for them; see `process_noise.Intensity`.
+    Logarithms of noise parameters are left out, because zero has no meaning for them; see `fit.Intensity`.
     """
     fit = uncertainty.fit
     critical = float(special.stdtrit(max(1, fit.samples - len(fit.names)), 1 - level / 2))
     return {
-        name: Significance(value / error, critical, bool(abs(value) > critical * error))
-        for (name, error), value in zip(uncertainty.standard_errors.items(), fit.values.tolist(), strict=True)
-        if not name.startswith(("ln w(", "ln v("))
+        str(key): Significance(value / error, critical, bool(abs(value) > critical * error))
+        for key, error, value in zip(fit.keys, uncertainty.standard_errors.values(), fit.values.tolist(), strict=True)
+        if not key.is_noise
     }
 
 

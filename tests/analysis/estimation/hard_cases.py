@@ -1,4 +1,4 @@
-"""Twelve fits that must not be used as they are, and the words of the verdict that say so."""
+"""Twelve fits that must not be used as they are, and the findings of the verdict that say so."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -9,7 +9,7 @@ import twins
 from disturbed import DE, LINEAR, LINEAR_TRUTH, SIGMA, T_S, X0, linear_record
 
 from analysis.estimation.data import Segment
-from analysis.estimation.fit import Fit
+from analysis.estimation.fit import Finding, Fit
 from analysis.estimation.model import Model, Parameter
 from analysis.estimation.output_error import fit_output_error
 from analysis.estimation.problem import FitOptions
@@ -17,10 +17,10 @@ from analysis.estimation.simulation import build_simulator
 
 
 class Case(NamedTuple):
-    """fit : of a seed     says : part of the verdict"""
+    """fit : of a seed     finding : of the verdict"""
 
     fit: Callable[[int], Fit]
-    says: str
+    finding: Finding
 
 
 def _record(seed, model=LINEAR, noise=None, delay=0, **inputs):
@@ -99,27 +99,25 @@ def _unstable(seed):
 
 
 CASES = {
-    "two inputs alike to 1e-4": Case(_collinear, "collinear: Mde and Mflap"),
-    "an input at rest": Case(_at_rest, "do not determine Mflap"),
+    "two inputs alike to 1e-4": Case(_collinear, Finding.COLLINEAR),
+    "an input at rest": Case(_at_rest, Finding.UNDETERMINED),
     "a product of two parameters": Case(
-        lambda seed: fit_output_error(SCALED, _record(seed, SCALED)), "do not determine a change by"
+        lambda seed: fit_output_error(SCALED, _record(seed, SCALED)), Finding.UNDETERMINED
     ),
-    "a record that is too short": Case(_too_short, "8 measured values are too few for 9 unknowns"),
+    "a record that is too short": Case(_too_short, Finding.TOO_FEW_VALUES),
     "a bound that excludes the truth": Case(
         lambda seed: fit_output_error(LINEAR.changed(Mq={"start": -3.0, "upper": -2.5}), _record(seed)),
-        "at a bound: Mq = -2.5",
+        Finding.AT_BOUND,
     ),
     "cubic damping that the model lacks": Case(
-        lambda seed: fit_output_error(LINEAR, _record(seed, CUBIC)), "are not white"
+        lambda seed: fit_output_error(LINEAR, _record(seed, CUBIC)), Finding.NOT_WHITE
     ),
     "a lag of the control of 0.12 s": Case(
-        lambda seed: fit_output_error(LINEAR, _record(seed, delay=3)), "are not white"
+        lambda seed: fit_output_error(LINEAR, _record(seed, delay=3)), Finding.NOT_WHITE
     ),
-    "colored measurement noise": Case(_colored_noise, "are not white"),
-    "turbulence, by output error": Case(
-        lambda seed: fit_output_error(LINEAR, linear_record(seed)), "process noise acts"
-    ),
-    "a false optimum": Case(_false_optimum, "false optimum"),
-    "an unstable aircraft": Case(_unstable, "unstable: with an eigenvalue of +"),
-    "outliers": Case(_outliers, "outliers: 3 of alpha"),
+    "colored measurement noise": Case(_colored_noise, Finding.NOT_WHITE),
+    "turbulence, by output error": Case(lambda seed: fit_output_error(LINEAR, linear_record(seed)), Finding.NOT_WHITE),
+    "a false optimum": Case(_false_optimum, Finding.NOT_WHITE),
+    "an unstable aircraft": Case(_unstable, Finding.UNSTABLE),
+    "outliers": Case(_outliers, Finding.OUTLIERS),
 }

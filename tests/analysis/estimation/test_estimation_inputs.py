@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.estimation.data import Segment
+from analysis.estimation.fit import Finding
 from analysis.estimation.model import Model, Parameter
 from analysis.estimation.output_error import MeasurementNoise, fit_output_error
 from analysis.estimation.problem import FitOptions
@@ -146,7 +147,7 @@ def test_something_else_than_a_segment_is_refused():
 
 def test_a_jump_in_the_model_is_named():
     model = decay(dynamics=lambda x, u, p: (np.where(x.x > 0.5, 1.0, -2.0) * p.k,))
-    assert "the model has branches (np.where" in fit_output_error(model, record()).verdict.text
+    assert Finding.MODEL_HAS_BRANCHES in fit_output_error(model, record()).verdict.findings
 
 
 @pytest.mark.parametrize("start", [1e100, 1e160, 1e200])

@@ -8,9 +8,9 @@ import twins
 
 from analysis.estimation import equation_error
 from analysis.estimation.filter_error import fit_filter_error
-from analysis.estimation.fit import FitStatus
+from analysis.estimation.fit import Finding, FitStatus
 from analysis.estimation.problem import FitOptions
-from analysis.estimation.process_noise import noise_from_predictions
+from analysis.estimation.process_noise import intensity_key, noise_from_predictions, noise_key
 from flight.errors import InputError
 
 
@@ -59,7 +59,7 @@ def test_an_unstable_aircraft_keeps_the_least_noise_of_the_state_with_the_highes
         options=FitOptions(inputs="held"),
         start="equation error",
     )
-    assert "process noise of q is negligible, but the filter needs it" in fit.verdict.text
+    assert Finding.NEGLIGIBLE_BUT_STABILIZING in fit.verdict.findings and "process noise of q" in fit.verdict.text
     start = dict(zip(fit.names, fit.values.tolist(), strict=True))
     alpha, q = (replace(noise, start=noise.start / 1000, free=False) for noise in twins.UNSTABLE_NOISE)
     zero_alpha, zero_q = replace(alpha, start=0.0), replace(q, start=0.0)
@@ -80,16 +80,16 @@ def test_noise_starts_near_the_truth():
         twins.TURBULENCE, [segment], twins.TURBULENCE_NOISE, twins.TURBULENCE_TRUTH, "linear"
     )
     for state, intensity in twins.TURBULENCE_INTENSITY.items():
-        assert np.exp(found[f"ln w({state})"]) == pytest.approx(intensity, rel=0.25)
+        assert np.exp(found[intensity_key(state)]) == pytest.approx(intensity, rel=0.25)
     for output, sigma in twins.TURBULENCE_SIGMA.items():
-        assert 0.5 < np.exp(found[f"ln v({output})"]) / sigma < 2
+        assert 0.5 < np.exp(found[noise_key(output)]) / sigma < 2
 
 
 def test_innovations_that_are_not_white_are_named():
     """Turbulence drives both rates, the filter has it in one."""
     segment, noise = twins.in_turbulence(0), twins.TURBULENCE_NOISE
     incomplete = fitted(twins.TURBULENCE, segment, noise[1], start="equation error")
-    assert "process noise acts on other states too" in str(incomplete.verdict)
+    assert Finding.NOT_WHITE in incomplete.verdict.findings
     assert not fitted(twins.TURBULENCE, segment, noise, start="equation error").verdict.hints
 
 
@@ -103,7 +103,7 @@ def test_an_unstable_aircraft_in_light_noise_is_found_from_starts_off_by_a_facto
     )
     assert fit.verdict.ok
     assert in_standard_errors(fit, twins.UNSTABLE_TRUTH) < 4
-    assert "is negligible, but the filter needs it: the model is unstable" in fit.verdict.text
+    assert Finding.NEGLIGIBLE_BUT_STABILIZING in fit.verdict.findings
     assert "ln " not in fit.verdict.text
 
 
@@ -112,8 +112,8 @@ def test_negligible_measurement_noise_is_named_and_does_not_stop_the_fit():
     segment = twins.in_turbulence(2, twins.TURBULENCE_SIGMA | {"pdot": 1e-9})
     fit = fitted(twins.TURBULENCE, segment, twins.TURBULENCE_NOISE, start="equation error")
     assert fit.verdict.ok
-    assert "measurement noise of pdot is negligible beside the process noise" in fit.verdict.text
-    assert "ln v(pdot)" not in fit.names
+    assert Finding.NEGLIGIBLE_MEASUREMENT_NOISE in fit.verdict.findings and "noise of pdot" in fit.verdict.text
+    assert noise_key("pdot") not in fit.keys
     assert in_standard_errors(fit, twins.TURBULENCE_TRUTH) < 4
 
 

@@ -9,7 +9,7 @@ from analysis.estimation.output_error import MeasurementNoise, fit_output_error
 
 @pytest.mark.parametrize("name", CASES)
 def test_the_verdict_names_the_case(name):
-    assert CASES[name].says in str(CASES[name].fit(0).verdict)
+    assert CASES[name].finding in CASES[name].fit(0).verdict.findings
 
 
 def test_a_good_fit_has_no_hints():

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from analysis.estimation.optimizer import LARGEST_DAMPING, Evaluation, _EigenSystem, _improve, maximize
+from analysis.estimation.optimizer import LARGEST_DAMPING, Evaluation, Stop, _EigenSystem, _improve, maximize
 
 CURVATURE = 4.0  # of the cost: a standard error of 0.5
 
@@ -52,7 +52,7 @@ def test_the_gradient_at_the_stop_is_zero_to_a_ten_thousandth_of_a_standard_erro
     """Each step halves the distance, so the last step is as long as what is left of the way. Steps are `last` times
     1e-4 standard errors, then half of it: the second is the first that is short enough."""
     left, reason = Parabola(share=0.5).stop(2**10 * last * 1e-4)
-    assert reason == ""
+    assert reason is Stop.OPTIMUM
     assert left == pytest.approx(last / 2 * 1e-4)
 
 
@@ -61,7 +61,7 @@ def test_the_change_of_the_residuals_covariance_at_the_stop_is_a_millionth(last)
     """ln det R changes by 1/10 for each standard error: the steps that the tolerance of the step allows change it by
     1e-5, ten times too much."""
     left, reason = Parabola(share=0.5, ln_det_R=0.1).stop(2**12 * last * 1e-5)
-    assert reason == ""
+    assert reason is Stop.OPTIMUM
     assert 0.1 * left == pytest.approx(last / 2 * 1e-6)
 
 
@@ -71,13 +71,12 @@ def test_where_no_step_lowers_the_cost_the_predicted_gain_decides(gain, optimum)
     errors: below 1e-4 rounding hides the decrease, above it the gradient is wrong."""
     left, reason = Parabola(kink=1e3).stop(np.sqrt(gain))
     assert left == pytest.approx(np.sqrt(gain)), "no step was taken"
-    assert (reason == "") == optimum
-    assert optimum or "no step, however short" in reason
+    assert reason is (Stop.OPTIMUM if optimum else Stop.NO_BETTER_STEP)
 
 
 def test_a_caller_may_stop_earlier():
     point = Parabola(share=0.5).stop(1.0, step_tolerance=0.1)
-    assert point == (pytest.approx(1 / 16), ""), "the first step shorter than 0.1 of a standard error"
+    assert point == (pytest.approx(1 / 16), Stop.OPTIMUM), "the first step shorter than 0.1 of a standard error"
 
 
 @pytest.mark.parametrize(("damping", "then"), [(0.0, 0.0), (1e-4, 0.0), (1e-3, 0.0), (1e-2, 1e-3), (1.0, 0.1)])
@@ -102,7 +101,7 @@ def test_as_many_steps_are_made_as_allowed(most: int) -> None:
     parabola = Parabola(share=1 / 3)
     parabola.start = 9.0
     point, iterations, reason = maximize(parabola, parabola.evaluate(np.array([9.0])), most)
-    assert (iterations, len(point.steps)) == (most, most) and reason == f"{most} iterations were not enough"
+    assert (iterations, len(point.steps)) == (most, most) and reason is Stop.TOO_FEW_ITERATIONS
     assert point.theta[0] == pytest.approx(9.0 * (2 / 3) ** most)
 
 
@@ -140,7 +139,7 @@ def test_near_the_optimum_a_step_is_newton_s_with_the_prior_s_curvature(secant: 
     point, iterations, reason = maximize(likelihood, start, 20, secant=secant)
     first = np.linalg.solve(likelihood.information + np.diag(likelihood.prior), start.gradient)
     assert point.steps[0] ** 2 == pytest.approx(first @ (likelihood.information + np.diag(likelihood.prior)) @ first)
-    assert reason == "" and np.abs(point.theta).max() < 1e-12
+    assert reason is Stop.OPTIMUM and np.abs(point.theta).max() < 1e-12
     assert iterations <= 4 and len(point.steps) <= 3
 
 
@@ -153,6 +152,6 @@ def test_secants_find_the_curvature_that_the_likelihood_does_not_give() -> None:
         likelihood = Quadratic(1.5 * hessian, hessian, prior)
         likelihood.curvature = lambda point: 0.5 * hessian
         point, _, reason = maximize(likelihood, likelihood.evaluate(np.array([0.05, -0.08])), 60, secant=secant)
-        assert reason == ""
+        assert reason is Stop.OPTIMUM
         steps[secant] = len(point.steps)
     assert steps[True] <= 6 < steps[False]

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from disturbed import INTENSITY, LINEAR, LINEAR_NOISE, T_S, linear_record
 
-from analysis.estimation import process_noise, uncertainty
+from analysis.estimation import uncertainty
 from analysis.estimation.data import Segment
 from analysis.estimation.filter_error import ProcessNoise, fit_filter_error
+from analysis.estimation.fit import Finding
+from analysis.estimation.process_noise import intensity_key, noise_key, noise_unknowns
 
 NONE = ProcessNoise(state="alpha", start=0.0, free=False)
 
@@ -25,7 +27,7 @@ def test_a_prior_pulls_the_estimate():
 
 def test_the_interval_of_an_intensity_is_that_of_its_logarithm():
     fit = fit_filter_error(LINEAR, linear_record(3), LINEAR_NOISE, test_significance=False)
-    found, ln_w = fit.process_noise["alpha"], fit.parameters["ln w(alpha)"]
+    found, ln_w = fit.process_noise["alpha"], fit.parameters[str(intensity_key("alpha"))]
     factor = np.exp(1.96 * ln_w.standard_error)
     assert (found.lo, found.hi) == pytest.approx((found.value / factor, found.value * factor), rel=1e-4)
     assert found.lo < INTENSITY < found.hi
@@ -36,9 +38,9 @@ def test_the_search_for_measurement_noise_starts_at_the_noise_of_the_record():
     t_s, noise = np.arange(2000) * 0.02, np.random.default_rng(0).standard_normal((2, 2000))
     z = {"alpha": 0.1 * np.sin(0.5 * t_s) + 0.003 * noise[0], "q": 0.05 * np.cos(0.5 * t_s) + 0.005 * noise[1]}
     segment = Segment(name="slow", t_s=t_s, u={"de": 0 * t_s}, z=z)
-    unknowns = process_noise.noise_unknowns(LINEAR, (segment,), (LINEAR_NOISE,))
-    start = {unknown.name: np.exp(unknown.start) for unknown in unknowns}
-    assert (start["ln v(alpha)"], start["ln v(q)"]) == pytest.approx((0.003, 0.005), rel=0.05)
+    unknowns = noise_unknowns(LINEAR, (segment,), (LINEAR_NOISE,))
+    start = {unknown.key: np.exp(unknown.start) for unknown in unknowns}
+    assert (start[noise_key("alpha")], start[noise_key("q")]) == pytest.approx((0.003, 0.005), rel=0.05)
 
 
 def test_a_known_offset_of_the_sensors_changes_nothing():
@@ -69,7 +71,7 @@ def test_a_starting_intensity_that_is_far_too_large_still_leads_to_the_optimum()
     near = fit_filter_error(LINEAR, linear_record(3), LINEAR_NOISE, test_significance=False)
     noise = ProcessNoise(state="alpha", start=300 * INTENSITY)
     far = fit_filter_error(LINEAR, linear_record(3), noise, test_significance=False)
-    assert far.verdict.ok and "negligible" not in far.verdict.text
+    assert far.verdict.ok and Finding.NEGLIGIBLE_MEASUREMENT_NOISE not in far.verdict.findings
     assert far.negative_log_likelihood == pytest.approx(near.negative_log_likelihood, abs=1e-3)
 
 
@@ -87,7 +89,9 @@ def test_the_standard_error_of_a_noise_level():
     """ln sigma of n white samples has the information 2 n."""
     fit = fit_filter_error(LINEAR, linear_record(0, strength=0.0), NONE)
     for output in LINEAR.outputs:
-        assert fit.parameters[f"ln v({output})"].standard_error == pytest.approx(1 / np.sqrt(2 * len(T_S)), rel=0.02)
+        assert fit.parameters[str(noise_key(output))].standard_error == pytest.approx(
+            1 / np.sqrt(2 * len(T_S)), rel=0.02
+        )
 
 
 def test_the_p_value_is_that_of_a_one_sided_likelihood_ratio():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.estimation.data import Segment
-from analysis.estimation.fit import FitStatus
+from analysis.estimation.fit import Finding, FitStatus
 from analysis.estimation.model import Model, Parameter
 from analysis.estimation.output_error import fit_output_error
 from analysis.estimation.starts import best_of_starts, starting_values_by_equation_error
@@ -35,7 +35,7 @@ def test_a_false_optimum_is_left_and_the_verdict_says_so():
     assert single.verdict.ok and abs(single.parameters["omega"].value - 4.4) > 0.5, "this start finds the truth"
     best = best_of_starts(lambda start: fit_output_error(OSCILLATION, SINE, start=start), OSCILLATION, starts=20)
     assert best.parameters["omega"].value == pytest.approx(4.4, abs=0.01)
-    assert "of 20 starts" in best.verdict.text and "ended at worse optima" in best.verdict.text
+    assert {Finding.REACHED_FROM_STARTS, Finding.WORSE_OPTIMA} <= set(best.verdict.findings)
 
 
 def test_one_optimum_is_reached_from_everywhere():
@@ -46,7 +46,7 @@ def test_one_optimum_is_reached_from_everywhere():
         more_starts=[regression],
     )  # fmt: skip
     assert "reached from 6 of 6 starts" in fit.verdict.text
-    assert "worse" not in fit.verdict.text
+    assert Finding.WORSE_OPTIMA not in fit.verdict.findings
 
 
 def test_equation_error_gives_starting_values_near_the_truth():
@@ -67,4 +67,4 @@ def test_starts_without_a_fit_are_counted():
     lost = fit.verdict._replace(status=FitStatus.NOT_CONVERGED)
     found = {"good": fit, "lost": replace(fit, verdict=lost, negative_log_likelihood=-1e9)}
     best = best_of_starts(lambda start: found[next(ends)], SHORT_PERIOD, starts=4)
-    assert best.verdict.text.endswith("reached from 3 of 4 starts, 1 did not converge")
+    assert best.verdict.text.endswith("reached from 3 of 4 starts; 1 did not converge")

@@ -5,7 +5,7 @@ import pytest
 
 from analysis.estimation import uncertainty
 from analysis.estimation.data import Segment
-from analysis.estimation.fit import load_summary, save_summary
+from analysis.estimation.fit import Finding, load_summary, save_summary
 from analysis.estimation.hints import collinearities
 from analysis.estimation.model import Model, Parameter
 from analysis.estimation.output_error import fit_output_error
@@ -96,9 +96,9 @@ def test_two_inputs_that_are_alike_are_named():
         return fit_output_error(LINE, segment)
 
     alike = fit(u1 + 1e-4 * rng.standard_normal(200))
-    assert "collinear: a and b (condition index" in alike.verdict.text
+    assert Finding.COLLINEAR in alike.verdict.findings and "a and b (condition index" in alike.verdict.text
     assert alike.summary().table().count("correlated with") == 2
-    assert "collinear" not in fit(rng.standard_normal(200)).verdict.text
+    assert Finding.COLLINEAR not in fit(rng.standard_normal(200)).verdict.findings
 
 
 def test_the_condition_index_of_two_correlated_unknowns():
