@@ -112,22 +112,51 @@ def test_a_wrong_aircraft_file(flown: Path, tmp_path: Path, old: str, new: str, 
     )  # fmt: skip
 
 
-@pytest.mark.parametrize(("content", "cause"), [("{", "not a magnetometer calibration"), (None, "cannot be read")])
-def test_a_wrong_magnetometer_calibration(flown: Path, tmp_path: Path, content: str | None, cause: str) -> None:
-    mine = tmp_path / "mine.json"
+@pytest.mark.parametrize(
+    ("option", "name", "content", "cause"),
+    [
+        ("--aircraft", "none.toml", None, "neither a file nor one of"),
+        ("--magnetometer", "mine.json", "{", "not a magnetometer calibration"),
+        ("--magnetometer", "none.json", None, "cannot be read"),
+        ("--probe", "mine.json", "{", "probe"),
+        ("--probe", "none.json", None, "cannot be read"),
+        ("--zero", "mine.json", "{", "zero"),
+        ("--zero", "none.json", None, "cannot be read"),
+        ("--propeller", "apc-99x9", None, "neither a file nor one of"),
+        ("--propeller", "apc-10x5e", None, "is it the propeller that was flown?"),
+        ("--runs", "mine.toml", '[[run]]\nkind = "acceleration"\nend = "70 s"\n', "start is missing"),
+        # 2.4 s of one acceleration: what a parabola makes of it falls with lift.
+        (
+            "--runs",
+            "mine.toml",
+            '[[run]]\nkind = "acceleration"\nstart = "38 s"\nend = "40.4 s"\n',
+            "unphysical drag polar",
+        ),
+    ],
+)
+def test_a_wrong_replacement_names_its_file(
+    flown: Path, tmp_path: Path, option: str, name: str, content: str | None, cause: str
+) -> None:
     if content is not None:
-        mine.write_text(content)
-    refused(
-        flown / "log.mcap", "--magnetometer", mine, "-o", tmp_path / "report",
-        naming="mine.json", cause=cause, folder=tmp_path,
-    )  # fmt: skip
+        (tmp_path / name).write_text(content, "utf-8")
+    given = tmp_path / name if "." in name else name
+    naming = "" if "unphysical" in cause else name
+    refused(flown / "log.mcap", option, given, "-o", tmp_path / "report", naming=naming, cause=cause, folder=tmp_path)
 
 
-def test_a_missing_aircraft_file(flown: Path, tmp_path: Path) -> None:
-    refused(
-        flown / "log.mcap", "--aircraft", tmp_path / "none.toml", "-o", tmp_path / "report",
-        naming="none.toml", cause="neither a file nor one of", folder=tmp_path,
-    )  # fmt: skip
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [
+        ("--battery-Wh", "0"),
+        ("--usable", "80"),
+        ("--weight", "4.1"),
+        ("--weight", "-1 kg"),
+        ("--weights", "0 kg"),
+        ("--density-altitudes", "20 km"),
+    ],
+)
+def test_a_question_that_cannot_be_meant(tmp_path: Path, option: str, value: str) -> None:
+    refused(tmp_path / "flight.mcap", option, value, naming=option, cause=value, folder=tmp_path)
 
 
 def test_a_report_folder_that_is_a_file(flown: Path, tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from running import command, done, read_once, rewritten
+from running import done, read_once, rewritten
 
 from analysis.campaign.campaign import read_results
 from analysis.performance.analysis import compute
@@ -66,18 +66,6 @@ def test_options_replace_what_a_log_has_or_lacks(flown: Path, tmp_path: Path) ->
     given = ("--aircraft", heavier, "--weight", "8.47 lbf", "--probe", probe)
     done("analyze", bare, *given, "-o", tmp_path / "report", "--quiet")
     assert results(tmp_path / "report")["power_required"] == results(flown / "log.report")["power_required"]
-
-
-@pytest.mark.parametrize("option", ["--probe", "--zero"])
-def test_a_wrong_replacement_names_its_file(flown: Path, tmp_path: Path, option: str) -> None:
-    mine = tmp_path / "mine.json"
-    mine.write_text("{")
-    for path in (mine, tmp_path / "none.json"):
-        outcome = command("analyze", flown / "log.mcap", option, path, "-o", tmp_path / "report")
-        assert outcome.returncode == 2
-        (line,) = outcome.stderr.strip().splitlines()
-        assert line.startswith("error: ") and path.name in line
-        assert not (tmp_path / "report").exists()
 
 
 def test_the_reasons_not_to_trust_a_flight_are_read_for_its_pool(four: Path, tmp_path: Path) -> None:

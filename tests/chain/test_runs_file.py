@@ -55,17 +55,6 @@ def test_an_edited_file_of_runs_is_what_the_next_analysis_uses(flown: Path, edit
     assert len(after.one_by_one) == len(before.one_by_one) - 1
 
 
-def test_a_wrong_file_of_runs_is_one_line_and_nothing_is_written(flown: Path, tmp_path: Path) -> None:
-    """Every way to be wrong is in tests/analysis/test_runs_of_plans.py."""
-    path = tmp_path / "mine.toml"
-    path.write_text('[[run]]\nkind = "acceleration"\nend = "70 s"\n', "utf-8")
-    outcome = command("analyze", flown / "log.mcap", "--runs", path, "-o", tmp_path / "report")
-    assert outcome.returncode == 2
-    assert len(outcome.stderr.strip().splitlines()) == 1
-    assert "mine.toml" in outcome.stderr and "start is missing" in outcome.stderr
-    assert not (tmp_path / "report").exists()
-
-
 def test_decelerations_alone_do_not_put_the_blame_on_the_propeller(flown: Path, tmp_path: Path) -> None:
     """Beyond the table of a propeller of less pitch, as decelerations with the motor slow are beyond any."""
     text = (flown / "log.report" / "runs.toml").read_text("utf-8")
@@ -75,16 +64,6 @@ def test_decelerations_alone_do_not_put_the_blame_on_the_propeller(flown: Path, 
     outcome = command("analyze", flown / "log.mcap", *given, "-o", tmp_path / "report")
     assert outcome.returncode == 2
     assert "mine.toml: keeps decelerations only" in outcome.stderr and "was flown?" not in outcome.stderr
-
-
-def test_a_run_too_short_to_tell_is_refused_and_not_drawn(flown: Path, tmp_path: Path) -> None:
-    """2.4 s of one acceleration: what a parabola makes of it falls with lift."""
-    path = tmp_path / "short.toml"
-    path.write_text('[[run]]\nkind = "acceleration"\nstart = "38 s"\nend = "40.4 s"\n', "utf-8")
-    outcome = command("analyze", flown / "log.mcap", "--runs", path, "-o", tmp_path / "report")
-    assert outcome.returncode == 2
-    assert "unphysical drag polar from one run" in outcome.stderr and "keep or fly more runs" in outcome.stderr
-    assert not (tmp_path / "report").exists()
 
 
 def test_an_edited_file_of_runs_in_the_report_s_folder_is_not_lost(flown: Path, edited: Edited) -> None:
