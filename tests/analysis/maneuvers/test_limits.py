@@ -185,6 +185,12 @@ def test_a_load_factor_that_swings_about_its_rise_is_told_by_its_variance() -> N
     assert reason_in_words(rejection).endswith("+0.04 per second, a straight line explains 60 %")
 
 
+@pytest.mark.parametrize("reason", [*RunRejected, *Unsuitable])
+def test_every_reason_is_told_in_words_of_its_own(reason) -> None:
+    words = {other: reason_in_words(Rejection(other, 0.07, 0.06, "thrust")) for other in [*RunRejected, *Unsuitable]}
+    assert words[reason] and list(words.values()).count(words[reason]) == 1
+
+
 def test_the_longest_stretch_without_a_run_is_told_with_its_times() -> None:
     rejected = [
         RejectedManeuver("acceleration", 10.0, 16.0, Rejection(RunRejected.TOO_LONG, 6.0)),
