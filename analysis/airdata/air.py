@@ -13,6 +13,7 @@ from analysis.airdata.probe import ProbeCalibration, flow_at_probe
 from analysis.airdata.settings import AIR
 from analysis.signals.aircraft_size import SPEED_SCALE
 from analysis.signals.channels import COLUMNS
+from analysis.signals.settings import CHANNELS
 from flight.aircraft import Aircraft
 from flight.atmosphere import density, height_at, temperature_at
 from flight.motion import specific_force_at
@@ -164,7 +165,7 @@ def _slow_flight(height_m: Array, qbar_Pa: Array, least_Pa: float, speed_scale: 
 def _stuck(pressure: pd.Series, q_c: pd.Series, least_Pa: float) -> bool:
     """Whether a transducer read the same value throughout the flight; a working one shows at least noise."""
     flown = pressure[q_c > least_Pa].dropna() if pressure.name != "q_c_Pa" else pressure.dropna()
-    return len(flown) > AIR.fewest_samples and float(flown.max() - flown.min()) < AIR.stuck_Pa
+    return len(flown) > CHANNELS.fewest_samples and float(flown.max() - flown.min()) < AIR.stuck_Pa
 
 
 def _ground(table: pd.DataFrame) -> tuple[float, float]:

@@ -16,7 +16,6 @@ class AirSettings(Settings):
         0.2, "s", "of q_c in quotients; short against the seconds in which an aircraft's speed changes"
     )
     stuck_Pa: float = setting(0.02, "Pa", "a tenth of a count of the finest transducer")
-    fewest_samples: int = setting(250, "1", "to judge whether a transducer is stuck")
     cold_s: float = setting(2.0, "s", "after power-on, in which electronics have the temperature of the air")
     largest_unmentioned_share: float = setting(0.02, "1", "of the flight that is left out or lost without a note")
 

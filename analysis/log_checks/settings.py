@@ -62,7 +62,6 @@ class UnitSettings(Settings):
         1.3, "1", "times q_c; q_c is largest below some 20 deg of angle of attack, beyond every wing's stall"
     )
     least_current_A: float = setting(0.5, "A", "more than the zero of a current sensor")
-    fewest_samples: int = setting(250, "1", "to judge by: 10 s of the default tray")
     temperature_K: tuple[float, float] = setting((200.0, 400.0), "K", "of a transducer: -73 to 127 degC")
     other_degrees: tuple[float, float] = setting(
         (-60.0, 150.0), "1", "of a transducer in degrees Celsius or Fahrenheit"

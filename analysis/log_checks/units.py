@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from analysis.log_checks.settings import UNITS
 from analysis.signals.channels import field_of, is_good, times_ns, values
+from analysis.signals.settings import CHANNELS
 from flight.errors import InputError
 from flight.log_reader import Log
 from flight.runs import STANDING
@@ -176,8 +177,8 @@ def _pressure(log: Log, name: str) -> Array:
 
 
 def _reached(values: Array) -> float:
-    """The value that is exceeded for UNITS.fewest_samples, however long the log is."""
-    return float(np.sort(values)[-min(UNITS.fewest_samples, len(values))])
+    """The value that is exceeded for CHANNELS.fewest_samples, however long the log is."""
+    return float(np.sort(values)[-min(CHANNELS.fewest_samples, len(values))])
 
 
 def _specific_force(log: Log) -> tuple[Array, float]:
@@ -185,7 +186,7 @@ def _specific_force(log: Log) -> tuple[Array, float]:
     force = _times_and_values(log, "/imu", FORCE)
     pressure = _times_and_values(log, "/probe/airspeed", ("differential_pressure_Pa",))
     flown = np.interp(force[:, 0], pressure[:, 0], pressure[:, 1]) > _reached(pressure[:, 1]) / 4
-    values = force[flown if flown.sum() >= UNITS.fewest_samples else slice(None), 1:]
+    values = force[flown if flown.sum() >= CHANNELS.fewest_samples else slice(None), 1:]
     return np.median(values, axis=0), float(np.median(np.linalg.norm(values, axis=1)))
 
 

@@ -162,7 +162,7 @@ def _around_flight(table: pd.DataFrame, rests: list[slice], flying_Pa: float) ->
 
 def mean_at_rest(column: pd.Series, rows: list[slice], step_s: float) -> tuple[float, float]:
     """Mean and its standard error, from the scatter of means over blocks; NaN if there are no samples."""
-    block = max(1, round(REST.block_s / step_s))
+    block = max(1, round(REST.window_s / step_s))
     parts = [column.iloc[s].dropna().to_numpy() for s in rows]
     samples = np.concatenate([*parts, np.empty(0)])
     if len(samples) < 2:

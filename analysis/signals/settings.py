@@ -9,6 +9,7 @@ from flight.settings import Settings, setting
 class ChannelSettings(Settings):
     """Synchronized channels of a log."""
 
+    fewest_samples: int = setting(250, "1", "to judge a channel by: ten seconds of the default tray")
     long_gap_s: float = setting(2.0, "s", "gaps this long are noted …")
     mentioned_gaps: int = setting(3, "1", "… so many of them per topic")
     mentioned_share: float = setting(0.002, "1", "of clipped samples")
@@ -21,8 +22,11 @@ class ChannelSettings(Settings):
 class RestSettings(Settings):
     """Rest on the ground and the zeros there; spreads of the sensors at rest are in `flight.runs.STANDING`."""
 
-    window_s: float = setting(1.0, "s", "of standard deviations and means")
-    shortest_s: float = setting(4.0, "s", "four windows")
+    window_s: float = setting(
+        1.0,
+        "s",
+        "of standard deviations and means; longer than the correlation of the noise: means over such are independent",
+    )
     force_change_mps2: float = setting(
         0.1,
         "m/s²",
@@ -32,12 +36,16 @@ class RestSettings(Settings):
     )
     rolling_mps: float = setting(1.0, "m/s", "mean speed by GPS over a window; the noise of one solution is 0.1 m/s")
     noise_scatter: float = setting(1.5, "1", "of a standard deviation over 25 samples: 3.5 of its own")
-    block_s: float = setting(1.0, "s", "longer than the correlation of the noise: means over blocks are independent")
     fewest_blocks: int = setting(8, "1", "for a standard error by the scatter of their means")
     flying_s: float = setting(
         2.0, "s", "q_c above its zero by the dynamic pressure of flight for this time is flight, not wind"
     )
     significant: float = setting(4.0, "1", "a drift of more standard errors is corrected")
+
+    @property
+    def shortest_s(self) -> float:
+        """Least duration of a rest: four windows."""
+        return 4 * self.window_s
 
 
 CHANNELS = ChannelSettings()

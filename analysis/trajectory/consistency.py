@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from analysis.trajectory.equations import PREDICTED_FLOW, SENSOR_ERRORS, STATES, NamedArrays
 from analysis.trajectory.reconstruction import Trajectory
-from analysis.trajectory.settings import CONSISTENCY
+from analysis.trajectory.settings import CONSISTENCY, SIGNIFICANT
 from flight.motion import earth_from_body, velocity_of
 
 Array = NDArray[np.float64]
@@ -153,7 +153,7 @@ class TimeShift(NamedTuple):
 
     @property
     def significant(self) -> bool:
-        return abs(self.delay_s) > max(CONSISTENCY.significant * self.standard_error_s, CONSISTENCY.least_shift_s)
+        return abs(self.delay_s) > max(SIGNIFICANT.sigmas * self.standard_error_s, CONSISTENCY.least_shift_s)
 
     def in_words(self) -> str:
         """ "GPS is 212 ± 3 ms late against the IMU.", or that the flight does not show it."""

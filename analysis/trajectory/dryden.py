@@ -14,8 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 FOOT_M = 0.3048
-LOWEST_M, HIGHEST_M = 10 * FOOT_M, 1000 * FOOT_M  # range of heights of the low-altitude form
-ROUGHNESS_M = 0.15 * FOOT_M  # of open country (sec. 3.7.3.4)
 
 
 class GaussMarkov(NamedTuple):
@@ -66,12 +64,12 @@ class SecondOrderGust(NamedTuple):
 
 
 def mean_wind_profile(height_m: ArrayLike) -> Array:
-    """Mean wind at heights (n,) above ground [m], up to a factor: logarithmic (sec. 3.7.3.4), constant outside
-    LOWEST_M to HIGHEST_M.
+    """Mean wind at heights (n,) above ground [m], up to a factor: logarithmic (sec. 3.7.3.4: roughness of open
+    country 0.15 ft), constant outside the layer of `_in_layer`.
 
     From 20 to 100 m the wind grows by a quarter. Country ten times rougher or smoother makes that a third or a fifth.
     """
-    return np.asarray(np.log(_in_layer(height_m) / ROUGHNESS_M))
+    return np.asarray(np.log(_in_layer(height_m) / (0.15 * FOOT_M)))
 
 
 def longitudinal(sigma_w_mps: float, height_m: ArrayLike, V: ArrayLike) -> GaussMarkov:
@@ -93,4 +91,5 @@ def vertical(sigma_w_mps: float, height_m: ArrayLike, V: ArrayLike) -> SecondOrd
 
 
 def _in_layer(height_m: ArrayLike) -> Array:
-    return np.asarray(np.clip(np.asarray(height_m, dtype=float), LOWEST_M, HIGHEST_M))
+    """The heights, limited to those of the low-altitude form: 10 to 1000 ft."""
+    return np.asarray(np.clip(np.asarray(height_m, dtype=float), 10 * FOOT_M, 1000 * FOOT_M))

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from analysis.trajectory.dryden import GaussMarkov, SecondOrderGust
 from analysis.trajectory.equations import SENSOR_ERRORS
-from analysis.trajectory.settings import GUSTS
+from analysis.trajectory.settings import GUSTS, SIGNIFICANT
 
 Array = NDArray[np.float64]
 
@@ -132,7 +132,7 @@ class ScaleLength(NamedTuple):
     @property
     def assumed_length_rejected(self) -> bool:
         """Whether the spectra contradict the assumed length."""
-        return abs(float(np.log(self.ratio))) > GUSTS.rejected_beyond * self.log_sigma
+        return abs(float(np.log(self.ratio))) > SIGNIFICANT.sigmas * self.log_sigma
 
 
 def gust_spectra(

@@ -12,6 +12,7 @@ same factor s, the variance is s^2 + 1/j; s is estimated by maximum likelihood (
 Soc. A 143, 383, for the test).
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from enum import StrEnum
@@ -25,26 +26,25 @@ from analysis.trajectory.consistency import time_shift_notes
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.priors import PRIOR_MEAN, ZEROS
 from analysis.trajectory.reconstruction import Trajectory
-from analysis.trajectory.settings import CONSISTENCY, GUSTS, PRIOR_CHECK, SHOWN
+from analysis.trajectory.settings import CONSISTENCY, GUSTS, PRIOR_CHECK, SHOWN, SIGNIFICANT
 from analysis.trajectory.smoother import StatesGivenErrors
 from flight.errors import InputError
 
-DEG = float(np.degrees(1.0))
 # Title, factor and unit for the reader.
 TITLES: dict[str, tuple[str, float, str]] = {
-    "alpha_bias": ("offset of angle of attack", DEG, "deg"),
+    "alpha_bias": ("offset of angle of attack", math.degrees(1.0), "deg"),
     "alpha_scale": ("slope of angle of attack", 100.0, "%"),
     "V_scale": ("scale of airspeed", 100.0, "%"),
-    "beta_bias": ("offset of sideslip", DEG, "deg"),
+    "beta_bias": ("offset of sideslip", math.degrees(1.0), "deg"),
     "air_data_lag": ("lag of the probe", 1000.0, "ms"),
     "gps_latency": ("latency of GPS", 1000.0, "ms"),
-    "heading_bias": ("offset of the compass, declination included", DEG, "deg"),
+    "heading_bias": ("offset of the compass, declination included", math.degrees(1.0), "deg"),
     "ax_bias": ("bias of the accelerometer, forward", 1.0, "m/s²"),
     "ay_bias": ("bias of the accelerometer, right", 1.0, "m/s²"),
     "az_bias": ("bias of the accelerometer, down", 1.0, "m/s²"),
-    "p_bias": ("bias of the roll gyro", DEG, "deg/s"),
-    "q_bias": ("bias of the pitch gyro", DEG, "deg/s"),
-    "r_bias": ("bias of the yaw gyro", DEG, "deg/s"),
+    "p_bias": ("bias of the roll gyro", math.degrees(1.0), "deg/s"),
+    "q_bias": ("bias of the pitch gyro", math.degrees(1.0), "deg/s"),
+    "r_bias": ("bias of the yaw gyro", math.degrees(1.0), "deg/s"),
     "dp_alpha_zero": ("zero of the angle-of-attack pressure", 1.0, "Pa"),
     "q_c_zero": ("zero of the airspeed pressure", 1.0, "Pa"),
 }
@@ -203,16 +203,16 @@ def heading_notes(trajectory: Trajectory, *, calibrated: bool) -> list[str]:
     gps, residual = excitation(trajectory).gps, trajectory.residuals.get("compass")
     if residual is not None:
         offset = trajectory.value("heading_bias")
-        largest = SHOWN.largest_compass_offset * trajectory.prior_standard_error("heading_bias")
+        largest = SIGNIFICANT.sigmas * trajectory.prior_standard_error("heading_bias")
         if residual > SHOWN.largest_compass_residual or abs(offset) > largest:
             return [
                 f"The magnetometer contradicts {'GPS' if gps else 'the gyros'}: mean heading error"
-                f" {DEG * offset:+.0f} deg, rms residual {residual:.1f} standard deviations."
+                f" {math.degrees(1.0) * offset:+.0f} deg, rms residual {residual:.1f} standard deviations."
                 " Check how it is mounted against the tray file."
             ]
         if gps:
             return []
-        error = DEG * float(np.median(trajectory.states_error()["psi"]))
+        error = math.degrees(1.0) * float(np.median(trajectory.states_error()["psi"]))
         return [f"No GPS: the magnetometer held the heading; standard error {error:.1f} deg from magnetic north."]
     if gps:
         return []

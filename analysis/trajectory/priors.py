@@ -16,7 +16,7 @@ from analysis.signals.rest import mean_at_rest
 from analysis.trajectory.block_means import BlockMeans, moving_average
 from analysis.trajectory.equations import SENSOR_ERRORS, STATES
 from analysis.trajectory.measurements import LevelField
-from analysis.trajectory.settings import PRIORS, SENSORS
+from analysis.trajectory.settings import PRIORS, PROCESS, SENSORS
 from flight.aerodynamics import lift_slope
 from flight.aircraft import Aircraft, Uncertainty
 
@@ -148,7 +148,7 @@ def initial_states(blocks: BlockMeans, bank: Array, V_reference: Array, field: L
     heading = np.cumsum(yaw_rate) * (blocks.t_s[1] - blocks.t_s[0])
     north, east = (moving_average(blocks[f"gps_{axis}_mps"], 3) for axis in ("north", "east"))
     if np.isfinite(north).all():
-        heading = _with_ground_track(heading, north, east, PRIORS.ground_track_mps * blocks.speed_scale)
+        heading = _with_ground_track(heading, north, east, PROCESS.slowest_mps * blocks.speed_scale)
         x[:, 3], x[:, 4] = north, east
     else:
         if field is not None:

@@ -8,6 +8,18 @@ from flight.settings import Settings, setting
 
 
 @dataclass(frozen=True)
+class SignificanceSettings(Settings):
+    """When a departure from what is assumed counts."""
+
+    sigmas: float = setting(
+        3.0,
+        "1",
+        "standard deviations beyond which a time shift is told, the compass contradicts, and the scale length of gusts"
+        " by their spectra is taken in place of the assumed one",
+    )
+
+
+@dataclass(frozen=True)
 class ConsistencySettings(Settings):
     """Kinematic consistency, time shifts and airspeed scale of a reconstructed flight."""
 
@@ -16,7 +28,6 @@ class ConsistencySettings(Settings):
     level_rad: float = setting(
         np.radians(10.0), "rad", "largest bank; beyond it an error of sideslip acts like one of angle of attack"
     )
-    significant: float = setting(3.0, "1", "standard errors, beyond which a time shift is told")
     least_shift_s: float = setting(0.004, "s", "a tenth of a sample interval has no effect on the results")
     determined_share: float = setting(
         0.8, "1", "a standard error below this share of the prior: the flight determined the sensor error"
@@ -35,11 +46,6 @@ class GustSettings(Settings):
         (1.0, 10.0),
         "1",
         "band about the corner of the spectrum, where gusts of another length differ most; above, noise is larger",
-    )
-    rejected_beyond: float = setting(
-        3.0,
-        "1",
-        "standard deviations of the logarithm, from which on the length found is taken instead of the assumed one",
     )
     tapers: int = setting(
         3, "1", "of the multitaper periodogram, sines (Riedel & Sidorenko 1995, IEEE Trans. Signal Process. 43, 188)"
@@ -93,9 +99,6 @@ class PriorSettings(Settings):
         0.01, "rad", "without GPS the compass defines north, and without a compass the initial heading does"
     )
     initial_blocks: int = setting(25, "1", "a log in which the aircraft is at rest within these began at rest")
-    ground_track_mps: float = setting(
-        5.0, "m/s", "times the speed scale; ground speed above which the ground track approximates the heading"
-    )
     fewest_track_blocks: int = setting(10, "1", "of such ground speed, to take the heading from the track")
 
 
@@ -104,7 +107,11 @@ class ProcessSettings(Settings):
     """Process noise."""
 
     height_sigma_m: float = setting(2e-3, "m", "in a step")
-    slowest_mps: float = setting(5.0, "m/s", "times the speed scale; least speed in quotients")
+    slowest_mps: float = setting(
+        5.0,
+        "m/s",
+        "times the speed scale; least speed in quotients, and ground speed above which the track is taken as heading",
+    )
     wind_walk_mps: float = setting(
         0.02, "m/s", "random walk of the wind in a second: place and time of day, without turbulence"
     )
@@ -136,7 +143,6 @@ class SolverSettings(Settings):
 class ObservabilitySettings(Settings):
     """What a flight lacked to determine a sensor error, and which notes are written."""
 
-    largest_compass_offset: float = setting(3.0, "1", "in prior standard deviations")
     largest_compass_residual: float = setting(2.0, "1", "rms, in standard deviations")
     one_heading: float = setting(
         0.7, "1", "length of the mean heading vector above which a flight counts as flown on one heading"
@@ -162,6 +168,7 @@ class PriorCheckSettings(Settings):
     )
 
 
+SIGNIFICANT = SignificanceSettings()
 CONSISTENCY = ConsistencySettings()
 GUSTS = GustSettings()
 SENSORS = SensorSettings()

@@ -111,7 +111,7 @@ def test_zeros_lie_within_four_of_their_own_standard_errors() -> None:
         expected = np.sqrt(rest.seconds * RATE_HZ)
         for name in CHANNELS:
             assert abs(rest.value[name] - BIAS[name]) < 4 * rest.standard_error[name]
-            blocks = rest.seconds / REST.block_s - 2
+            blocks = rest.seconds / REST.window_s - 2
             assert rest.standard_error[name] == pytest.approx(NOISE[name] / expected, rel=4 / np.sqrt(2 * blocks))
             assert abs(rest.drift[name]) < 5 * rest.drift_error[name]
         assert rest.drifting == {} and rest.notes == []
