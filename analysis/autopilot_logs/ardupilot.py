@@ -31,7 +31,7 @@ FIELDS = {
     **dict.fromkeys(AIRSPEED, ("Airspeed", "DiffPress", "Temp")),
     **dict.fromkeys(BATTERY, ("Volt", "Curr")),
     **dict.fromkeys(BAROMETER, ("Press", "Temp")),
-    **dict.fromkeys(IMU, ("AccX", "AccZ")),
+    **dict.fromkeys(IMU, ("AccX", "AccY", "AccZ")),
     **dict.fromkeys(CONTROLLERS, ("RPM",)),
     **dict.fromkeys(RPM, ("RPM", "rpm1")),
     **dict.fromkeys(GPS, ("Status", "Spd", "GCrs", "VZ")),
@@ -56,6 +56,7 @@ def read_ardupilot(path: Path) -> FlightRecording:
     for name, kinds, field in (
         (recording.STATIC, BAROMETER, "Press"),
         (recording.FORCE_X, IMU, "AccX"),
+        (recording.FORCE_Y, IMU, "AccY"),
         (recording.FORCE_Z, IMU, "AccZ"),
     ):
         for table in _of(tables, kinds)[:1]:

@@ -36,6 +36,7 @@ AIRSPEED_TOPICS = (  # in order of preference
     ("airspeed_validated", ("indicated_airspeed_m_s",)),
     ("airspeed", ("indicated_airspeed_m_s",)),
 )
+FORCES = (recording.FORCE_X, recording.FORCE_Y, recording.FORCE_Z)
 RPM_FIELDS = ("rpm_estimate", "indicated_frequency_rpm")
 PRESSURE_FIELDS = ("differential_pressure_pa", "differential_pressure_filtered_pa", "differential_pressure_raw_pa")
 
@@ -177,7 +178,7 @@ def _static(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
 
 def _force(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
     for name, field in (("vehicle_acceleration", "xyz"), ("sensor_combined", "accelerometer_m_s2")):
-        axes = {recording.FORCE_X: f"{field}[0]", recording.FORCE_Z: f"{field}[2]"}
+        axes = {axis: f"{field}[{i}]" for i, axis in enumerate(FORCES)}
         for one in topics.get(name, []):
             if one.has(axes[recording.FORCE_Z]):
                 return {axis: one.channel(column) for axis, column in axes.items() if one.has(column)}

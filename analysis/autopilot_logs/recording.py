@@ -16,7 +16,7 @@ from analysis.autopilot_logs.settings import INSTANCES, READABLE
 Array = NDArray[np.float64]
 
 AIRSPEED_PRESSURE = "airspeed_pressure_Pa"  # pitot less static pressure, its zero not yet corrected
-STATIC, FORCE_X, FORCE_Z = "static_Pa", "ax_mps2", "az_mps2"
+STATIC, FORCE_X, FORCE_Y, FORCE_Z = "static_Pa", "ax_mps2", "ay_mps2", "az_mps2"
 VOLTAGE, CURRENT = "battery_V", "battery_A"
 MOTOR = "motor_revps"
 GPS = ("gps_north_mps", "gps_east_mps", "gps_down_mps")
@@ -28,6 +28,7 @@ POSSIBLE = {
     AIRSPEED_PRESSURE: READABLE.pitot_Pa,
     STATIC: READABLE.static_Pa,
     FORCE_X: READABLE.force_mps2,
+    FORCE_Y: READABLE.force_mps2,
     FORCE_Z: READABLE.force_mps2,
     VOLTAGE: READABLE.voltage_V,
     CURRENT: READABLE.current_A,

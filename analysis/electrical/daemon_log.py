@@ -36,6 +36,7 @@ CHANNELS = {
     recording.AIRSPEED_PRESSURE: ("/probe/airspeed", "differential_pressure_Pa"),
     recording.STATIC: ("/static", "pressure_Pa"),
     recording.FORCE_X: ("/imu", "specific_force_x_mps2"),
+    recording.FORCE_Y: ("/imu", "specific_force_y_mps2"),
     recording.FORCE_Z: ("/imu", "specific_force_z_mps2"),
     recording.VOLTAGE: ("/battery", "voltage_V"),
     recording.CURRENT: ("/battery", "current_A"),

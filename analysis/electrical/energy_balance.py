@@ -70,11 +70,9 @@ def by_air(windows: Windows, mass_kg: float, V_mps: float, sigma_w_mps: float, t
     return np.asarray(vertical + along)
 
 
-def by_efficiency(windows: Windows, useful_W: Array) -> Array:
-    """Covariance (n, n) [W^2] by the form of the efficiency."""
-    return np.asarray(
-        RESIDUALS.efficiency_share**2 * np.outer(useful_W, useful_W) * np.exp(-_lags(windows) / RESIDUALS.efficiency_s)
-    )
+def by_efficiency(windows: Windows, useful_W: Array, share: float) -> Array:
+    """Covariance (n, n) [W^2] by the form of the efficiency, wrong by a share of it."""
+    return np.asarray(share**2 * np.outer(useful_W, useful_W) * np.exp(-_lags(windows) / RESIDUALS.efficiency_s))
 
 
 def by_angle(windows: Windows, mass_kg: float, V_mps: Array, sigma_rad: float, time_s: float) -> Array:
@@ -107,15 +105,24 @@ def _at_lags(lags: Array, windows: Windows, weight: Array, time_s: float) -> Arr
 
 
 # The natural logarithms of CD0, K, x_at_maximum, fall and angle over C_L, and the logit of the efficiency, keep them
-# possible. The last two are those of the angle of attack, alpha_0 + C_L (angle over C_L).
-PARAMETERS = ("ln_CD0", "ln_K", "CL_minD", "K4", "logit_efficiency", "ln_x", "ln_fall", "idle_drag", "alpha_0",
-              "ln_alpha_per_CL", "alpha_per_CT")  # fmt: skip
+# possible. The last four are sideslip over C_Y, and those of
+# the angle of attack, alpha_0 + C_L (angle over C_L) + C_T (angle over C_T).
+PARAMETERS = ("ln_CD0", "ln_K", "CL_minD", "K4", "logit_efficiency", "ln_x", "ln_fall", "idle_drag", "ln_beta_per_CY",
+              "alpha_0", "ln_alpha_per_CL", "alpha_per_CT")  # fmt: skip
+
+
+class PowerLaw(NamedTuple):
+    """Efficiency in proportion to powers of airspeed and motor power; the speed and power where it has its value."""
+
+    V_mps: float
+    power_W: float
 
 
 class FlightConditions(NamedTuple):
     """What stays the same in a flight.
 
     updraft_mps : mean over the flight          power_scale : true over measured electrical power
+    power_law : instead of a propeller's efficiency
     """
 
     mass_kg: float
@@ -124,12 +131,14 @@ class FlightConditions(NamedTuple):
     idle_power_W: float
     updraft_mps: float = 0.0
     power_scale: float = 1.0
+    power_law: PowerLaw | None = None
 
 
 class Samples(NamedTuple):
     """Measurements (n,), uniform in time within each stretch. stretches: slices of rows
 
     force_x_mps2 : specific force along the accelerometer's first axis; None where it is not measured
+    load_variance, side_variance : of load factor, and of side force over weight, within the smoothing of the samples
     """
 
     t_s: Array
@@ -140,6 +149,8 @@ class Samples(NamedTuple):
     stretches: list[slice]
     motor_revps: Array | None = None
     force_x_mps2: Array | None = None
+    load_variance: Array | float = 0.0
+    side_variance: Array | float = 0.0
 
 
 @dataclass(frozen=True)
@@ -199,7 +210,8 @@ class EnergyBalance:
         s, c = samples or self.samples, given or self.conditions
         drag_W, useful_W = self._drag_and_useful_W(parameters, s, c)
         energy = c.mass_kg * (g * s.height_m + s.V_mps**2 / 2)
-        change = -energy[self._rows] @ self.windows.slope - c.mass_kg * g * c.updraft_mps
+        by_air_W = c.mass_kg * g * c.updraft_mps + self._mean(by_gusts_W(s, parameters, c))
+        change = -energy[self._rows] @ self.windows.slope - by_air_W
         of_drag = self._mean(useful_W - drag_W) - change
         if s.force_x_mps2 is None:
             return of_drag
@@ -208,6 +220,12 @@ class EnergyBalance:
     def useful_W(self, parameters: Array) -> Array:
         """Thrust times airspeed, mean of each window (n,) [W]."""
         return self._mean(self._drag_and_useful_W(parameters, self.samples, self.conditions)[1])
+
+    def middle(self) -> PowerLaw:
+        """Median airspeed and motor power, the latter where the motor works."""
+        motor_W = self._mean(self._motor_power(self.conditions))
+        working = motor_W[motor_W > 0.2 * np.percentile(motor_W, 95)]
+        return PowerLaw(float(np.median(self.V_mps)), max(float(np.median(working)) if len(working) else 0.0, 1.0))
 
     def powered_x(self) -> float:
         """Median argument of the efficiency where the motor works."""
@@ -220,31 +238,62 @@ class EnergyBalance:
         return np.asarray(np.maximum(c.power_scale * self.samples.power_W - c.idle_power_W, 0.0))
 
     def _drag_and_useful_W(self, parameters: Array, s: Samples, c: FlightConditions) -> tuple[Array, Array]:
-        p, motor = DragAndEfficiency.of(parameters), self._motor_power(c)
-        x = advance(s.V_mps, motor, c.rho)
-        useful = motor * efficiency(x, p.efficiency, p.x_at_maximum, p.fall)
-        idle = idling(x, p.x_at_maximum, p.fall)
-        return drag_power(s.V_mps, s.load_factor, idle, p, c), useful
+        p = DragAndEfficiency.of(parameters)
+        useful, idle = useful_power(s.V_mps, self._motor_power(c), parameters, c)
+        return drag_power(s.V_mps, s.load_factor, idle, p, c, s.load_variance), useful
 
     def _mean(self, values: Array) -> Array:
         return np.asarray(values[self._rows] @ self.windows.weight)
 
 
+def by_gusts_W(s: Samples, parameters: Array, c: FlightConditions) -> Array:
+    """Power (n,) [W] that the aircraft gains from gusts (Katzmayr effect).
+
+    A gust turns lift forward by the angle of attack that it adds, and side force by the sideslip; the means of these
+    products follow from the variances of both forces.
+    """
+    ln_beta_per_CY, _, ln_alpha_per_CL, _ = parameters[-4:]
+    qS = c.rho * s.V_mps**2 / 2 * c.wing_area_m2
+    angles = np.exp(ln_alpha_per_CL) * s.load_variance + np.exp(ln_beta_per_CY) * s.side_variance
+    return np.asarray(s.V_mps * (c.mass_kg * g) ** 2 / qS * angles)
+
+
+def useful_power(V: Array, motor_W: Array, parameters: Array, c: FlightConditions) -> tuple[Array, Array]:
+    """Thrust times airspeed [W], and how far the propeller idles, of airspeed and motor power.
+
+    By the power law the parameters of the efficiency are its logarithm and the exponents of speed and power.
+    """
+    if c.power_law is None:
+        p, x = DragAndEfficiency.of(parameters), advance(V, motor_W, c.rho)
+        return motor_W * efficiency(x, p.efficiency, p.x_at_maximum, p.fall), idling(x, p.x_at_maximum, p.fall)
+    ln_efficiency, of_speed, of_power = parameters[4:7]
+    share = np.maximum(motor_W, 1e-3) / c.power_law.power_W
+    useful = motor_W * np.exp(ln_efficiency + of_speed * np.log(V / c.power_law.V_mps) + of_power * np.log(share))
+    return np.asarray(useful), np.asarray(np.clip(1 - 10 * share, 0.0, 1.0))
+
+
 def _along_path_W(s: Samples, force_x_mps2: Array, useful_W: Array, parameters: Array, c: FlightConditions) -> Array:
     """Power (n,) [W] of thrust less drag, by the accelerometer turned by the angle of attack."""
-    alpha_0, ln_alpha_per_CL, alpha_per_CT = parameters[-3:]
+    _, alpha_0, ln_alpha_per_CL, alpha_per_CT = parameters[-4:]
     lift_N, qS = s.load_factor * c.mass_kg * g, c.rho * s.V_mps**2 / 2 * c.wing_area_m2
     alpha = alpha_0 + np.exp(ln_alpha_per_CL) * lift_N / qS + alpha_per_CT * useful_W / s.V_mps / qS
-    return np.asarray(s.V_mps * (c.mass_kg * force_x_mps2 * np.cos(alpha) - lift_N * np.sin(alpha)))
+    forward_N = c.mass_kg * force_x_mps2 * np.cos(alpha) - lift_N * np.sin(alpha)
+    return np.asarray(s.V_mps * forward_N - by_gusts_W(s, parameters, c))
 
 
 def drag_power(
-    V: Array, load_factor: Array | float, idle: Array | float, p: DragAndEfficiency, c: FlightConditions
+    V: Array,
+    load_factor: Array | float,
+    idle: Array | float,
+    p: DragAndEfficiency,
+    c: FlightConditions,
+    load_variance: Array | float = 0.0,
 ) -> Array:
-    """Drag times airspeed [W]."""
+    """Drag times airspeed [W]. load_variance: of the load factor about its mean, which induces drag as well."""
     qS = c.rho * V**2 / 2 * c.wing_area_m2
     above = load_factor * c.mass_kg * g / qS - p.CL_minD
-    CD = p.CD0 * (1 + idle * p.idle_drag) + p.K * above**2 + p.K4 * np.maximum(above, 0.0) ** 4
+    CL_variance = load_variance * (c.mass_kg * g / qS) ** 2
+    CD = p.CD0 * (1 + idle * p.idle_drag) + p.K * (above**2 + CL_variance) + p.K4 * np.maximum(above, 0.0) ** 4
     return np.asarray(qS * V * CD)
 
 
@@ -253,8 +302,7 @@ def level_power(V: Array, parameters: Array, c: FlightConditions) -> Array:
     p = DragAndEfficiency.of(parameters)
     drag_W = drag_power(V, 1.0, 0.0, p, c)
     motor = np.geomspace(0.5, 1e5, 600)
-    x = advance(V[:, None], motor, c.rho)
-    surplus = motor * efficiency(x, p.efficiency, p.x_at_maximum, p.fall) - drag_W[:, None]
+    surplus = useful_power(V[:, None], motor, parameters, c)[0] - drag_W[:, None]
     enough = surplus >= 0
     first = np.maximum(np.argmax(enough, axis=1), 1)
     at = np.arange(len(V))

@@ -125,8 +125,11 @@ def estimate(
         raise InputError(f"{log}: the flight is too short or too torn for an energy balance")
     if float(np.max(balance.power_W)) < 2 * conditions.idle_power_W + 5.0:
         raise InputError(f"{log}: the motor took no power in flight; electrical power of level flight is not known")
-    mean, sigma = _prior(balance, span_m)
-    fit = most_probable_fit(balance, mean, sigma)
+    fit = most_probable_fit(balance, *_prior(balance, span_m))
+    other = EnergyBalance(samples, conditions._replace(power_law=balance.middle()), most_windows)
+    by_power_law = most_probable_fit(other, *_prior(other, span_m), least_share=0.0)
+    if by_power_law.minus_2_log_evidence < fit.minus_2_log_evidence - PRIOR.law_evidence:
+        fit, balance, conditions = most_probable_fit(other, *_prior(other, span_m)), other, other.conditions
     slowest, fastest = (float(np.percentile(balance.V_mps, share)) for share in CURVE.percentiles)
     V = np.linspace(slowest, fastest, CURVE.points)
     power = level_power(V, fit.parameters, conditions)
@@ -161,13 +164,16 @@ def estimate(
 
 
 def _prior(balance: EnergyBalance, span_m: float) -> tuple[Array, Array]:
-    mean, sigma = drag_prior(span_m, balance.conditions.wing_area_m2)
     p = PRIOR
-    logit = np.log(p.efficiency.mean / (1 - p.efficiency.mean))
-    efficiency = [logit, np.log(balance.powered_x()), np.log(p.fall.mean), p.idle_drag.mean]
-    efficiency_sigma = [p.efficiency.sigma, p.x_sigma, p.fall.sigma, p.idle_drag.sigma]
-    lift_mean, lift_sigma = lift_prior(span_m, balance.conditions.wing_area_m2)
-    return np.array([*mean, *efficiency, *lift_mean]), np.array([*sigma, *efficiency_sigma, *lift_sigma])
+    drag, lift = (of(span_m, balance.conditions.wing_area_m2) for of in (drag_prior, lift_prior))
+    if balance.conditions.power_law is None:
+        logit = float(np.log(p.efficiency.mean / (1 - p.efficiency.mean)))
+        efficiency = [(logit, p.efficiency.sigma), (np.log(balance.powered_x()), p.x_sigma)]
+        efficiency.append((np.log(p.fall.mean), p.fall.sigma))
+    else:
+        efficiency = [(np.log(p.law_efficiency.mean), p.law_efficiency.sigma), p.law_speed, p.law_power]
+    mean, sigma = np.array([*efficiency, p.idle_drag]).T
+    return np.concatenate([drag[0], mean, lift[0]]), np.concatenate([drag[1], sigma, lift[1]])
 
 
 def drag_prior(span_m: float, wing_area_m2: float) -> tuple[Array, Array]:
@@ -178,12 +184,12 @@ def drag_prior(span_m: float, wing_area_m2: float) -> tuple[Array, Array]:
 
 
 def lift_prior(span_m: float, wing_area_m2: float) -> tuple[Array, Array]:
-    """Of the last two parameters, by the lift slope of a straight wing (Helmbold)."""
+    """Of the last four parameters, those of sideslip and angle of attack; lift slope of a straight wing (Helmbold)."""
     A = span_m**2 / wing_area_m2
     slope = 2 * np.pi * A / (2 + np.sqrt(4 + A**2))
-    return np.array([0.0, -np.log(slope), 0.0]), np.array(
-        [PRIOR.alpha_0_sigma, PRIOR.alpha_per_CL_sigma, PRIOR.alpha_per_CT_sigma]
-    )
+    beta = PRIOR.beta_per_CY
+    sigma = [beta.sigma, PRIOR.alpha_0_sigma, PRIOR.alpha_per_CL_sigma, PRIOR.alpha_per_CT_sigma]
+    return np.array([np.log(beta.mean), 0.0, -np.log(slope), 0.0]), np.array(sigma)
 
 
 def _marginal_efficiency(V: Array, parameters: Array, c: FlightConditions) -> Array:

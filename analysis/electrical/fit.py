@@ -1,6 +1,6 @@
 """Fit of an energy balance: most probable parameters, the air's motion, and what the whole flight shares."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -31,8 +31,13 @@ ANGLES_RAD = tuple(0.0005 * 1.25**i for i in range(22))  # to 0.05: of the angle
 STEP = 0.2  # of numerical derivatives, in standard deviations
 
 
+SHARES = tuple(0.002 * 1.25**i for i in range(20))  # to 0.14
+
+
 class Fit(NamedTuple):
-    """gain : (m, n) change of the parameters with each window's residual"""
+    """gain : (m, n) change of the parameters with each window's residual
+    minus_2_log_evidence : of the model, for comparison with another on the same windows
+    """
 
     parameters: Array
     covariance: Array
@@ -40,6 +45,7 @@ class Fit(NamedTuple):
     residual_W: Array
     gust_mps: float
     gust_s: float
+    minus_2_log_evidence: float
 
 
 def samples_of(flight: FlightTable, scale: float, zero_Pa: float) -> Samples:
@@ -52,17 +58,31 @@ def samples_of(flight: FlightTable, scale: float, zero_Pa: float) -> Samples:
     force_x = without_gaps(table["force_x_mps2"].to_numpy())
     has_force = float(np.mean(both[flight.flown])) > FLIGHT.measured_share
     return Samples(
-        table.index.to_numpy(), V, height, power, load_factor, flight.airborne, revps, force_x if has_force else None
+        table.index.to_numpy(),
+        V,
+        height,
+        power,
+        load_factor,
+        flight.airborne,
+        revps,
+        force_x if has_force else None,
+        table["load_variance"].to_numpy(),
+        table["side_variance"].to_numpy(),
     )
 
 
 def most_probable_fit(
-    balance: EnergyBalance, mean: Array, sigma: Array, measured: tuple[Array, Array] | None = None
+    balance: EnergyBalance,
+    mean: Array,
+    sigma: Array,
+    measured: tuple[Array, Array] | None = None,
+    least_share: float = RESIDUALS.efficiency_share.mean,
 ) -> Fit:
     """Maximum a posteriori parameters, and the sizes of errors by maximum likelihood, in turns. measured: of
-    `most_probable`.
+    `most_probable`. least_share: error of the efficiency's form, of which a flight shows too little.
 
-    The sum of both balances has no motion of the air in it: it shows the error of the angle of attack.
+    What the balance with the accelerometer contains beside the motion of the air is the error of the angle of attack,
+    and so is what the sum of both balances contains beside the error of the efficiency's form.
     """
     windows, mass_kg, V = balance.windows, balance.conditions.mass_kg, float(np.mean(balance.V_mps))
     n, with_force = len(balance.V_mps), balance.samples.force_x_mps2 is not None
@@ -80,10 +100,12 @@ def most_probable_fit(
         RESIDUALS.first_angle_rad,
         RESIDUALS.first_s,
     )
-    parameters = mean
+    parameters, share = mean, RESIDUALS.efficiency_share.mean
+    prior = RESIDUALS.efficiency_share
+    unlikely_shares = [(np.log(np.array(SHARES) / prior.mean) / prior.sigma) ** 2]
     for _ in range(3):
         noise = air = by_air(windows, mass_kg, V, gust_mps, gust_s)
-        of_drag = by_efficiency(windows, balance.useful_W(parameters)) + white
+        of_drag = by_efficiency(windows, balance.useful_W(parameters), share) + white
         noise = air + of_drag
         if with_force:
             of_force = by_angle(windows, mass_kg, balance.V_mps, angle_rad, angle_s) + white
@@ -91,20 +113,29 @@ def most_probable_fit(
         whiten = np.linalg.inv(np.linalg.cholesky(noise))
         parameters, jacobian = most_probable(balance.residual, whiten, mean, sigma, parameters, measured)
         residual = balance.residual(parameters)
-        of_drag = by_efficiency(windows, balance.useful_W(parameters)) + white
+        of_drag = by_efficiency(windows, balance.useful_W(parameters), share) + white
         gust_mps, gust_s = _size_and_time(residual[:n], of_drag, airs, SIGMAS_MPS, unlikely)
+        air = by_air(windows, mass_kg, V, gust_mps, gust_s)
+        of_form = [by_efficiency(windows, balance.useful_W(parameters), 1.0)]
+        share = max(least_share, _size_and_time(residual[:n], air + white, of_form, SHARES, unlikely_shares)[0])
         if with_force:
-            both = residual[:n] + residual[n:]
-            angle_rad, angle_s = _size_and_time(
-                both, of_drag + white, angles, ANGLES_RAD, [0.0] * len(RESIDUALS.times_s)
-            )
-    estimate_covariance = np.asarray(np.linalg.inv(jacobian.T @ jacobian), dtype=float)
+            # Its residual hides an error of the angle under motion of the air, the sum of both under that of the form.
+            shown = ((residual[n:], air + white), (residual[:n] + residual[n:], of_drag + white))
+            equal = [0.0] * len(RESIDUALS.times_s)
+            angle_rad, angle_s = max(_size_and_time(*one, angles, ANGLES_RAD, equal) for one in shown)
+    information = jacobian.T @ jacobian
+    estimate_covariance = np.asarray(np.linalg.inv(information), dtype=float)
     gain = -estimate_covariance @ jacobian[: len(residual)].T @ whiten
-    return Fit(parameters, estimate_covariance, gain, residual[:n], gust_mps, gust_s)
+    evidence = (
+        float(np.sum((whiten @ residual) ** 2) + np.sum(((parameters - mean) / sigma) ** 2))
+        - 2 * float(np.sum(np.log(np.diag(whiten))))
+        + float(np.linalg.slogdet(information * np.outer(sigma, sigma))[1])
+    )
+    return Fit(parameters, estimate_covariance, gain, residual[:n], gust_mps, gust_s, evidence)
 
 
 def _size_and_time(
-    residual: Array, fixed: Array, by_time: list[Array], sizes: tuple[float, ...], unlikely: list[float]
+    residual: Array, fixed: Array, by_time: list[Array], sizes: tuple[float, ...], unlikely: Sequence[Array | float]
 ) -> tuple[float, float]:
     """Standard deviation and correlation time of one part of the residuals: root mean square, and geometric mean, over
     what is probable given the residuals. A short flight leaves them uncertain, and their most likely values are too
@@ -122,7 +153,7 @@ def _size_and_time(
         variance = 1 + np.square(sizes)[:, None] * np.maximum(values, 0.0)
         found.append(np.sum(white / variance + np.log(variance), axis=1) + cost_of_time)
     costs = np.concatenate(found)
-    sigmas, times_s = np.tile(sizes, len(RESIDUALS.times_s)), np.repeat(RESIDUALS.times_s, len(sizes))
+    sigmas, times_s = np.tile(sizes, len(by_time)), np.repeat(RESIDUALS.times_s[: len(by_time)], len(sizes))
     weight = np.exp((costs.min() - costs) / 2)
     weight /= weight.sum()
     return float(np.sqrt(weight @ sigmas**2)), float(np.exp(weight @ np.log(times_s)))
@@ -179,7 +210,9 @@ def shared_errors(
     for scale, zero_Pa in np.linalg.cholesky(airspeed.covariance).T:
         yield error(samples_of(flight, airspeed.scale + scale, airspeed.zero_Pa + zero_Pa), c)
     heavier, warmer = 1 + SHARED.mass, 1 - flight.rho_sigma
-    thinner = balance.samples._replace(V_mps=balance.samples.V_mps / np.sqrt(warmer))
+    # GPS shows true airspeed: where it determines the scale, an error of density changes the scale, not the airspeed.
+    by_prior = min(1.0, float(airspeed.covariance[0, 0]) / airspeed.prior_sigma**2)
+    thinner = balance.samples._replace(V_mps=balance.samples.V_mps / warmer ** (by_prior / 2))
     yield error(thinner, c._replace(rho=c.rho * warmer))
     yield error(balance.samples, c._replace(mass_kg=c.mass_kg * heavier))
     yield error(balance.samples, c._replace(power_scale=1 + power_sigma))

@@ -59,6 +59,7 @@ class FlightTable(NamedTuple):
     """One flight on a uniform grid of FLIGHT.step_s.
 
     table : index t_s; pressure_Pa (pitot, zero corrected), rho, height_m, power_W, load_factor, force_x_mps2,
+        load_variance and side_variance (of load factor, and of side force over weight, within a smoothing window),
         motor_revps, GPS; NaN in gaps
     airborne : slices of rows          flown : the same as an array (n,)
     zero_sigma_Pa : standard deviation of the pitot's zero          rho_sigma : of density, relative
@@ -136,9 +137,23 @@ def _columns(channels: Mapping[str, Channel], t_s: Array) -> dict[str, Array]:
         "static_Pa": column(recording.STATIC, FLIGHT.smoothing_s),
         "power_W": column(recording.VOLTAGE) * np.maximum(column(recording.CURRENT), 0.0),
         "load_factor": -column(recording.FORCE_Z, FLIGHT.smoothing_s) / g,
+        "load_variance": _variance(channels.get(recording.FORCE_Z), t_s) / g**2,
+        "side_variance": _variance(channels.get(recording.FORCE_Y), t_s) / g**2,
         "force_x_mps2": column(recording.FORCE_X, FLIGHT.smoothing_s),
     }
     return columns | {name: column(name) for name in (*recording.GPS, recording.MOTOR)}
+
+
+def _variance(one: Channel | None, t_s: Array) -> Array:
+    """Variance (n,) within the smoothing window of what is slower than vibration; zero where it is not measured."""
+    if one is None or len(one.t_s) < 2:
+        return np.zeros(len(t_s))
+    width = round(FLIGHT.vibration_s / float(np.median(np.diff(one.t_s))))
+    value = one.value if width < 2 else smoothed(one.value, width)
+    mean, square = (
+        resampled(Channel(one.t_s, x), t_s, FLIGHT.smoothing_s, FLIGHT.longest_gap_s) for x in (value, value**2)
+    )
+    return np.asarray(np.maximum(np.nan_to_num(square - mean**2), 0.0))
 
 
 def _standing_and_moving(columns: Mapping[str, Array], least_Pa: float, zeroed: bool) -> tuple[BoolArray, BoolArray]:

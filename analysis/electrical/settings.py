@@ -19,6 +19,7 @@ class FlightDetection(Settings):
 
     step_s: float = setting(0.2, "s", "the fastest change that matters, of the throttle, takes a few steps")
     smoothing_s: float = setting(1.0, "s", "of pressures and accelerations: slower than short-period motion")
+    vibration_s: float = setting(0.1, "s", "faster accelerations are vibration; gusts change lift more slowly")
     recognized_over_s: float = setting(3.0, "s", "a gust on the ground is shorter")
     highest_CL: float = setting(3.0, "1", "below its dynamic pressure an aircraft stands or rolls; no flap reaches it")
     standing_mps: float = setting(1.0, "m/s", "ground speed that GPS shows at rest")
@@ -90,9 +91,16 @@ class DragAndEfficiencyPrior(Settings):
     efficiency: Normal = setting(Normal(0.6, 0.4), "1, logit", "battery to thrust: 0.5 to 0.7")
     x_sigma: float = setting(0.3, "ln", "of the advance of best efficiency about the one mostly flown")
     fall: Normal = setting(Normal(0.7, 0.5), "1, ln", "of efficiency beyond its maximum, by tables of propellers")
+    law_evidence: float = setting(60.0, "-2 ln", "for the power law, which no propeller follows; wind alone gives 20")
+    law_efficiency: Normal = setting(Normal(0.5, 1.0), "1, ln", "of the power law: a current meter may be wrong, too")
+    law_speed: Normal = setting(Normal(0.3, 0.5), "1", "exponent of speed: 0 of a jet to 1, where thrust does not fall")
+    law_power: Normal = setting(Normal(-0.1, 0.2), "1", "exponent of power: -1/3 of an ideal propeller at rest to 0")
     idle_drag: Normal = setting(Normal(0.1, 0.15), "C_D0", "of an idling propeller")
     alpha_0_sigma: float = setting(0.1, "rad", "contains how the accelerometer is mounted")
     alpha_per_CL_sigma: float = setting(0.3, "ln", "about the slope of a straight wing (Helmbold)")
+    beta_per_CY: Normal = setting(
+        Normal(1.7, 0.5), "rad, ln", "sideslip over side force coefficient, of fin and fuselage"
+    )
     alpha_per_CT_sigma: float = setting(0.2, "rad", "by the propeller's wash over the wing")
     rise_exponent: float = setting(2.3, "1", "of efficiency over advance: fits APC 10x5E and 12x8E within 0.02")
 
@@ -116,7 +124,7 @@ WINDOWS = BalanceWindows()
 class Residuals(Settings):
     """What the residuals of the balance are made of: motion of the air, form of the efficiency, angle of attack."""
 
-    efficiency_share: float = setting(0.05, "1", "error of the efficiency's form, of propellers unlike the fitted ones")
+    efficiency_share: Normal = setting(Normal(0.05, 0.35), "1, ln", "error of the efficiency's form; estimated, too")
     efficiency_s: float = setting(10.0, "s", "how long it lasts: a maneuver")
     white_W: float = setting(1.0, "W", "of a window's power, uncorrelated: resolution of current and height")
     times_s: tuple[float, ...] = setting((1.0, 2.0, 4.0, 8.0, 16.0), "s", "correlation times that are averaged over")

@@ -31,6 +31,7 @@ PARAMETERS = (
     "K4",
     "thrust_scale",
     "thrust_slope",
+    "ln_beta_per_CY",
     "alpha_0",
     "ln_alpha_per_CL",
     "alpha_per_CT",
@@ -92,7 +93,7 @@ class ThrustBalance(EnergyBalance):
         thrust_N, J = self._thrust(s, c)
         scale, slope = parameters[4:6]
         useful = thrust_N * (1 + scale + slope * (J - J_REFERENCE)) * s.V_mps
-        return drag_power(s.V_mps, s.load_factor, 0.0, aerodynamics(parameters), c), useful
+        return drag_power(s.V_mps, s.load_factor, 0.0, aerodynamics(parameters), c, s.load_variance), useful
 
     def _thrust(self, s: Samples, c: FlightConditions) -> tuple[Array, Array]:
         """Thrust by the table and advance ratio, (n,) each; they do not depend on the parameters."""

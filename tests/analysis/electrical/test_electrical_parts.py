@@ -51,6 +51,7 @@ def climbing(seconds: float = 90.0, scale: float = 0.0, zero_Pa: float = 0.0) ->
     table = pd.DataFrame(
         {
             "pressure_Pa": RHO / 2 * (V_MPS * (1 + scale)) ** 2 + zero_Pa, "rho": RHO, "load_factor": 1.0,
+            "load_variance": 0.0, "side_variance": 0.0,
             "height_m": CLIMB_MPS * t, "power_W": MOTOR_W + IDLE_W, recording.MOTOR: np.nan, "force_x_mps2": np.nan,
         },
         index=t,
@@ -65,8 +66,8 @@ def test_each_error_that_a_flight_shares_changes_the_balance_by_its_power() -> N
     balance = EnergyBalance(samples_of(flight, 0.02, 3.0), CONDITIONS)  # type: ignore[arg-type]
     nominal, n = balance.residual(PARAMETERS), len(balance.V_mps)
     assert nominal == pytest.approx(EFFICIENCY * MOTOR_W - DRAG_W - 3.0 * g * CLIMB_MPS, rel=1e-3)
-    fit = Fit(PARAMETERS, np.eye(8), np.eye(n), nominal, gust_mps=0.5, gust_s=3.0)
-    airspeed = AirspeedErrors(0.02, 3.0, np.diag([0.01**2, 2.0**2]), None, None)
+    fit = Fit(PARAMETERS, np.eye(8), np.eye(n), nominal, gust_mps=0.5, gust_s=3.0, minus_2_log_evidence=0.0)
+    airspeed = AirspeedErrors(0.02, 3.0, np.diag([0.01**2, 2.0**2]), None, None, prior_sigma=0.01)
     shared = [*shared_errors(flight, balance, fit, airspeed)]  # type: ignore[arg-type]
     watts = [float(np.mean(change)) for change, _ in shared]
     by_scale, by_zero, by_density, by_mass, by_meter, by_idle, by_updraft = watts
@@ -87,6 +88,17 @@ def test_each_error_that_a_flight_shares_changes_the_balance_by_its_power() -> N
     assert more > 0 and by_idle == pytest.approx(-more * EFFICIENCY, rel=0.02)
     # Rising air of 8 % of the gusts, and 1 cm/s at least.
     assert by_updraft == pytest.approx(3.0 * g * np.hypot(0.01, 0.08 * 0.5), rel=1e-6)
+
+
+def test_where_gps_determines_the_scale_an_error_of_density_moves_no_airspeed() -> None:
+    balance = EnergyBalance(samples_of(climbing(), 0.0, 0.0), CONDITIONS)  # type: ignore[arg-type]
+    nominal, n = balance.residual(PARAMETERS), len(balance.V_mps)
+    fit = Fit(PARAMETERS, np.eye(8), np.eye(n), nominal, gust_mps=0.5, gust_s=3.0, minus_2_log_evidence=0.0)
+    exact = AirspeedErrors(0.0, 0.0, np.diag([1e-12, 1e-12]), 0.0, 0.0)
+    _, _, (by_density, given), *_ = shared_errors(climbing(), balance, fit, exact)  # type: ignore[arg-type]
+    assert given.rho == pytest.approx(0.99 * RHO)
+    # Drag falls with density; the efficiency at its maximum does not change with its argument.
+    assert by_density == pytest.approx(0.01 * DRAG_W, rel=0.02)
 
 
 def test_windows_are_as_far_apart_as_a_long_flight_needs_and_end_with_it() -> None:
@@ -124,7 +136,7 @@ def test_errors_of_efficiency_and_angle_go_with_power() -> None:
     windows = EnergyBalance(samples_of(climbing(), 0.0, 0.0), CONDITIONS).windows  # type: ignore[arg-type]
     n = len(windows.centers_s)
     useful = np.linspace(50.0, 100.0, n)
-    found = by_efficiency(windows, useful)
+    found = by_efficiency(windows, useful, 0.05)
     assert np.sqrt(np.diag(found)) == pytest.approx(0.05 * useful)
     apart = windows.centers_s[5] - windows.centers_s[0]
     assert found[0, 5] == pytest.approx(0.05**2 * useful[0] * useful[5] * np.exp(-apart / 10.0))
@@ -155,9 +167,9 @@ def test_priors_are_those_of_wing_theory() -> None:
     """Induced drag by an Oswald factor of 0.75; lift slope by Helmbold's formula: 2 pi for an infinite wing."""
     mean, _ = drag_prior(span_m=2.0, wing_area_m2=0.5)
     assert np.exp(mean[1]) == pytest.approx(1 / (np.pi * 0.75 * 8.0))
-    (_, ln_alpha_per_CL, _), _ = lift_prior(2.0, 0.5)
+    (_, _, ln_alpha_per_CL, _), _ = lift_prior(2.0, 0.5)
     assert np.exp(-ln_alpha_per_CL) == pytest.approx(2 * np.pi * 8.0 / (2 + np.sqrt(4 + 64.0)))
-    (_, infinite, _), _ = lift_prior(1e6, 0.5)
+    (_, _, infinite, _), _ = lift_prior(1e6, 0.5)
     assert np.exp(-infinite) == pytest.approx(2 * np.pi, rel=1e-6)
 
 

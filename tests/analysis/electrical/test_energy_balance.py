@@ -94,6 +94,34 @@ def test_both_balances_show_the_same_rising_air(samples: Samples) -> None:
     assert for_force - of_force == pytest.approx(0.5 * m * g)
 
 
+def test_gusts_give_power_in_proportion_to_the_variance_of_lift_and_side_force(samples: Samples) -> None:
+    """Katzmayr: lift L0 + L' turned forward by alpha' = L'/(q S C_L_alpha) pulls with the mean of L' alpha'."""
+    t, V, mg = np.arange(0, 200, 0.01), 15.0, CONDITIONS.mass_kg * g
+    qS, slope, side_slope = 1.2 * V**2 / 2 * 0.5, 5.0, 0.6
+    alpha, beta = 0.02 * np.sin(3 * np.pi * t), 0.04 * np.sin(2 * np.pi * t)
+    lift_N, side_N = mg + qS * slope * alpha, qS * side_slope * beta
+    pull_W = V * np.mean(lift_N * alpha + side_N * beta)
+    one = Samples(t, np.full_like(t, V), 0 * t, 0 * t, 1 + 0 * t, [], load_variance=np.var(lift_N / mg),
+                  side_variance=np.var(side_N / mg))  # fmt: skip
+    parameters = np.array([*PARAMETERS, np.log(1 / side_slope), 0.0, np.log(1 / slope), 0.0])
+    assert energy_balance.by_gusts_W(one, parameters, CONDITIONS) == pytest.approx(pull_W, rel=2e-3)
+    p = DragAndEfficiency.of(PARAMETERS)
+    CL = lift_N / qS
+    induced_W = qS * V * np.mean(0.04 + 0.06 * (CL - 0.2) ** 2)
+    without_K4 = energy_balance.DragAndEfficiency(**{**vars(p), "K4": 0.0})
+    assert drag_power(V, 1.0, 0.0, without_K4, CONDITIONS, np.var(lift_N / mg)) == pytest.approx(induced_W, rel=1e-3)
+
+
+def test_thrust_that_does_not_fall_with_speed_is_a_power_law() -> None:
+    """T = k sqrt(P): efficiency in proportion to V over the root of power; level power to the square of drag."""
+    law = CONDITIONS._replace(power_law=energy_balance.PowerLaw(V_mps=15.0, power_W=100.0))
+    parameters = np.array([*PARAMETERS[:4], np.log(0.9), 1.0, -0.5, 0.1, 0.0, 0.0, 0.0, 0.0])
+    V = np.array([12.0, 16.0, 24.0])
+    drag_N = drag_power(V, 1.0, 0.0, DragAndEfficiency.of(parameters), law) / V
+    k = 0.9 * 10 / 15.0  # of T = eta P / V at 15 m/s and 100 W
+    assert level_power(V, parameters, law) - law.idle_power_W == pytest.approx((drag_N / k) ** 2, rel=1e-3)
+
+
 def test_level_power_is_where_drag_meets_the_motor() -> None:
     V = np.array([12.0, 16.0, 20.0])
     p = DragAndEfficiency.of(PARAMETERS)

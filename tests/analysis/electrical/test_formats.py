@@ -63,7 +63,7 @@ def test_ardupilot(tmp_path: Path, px4: FlightRecording, expected: np.ndarray) -
             kind("BARO", "Qff", static, Press=static.value, Temp=0 * static.value + 40.0),
             kind("BAT", "QBff", battery, Inst=0 * battery.value, Volt=at("battery_V", battery), Curr=0 * battery.value),
             kind("BAT", "QBff", battery, Inst=0 * battery.value + 1, Volt=at("battery_V", battery), Curr=battery.value),
-            kind("IMU", "Qff", imu, AccX=at(recording.FORCE_X, imu), AccZ=imu.value),
+            kind("IMU", "Qfff", imu, AccX=at(recording.FORCE_X, imu), AccY=at(recording.FORCE_Y, imu), AccZ=imu.value),
             kind("GPS", "QBfff", gps, Status=0 * north + 3, Spd=np.hypot(north, east),
                  GCrs=np.degrees(np.arctan2(east, north)) % 360, VZ=down),
         ],
@@ -105,7 +105,11 @@ def test_a_log_of_the_daemon_without_flow_angles_and_motor_speed(px4: FlightReco
             "/static": entries(static, AbsolutePressure, pressure_Pa=static.value, temperature_K=air_K),
             "/battery": entries(current, Battery, current_A=current.value, voltage_V=at("battery_V", current)),
             "/imu": entries(
-                imu, Imu, specific_force_x_mps2=at(recording.FORCE_X, imu), specific_force_z_mps2=imu.value
+                imu,
+                Imu,
+                specific_force_x_mps2=at(recording.FORCE_X, imu),
+                specific_force_y_mps2=at(recording.FORCE_Y, imu),
+                specific_force_z_mps2=imu.value,
             ),
             "/gps": entries(gps, Gps, **velocity),
         },
