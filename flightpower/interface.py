@@ -6,7 +6,6 @@ what to do. All numbers are SI, and names end with their unit.
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +15,7 @@ from analysis import pipeline
 from analysis.cli.options import Options
 from analysis.cli.plan import PlanOptions, flight_plan
 from analysis.exports import tables as exports
-from analysis.log_contents import LogContents, contents
+from analysis.pipeline import Analysis as Flight
 from analysis.planning.search import FlightPlan
 from analysis.pooling.comparison import Comparison, compare
 from analysis.pooling.pool import Pool, pool_results
@@ -52,24 +51,6 @@ __all__ = [
 Paths = str | os.PathLike[str]
 
 
-@dataclass(frozen=True)
-class Flight:
-    """An analyzed flight.
-
-    log : as read     contents : aircraft, propeller and calibrations that were used
-    analysis : all that was found, with trajectory and estimates; modules may change
-    """
-
-    log: Log
-    contents: LogContents
-    analysis: pipeline.Analysis
-
-    @property
-    def results(self) -> Results:
-        """What `results.json` contains (docs/results.md)."""
-        return self.analysis.results
-
-
 def read(path: Paths) -> Log:
     """A log of the daemon. A torn one is read as far as it goes; `torn` then says why it ends.
 
@@ -84,21 +65,19 @@ def analyze(log: Log | Paths, options: Options = Options(), progress: Callable[[
     Raises InputError when the log lacks something, or holds no run.
     """
     recorded = log if isinstance(log, Log) else read(log)
-    given = options.replacements()
-    analysis = pipeline.analyze(
+    return pipeline.analyze(
         recorded,
-        given,
+        options.replacements(),
         progress,
         request=options.request,
         runs_file=options.runs,
         by_likelihood=options.likelihood,
     )
-    return Flight(recorded, contents(recorded, given), analysis)
 
 
 def tables(flight: Flight) -> dict[str, "pd.DataFrame"]:
     """The flight as tables by name: synchronized, states, derived, runs, curves (docs/exports.md)."""
-    return exports.tables_of(flight.analysis, flight.contents.aircraft, flight.contents.propeller)
+    return exports.tables_of(flight)
 
 
 def export(flight: Flight, to: str, path: Paths) -> None:
@@ -114,7 +93,7 @@ def write_report(flight: Flight, folder: Paths) -> None:
 
     Raises InputError when it cannot be written.
     """
-    write.write_report(flight.analysis, Path(folder))
+    write.write_report(flight, Path(folder))
 
 
 def pool(flights: Sequence[Flight | Paths | Mapping[str, Any]]) -> Pool:

@@ -81,12 +81,9 @@ def tables_from(log: Log, options: LogOptions, progress: Callable[[str], None]) 
     """Analyze a log, and give the tables of it. Raises InputError."""
     given = options.replacements()
     from analysis.exports.tables import tables_of
-    from analysis.log_contents import contents
     from analysis.pipeline import analyze
 
-    carried = contents(log, given)
-    analysis = analyze(log, given, progress, runs_file=options.runs)
-    return tables_of(analysis, carried.aircraft, carried.propeller)
+    return tables_of(analyze(log, given, progress, runs_file=options.runs))
 
 
 def main() -> None:

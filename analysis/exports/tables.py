@@ -17,10 +17,8 @@ from analysis.pipeline import Analysis
 from analysis.report.write import COLUMNS as STATE_COLUMNS
 from analysis.schema import PowerPoint
 from analysis.trajectory.equations import GUST_FILTER_STATES
-from flight.aircraft import Aircraft
 from flight.errors import InputError
 from flight.log_reader import Log
-from flight.propeller import Propeller
 
 # Columns of the air data table whose own names lack a unit, or are of use inside the program only.
 RENAMED = {"rho": "density_kgpm3", "J": "advance_ratio", "throttle": "throttle_fraction"}
@@ -31,7 +29,7 @@ LEFT_OUT = (
 WITHOUT_UNIT = ("advance_ratio", "C_L", "C_D", "flying", "propeller_covered", "curve", "kind", "notes", "extrapolated")
 
 
-def tables_of(analysis: Analysis, aircraft: Aircraft, propeller: Propeller) -> dict[str, pd.DataFrame]:
+def tables_of(analysis: Analysis) -> dict[str, pd.DataFrame]:
     """By name: `synchronized`, `states`, `derived`, `runs`, `curves`.
 
     synchronized : every channel on one time base, corrected, with air data; index t_s since the log began
@@ -49,7 +47,7 @@ def tables_of(analysis: Analysis, aircraft: Aircraft, propeller: Propeller) -> d
     return {
         "synchronized": analysis.table.drop(columns=list(LEFT_OUT)).rename(columns=RENAMED),
         "states": pd.concat([states, errors], axis=1)[in_turn],
-        "derived": derived(analysis.trajectory, aircraft, propeller),
+        "derived": derived(analysis.trajectory, analysis.aircraft, analysis.propeller),
         "runs": _runs(analysis),
         "curves": _curves(analysis),
     }

@@ -21,6 +21,7 @@ def thrust(
     stand: Annotated[
         Path, typer.Argument(metavar="STAND", help="CSV with a header such as `motor_speed_rpm,thrust_N`.")
     ],
+    *,
     propeller: Annotated[
         str | None,
         typer.Option(
