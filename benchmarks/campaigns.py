@@ -46,7 +46,7 @@ from flight.propeller_files import load_propeller
 from sim.fly import fly
 from sim.plan import load_plan
 from sim.sensors import FlightSensorTruth
-from sim.sensors.budget import DrawnErrors
+from sim.sensors.budget import DrawnErrors, of_installation
 from sim.world import World, load_world
 
 ROOT = Path(__file__).parents[1]
@@ -83,17 +83,8 @@ def version(world: str) -> str:
 
 def drawn(world: World, campaign: int, seed: int) -> DrawnErrors:
     """Errors of the installation by the campaign, those of the day by the seed."""
-    fixed = flights.drawn(world.errors, SEEDS_A_CAMPAIGN * campaign)
-    day = flights.drawn(world.errors, seed)
-    return dataclasses.replace(
-        day,
-        values=dataclasses.replace(fixed.values, updraft_mps=day.values.updraft_mps),
-        imu_rotation=fixed.imu_rotation,
-        accel_scale=fixed.accel_scale,
-        gyro_scale=fixed.gyro_scale,
-        hard_iron=fixed.hard_iron,
-        soft_iron=fixed.soft_iron,
-    )
+    installation = flights.drawn(world.errors, SEEDS_A_CAMPAIGN * campaign)
+    return of_installation(flights.drawn(world.errors, seed), installation)
 
 
 def aircraft_of(configuration: str, world: World, campaign: int) -> Aircraft:

@@ -84,6 +84,6 @@ def as_complete(text: str, where: str) -> CompleteAircraft:
     except InputError as error:
         missing = ", ".join(re.findall(r"(\S+) is missing", str(error)))
         raise InputError(
-            f"{where}: the simulator also needs {missing}; `flightpower new aircraft --like nexstar` writes a file"
-            " with every key"
+            f"{where}: the simulator also needs {missing}; `sim fly --like nexstar` scales them from another aircraft,"
+            " and `flightpower new aircraft --like nexstar` writes a file with every key"
         ) from None

@@ -8,10 +8,12 @@ import sys
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
+from zlib import crc32
 
 import typer
 from rich.console import Console
 
+from flight.aircraft import aircraft_text
 from flight.command_line import application, run
 from flight.complete_aircraft import CompleteAircraft, load_complete_aircraft
 from flight.errors import InputError
@@ -21,6 +23,8 @@ from sim.options import (
     BankOption,
     ClimbOption,
     HeightOption,
+    InstallationOption,
+    LikeOption,
     ReplaceFileOption,
     ReplaceOption,
     Report,
@@ -64,6 +68,8 @@ def fly(
         str | None, typer.Option(metavar="NAME", help="World that the analysis does not assume: see `sim worlds`.")
     ] = None,
     seed: SeedOption = 0,
+    like: LikeOption = None,
+    installation: InstallationOption = None,
     probe: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Probe calibration for the log, instead of that of the simulated tunnel."),
@@ -98,24 +104,28 @@ def fly(
     Examples:
       sim fly -o out/demo
       sim fly --aircraft my.toml --plan full-test-flight --no-hardware -o out
+      sim fly --aircraft my.toml --like nexstar --installation may --seed 3 --no-hardware -o flights/3
     """
     from hw_fakes.faults import load_faults
     from sim.autopilot_log import faults_of, write_autopilot_log
     from sim.fly import fly as fly_plan
     from sim.plan import load_plan
     from sim.sensors import FlightSensorTruth, draw
+    from sim.sensors.budget import of_installation
     from sim.world import world_of
 
     if no_hardware and (real_time or faults is not None):
         raise InputError("--no-hardware excludes --faults and --real-time")
     traps = faults_of(recorder, log_faults)
     flown_in = world_of(world, errors)
-    craft, flight_plan = load_complete_aircraft(aircraft), flown_in.plan(load_plan(plan), seed)
+    craft, flight_plan = _aircraft(aircraft, like, installation), flown_in.plan(load_plan(plan), seed)
     schedule = load_faults(faults) if faults is not None else ()
     calibration = probe_text(probe)
     check_output(output, replace)
     check_probe(output, calibration, probe)
     drawn = draw(flown_in.errors, seed)
+    if installation is not None:
+        drawn = of_installation(drawn, draw(flown_in.errors, crc32(installation.encode())))
     with progress_bar("flying") as report:
         flight = fly_plan(craft, flight_plan, seed=seed, deviations=drawn.deviations, progress=report)
     write_flight(output, flight, drawn, flown_in, aircraft=aircraft, calibration=calibration)
@@ -130,6 +140,17 @@ def fly(
         else:
             _record(output, sensor_truth, craft, seed=seed, faults=schedule, real_time=real_time, report=report)
     print(f"{output / LOG}: {flight.duration_s:.0f} s of {craft.title}, {flight_plan.title}", file=sys.stderr)
+
+
+def _aircraft(name: str, like: str | None, installation: str | None) -> CompleteAircraft:
+    """The aircraft that is flown. Raises InputError where its file lacks a key, and no model for it is given."""
+    from sim.like import of_installation, scaled_from
+
+    if like is None:
+        craft = load_complete_aircraft(name)
+    else:
+        craft = scaled_from(*aircraft_text(name), load_complete_aircraft(like))
+    return craft if installation is None else of_installation(craft, installation)
 
 
 def _record(

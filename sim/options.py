@@ -55,6 +55,22 @@ RpmOption = Annotated[
         help="Motor speed [rpm]: gives the climb at --speed, or the speed at --climb.",
     ),
 ]
+LikeOption = Annotated[
+    str | None,
+    typer.Option(
+        "--like",
+        metavar="NAME",
+        help="Shipped aircraft from which every key is scaled that the aircraft file lacks; four keys are enough.",
+    ),
+]
+InstallationOption = Annotated[
+    str | None,
+    typer.Option(
+        "--installation",
+        metavar="NAME",
+        help="Errors of probe, mounting and propeller are drawn by this name: the same in every flight that has it.",
+    ),
+]
 ReplaceOption = Annotated[bool, typer.Option("--replace", help="Overwrite an earlier simulation.")]
 ReplaceFileOption = Annotated[bool, typer.Option("--replace", help="Replace an existing file.")]
 SeedOption = Annotated[

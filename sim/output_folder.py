@@ -4,6 +4,7 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from flight.aircraft import aircraft_text
 from flight.errors import InputError
 from flight.files import check_writable, json_object_text
 
@@ -80,7 +81,7 @@ def _aircraft(output: Path, flight: "Flight", world: "World", name: str) -> str:
         (output / PROPELLER).write_text(table.to_csv(), "utf-8")
         named = f'propeller = "{flight.aircraft.propulsion.propeller}"'
         text = text.replace(named, f'propeller = "{(output / PROPELLER).resolve()}"')
-    if text == flight.aircraft.text and not Path(name).is_file():
+    if not Path(name).is_file() and text == aircraft_text(name)[0]:
         return name
     (output / AIRCRAFT).write_text(text, "utf-8")
     return AIRCRAFT

@@ -5,7 +5,7 @@ study, systematic errors drawn at random by the seed) and `harsh` (`study` with 
 """
 
 import tomllib
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -191,6 +191,20 @@ def draw(budget: ErrorBudget, seed: int) -> DrawnErrors:
         zero_step=dict(zip(DIFFERENTIAL, steps.tolist(), strict=True)),
         zero_step_at=float(rng_of(seed, "zero step time").uniform(0.3, 0.8)),
         absolute=dict(zip(("baro", "static"), absolute.tolist(), strict=True)),
+    )
+
+
+def of_installation(day: DrawnErrors, installation: DrawnErrors) -> DrawnErrors:
+    """The errors of one flight of an installation: biases of the IMU, zeros of the transducers and the updraft are of
+    the day; all others, of probe, tubes, mounting, propeller and aircraft, stay from flight to flight."""
+    return replace(
+        day,
+        values=replace(installation.values, updraft_mps=day.values.updraft_mps),
+        imu_rotation=installation.imu_rotation,
+        accel_scale=installation.accel_scale,
+        gyro_scale=installation.gyro_scale,
+        hard_iron=installation.hard_iron,
+        soft_iron=installation.soft_iron,
     )
 
 

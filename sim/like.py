@@ -1,0 +1,107 @@
+"""An aircraft of one's own to fly in the simulator, of which a file says little: the rest is scaled from a model."""
+
+from dataclasses import fields, replace
+from typing import Any, TypeVar
+
+from flight.aircraft import Aircraft, Installation, parse_aircraft
+from flight.aircraft_keys import SURFACES
+from flight.complete_aircraft import (
+    CompleteAircraft,
+    CompleteGeometry,
+    CompleteMass,
+)
+from flight.errors import InputError
+from flight.propeller_files import load_propeller
+from flight.units import split_unit
+
+Section = TypeVar("Section")
+
+
+def scaled_from(text: str, where: str, model: CompleteAircraft) -> CompleteAircraft:
+    """The aircraft of a file's text, with every key that it lacks scaled from a model by span, weight and propeller.
+
+    Lengths grow with the span, moments of inertia with weight times span squared. Aerodynamic coefficients, angles of
+    surfaces and battery voltage are those of the model. The motor turns as fast as gives at least the same ratio of
+    thrust to weight, n^2 D^4 / W, and of the speed at which thrust ends to the stall, n D J / sqrt(W/S). Its currents
+    and the battery's energy grow with the propeller's power, n^3 D^5, and its resistances fall likewise. The text,
+    which the log contains, says in comments what is scaled. `where` names the file in the InputErrors that are raised.
+    """
+    own = parse_aircraft(text, where)
+    scaled = _scaled(own, model)
+    taken: list[str] = []
+
+    def filled(section: str, of: Section) -> Section:
+        """The section of the scaled model, with what the file says."""
+        given = {f.name: getattr(getattr(own, section), f.name) for f in fields(of)}  # type: ignore[arg-type]
+        keys = {name: f"{section}.{split_unit(name)[0]}" for name in given}
+        taken.extend(key for name, key in keys.items() if not own.has(key) and given[name] != getattr(of, name))
+        return replace(of, **{name: value for name, value in given.items() if own.has(keys[name])})  # type: ignore[type-var]
+
+    surfaces: dict[str, Any] = {name: getattr(own, name) or getattr(model, name) for name in SURFACES}
+    taken += [name for name in (*SURFACES, "aerodynamics") if getattr(own, name) is None or not own.has(name)]
+    values = {f.name: getattr(own, f.name) for f in fields(Aircraft)}
+    values |= surfaces | {
+        "geometry": filled("geometry", scaled.geometry),
+        "mass": filled("mass", scaled.mass),
+        "propulsion": filled("propulsion", scaled.propulsion),
+        "probe": filled("probe", scaled.probe),
+        "aerodynamics": own.aerodynamics or model.aerodynamics,
+    }
+    said = f"{text.rstrip()}\n\n# Simulated like {model.name}; scaled from it by span, weight and propeller:\n"
+    return CompleteAircraft(**values | {"text": said + "".join(f"#   {key}\n" for key in sorted(set(taken)))})
+
+
+def _scaled(own: Aircraft, model: CompleteAircraft) -> CompleteAircraft:
+    """The model in the size of another aircraft."""
+    length, weight = own.geometry.span_m / model.geometry.span_m, own.mass.weight_N / model.mass.weight_N
+    area = own.geometry.wing_area_m2 / model.geometry.wing_area_m2
+    table, of_model = (load_propeller(p or "") for p in (_propeller(own, model), model.propulsion.propeller))
+    diameter = table.diameter_m / of_model.diameter_m
+    pitch = max(row.J[-1] for row in table.rows) / max(row.J[-1] for row in of_model.rows)
+    speed = max((weight / diameter**4) ** 0.5, (weight / area) ** 0.5 / (diameter * pitch))
+    power = speed**3 * diameter**5
+    m, p, (x, y, z) = model.mass, model.propulsion, model.probe.position_m
+    return replace(
+        model,
+        geometry=CompleteGeometry(
+            span_m=own.geometry.span_m,
+            wing_area_m2=own.geometry.wing_area_m2,
+            chord_m=model.geometry.chord_m * area / length,
+        ),
+        mass=CompleteMass(
+            weight_N=own.mass.weight_N,
+            standard_weight_N=own.mass.standard_weight_N,
+            Ix_kgm2=m.Ix_kgm2 * weight * length**2,
+            Iy_kgm2=m.Iy_kgm2 * weight * length**2,
+            Iz_kgm2=m.Iz_kgm2 * weight * length**2,
+            Ixz_kgm2=m.Ixz_kgm2 * weight * length**2,
+        ),
+        propulsion=replace(
+            p,
+            propeller=_propeller(own, model),
+            propeller_inertia_kgm2=p.propeller_inertia_kgm2 * diameter**5,
+            max_rpm=p.max_rpm * speed,
+            motor_kv_rpm_per_volt=p.motor_kv_rpm_per_volt * speed,
+            motor_resistance_ohm=p.motor_resistance_ohm / power,
+            motor_no_load_current_A=p.motor_no_load_current_A * power,
+            battery_resistance_ohm=p.battery_resistance_ohm / power,
+            battery_energy_Wh=p.battery_energy_Wh * power,
+        ),
+        probe=replace(model.probe, position_m=(length * x, length * y, length * z)),
+    )
+
+
+def _propeller(own: Aircraft, model: CompleteAircraft) -> str:
+    return own.propulsion.propeller or model.propulsion.propeller
+
+
+def of_installation(aircraft: CompleteAircraft, name: str) -> CompleteAircraft:
+    """The aircraft with this name of its installation in its file. Raises InputError when the file has another one."""
+    stated = aircraft.installation.name
+    if stated == name:
+        return aircraft
+    if aircraft.has("installation"):
+        raise InputError(f'--installation {name}: the aircraft file has installation name = "{stated}"')
+    text = f'{aircraft.text.rstrip()}\n\n[installation]\nname = "{name}"\n'
+    keys = aircraft.keys | {"installation", "installation.name"}
+    return replace(aircraft, installation=Installation(name=name), text=text, keys=keys)

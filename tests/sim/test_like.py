@@ -1,0 +1,112 @@
+"""An aircraft of one's own that flies like a model, and errors that stay with an installation."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flight.aircraft import aircraft_text, parse_aircraft
+from flight.complete_aircraft import load_complete_aircraft
+from flight.errors import InputError
+from sim.fly import fly
+from sim.like import of_installation, scaled_from
+from sim.plan import parse_plan
+from sim.plant import plant_of
+from sim.sensors import budget as budgets
+from sim.sensors import draw, load_budget
+from sim.trim import Trimmer
+
+SMALL = """
+name = "small"
+[geometry]
+span = "1.2 m"
+wing_area = "0.2 m^2"
+[mass]
+weight = "0.9 kg"
+[propulsion]
+propeller = "apc-10x5e"
+"""
+LARGE = """
+name = "large"
+[geometry]
+span = "3.2 m"
+wing_area = "1.3 m^2"
+[mass]
+weight = "12 kg"
+[propulsion]
+propeller = "blade-16x10"
+"""
+ACCELERATION = """
+[[segment]]
+kind = "run"
+throttle = 0.9
+speed_of_max = 0.8
+"""
+
+
+@pytest.fixture(scope="module")
+def model():
+    return load_complete_aircraft("nexstar")
+
+
+def test_a_model_scaled_to_itself_is_itself(model):
+    text, where = aircraft_text("nexstar")
+    assert replace(scaled_from(text, where, model), text=text) == model
+    four = "\n".join(
+        ['name = "x"', "[geometry]", 'span = "5.73 ft"', 'wing_area = "4.99 ft^2"', "[mass]", 'weight = "8.47 lbf"']
+    )
+    scaled = scaled_from(four, "x.toml", model)
+    assert scaled.propulsion == model.propulsion and scaled.probe == model.probe
+    assert scaled.geometry.chord_m == pytest.approx(model.geometry.chord_m)
+    assert scaled.mass.Iy_kgm2 == pytest.approx(model.mass.Iy_kgm2)
+
+
+@pytest.mark.parametrize("text", [SMALL, LARGE], ids=["small", "large"])
+def test_lengths_and_inertias_scale_as_their_dimensions(text, model):
+    own = scaled_from(text, "own.toml", model)
+    length = own.geometry.span_m / model.geometry.span_m
+    radii = [a.mass.Iy_kgm2 / a.mass_kg / a.geometry.span_m**2 for a in (own, model)]
+    assert radii[0] == pytest.approx(radii[1])
+    assert own.probe.position_m == pytest.approx([length * x for x in model.probe.position_m])
+    assert own.geometry.chord_m * own.geometry.span_m / own.geometry.wing_area_m2 == pytest.approx(
+        model.geometry.chord_m * model.geometry.span_m / model.geometry.wing_area_m2
+    )
+
+
+@pytest.mark.parametrize("text", [SMALL, LARGE], ids=["small", "large"])
+def test_it_has_thrust_and_speed_to_spare_and_flies(text, model):
+    own = scaled_from(text, "own.toml", model)
+    of_own, of_model = Trimmer(plant_of(own), 100.0), Trimmer(plant_of(model), 100.0)
+    assert of_own.V_max / of_own.V_stall > 0.8 * of_model.V_max / of_model.V_stall
+    truth = fly(own, parse_plan(ACCELERATION, "acceleration")).truth
+    assert truth["V_mps"].iloc[-1] > truth["V_mps"].iloc[0] and np.abs(np.diff(truth["height_m"])).max() < 1.0
+
+
+def test_what_the_file_says_is_kept_and_the_rest_is_listed(model):
+    own = scaled_from(SMALL + "pole_pairs = 6\n", "own.toml", model)
+    assert own.propulsion.pole_pairs == 6 and own.propulsion.propeller == "apc-10x5e"
+    listed = {line.removeprefix("#   ") for line in own.text.splitlines() if line.startswith("#   ")}
+    assert {"mass.Ix", "elevator", "aerodynamics", "propulsion.battery_energy"} <= listed
+    assert not {"propulsion.pole_pairs", "propulsion.propeller", "mass.weight"} & listed
+    known = parse_aircraft(own.text, "own.toml")
+    assert known.aerodynamics == {} or known.aerodynamics is None
+    assert known.mass.Ix_kgm2 is None
+
+
+def test_the_log_of_an_installation_has_its_name(model):
+    named = of_installation(model, "may")
+    assert parse_aircraft(named.text, "named.toml").installation.name == "may"
+    assert of_installation(named, "may") is named
+    with pytest.raises(InputError, match="may"):
+        of_installation(named, "june")
+
+
+def test_errors_of_the_installation_stay_and_those_of_the_day_change():
+    budget = load_budget("harsh")
+    first, second = (budgets.of_installation(draw(budget, seed), draw(budget, 99)) for seed in (1, 2))
+    assert np.array_equal(first.imu_rotation, second.imu_rotation)
+    for name in ("alpha_offset_rad", "V_scale", "thrust_scale", "lag_s", "weight_scale"):
+        assert getattr(first.values, name) == getattr(second.values, name) != 0
+    assert first.values.updraft_mps != second.values.updraft_mps
+    assert not np.array_equal(first.accel_bias, second.accel_bias) and first.zero != second.zero
+    assert first.seed != second.seed
