@@ -13,6 +13,17 @@ FORMAT = "flightpower-results-2"
 POOLING_FORMAT = "flightpower-pooling-3"
 
 
+class Cause(StrEnum):
+    """What makes two methods differ."""
+
+    ANGLE_OF_ATTACK = "angle of attack"
+    PITCH_ATTITUDE = "pitch attitude"
+    AIRSPEED = "airspeed"
+    AIR_DATA_LAG = "air-data lag"
+    PROPELLER_TABLE = "propeller table"
+    UNEXPLAINED = "unexplained"  # the part of a difference that no cause explains
+
+
 class SpeedReason(StrEnum):
     """Why a speed, or the lower end of its interval, is not given."""
 
@@ -135,6 +146,7 @@ class RunResidual(msgspec.Struct, frozen=True, kw_only=True):
     """Drag over mass of one run, measured less modeled."""
 
     run: str
+    kind: str = ""  # of the run; empty in results of earlier versions
     points: int
     step_s: float
     rms_mps2: float
@@ -187,6 +199,7 @@ class MethodResult(msgspec.Struct, frozen=True, kw_only=True):
     power_required: list[PowerPoint] = []  # over the speeds of its data; empty where there is none: see `notes`
     points: list[MethodPoint] = []
     notes: list[str] = []
+    not_flown: list[str] = []  # kinds of maneuver that it takes, where none of them was flown
 
 
 class DisagreementResult(msgspec.Struct, frozen=True, kw_only=True):
@@ -196,9 +209,9 @@ class DisagreementResult(msgspec.Struct, frozen=True, kw_only=True):
     speed_mps: float  # where they differ most
     difference_W: float  # the second minus the first
     allowed_W: float  # three standard errors of the difference
-    culprit: str  # angle of attack, pitch attitude, airspeed, air-data lag, propeller table, or unexplained
+    culprit: Cause
     text: str
-    shares_W: dict[str, float] = {}  # how much of the difference each cause accounts for
+    shares_W: dict[Cause, float] = {}  # how much of the difference each cause accounts for
 
 
 class SpeedInterval(msgspec.Struct, frozen=True, kw_only=True):

@@ -13,7 +13,6 @@ import pandas as pd
 from flights import Rows, Setup
 
 from analysis.airdata.probe import ProbeCalibration
-from analysis.drag.comparison import MethodDisagreement
 from analysis.drag.dynamic import DynamicEstimate, estimate_polar
 from analysis.drag.method import MethodEstimate
 from analysis.drag.methods import every_method
@@ -22,6 +21,7 @@ from analysis.flown import flown_condition, flown_lift
 from analysis.maneuvers.find import find
 from analysis.maneuvers.kinds import LEVEL_RUNS
 from analysis.polar import Condition, Polar, lift_coefficient, power_required
+from analysis.schema import DisagreementResult
 from analysis.trajectory.reconstruction import reconstruct
 from flight.aircraft import Aircraft, load_aircraft
 from flight.propeller_files import load_propeller
@@ -50,7 +50,7 @@ class Analyzed(NamedTuple):
     flown_CL: tuple[float, float]
     estimates: list[MethodEstimate]
     one_by_one: list[MethodEstimate]
-    disagreements: list[MethodDisagreement]
+    disagreements: list[DisagreementResult]
     at: Condition
 
 
@@ -110,7 +110,7 @@ def one_flight(setup: Setup, **wrong: float) -> Rows:
     curves += [(e.method.title, e.polar, e.flown_CL) for e in result.estimates if e.polar is not None]
     curves += [("each run alone", e.polar, e.flown_CL) for e in result.one_by_one if e.polar is not None]
     figures = [(title, compared(polar, flown_CL, V, truth, result.at)) for title, polar, flown_CL in curves]
-    causes = [f"{one.first} - {one.second}: {one.cause}" for one in result.disagreements]
+    causes = [f"{one.methods[0]} - {one.methods[1]}: {one.culprit}" for one in result.disagreements]
     return [*figures, *((cause, np.empty((2, 0))) for cause in causes)]
 
 

@@ -15,7 +15,6 @@ A disagreement of two methods in sentences.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -24,10 +23,11 @@ from scipy import special
 
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.drag.method import MethodEstimate
-from analysis.drag.sensor_errors import CAUSES, INSTALLATION_TOLERANCE, UNEXPLAINED, ErrorEstimate
+from analysis.drag.sensor_errors import CAUSES, INSTALLATION_TOLERANCE, ErrorEstimate
 from analysis.estimation.noise import NORMAL_95
 from analysis.ground.thrust_prior import J_REFERENCE
 from analysis.polar import Condition, Polar, power_required, speed_at
+from analysis.schema import Cause, DisagreementResult
 
 Array = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ PAIRS = (
     ("decelerations", "accelerations"),
 )
 # By second method: the cause of a difference that no estimated error explains.
-CAUSE_BY_EXCLUSION = {"energy": "pitch attitude"}
+CAUSE_BY_EXCLUSION = {"energy": Cause.PITCH_ATTITUDE}
 
 
 class ComparedMethod(NamedTuple):
@@ -60,26 +60,9 @@ class ComparedMethod(NamedTuple):
     A: Array
     covariance: Array
     sensitivities: Mapping[str, Array]
-    cause_effects: Mapping[str, Array]
+    cause_effects: Mapping[Cause, Array]
     trajectory_deviations: Array | None
     flown_CL: tuple[float, float]
-
-
-@dataclass(frozen=True)
-class MethodDisagreement:
-    """At `speed_mps` the second method gives `difference_W` more than the first; up to `allowed_W` they agree.
-
-    shares_W : the part of the difference that each cause explains, and under UNEXPLAINED the rest
-    """
-
-    first: str
-    second: str
-    speed_mps: float
-    difference_W: float
-    allowed_W: float
-    cause: str
-    shares_W: dict[str, float]
-    text: str
 
 
 def disagreements(
@@ -88,7 +71,7 @@ def disagreements(
     estimates: list[MethodEstimate],
     errors: Mapping[str, ErrorEstimate],
     condition: Condition,
-) -> list[MethodDisagreement]:
+) -> list[DisagreementResult]:
     """All PAIRS that disagree, at one weight and density. errors: from `estimate_errors`."""
     methods = {
         e.method.name: ComparedMethod(
@@ -118,7 +101,7 @@ def disagreements(
 
 def _compare(
     first: ComparedMethod, second: ComparedMethod, errors: Mapping[str, ErrorEstimate], condition: Condition
-) -> MethodDisagreement | None:
+) -> DisagreementResult | None:
     low, high = max(first.flown_CL[0], second.flown_CL[0]), min(first.flown_CL[1], second.flown_CL[1])
     if high < LEAST_SPEED_RATIO**2 * low:
         return None
@@ -136,7 +119,7 @@ def _compare(
         if cause in first.cause_effects or cause in second.cause_effects
     }
     difference, allowed = float(differences[worst]), float(DIFFERENT * error[worst])
-    shares[UNEXPLAINED] = difference - sum(shares.values())
+    shares[Cause.UNEXPLAINED] = difference - sum(shares.values())
     cause = _cause(second.name, difference, allowed, shares, errors)
     if cause is None:
         return None
@@ -148,34 +131,42 @@ def _compare(
         difference,
         cause,
         shares.get(cause),
-        shares[UNEXPLAINED],
+        shares[Cause.UNEXPLAINED],
         errors,
         condition,
     )
-    return MethodDisagreement(first.name, second.name, speed, difference, allowed, cause, shares, text)
+    return DisagreementResult(
+        methods=(first.name, second.name),
+        speed_mps=speed,
+        difference_W=difference,
+        allowed_W=allowed,
+        culprit=cause,
+        text=text,
+        shares_W=shares,
+    )
 
 
 def _cause(
     second: str,
     difference: float,
     allowed: float,
-    shares: Mapping[str, float],
+    shares: Mapping[Cause, float],
     errors: Mapping[str, ErrorEstimate],
-) -> str | None:
+) -> Cause | None:
     """The cause with the largest share of a difference [W]; None where there is none to name.
 
     Where the unexplained share is the largest but within what is allowed, it is the largest of the significant errors.
     """
     largest = max(shares, key=lambda cause: shares[cause] * np.sign(difference))
-    if largest != UNEXPLAINED:
+    if largest is not Cause.UNEXPLAINED:
         return largest
-    if abs(shares[UNEXPLAINED]) > allowed:
-        return CAUSE_BY_EXCLUSION.get(second, UNEXPLAINED)
+    if abs(shares[Cause.UNEXPLAINED]) > allowed:
+        return CAUSE_BY_EXCLUSION.get(second, Cause.UNEXPLAINED)
     significant = [cause for cause in shares if _significant(cause, errors) and shares[cause] * difference > 0]
     return max(significant, key=lambda cause: abs(shares[cause]), default=None)
 
 
-def _significant(cause: str, errors: Mapping[str, ErrorEstimate]) -> bool:
+def _significant(cause: Cause, errors: Mapping[str, ErrorEstimate]) -> bool:
     estimates = [errors[name] for name in CAUSES.get(cause, ())]
     return any(abs(error.value) > SIGNIFICANT * error.standard_error for error in estimates)
 
@@ -192,7 +183,7 @@ def _allowed_covariance(first: ComparedMethod, second: ComparedMethod) -> Array:
     return C
 
 
-def _cause_effect(method: ComparedMethod, cause: str) -> Array:
+def _cause_effect(method: ComparedMethod, cause: Cause) -> Array:
     return method.cause_effects.get(cause, np.zeros(3))
 
 
@@ -207,7 +198,7 @@ def sentences(
     V: float,
     power_W: float,
     difference_W: float,
-    cause: str,
+    cause: Cause,
     share_W: float | None,
     unexplained_W: float,
     errors: Mapping[str, ErrorEstimate],
@@ -222,7 +213,7 @@ def sentences(
     difference = (
         f"{second[0].upper()}{second[1:]}: {100 * size / power_W:.0f} % ({size:.1f} W) {where} {first} at {V:.1f} m/s."
     )
-    if cause == UNEXPLAINED:
+    if cause is Cause.UNEXPLAINED:
         return f"{difference} No estimated error of the sensors or the propeller table explains it."
     if share_W is None:
         # Of the pairs compared only dynamic and energy have a cause by exclusion. A pitch attitude that is too high
@@ -238,19 +229,19 @@ def sentences(
     )
 
 
-def _error_sentence(cause: str, errors: Mapping[str, ErrorEstimate]) -> str:
+def _error_sentence(cause: Cause, errors: Mapping[str, ErrorEstimate]) -> str:
     """The estimated errors of a cause."""
-    if cause == "angle of attack":
+    if cause is Cause.ANGLE_OF_ATTACK:
         bias, scale = errors["alpha_bias"], errors["alpha_scale"]
         sentence = f"The measured angle of attack is {_degrees(bias)} relative to the IMU axes"
         if abs(scale.value) > 2 * scale.standard_error:
             sentence += f", and its slope is {_percent(scale, 'too high', 'too low')}"
         return f"{sentence}."
-    if cause == "pitch attitude":
+    if cause is Cause.PITCH_ATTITUDE:
         return f"An accelerometer bias makes the pitch attitude that it levels {_degrees(errors['pitch'])}."
-    if cause == "airspeed":
+    if cause is Cause.AIRSPEED:
         return f"The measured airspeed is {_percent(errors['airspeed_scale'], 'too high', 'too low')}."
-    if cause == "air-data lag":
+    if cause is Cause.AIR_DATA_LAG:
         lag = errors["lag"]
         return f"The air data lag by {lag.value:.3f} ± {NORMAL_95 * lag.standard_error:.3f} s."
     scale, slope = errors["thrust_scale"], errors["thrust_slope"]

@@ -12,7 +12,6 @@ from analysis.drag.assumed_values import (
     with_assumption_uncertainty,
     with_transducer_uncertainty,
 )
-from analysis.drag.comparison import MethodDisagreement
 from analysis.drag.cross_check import CrossCheck
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.drag.likelihood import LikelihoodEstimates
@@ -22,6 +21,7 @@ from analysis.drag.rerun import EstimateRerun
 from analysis.flight import Reconstructed
 from analysis.maneuvers.kinds import FOR_DRAG, LEVEL_RUNS
 from analysis.polar import Condition, Polar, power_required, speed_at, unphysical
+from analysis.schema import DisagreementResult
 from flight.errors import InputError
 
 
@@ -41,7 +41,7 @@ class DragEstimates:
     flown_CL: tuple[float, float]
     methods: list[MethodEstimate]
     one_by_one: list[MethodEstimate]
-    disagreements: list[MethodDisagreement]
+    disagreements: list[DisagreementResult]
     cross_check: CrossCheck | None
     warnings: list[str]
     cross_check_differs: bool = False

@@ -15,7 +15,6 @@ read at. Each is changed by one standard deviation, and few more steps give the 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -23,7 +22,7 @@ from numpy.typing import NDArray
 
 from analysis.drag import aircraft_models, covariance
 from analysis.drag.cross_check import priors, segments_of
-from analysis.drag.method import MethodDescription, MethodEstimate
+from analysis.drag.method import MethodDescription, MethodEstimate, not_flown
 from analysis.drag.sensor_errors import CAUSES, error_prior_sigma
 from analysis.estimation import uncertainty
 from analysis.estimation.data import Segment
@@ -35,6 +34,7 @@ from analysis.flight import Reconstructed
 from analysis.ground.thrust_prior import J_REFERENCE
 from analysis.maneuvers.kinds import LEVEL_RUNS, Maneuver
 from analysis.polar import Polar
+from analysis.schema import Cause, PitchRateResult
 from analysis.signals.smoothing import without_gaps
 from analysis.trajectory.equations import SENSOR_ERRORS, STATES
 from flight.aerodynamics import stability_axes
@@ -44,7 +44,7 @@ Array = NDArray[np.float64]
 PolarOf = Callable[[NamedValues], Array]
 
 BLOCK = 2  # samples: 12.5 blocks per second are ten per cycle of the short period
-AS_MEASURED = ("airspeed_scale", *CAUSES["propeller table"])
+AS_MEASURED = ("airspeed_scale", *CAUSES[Cause.PROPELLER_TABLE])
 TWO_STATE = MethodDescription(
     "two-state", "maximum likelihood, two states", "(3.37)-(3.45), Table 3.1", LEVEL_RUNS, AS_MEASURED
 )
@@ -61,28 +61,6 @@ STEPS_MORE = 3  # from an estimate to that with another input, by one standard d
 POLAR_POINTS, ALPHA_RANGE = 31, (1.0, 99.0)  # percentiles of the angle of attack flown
 
 
-class PitchRate(NamedTuple):
-    """Signal to noise of the pitch rate, and the significance of C_Lq (4.3)-(4.7).
-
-    snr : variance of the pitch rate over that of its noise, by run     noise_radps : standard deviation of a sample
-    CLq, standard_error : estimated without a prior; the standard error is that of white residuals (4.2)
-    corrected_error : with the color of the residuals
-    t, critical : (4.4), and the limit that it has to exceed
-    """
-
-    snr: dict[str, float]
-    noise_radps: float
-    CLq: float
-    standard_error: float
-    corrected_error: float
-    t: float
-    critical: float
-
-    @property
-    def significant(self) -> bool:
-        return abs(self.t) > self.critical
-
-
 @dataclass(frozen=True)
 class LikelihoodEstimates:
     """methods : TWO_STATE and FORCE_MODELS     pitch_rate : None where its estimation failed
@@ -91,7 +69,7 @@ class LikelihoodEstimates:
     """
 
     methods: list[MethodEstimate]
-    pitch_rate: PitchRate | None
+    pitch_rate: PitchRateResult | None
     fits: dict[str, Fit]
 
 
@@ -103,9 +81,9 @@ def estimate(flight: Reconstructed, wanted: tuple[MethodDescription, ...] = METH
     aircraft, level = flight.aircraft, flight.maneuvers.level_runs
     fits: dict[str, Fit] = {}
     pitch_rate = None
+    if not level:
+        return LikelihoodEstimates([not_flown(method) for method in wanted], None, fits)
     try:
-        if not level:
-            raise InputError(f"no run of the required kind was flown: {' or '.join(LEVEL_RUNS)}")
         data = _Data(flight)
         known = priors(aircraft, zeroed=flight.data.zeroed)
         two_state = aircraft_models.two_state(aircraft, priors=known, J_ref=J_REFERENCE).changed(**TABLE_AS_IT_IS)
@@ -244,20 +222,21 @@ def _polar_of_forces(alpha_measured: Array, elevator: Array, p: NamedValues) -> 
     return np.asarray(np.polyfit(CL, CD, 2)[::-1])
 
 
-def pitch_rate_of(table: pd.DataFrame, runs: list[Maneuver], fit: Fit) -> PitchRate:
+def pitch_rate_of(table: pd.DataFrame, runs: list[Maneuver], fit: Fit) -> PitchRateResult:
     """Signal to noise of the pitch rate as measured, and the significance of C_Lq by its fit."""
     rates = {run.name: table["q_radps"].to_numpy()[run.rows] for run in runs}
     noise = float(np.sqrt(np.mean([sample_variance(q) for q in rates.values()])))
     white, corrected = uncertainty.cramer_rao(fit), covariance.of_noise(fit)
     test = uncertainty.t_tests(white)["CLq"]
-    return PitchRate(
-        {name: max(float(np.nanvar(q)) / noise**2 - 1, 0.0) for name, q in rates.items()},
-        noise,
-        fit.parameters["CLq"].value,
-        white.standard_errors["CLq"],
-        float(np.sqrt(np.diag(corrected)[fit.names.index("CLq")])),
-        test.t,
-        test.critical,
+    return PitchRateResult(
+        signal_to_noise={name: max(float(np.nanvar(q)) / noise**2 - 1, 0.0) for name, q in rates.items()},
+        noise_radps=noise,
+        CLq=fit.parameters["CLq"].value,
+        standard_error=white.standard_errors["CLq"],
+        standard_error_corrected=float(np.sqrt(np.diag(corrected)[fit.names.index("CLq")])),
+        t=test.t,
+        critical_t=test.critical,
+        significant=abs(test.t) > test.critical,
     )
 
 

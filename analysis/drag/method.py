@@ -19,6 +19,7 @@ from analysis.drag.sensor_errors import CAUSES, error_prior_sigma
 from analysis.flown import ROBUST_RANGE
 from analysis.maneuvers.kinds import Maneuver
 from analysis.polar import Polar
+from analysis.schema import Cause
 from flight.aircraft import Aircraft
 from flight.errors import InputError
 
@@ -74,7 +75,7 @@ class MethodEstimate:
     sensitivities : derivative of A (3,) by each error of `Method.taken_as_measured`
     trajectory_deviations : (3, m) change of A with each independent trajectory error of one standard deviation
     cause_effects : the part of A (3,) that is due to the estimated errors of each of CAUSES
-    polar : None where there is no estimate; `notes` then say why
+    polar : None where there is no estimate; `notes` then say why     not_flown : kinds of runs, where none was flown
     """
 
     method: MethodDescription
@@ -83,25 +84,31 @@ class MethodEstimate:
     systematic: Array = field(default_factory=lambda: np.zeros((3, 3)))
     sensitivities: dict[str, Array] = field(default_factory=dict)
     trajectory_deviations: Array = field(default_factory=lambda: np.zeros((3, 0)))
-    cause_effects: dict[str, Array] = field(default_factory=dict)
+    cause_effects: dict[Cause, Array] = field(default_factory=dict)
     flown_CL: tuple[float, float] = (0.0, 0.0)
     points: tuple[SteadyPoint, ...] = ()
     notes: tuple[str, ...] = ()
+    not_flown: tuple[str, ...] = ()
 
 
 def estimate_with(method: Method, inputs: MethodInputs) -> MethodEstimate:
     """A method's estimate. Where the flight lacks something it needs, the estimate has no polar but a note."""
+    runs = [run for run in inputs.runs if run.kind in method.kinds]
+    if not runs:
+        return not_flown(method)
     try:
-        return _estimate(method, inputs)
+        return _estimate(method, inputs, runs)
     except InputError as error:
         return MethodEstimate(method, notes=(str(error),))
 
 
-def _estimate(method: Method, inputs: MethodInputs) -> MethodEstimate:
-    runs = [run for run in inputs.runs if run.kind in method.kinds]
-    if not runs:
-        raise InputError(f"no run of the required kind was flown: {' or '.join(method.kinds)}")
+def not_flown(method: MethodDescription) -> MethodEstimate:
+    """No estimate, because no run was flown of any kind that the method takes."""
+    note = f"no run of the required kind was flown: {' or '.join(method.kinds)}"
+    return MethodEstimate(method, not_flown=method.kinds, notes=(note,))
 
+
+def _estimate(method: Method, inputs: MethodInputs, runs: list[Maneuver]) -> MethodEstimate:
     def coefficients(table: pd.DataFrame) -> Array:
         return method.regression(table, runs, inputs.aircraft).coefficients()
 

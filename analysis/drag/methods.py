@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.drag.comparison import MethodDisagreement, disagreements
+from analysis.drag.comparison import disagreements
 from analysis.drag.dynamic import TRAJECTORY_DID_NOT_CONVERGE, DynamicEstimate, parameter_list
 from analysis.drag.forces import FlightForces
 from analysis.drag.method import Method, MethodEstimate, estimate_with
@@ -24,7 +24,7 @@ from analysis.drag.steady_points import PIW_VIW_THREE, PIW_VIW_TWO, W_DELTA, W_D
 from analysis.ground.thrust_prior import THRUST, thrust_prior
 from analysis.maneuvers.kinds import LEVEL_RUNS, Maneuver
 from analysis.polar import Condition, Polar
-from analysis.schema import CurveStatus
+from analysis.schema import CurveStatus, DisagreementResult
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
 from flight.errors import InputError
@@ -41,7 +41,7 @@ class MethodEstimates(NamedTuple):
 
     by_method: list[MethodEstimate]
     one_by_one: list[MethodEstimate]
-    disagreements: list[MethodDisagreement]
+    disagreements: list[DisagreementResult]
 
 
 def every_method(

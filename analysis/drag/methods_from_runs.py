@@ -28,6 +28,7 @@ from analysis.drag.method import Method
 from analysis.drag.regression import RunRegression, TimeSeriesRegression, run_data
 from analysis.drag.sensor_errors import CAUSES
 from analysis.maneuvers.kinds import ACCELERATION, DECELERATION, LEVEL_RUNS, LOAD_FACTOR_MANEUVERS, Maneuver
+from analysis.schema import Cause
 from flight.aircraft import Aircraft
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2 as g
@@ -85,7 +86,7 @@ def _direct_method(
             regressions.append(RunRegression(run.name, t, X, drag, CL))
         return TimeSeriesRegression(regressions)
 
-    return Method(name, title, equations, kinds, (*taken_as_measured, *CAUSES["propeller table"]), regression)
+    return Method(name, title, equations, kinds, (*taken_as_measured, *CAUSES[Cause.PROPELLER_TABLE]), regression)
 
 
 DIRECT = _direct_method(

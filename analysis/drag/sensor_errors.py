@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from analysis.drag.forces import FlightForces
 from analysis.ground.thrust_prior import J_REFERENCE, THRUST, thrust_prior
+from analysis.schema import Cause
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft, Uncertainty
@@ -31,13 +32,12 @@ INSTALLATION_TOLERANCE = {
 }
 # The errors that belong to one cause.
 CAUSES = {
-    "angle of attack": ("alpha_bias", "alpha_scale"),
-    "pitch attitude": ("pitch",),
-    "airspeed": ("airspeed_scale",),
-    "air-data lag": ("lag",),
-    "propeller table": THRUST,
+    Cause.ANGLE_OF_ATTACK: ("alpha_bias", "alpha_scale"),
+    Cause.PITCH_ATTITUDE: ("pitch",),
+    Cause.AIRSPEED: ("airspeed_scale",),
+    Cause.AIR_DATA_LAG: ("lag",),
+    Cause.PROPELLER_TABLE: THRUST,
 }
-UNEXPLAINED = "unexplained"  # the part of a difference that no cause explains
 
 LAG_SIGMA_S = 0.3  # prior of the air-data lag here: wide enough for a faulty installation
 FEWEST_BLOCKS = 20

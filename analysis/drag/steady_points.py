@@ -25,6 +25,7 @@ from analysis.drag.method import Method, SteadyPoint
 from analysis.drag.regression import THREE_TERM, TWO_TERM, PointRegression
 from analysis.drag.sensor_errors import CAUSES
 from analysis.maneuvers.kinds import STEADY, Maneuver
+from analysis.schema import Cause
 from flight.aircraft import Aircraft
 from flight.atmosphere import GAS_CONSTANT_AIR, SEA_LEVEL_DENSITY, SEA_LEVEL_PRESSURE_PA
 from flight.errors import InputError
@@ -165,7 +166,7 @@ def steady_method(
         title=title,
         equations=equations,
         kinds=(STEADY,),
-        taken_as_measured=CAUSES["propeller table"],
+        taken_as_measured=CAUSES[Cause.PROPELLER_TABLE],
         regression=point_regression,
         points=steady_points,
         two_term=terms is TWO_TERM,

@@ -7,12 +7,10 @@ import numpy as np
 
 from analysis.drag.estimate import Estimated
 from analysis.electrical.estimate import ElectricalEstimate
-from analysis.maneuvers.kinds import Maneuvers
 from analysis.polar import Condition, best_range_lift, minimum_power_lift
 from analysis.results import flight_found, methods, power_curves
 from analysis.results.autopilot_parameters import of_power_required
 from analysis.results.electrical import electrical_points
-from analysis.results.likelihood import pitch_rate_result
 from analysis.results.pooling_statistics import mean_battery_V, pooling_statistics, start_unix_s
 from analysis.results.provenance import provenance
 from analysis.results.trajectory import trajectory_result
@@ -63,8 +61,8 @@ def assemble(
         standard=ConditionResult(weight_N=standard.weight_N, air_density_kgpm3=standard.rho),
         air_temperature_K=float(flown["temperature_K"].mean()),
         air_pressure_Pa=float(flown["static_Pa"].mean()),
-        runs=_runs(maneuvers),
-        rejected=_rejected(maneuvers),
+        runs=msgspec.convert(maneuvers.maneuvers, list[RunResult], from_attributes=True),
+        rejected=msgspec.convert(maneuvers.rejected, list[RejectedResult], from_attributes=True),
         parameters=[
             ParameterResult(name=name, value=value, standard_error=error, unit=unit)
             for name, value, error, unit in drag.main.parameters
@@ -86,7 +84,7 @@ def assemble(
         warnings=list(flight.notes),
         methods=[methods.method_result(estimate, condition, flown_CL[1]) for estimate in drag.methods],
         one_by_one=[methods.method_result(estimate, condition, flown_CL[1]) for estimate in drag.one_by_one],
-        disagreements=[methods.disagreement_result(one) for one in drag.disagreements],
+        disagreements=drag.disagreements,
         interval_parts=power_curves.interval_parts(
             drag.main, condition, np.array([point.speed_mps for point in power_required])
         ),
@@ -95,11 +93,11 @@ def assemble(
         pooling=_pooling(flight),
         provenance=provenance(flight, flight.runs_file, command_line),
         air=flight_found.air_found(trajectory, flown, condition),
-        run_residuals=flight_found.run_residuals(drag.main),
+        run_residuals=flight_found.run_residuals(drag.main, {run.name: run.kind for run in maneuvers.level_runs}),
         parameter_correlation=flight_found.parameter_correlation(drag.main),
         track=flight_found.track(trajectory),
         electrical_power=electrical_points(electrical) if electrical else [],
-        pitch_rate=pitch_rate_result(drag.likelihood.pitch_rate) if drag.likelihood.pitch_rate else None,
+        pitch_rate=drag.likelihood.pitch_rate,
     )
     parameters, withheld = of_power_required(results, *power_curves.two_term_polar(polar, flown_CL))
     return msgspec.structs.replace(results, autopilot_parameters=parameters, autopilot_parameters_withheld=withheld)
@@ -112,25 +110,3 @@ def _pooling(flight: Estimated) -> PoolingStatistics | None:
     return statistics and msgspec.structs.replace(
         statistics, start_unix_s=start_unix_s(flight.log), battery_V=mean_battery_V(flight.flown)
     )
-
-
-def _runs(maneuvers: Maneuvers) -> list[RunResult]:
-    return [
-        RunResult(
-            kind=run.kind,
-            start_s=run.start_s,
-            end_s=run.end_s,
-            lowest_speed_mps=run.lowest_speed_mps,
-            highest_speed_mps=run.highest_speed_mps,
-            altitude_change_m=run.altitude_change_m,
-            notes=list(run.notes),
-        )
-        for run in maneuvers.maneuvers
-    ]
-
-
-def _rejected(maneuvers: Maneuvers) -> list[RejectedResult]:
-    return [
-        RejectedResult(kind=one.kind, start_s=one.start_s, end_s=one.end_s, reason=one.reason)
-        for one in maneuvers.rejected
-    ]

@@ -1,5 +1,7 @@
 """What the flight found beside the curve, in the form of `results.json`: air, residuals, correlation, track."""
 
+from collections.abc import Mapping
+
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -38,8 +40,11 @@ def air_found(trajectory: Trajectory, flown: pd.DataFrame, condition: Condition)
     )
 
 
-def run_residuals(estimate: DynamicEstimate) -> list[RunResidual]:
-    """Scatter and autocorrelation of each run's residuals of drag. White residuals correlate at lag 0 only."""
+def run_residuals(estimate: DynamicEstimate, kinds: Mapping[str, str]) -> list[RunResidual]:
+    """Scatter and autocorrelation of each run's residuals of drag. White residuals correlate at lag 0 only.
+
+    kinds: of the runs, by name
+    """
     found = []
     for fit in estimate.fits:
         residual = fit.measured[DRAG] - fit.modeled[DRAG]
@@ -49,6 +54,7 @@ def run_residuals(estimate: DynamicEstimate) -> list[RunResidual]:
         found.append(
             RunResidual(
                 run=fit.run,
+                kind=kinds[fit.run],
                 points=len(residual),
                 step_s=step_s,
                 rms_mps2=float(np.sqrt(np.mean(residual**2))),

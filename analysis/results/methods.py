@@ -1,11 +1,10 @@
 """The estimates of all methods in the form of `results.json`."""
 
-from analysis.drag.comparison import MethodDisagreement
 from analysis.drag.method import MethodEstimate, SteadyPoint
 from analysis.estimation.noise import NORMAL_95
 from analysis.polar import Condition, speed_at
 from analysis.results.power_curves import power_curve
-from analysis.schema import DisagreementResult, MethodPoint, MethodResult
+from analysis.schema import MethodPoint, MethodResult
 
 
 def method_result(estimate: MethodEstimate, condition: Condition, largest_CL: float) -> MethodResult:
@@ -26,6 +25,7 @@ def method_result(estimate: MethodEstimate, condition: Condition, largest_CL: fl
         power_required=power_curve(polar, condition, (smallest, largest)) if polar and smallest < largest else [],
         points=[_point(point, condition) for point in estimate.points],
         notes=list(estimate.notes),
+        not_flown=list(estimate.not_flown),
     )
 
 
@@ -36,16 +36,4 @@ def _point(point: SteadyPoint, condition: Condition) -> MethodPoint:
     power, half = unit * point.CD, NORMAL_95 * unit * point.CD_error
     return MethodPoint(
         speed_mps=V, power_W=power, power_lo_W=power - half, power_hi_W=power + half, start_s=point.start_s
-    )
-
-
-def disagreement_result(found: MethodDisagreement) -> DisagreementResult:
-    return DisagreementResult(
-        methods=(found.first, found.second),
-        speed_mps=found.speed_mps,
-        difference_W=found.difference_W,
-        allowed_W=found.allowed_W,
-        culprit=found.cause,
-        shares_W=found.shares_W,
-        text=found.text,
     )

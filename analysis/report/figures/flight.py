@@ -129,7 +129,7 @@ def autocorrelation(residuals: Sequence[RunResidual]) -> Figure:
     figure = Figure()
     in_legend = set()
     for run in residuals:
-        kind = run.run.partition(" at ")[0]
+        kind = run.kind
         lags = run.step_s * np.arange(len(run.autocorrelation), dtype=np.float64)
         figure.add_scatter(
             x=rounded(lags), y=rounded(np.array(run.autocorrelation)), mode="lines", name=kind, legendgroup=kind,

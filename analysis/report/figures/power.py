@@ -10,6 +10,7 @@ Figures of endurance and range, and of the efficiencies of propeller and motor.
 import numpy as np
 
 from analysis.estimation.noise import NORMAL_95
+from analysis.maneuvers.kinds import LEVEL_RUNS
 from analysis.polar import Polar
 from analysis.report.figures.style import (
     BLUE,
@@ -208,9 +209,9 @@ def run_by_run(results: Results) -> Figure:
     add_band(figure, V, (lo, hi), ALL_RUNS_COLOR, 0.3)
     add_curve(figure, results.power_required, "all runs", ALL_RUNS_COLOR, width=5)
     in_legend = set()
-    for run in results.one_by_one:
+    kinds = (run.kind for run in results.runs if run.kind in LEVEL_RUNS)
+    for kind, run in zip(kinds, results.one_by_one, strict=True):
         if run.power_required:
-            kind = next((kind for kind in RUN_COLOR if kind in run.title), "run")
             V, P, _, _ = curve_arrays(run.power_required)
             figure.add_scatter(
                 x=rounded(V), y=rounded(P), mode="lines", line={"color": RUN_COLOR.get(kind, OTHER_RUN), "width": 2},

@@ -13,8 +13,6 @@ from analysis.report.sections.summary import reference_point
 from analysis.report.settings import REPORT
 from analysis.schema import CheckedBy, IntervalPart, Results
 
-NOT_FLOWN = "no run of the required kind was flown: "  # begins a note of a method
-
 
 class CertaintySection(NamedTuple):
     checks: HtmlTable
@@ -255,14 +253,7 @@ def next_flight(results: Results) -> list[str]:
             "A propeller table that reaches further, or more motor speed in the fast runs: parts of the curve lie"
             " outside the table (dashed)."
         )
-    kinds = sorted(
-        {
-            note.removeprefix(NOT_FLOWN)
-            for method in results.methods
-            for note in method.notes
-            if note.startswith(NOT_FLOWN)
-        }
-    )
+    kinds = sorted({" or ".join(method.not_flown) for method in results.methods if method.not_flown})
     if kinds:
         advice.append(f"For an independent check by other methods: {', '.join(kinds)}.")
     return advice

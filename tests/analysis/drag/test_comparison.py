@@ -47,8 +47,8 @@ def analyzed_flight(
 )
 def test_a_single_error_is_named_and_no_other(probe, seed: int, wrong, pair, cause: str) -> None:
     found = analyzed_flight(probe, seed, **wrong).disagreements
-    assert pair in {(one.first, one.second) for one in found}
-    assert {one.cause for one in found} == {cause}
+    assert pair in {one.methods for one in found}
+    assert {one.culprit for one in found} == {cause}
     for one in found:
         assert abs(one.difference_W) > one.allowed_W
         assert abs(one.shares_W["unexplained"]) < one.allowed_W, "the estimated error explains it"
@@ -57,8 +57,8 @@ def test_a_single_error_is_named_and_no_other(probe, seed: int, wrong, pair, cau
 def between_accelerations_and_decelerations(probe, seed: int, **wrong) -> str:
     """The cause of their difference in 3 kt."""
     found = analyzed_flight(probe, seed, W20_kt=3.0, **wrong).disagreements
-    (one,) = (one for one in found if (one.first, one.second) == ("decelerations", "accelerations"))
-    return one.cause
+    (one,) = (one for one in found if one.methods == ("decelerations", "accelerations"))
+    return one.culprit
 
 
 def test_a_wrong_propeller_table_is_named_in_gusts_of_3_kt(probe) -> None:
@@ -100,8 +100,8 @@ def test_energy_shows_a_wrong_pitch_of_the_trajectory_with_size_and_sign(probe, 
     rows = pd.concat([flown.table.iloc[run.rows] for run in level])
     at, flown_CL = flown_condition(rows, AIRCRAFT), flown_lift(rows, AIRCRAFT)
     said = every_method(tilted, level, AIRCRAFT, propeller, at, dynamic=estimate, dynamic_CL=flown_CL).disagreements
-    (one,) = (one for one in said if one.second == "energy")
-    assert one.cause == "pitch attitude"
+    (one,) = (one for one in said if one.methods[1] == "energy")
+    assert one.culprit == "pitch attitude"
     words = re.search(r"pitch attitude is ([\d.]+) deg too (high|low)", one.text)
     assert words and words[2] == side
     assert float(words[1]) == pytest.approx(abs(tilt_deg), rel=0.3)
@@ -131,8 +131,8 @@ def test_steady_points_show_a_wrong_propeller_table(probe, tmp_path: Path) -> No
     plan = tmp_path / "both.toml"
     plan.write_text(with_steady_points(), "utf-8")
     found = analyzed_flight(probe, 40, str(plan), thrust_scale=-0.08).disagreements
-    assert ("dynamic", "piw-viw") in {(one.first, one.second) for one in found}
-    assert {one.cause for one in found} == {"propeller table"}
+    assert ("dynamic", "piw-viw") in {one.methods for one in found}
+    assert {one.culprit for one in found} == {"propeller table"}
 
 
 def with_steady_points() -> str:

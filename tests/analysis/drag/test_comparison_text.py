@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from analysis.drag.comparison import sentences
-from analysis.drag.sensor_errors import UNEXPLAINED, ErrorEstimate
+from analysis.drag.sensor_errors import ErrorEstimate
 from analysis.polar import Condition
+from analysis.schema import Cause
 
 AT = Condition(40.0, 1.2, 0.6)
 TITLES = ("the dynamic method", "direct method")
@@ -13,12 +14,16 @@ TITLES = ("the dynamic method", "direct method")
 
 def said(cause: str, share_W: float | None = 3.0, *, difference_W: float = 5.0, unexplained_W: float = 2.0, **errors):
     found = {name: ErrorEstimate(*error) for name, error in errors.items()}
-    return sentences(TITLES, 15.0, 100.0, difference_W, cause, share_W, unexplained_W, found, AT)
+    return sentences(TITLES, 15.0, 100.0, difference_W, Cause(cause), share_W, unexplained_W, found, AT)
 
 
 def test_the_difference_is_a_share_of_the_first_power_and_its_side_is_named() -> None:
-    assert said(UNEXPLAINED).startswith("Direct method: 5 % (5.0 W) above the dynamic method at 15.0 m/s. No estimated")
-    assert said(UNEXPLAINED, difference_W=-7.0).startswith("Direct method: 7 % (7.0 W) below the dynamic method at")
+    assert said(Cause.UNEXPLAINED).startswith(
+        "Direct method: 5 % (5.0 W) above the dynamic method at 15.0 m/s. No estimated"
+    )
+    assert said(Cause.UNEXPLAINED, difference_W=-7.0).startswith(
+        "Direct method: 7 % (7.0 W) below the dynamic method at"
+    )
 
 
 @pytest.mark.parametrize(("tilt_deg", "side"), [(0.25, "high"), (-0.25, "low")])

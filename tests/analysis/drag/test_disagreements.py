@@ -88,7 +88,7 @@ def test_methods_without_common_speeds_are_not_compared() -> None:
 def test_the_cause_with_the_largest_share_in_the_difference_s_direction_is_named(sign: float) -> None:
     effects = {"angle of attack": effect(0.008 * sign), "air-data lag": effect(-0.02 * sign)}
     (found,) = compared(by(DIRECT, 0.01 * sign, cause_effects=effects | {"propeller table": effect(0.015 * sign)}))
-    assert found.cause == "propeller table"
+    assert found.culprit == "propeller table"
     assert found.shares_W["air-data lag"] * found.difference_W < 0
     assert sum(found.shares_W.values()) == pytest.approx(found.difference_W)
     assert ("above" if sign > 0 else "below") in found.text
@@ -100,15 +100,15 @@ def test_a_small_significant_error_is_named_where_the_rest_is_within_what_is_all
     estimate = by(DIRECT, change, cause_effects={"angle of attack": effect(0.2 * change)})
     assert compared(estimate) == []
     (found,) = compared(estimate, errors=SURE | {"alpha_bias": ErrorEstimate(3.1e-6, 1e-6)})
-    assert found.cause == "angle of attack"
+    assert found.culprit == "angle of attack"
     assert compared(estimate, errors=SURE | {"alpha_bias": ErrorEstimate(2.9e-6, 1e-6)}) == []
 
 
 def test_a_difference_that_nothing_explains_has_no_cause_but_for_energy() -> None:
     (direct,) = compared(by(DIRECT, 0.01))
-    assert direct.cause == "unexplained" and "No estimated error" in direct.text
+    assert direct.culprit == "unexplained" and "No estimated error" in direct.text
     (energy,) = compared(by(ENERGY, 0.01))
-    assert energy.cause == "pitch attitude"
+    assert energy.culprit == "pitch attitude"
 
 
 @pytest.mark.parametrize(("change", "side"), [(-1.0, "high"), (1.0, "low")])
@@ -136,6 +136,6 @@ def test_energy_below_dynamic_shows_a_trajectory_pitched_too_high(change: float,
 def test_text_states_the_estimated_error_with_its_95_per_cent_interval(method, cause, errors, sentence) -> None:
     estimates = SURE | {name: ErrorEstimate(*values) for name, values in errors.items()}
     (found,) = compared(by(method, 0.01, cause_effects={cause: effect(0.009)}), errors=estimates)
-    assert found.cause == cause
+    assert found.culprit == cause
     assert sentence in found.text
     assert "remain unexplained" in found.text

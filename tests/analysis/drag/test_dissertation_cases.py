@@ -111,9 +111,9 @@ def test_pitch_rate_of_runs_is_too_small_for_CLq(by_likelihood) -> None:
     found = by_likelihood.pitch_rate
     assert not found.significant
     assert found.t == pytest.approx(found.CLq / found.standard_error)
-    assert found.critical == pytest.approx(1.96, abs=0.01)
-    acceleration = max(snr for run, snr in found.snr.items() if run.startswith("acceleration"))
-    assert acceleration > 3 * max(snr for run, snr in found.snr.items() if run.startswith("deceleration"))
+    assert found.critical_t == pytest.approx(1.96, abs=0.01)
+    acceleration = max(snr for run, snr in found.signal_to_noise.items() if run.startswith("acceleration"))
+    assert acceleration > 3 * max(snr for run, snr in found.signal_to_noise.items() if run.startswith("deceleration"))
 
 
 def test_noise_is_told_from_a_smooth_signal() -> None:

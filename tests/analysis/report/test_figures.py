@@ -28,7 +28,9 @@ def test_panels_share_the_height_with_a_gap_between_them() -> None:
 
 
 def test_the_autocorrelation_has_the_bounds_of_white_noise() -> None:
-    run = SimpleNamespace(run="acceleration at 10 s", step_s=0.2, points=100, autocorrelation=[1.0, 0.3, -0.1])
+    run = SimpleNamespace(
+        run="acceleration at 10 s", kind=ACCELERATION, step_s=0.2, points=100, autocorrelation=[1.0, 0.3, -0.1]
+    )
     figure = flight.autocorrelation([run])  # type: ignore[list-item]
     assert list(figure.data[0]["x"]) == pytest.approx([0.0, 0.2, 0.4])
     bounds = named(figure, "95 % bound of white noise")

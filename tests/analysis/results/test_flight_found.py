@@ -51,7 +51,7 @@ def test_residuals_are_measured_less_modeled_and_their_correlation_reaches_four_
     measured = modeled + residual
     measured[7] = np.nan
     fit = SimpleNamespace(run="1 acceleration", t_s=T_S, measured={DRAG: measured}, modeled={DRAG: modeled})
-    (found,) = run_residuals(SimpleNamespace(fits=[fit]))
+    (found,) = run_residuals(SimpleNamespace(fits=[fit]), {"1 acceleration": "acceleration"})
     assert (found.points, found.step_s) == (199, pytest.approx(0.2))
     assert found.rms_mps2 == pytest.approx(0.3 / np.sqrt(2), rel=0.01)
     assert len(found.autocorrelation) == 21  # 0 to 4 s
