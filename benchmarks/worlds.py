@@ -43,7 +43,7 @@ from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from flight.log_reader import read_log
 from sim.__main__ import fly
-from sim.world import load_world, worlds
+from sim.world import load_world, worlds, worlds_with_defects
 
 ROOT = Path(__file__).parents[1]
 WEATHER_KT, PLANS = (0.0, 3.0, 15.0), ("full-test-flight", "two-pairs")
@@ -246,7 +246,7 @@ def main(
 ) -> None:
     """Fly what is missing and print the table."""
     code, probe = version(), msgspec.json.encode(tunnel_probe()).decode()
-    chosen = names or [name for name in worlds() if name != WITHOUT_ERRORS]
+    chosen = names or [name for name in worlds() if name not in {WITHOUT_ERRORS, *worlds_with_defects()}]
     todo = []
     # Seed by seed over all cells: an interrupted study has a few flights of everything.
     of_cell = {cell: flights or (STUDY_FLIGHTS if cell.world == STUDY else FLIGHTS)

@@ -6,6 +6,7 @@ its import takes a third of a second, and several seconds on a small Raspberry P
 """
 
 import dataclasses
+import enum
 import math
 import re
 import types
@@ -216,6 +217,10 @@ def _read_value(
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise InputError(f"{where}: should be a plain number, is {value!r}")
         return float(value)
+    if isinstance(hint, type) and issubclass(hint, enum.StrEnum):
+        if value not in list(hint):
+            raise InputError(f"{where}: {value!r} is not one of {', '.join(hint)}")
+        return hint(str(value))
     if not isinstance(value, hint) or isinstance(value, bool) != (hint is bool):
         raise InputError(f"{where}: should be {'text' if hint is str else hint.__name__}, is {value!r}")
     return value

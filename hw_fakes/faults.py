@@ -15,6 +15,7 @@ A fault acts where it arises: on the wire between computer and part (`FaultyBus`
 (`PartFault`).
 """
 
+import enum
 import errno
 import os
 import tomllib
@@ -36,22 +37,47 @@ I2C_PARTS = ("imu", "magnetometer", *BAROMETERS, *BRIDGES)
 SERIAL_PARTS = ("gps", "esc_counter", "autopilot")
 BUS = "i2c"
 
-ON_THE_BUS = ("no_acknowledge", "timeout", "bit_flips", "stuck_value", "wrong_device")
-ON_THE_LINE = ("checksum_errors", "unplugged", "silent")
-DEVICES_OF_KIND: dict[str, tuple[str, ...]] = {
-    "no_acknowledge": (*I2C_PARTS, BUS),
-    "timeout": (*I2C_PARTS, BUS),
-    "bit_flips": (*I2C_PARTS, BUS),
-    "stuck_value": I2C_PARTS,
-    "wrong_device": I2C_PARTS,
-    "brown_out": (*I2C_PARTS, "gps"),
-    "wrong_prom_crc": BAROMETERS,
-    "stale": BRIDGES,
-    "latched_fault": BRIDGES,
-    "no_fix": ("gps",),
-    "checksum_errors": SERIAL_PARTS,
-    "unplugged": SERIAL_PARTS,
-    "silent": SERIAL_PARTS,
+
+class FaultKind(enum.StrEnum):
+    """What happens, as the file of faults calls it."""
+
+    NO_ACKNOWLEDGE = "no_acknowledge"
+    TIMEOUT = "timeout"
+    BIT_FLIPS = "bit_flips"
+    STUCK_VALUE = "stuck_value"
+    WRONG_DEVICE = "wrong_device"
+    BROWN_OUT = "brown_out"
+    WRONG_PROM_CRC = "wrong_prom_crc"
+    STALE = "stale"
+    LATCHED_FAULT = "latched_fault"
+    NO_FIX = "no_fix"
+    CHECKSUM_ERRORS = "checksum_errors"
+    UNPLUGGED = "unplugged"
+    SILENT = "silent"
+
+
+ON_THE_BUS = (
+    FaultKind.NO_ACKNOWLEDGE,
+    FaultKind.TIMEOUT,
+    FaultKind.BIT_FLIPS,
+    FaultKind.STUCK_VALUE,
+    FaultKind.WRONG_DEVICE,
+)
+ON_THE_LINE = (FaultKind.CHECKSUM_ERRORS, FaultKind.UNPLUGGED, FaultKind.SILENT)
+DEVICES_OF_KIND: dict[FaultKind, tuple[str, ...]] = {
+    FaultKind.NO_ACKNOWLEDGE: (*I2C_PARTS, BUS),
+    FaultKind.TIMEOUT: (*I2C_PARTS, BUS),
+    FaultKind.BIT_FLIPS: (*I2C_PARTS, BUS),
+    FaultKind.STUCK_VALUE: I2C_PARTS,
+    FaultKind.WRONG_DEVICE: I2C_PARTS,
+    FaultKind.BROWN_OUT: (*I2C_PARTS, "gps"),
+    FaultKind.WRONG_PROM_CRC: BAROMETERS,
+    FaultKind.STALE: BRIDGES,
+    FaultKind.LATCHED_FAULT: BRIDGES,
+    FaultKind.NO_FIX: ("gps",),
+    FaultKind.CHECKSUM_ERRORS: SERIAL_PARTS,
+    FaultKind.UNPLUGGED: SERIAL_PARTS,
+    FaultKind.SILENT: SERIAL_PARTS,
 }
 TIMEOUT_NS = 20_000_000  # duration of a transfer that times out
 
@@ -60,7 +86,7 @@ TIMEOUT_NS = 20_000_000  # duration of a transfer that times out
 class Fault:
     """One fault. start_s, duration_s: in simulated time. rate: probability that a byte is changed."""
 
-    kind: str
+    kind: FaultKind
     device: str
     start_s: float
     duration_s: float = float("inf")
@@ -134,18 +160,18 @@ def part_fault(fault: Fault, part: Any) -> PartFault | None:
         return lambda at_ns: setattr(part, name, value)
 
     match fault.kind:
-        case "brown_out":
+        case FaultKind.BROWN_OUT:
             return PartFault(fault, nothing, part.power_cycle)
-        case "wrong_prom_crc":
+        case FaultKind.WRONG_PROM_CRC:
             good = list(part.prom)
             return PartFault(
                 fault, set_attribute("prom", [good[0], good[1] ^ 0x0010, *good[2:]]), set_attribute("prom", good)
             )
-        case "stale":
+        case FaultKind.STALE:
             return PartFault(fault, lambda at_ns: setattr(part, "frozen_ns", at_ns), set_attribute("frozen_ns", None))
-        case "latched_fault":
+        case FaultKind.LATCHED_FAULT:
             return PartFault(fault, set_attribute("fault", True), part.power_cycle)
-        case "no_fix":
+        case FaultKind.NO_FIX:
             return PartFault(fault, set_attribute("fix_lost", True), set_attribute("fix_lost", False))
     return None
 
@@ -177,7 +203,7 @@ class FaultyBus:
 
     def write(self, address: int, data: bytes) -> None:
         active = self._at_the_wire(address)
-        if not any(fault.kind == "wrong_device" for fault in active):
+        if not any(fault.kind == FaultKind.WRONG_DEVICE for fault in active):
             self._bus.write(address, data)
 
     def read(self, address: int, count: int) -> bytes:
@@ -194,9 +220,9 @@ class FaultyBus:
                 part.happen()
         active = [f for f in (*self._faults.get(None, ()), *self._faults.get(address, ())) if f.active(now_ns)]
         for fault in active:
-            if fault.kind in ("no_acknowledge", "brown_out"):
+            if fault.kind in (FaultKind.NO_ACKNOWLEDGE, FaultKind.BROWN_OUT):
                 raise no_acknowledge(address)
-            if fault.kind == "timeout":
+            if fault.kind == FaultKind.TIMEOUT:
                 if self._spend_ns is not None:
                     self._spend_ns(TIMEOUT_NS)
                 raise OSError(errno.ETIMEDOUT, os.strerror(errno.ETIMEDOUT))
@@ -204,13 +230,13 @@ class FaultyBus:
 
     def _reply(self, address: int, data: bytes, count: int, ask: Callable[[], bytes]) -> bytes:
         kinds = {fault.kind: fault for fault in self._at_the_wire(address)}
-        if "wrong_device" in kinds:
+        if FaultKind.WRONG_DEVICE in kinds:
             return memory_chip_reply(data, count)
         question = (address, data, count)
-        if "stuck_value" in kinds and question in self._seen:
+        if FaultKind.STUCK_VALUE in kinds and question in self._seen:
             return self._seen[question]
         reply = self._seen[question] = ask()
-        return flip_bits(reply, kinds["bit_flips"].rate, self._draw) if "bit_flips" in kinds else reply
+        return flip_bits(reply, kinds[FaultKind.BIT_FLIPS].rate, self._draw) if FaultKind.BIT_FLIPS in kinds else reply
 
 
 def memory_chip_reply(data: bytes, count: int) -> bytes:
@@ -268,15 +294,15 @@ class FaultyPort:
     def read_available(self) -> bytes:
         active = self._at_the_wire()
         data = self._line.read_available()
-        if any(fault.kind in ("silent", "brown_out") for fault in active):
+        if any(fault.kind in (FaultKind.SILENT, FaultKind.BROWN_OUT) for fault in active):
             return b""
         for fault in active:
-            if fault.kind == "checksum_errors":
+            if fault.kind == FaultKind.CHECKSUM_ERRORS:
                 data = flip_bits(data, fault.rate, self._draw)
         return data
 
     def write(self, data: bytes) -> None:
-        if not any(fault.kind in ("silent", "brown_out") for fault in self._at_the_wire()):
+        if not any(fault.kind in (FaultKind.SILENT, FaultKind.BROWN_OUT) for fault in self._at_the_wire()):
             self._line.write(data)
 
     def _at_the_wire(self) -> list[Fault]:
@@ -285,6 +311,8 @@ class FaultyPort:
             while (due_ns := part.next_ns()) <= now_ns:
                 self._line.collect(int(due_ns) - 1)  # bytes sent before the event are not affected by it
                 part.happen()
-        if any(f.kind == "unplugged" and f.start_ns <= now_ns and f.end_ns > self._opened_ns for f in self._faults):
+        if any(
+            f.kind == FaultKind.UNPLUGGED and f.start_ns <= now_ns and f.end_ns > self._opened_ns for f in self._faults
+        ):
             raise OSError(errno.EIO, "device reports readiness to read but returned no data (device disconnected?)")
         return [fault for fault in self._faults if fault.active(now_ns)]

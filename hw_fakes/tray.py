@@ -15,7 +15,7 @@ from hw_fakes.ads1115 import FakeADS1115
 from hw_fakes.ak8963 import FakeAK8963
 from hw_fakes.autopilot import FakeAutopilot
 from hw_fakes.esc_counter import FakeEscCounter
-from hw_fakes.faults import BUS, Fault, FaultyBus, FaultyPort, PartFault, check_fault, part_fault
+from hw_fakes.faults import BUS, Fault, FaultKind, FaultyBus, FaultyPort, PartFault, check_fault, part_fault
 from hw_fakes.i2c import FakeI2CBus, I2CBus, I2CDevice
 from hw_fakes.ina2xx import INA226, FakePowerMonitor
 from hw_fakes.mpu9250 import FakeMPU9250
@@ -134,7 +134,9 @@ class FakeTray:
         for number, fault in enumerate(faults):
             check_fault(fault, f"fault {number + 1}")
         # The magnetometer is in the IMU's package, on the same supply.
-        shared = [replace(f, device="magnetometer") for f in faults if (f.kind, f.device) == ("brown_out", "imu")]
+        shared = [
+            replace(f, device="magnetometer") for f in faults if (f.kind, f.device) == (FaultKind.BROWN_OUT, "imu")
+        ]
         faults = (*faults, *shared)
         for fault in faults:
             part = part_fault(fault, getattr(self, fault.device, None))
@@ -162,7 +164,7 @@ class FakeTray:
         part = _present(self.serial_devices, device)
         name = next(name for name, path in PORTS.items() if path == device)
         faults = [fault for fault in self._faults if fault.device == name]
-        if any(fault.kind == "unplugged" and fault.active(self._now_ns()) for fault in faults):
+        if any(fault.kind == FaultKind.UNPLUGGED and fault.active(self._now_ns()) for fault in faults):
             raise _missing(device)
         line = FakePort(part, baud, self._now_ns)
         if not faults:
