@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from analysis.estimation.fit import Fit
+from analysis.estimation.settings import COMPUTATION
 
 Array = NDArray[np.float64]
 Spectrum = NDArray[np.complex128]
-
-CORRECTIONS = 2  # iterations of the correction; a third changes standard errors by less than 1 %
 
 
 def residual_autocorrelation(fit: Fit, lags: int) -> Array:
@@ -158,7 +157,7 @@ def noise_spectrum(fit: Fit, size: int) -> Spectrum:
     gamma, transformed = residual_autocorrelation(fit, lags), transformed_sensitivities(fit, size)
     spectrum = Autoregression.fitted(gamma, samples).spectrum(size)
     # The correction needs a finite covariance.
-    for _ in range(CORRECTIONS if np.isfinite(fit.covariance).all() else 0):
+    for _ in range(COMPUTATION.color_corrections if np.isfinite(fit.covariance).all() else 0):
         absorbed = absorbed_autocorrelation(fit, spectrum, size, lags, transformed)
         spectrum = Autoregression.fitted(gamma + absorbed, samples).spectrum(size)
     return spectrum

@@ -18,13 +18,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from analysis.estimation.settings import COMPUTATION
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
-
-# Largest deviation of a time step from the median step, relative. The error of RK4 over a step is far larger than the
-# effect of 1 % of the step.
-UNIFORMITY_TOLERANCE = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +51,7 @@ class Segment:
         steps = np.diff(t)
         median = float(np.median(steps))
         deviation = np.abs(steps - median)
-        if not (median > 0 and deviation.max() <= UNIFORMITY_TOLERANCE * median):
+        if not (median > 0 and deviation.max() <= COMPUTATION.uniformity * median):
             at = int(np.argmax(deviation))  # argmax returns the first NaN, if any
             raise InputError(
                 f"segment {self.name}: the time base is not uniform: the step at t = {t[at]:g} s is {steps[at]:g} s,"

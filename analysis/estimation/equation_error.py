@@ -18,12 +18,11 @@ from analysis.estimation.fit import Fit
 from analysis.estimation.model import Model, NamedValues
 from analysis.estimation.output_error import fit_output_error
 from analysis.estimation.problem import as_segments, inputs_of, measurements_of
+from analysis.estimation.settings import COMPUTATION
 from analysis.estimation.simulation import InputRule
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
-
-KERNEL_HALF_LENGTH = 4.0  # in standard deviations of the Gaussian kernel; 6e-5 of its area is beyond
 
 
 def fit_equation_error(
@@ -127,7 +126,7 @@ def _mean_name(name: str) -> str:
 def _filtered(model: Model, segment: Segment, smoothing_s: float) -> Segment:
     """A segment of `regression_of(model)`; it loses half the kernel's length at each end."""
     h = segment.step_s
-    half = int(np.ceil(KERNEL_HALF_LENGTH * smoothing_s / h))
+    half = int(np.ceil(COMPUTATION.kernel_half_length * smoothing_s / h))
     if smoothing_s <= 0 or len(segment) <= 2 * half + 1:
         raise InputError(
             f"segment {segment.name}: {len(segment)} samples are too few for smoothing over {smoothing_s:g} s;"

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.estimation.data import Segment
-from analysis.estimation.fit import SIGNIFICANCE_LEVEL, Finding, Fit, FitStatus, Intensity, Remark, Verdict
+from analysis.estimation.fit import Finding, Fit, FitStatus, Intensity, Remark, Verdict
 from analysis.estimation.hints import innovation_hints
 from analysis.estimation.innovations import InnovationsLikelihood, not_finite
 from analysis.estimation.kalman_filter import build_filter
@@ -41,19 +41,13 @@ from analysis.estimation.process_noise import (
     noise_key,
     noise_unknowns,
 )
+from analysis.estimation.settings import FILTER_ERROR, VERDICT
 from analysis.estimation.starts import starting_values_by_equation_error, starting_values_by_output_error
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
 Source = Literal["equation error", "output error"]
 SOURCES: tuple[Source, ...] = ("equation error", "output error")
-
-# In standard errors. With noise parameters among the unknowns convergence is linear: a factor of 3 to 4 per step.
-STEP_TOLERANCE = 1e-3
-SMALLER = 0.01  # factor of the starting intensities in further attempts
-# Increase of the cost up to which process noise without information counts as zero. Zero noise also ends the filter's
-# corrections, which an unstable model needs however small the noise is.
-ZERO_COST = 0.5
 
 
 def fit_filter_error(
@@ -118,7 +112,11 @@ def fit_filter_error(
             values |= {n.name: guess[n.key] for n in free_noise if n.prior_information == 0}
         found = fitted(values)
     else:
-        small = {str(intensity_key(noise.state)): logarithm(noise.start * SMALLER) for noise in noises if noise.free}
+        small = {
+            str(intensity_key(noise.state)): logarithm(noise.start * FILTER_ERROR.smaller_start)
+            for noise in noises
+            if noise.free
+        }
         found = _best(fitted, start or {}, values_by, small)
     fit = make_fit(found.likelihood, found.point, found.iterations, found.stop)
     fit = replace(fit, integrator=options.integrator, inputs=options.inputs)
@@ -127,7 +125,7 @@ def fit_filter_error(
         for key in found.likelihood.intensities:
             smaller, theta = found.likelihood.holding({key: -math.inf}, found.point.theta)
             without, _, stop = maximize(
-                smaller, smaller.evaluate(theta), options.max_iterations, step_tolerance=STEP_TOLERANCE
+                smaller, smaller.evaluate(theta), options.max_iterations, step_tolerance=FILTER_ERROR.step_tolerance
             )
             ratio = math.nan if stop.failed else max(0.0, 2 * (without.cost - found.point.cost))
             intensities[key.of] = intensities[key.of]._replace(p_value=math.erfc(math.sqrt(ratio / 2)) / 2)
@@ -158,7 +156,7 @@ def _optimum(likelihood: InnovationsLikelihood, theta: Array, max_iterations: in
             likelihood,
             point,
             max_iterations,
-            step_tolerance=STEP_TOLERANCE,
+            step_tolerance=FILTER_ERROR.step_tolerance,
             stop=lambda at: bool(likelihood.negligible(at) or likelihood.doubtful(at, tried)),  # noqa: B023
             secant=True,
         )
@@ -178,22 +176,26 @@ def _optimum(likelihood: InnovationsLikelihood, theta: Array, max_iterations: in
         held = {key: float(point.theta[likelihood.index(key)]) for key in dropped}
         zero = held | {key: -math.inf for key in dropped if key.kind is UnknownKind.PROCESS_NOISE}
         smaller, without = _holding(likelihood, zero, point)
-        if not without.cost <= point.cost + ZERO_COST:
+        if not without.cost <= point.cost + FILTER_ERROR.zero_cost:
             zero = held
             smaller, without = _holding(likelihood, held, point)
         # The filter may need the least noise of one state. Which one makes the data likeliest is seen after a step.
         gone = {key: value for key, value in (negligible | zero).items() if key.kind is UnknownKind.PROCESS_NOISE}
         if any(value > -math.inf for value in gone.values()) and len(gone) > 1:
-            ends = [(zero, smaller, maximize(smaller, without, 1, step_tolerance=STEP_TOLERANCE)[0])]
+            ends = [(zero, smaller, _after_a_step(smaller, without))]
             for key in gone:
                 only = dict.fromkeys(gone, -math.inf) | {key: lowest[key]}
                 if only != gone:
                     other, start = _holding(likelihood, only, point)
-                    ends.append((zero | only, other, maximize(other, start, 1, step_tolerance=STEP_TOLERANCE)[0]))
+                    ends.append((zero | only, other, _after_a_step(other, start)))
             zero, smaller, without = min(ends, key=lambda end: end[2].cost)
             iterations += 1
         likelihood, point, negligible = smaller, without, negligible | zero
         tried = {}  # what the data do not show beside another noise, they may show without it
+
+
+def _after_a_step(likelihood: InnovationsLikelihood, point: Evaluation) -> Evaluation:
+    return maximize(likelihood, point, 1, step_tolerance=FILTER_ERROR.step_tolerance)[0]
 
 
 def _holding(
@@ -213,7 +215,7 @@ def _with_the_least(likelihood: InnovationsLikelihood, point: Evaluation, noise:
     theta[likelihood.index(noise)] = likelihood.problem.lower[likelihood.index(noise)]
     noises = {key: float(value) for key, value in zip(keys, theta, strict=True) if key.is_noise}
     without_noises, start = likelihood.holding(noises, theta)
-    moved = maximize(without_noises, without_noises.evaluate(start), 1, step_tolerance=STEP_TOLERANCE)[0]
+    moved = _after_a_step(without_noises, without_noises.evaluate(start))
     if not moved.cost < point.cost - likelihood.expected_gain(point):
         return None
     theta[[key not in noises for key in keys]] = moved.theta
@@ -252,7 +254,8 @@ def _verdict(fit: Fit, intensities: dict[str, Intensity], negligible: Mapping[Un
         return fit.verdict
     quiet = [key.of for key in negligible if key.kind is UnknownKind.MEASUREMENT_NOISE]
     stabilizing = [state for state in intensities if negligible.get(intensity_key(state), -math.inf) > -math.inf]
-    insignificant = [state for state, intensity in intensities.items() if intensity.p_value >= SIGNIFICANCE_LEVEL]
+    level = VERDICT.significance_level
+    insignificant = [state for state, intensity in intensities.items() if intensity.p_value >= level]
     remarks = (
         (Finding.NEGLIGIBLE_MEASUREMENT_NOISE, quiet, "measurement noise of {} is negligible beside the process noise"),
         (Finding.NEGLIGIBLE_BUT_STABILIZING, stabilizing,

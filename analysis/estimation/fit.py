@@ -18,12 +18,11 @@ from numpy.typing import NDArray
 from analysis.estimation.data import Segment
 from analysis.estimation.model import Model, NamedValues, UnknownKey, UnknownKind
 from analysis.estimation.noise import Whitened
+from analysis.estimation.settings import VERDICT
 from analysis.estimation.simulation import InputRule, Integrator, Response
 from flight.errors import InputError
 
 FORMAT = "flightpower fit 1"
-SIGNIFICANCE_LEVEL = 0.05  # of the test for process noise
-LARGE_CORRELATION = 0.9  # above it the data determine two unknowns only together (Klein & Morelli 2006, ch. 5)
 
 
 class SummaryRow(msgspec.Struct, frozen=True):
@@ -76,7 +75,7 @@ class FitSummary(msgspec.Struct, frozen=True):
         for i, row in enumerate(self.correlation):
             others = [(abs(value), j) for j, value in enumerate(row) if value is not None and j != i]
             size, j = max(others, default=(0.0, 0))
-            if size > LARGE_CORRELATION:
+            if size > VERDICT.large_correlation:
                 found[i] = f"correlated with {self.rows[j].name} ({row[j]:+.3f})"
         return found
 
@@ -184,7 +183,7 @@ class Intensity(NamedTuple):
 
     @property
     def significant(self) -> bool:
-        return self.p_value < SIGNIFICANCE_LEVEL
+        return self.p_value < VERDICT.significance_level
 
 
 class ParameterEstimate(NamedTuple):

@@ -13,13 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.estimation.fit import Finding, Fit, FitStatus, Remark, SegmentFit
+from analysis.estimation.settings import COMPUTATION, VERDICT
 
 Array = NDArray[np.float64]
-
-# Condition index above which, with two variance proportions above LARGE_PROPORTION, Belsley speaks of strong
-# collinearity. Standard errors are then larger by about this factor than each unknown's alone would be.
-STRONG = 100.0
-LARGE_PROPORTION = 0.5
 
 
 class Collinearity(NamedTuple):
@@ -37,7 +33,9 @@ class Collinearity(NamedTuple):
         return f"{' and '.join(self.names)} (condition index {self.condition_index:.0f})"
 
 
-def collinearities(names: tuple[str, ...], information: Array, smallest_index: float = STRONG) -> list[Collinearity]:
+def collinearities(
+    names: tuple[str, ...], information: Array, smallest_index: float = VERDICT.condition_index
+) -> list[Collinearity]:
     """Combinations with a condition index above `smallest_index`, the worst first.
 
     information : (m, m) of the unknowns `names`, positive definite
@@ -48,7 +46,7 @@ def collinearities(names: tuple[str, ...], information: Array, smallest_index: f
     proportions = parts / parts.sum(axis=1, keepdims=True)
     found = []
     for k in np.flatnonzero(values * smallest_index**2 < values[-1]):
-        involved = np.flatnonzero(proportions[:, k] > LARGE_PROPORTION)
+        involved = np.flatnonzero(proportions[:, k] > VERDICT.variance_proportion)
         if len(involved) > 1:
             found.append(
                 Collinearity(
@@ -60,9 +58,6 @@ def collinearities(names: tuple[str, ...], information: Array, smallest_index: f
     return found
 
 
-# Lag-one correlation of residuals, in standard deviations of that of white noise (1/sqrt(n)), above which they are
-# called colored: one white record in a thousand.
-NOT_WHITE = 3.3
 RESIDUALS_NOT_WHITE = (
     "the model lacks something, process noise acts, or this is a false optimum; compare best_of_starts and"
     " fit_filter_error, and use uncertainty.morelli_klein"
@@ -70,9 +65,6 @@ RESIDUALS_NOT_WHITE = (
 INNOVATIONS_NOT_WHITE = (
     "the model lacks something, process noise acts on other states too, or it is colored (give it a state of its own)"
 )
-OUTLIER = 6.0  # in standard deviations of the residuals
-LARGE_GROWTH = 1e3  # of an error within a segment, above which output error finds optima hardly or not at all
-SAMPLES = 20  # of each segment, at which the eigenvalues are computed
 DIFFERENCE_STEP = 1e-6  # of the state, relative to its largest value
 
 
@@ -98,7 +90,7 @@ def _colored(fit: Fit, explanation: str = RESIDUALS_NOT_WHITE) -> list[Remark]:
         squares += np.einsum("ij,ij->j", e, e)
         pairs += (segment_fit.white.present[1:] & segment_fit.white.present[:-1]).sum(axis=0)
     lag_one = np.divide(products, squares, out=np.zeros(outputs), where=squares > 0)
-    colored = np.abs(lag_one) * np.sqrt(pairs) > NOT_WHITE
+    colored = np.abs(lag_one) * np.sqrt(pairs) > VERDICT.not_white
     if not colored.any():
         return []
     names = [name for name, is_colored in zip(fit.model.outputs, colored, strict=True) if is_colored]
@@ -109,18 +101,21 @@ def _colored(fit: Fit, explanation: str = RESIDUALS_NOT_WHITE) -> list[Remark]:
 
 def _outliers(fit: Fit) -> list[Remark]:
     """Of normal noise only: t noise gives them a small weight."""
-    found = np.sum([(np.abs(segment_fit.white.e) > OUTLIER).sum(axis=0) for segment_fit in fit.segment_fits], axis=0)
+    found = np.sum(
+        [(np.abs(segment_fit.white.e) > VERDICT.outlier).sum(axis=0) for segment_fit in fit.segment_fits], axis=0
+    )
     if not found.any() or any((segment_fit.white.weight != 1).any() for segment_fit in fit.segment_fits):
         return []
     counts = [f"{count} of {name}" for name, count in zip(fit.model.outputs, found, strict=True) if count]
-    text = f"outliers: {', '.join(counts)} beyond {OUTLIER:g} standard deviations; use MeasurementNoise(tail_dof=4)"
+    size = f"{VERDICT.outlier:g} standard deviations"
+    text = f"outliers: {', '.join(counts)} beyond {size}; use MeasurementNoise(tail_dof=4)"
     return [Remark(Finding.OUTLIERS, text)]
 
 
 def _unstable(fit: Fit) -> list[Remark]:
     growths = (unstable_growth(fit, segment_fit) for segment_fit in fit.segment_fits)
     ln_growth, eigenvalue, name = max(growths, default=(0.0, 0.0, ""))
-    if ln_growth < math.log(LARGE_GROWTH):
+    if ln_growth < math.log(VERDICT.error_growth):
         return []
     text = (
         f"unstable: with an eigenvalue of {eigenvalue:+.2g} 1/s an error grows by {math.exp(min(ln_growth, 700)):.0e}"
@@ -137,7 +132,7 @@ def unstable_growth(fit: Fit, segment_fit: SegmentFit) -> tuple[float, float, st
     segment, x = segment_fit.segment, segment_fit.response.x
     if not fit.model.states:
         return 0.0, 0.0, segment.name
-    at = np.linspace(0, len(segment) - 1, min(SAMPLES, len(segment))).astype(int)
+    at = np.linspace(0, len(segment) - 1, min(COMPUTATION.stability_samples, len(segment))).astype(int)
     known = [fit.parameters.get(q.name) or fit.parameters[f"{q.name}[{segment.name}]"] for q in fit.model.parameters]
     values, u = [estimate.value for estimate in known], [segment.u[name][at] for name in fit.model.inputs]
 

@@ -13,13 +13,10 @@ from analysis.estimation.noise import NORMAL_95, Whitened
 from analysis.estimation.optimizer import Evaluation, nowhere
 from analysis.estimation.problem import Problem
 from analysis.estimation.process_noise import ProcessNoise, intensity_key, noise_key
+from analysis.estimation.settings import FILTER_ERROR
 from analysis.estimation.simulation import Record, Response
 
 Array = NDArray[np.float64]
-
-NEGLIGIBLE = 0.01  # information about ln w or ln v below which the noise has no effect; its standard error is then 10
-NEAR_GAIN = 1.0  # expected decrease of the cost below which a fit is near the optimum
-AGAIN = 0.25  # of the information about ln w at a trial without it: then it is tried again; half the intensity
 
 
 @dataclass(frozen=True)
@@ -55,7 +52,10 @@ class InnovationsLikelihood:
             for i, key in enumerate(problem.keys)
             if key.is_noise
             and problem.prior_information[i] == 0
-            and (point.theta[i] <= problem.lower[i] or (point.gradient[i] < 0 and information[i] < NEGLIGIBLE))
+            and (
+                point.theta[i] <= problem.lower[i]
+                or (point.gradient[i] < 0 and information[i] < FILTER_ERROR.negligible)
+            )
         ]
 
     def expected_gain(self, point: Evaluation) -> float:
@@ -66,7 +66,7 @@ class InnovationsLikelihood:
     def doubtful(self, point: Evaluation, tried: Mapping[UnknownKey, float]) -> list[UnknownKey]:
         """Intensities near the optimum that are not significant, the least certain first.
 
-        tried : those with the information about ln w when they were tried; they are tried again when it is AGAIN of it
+        tried : those with the information about ln w when they were tried; they are tried again when it has fallen
         The intensity squared is its standard error times half the root of the information about ln w.
         """
         problem, information = self.problem, np.diag(point.information)
@@ -74,11 +74,11 @@ class InnovationsLikelihood:
             i
             for i, key in enumerate(problem.keys)
             if key.kind is UnknownKind.PROCESS_NOISE
-            and information[i] < AGAIN * tried.get(key, np.inf)
+            and information[i] < FILTER_ERROR.tried_again * tried.get(key, np.inf)
             and problem.prior_information[i] == 0
             and information[i] < 4 * NORMAL_95**2
         ]
-        if not insignificant or self.expected_gain(point) > NEAR_GAIN:
+        if not insignificant or self.expected_gain(point) > FILTER_ERROR.near_gain:
             return []
         return [problem.keys[i] for i in sorted(insignificant, key=lambda i: information[i])]
 

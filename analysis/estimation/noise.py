@@ -13,15 +13,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.estimation.settings import COMPUTATION
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
 NoiseKind = Literal["diagonal", "full"]
-
-# Smallest standard deviation of the noise, relative to the output's rms. Smaller residuals are rounding errors, and
-# ln det R would go to minus infinity.
-SMALLEST_NOISE = 1e-9
-SCALE_ITERATIONS = 30  # fixed-point iterations for the scale of t noise; each gains about one digit
 
 
 @dataclass(frozen=True)
@@ -48,7 +44,7 @@ def noise_covariance_of(residuals: Array, scale: Array, kind: NoiseKind, tail_do
 
     Raises InputError when a full R has too few complete samples.
     """
-    floor = (SMALLEST_NOISE * scale) ** 2
+    floor = (COMPUTATION.smallest_residual * scale) ** 2
     if kind == "full":
         complete = residuals[np.isfinite(residuals).all(axis=1)]
         if len(complete) <= residuals.shape[1]:
@@ -61,7 +57,7 @@ def noise_covariance_of(residuals: Array, scale: Array, kind: NoiseKind, tail_do
         return R
     variance = np.nanmean(residuals**2, axis=0)
     if tail_dof is not None:
-        for _ in range(SCALE_ITERATIONS):  # maximum-likelihood condition: mean of weight e^2 = 1
+        for _ in range(COMPUTATION.scale_iterations):  # maximum-likelihood condition: mean of weight e^2 = 1
             variance = np.maximum(variance, floor)
             weight = (tail_dof + 1) / (tail_dof + residuals**2 / variance)
             variance = np.nanmean(weight * residuals**2, axis=0)

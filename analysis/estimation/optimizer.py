@@ -15,26 +15,9 @@ from numpy.typing import NDArray
 from analysis.estimation.fit import Finding, Fit, FitStatus, ParameterEstimate, Remark, SegmentFit, Verdict
 from analysis.estimation.hints import collinearities
 from analysis.estimation.problem import Problem
+from analysis.estimation.settings import SEARCH, VERDICT
 
 Array = NDArray[np.float64]
-
-STEP_TOLERANCE = 1e-4  # length of the last step in the metric of the information matrix, in standard errors
-LNDET_TOLERANCE = 1e-6  # change of ln det R in the last step
-# Twice the predicted decrease in cost of a Newton step, relative to the cost: rounding errors of the cost hide less.
-ROUNDING = 1e-13
-GAIN_TOLERANCE = 1e-4  # twice the predicted decrease in cost of a Newton step, when no step decreases the cost
-# Steps that change the response by less than this share of the residuals (rms) use the curvature of the cost. Longer
-# steps use the information matrix, which is a better guide far from the optimum.
-NEAR = 0.25
-# The curvature of the cost serves for the step where its smallest scaled eigenvalue is above this share of that of the
-# information matrix; further from the optimum it may be indefinite.
-SMALLEST_CURVATURE = 1e-2
-SINGULAR = 1e-11  # eigenvalues of the scaled information matrix below this are rounding errors
-SMALLEST_PRODUCT = 1e-8  # of a secant's terms, relative to their norms: below it the update would be rounding
-HALVINGS = 3  # of a step before the damping is increased
-SECANT_LENGTH = 0.3  # of a step whose change of the gradient tells the curvature, in standard errors
-FIRST_DAMPING, LARGEST_DAMPING = 1e-3, 1e8
-NEGLIGIBLE_SHARE = 0.01  # of an eigenvector's element: unknowns below it do not take part in the combination
 
 
 class Stop(Enum):
@@ -97,7 +80,7 @@ class _EigenSystem(NamedTuple):
 
     @property
     def identifiable(self) -> NDArray[np.bool_]:
-        return self.values > SINGULAR
+        return self.values > SEARCH.singular
 
     def step(self, g: Array, damping: float) -> Array:
         """Levenberg-Marquardt step; zero along directions that are not identifiable."""
@@ -116,7 +99,7 @@ def maximize(
     point: Evaluation,
     max_iterations: int,
     *,
-    step_tolerance: float = STEP_TOLERANCE,
+    step_tolerance: float = SEARCH.step_tolerance,
     stop: Callable[[Evaluation], bool] | None = None,
     secant: bool = False,
 ) -> tuple[Evaluation, int, Stop]:
@@ -138,13 +121,13 @@ def maximize(
         moving = np.flatnonzero(~held)
         if not len(moving):
             return point, iteration, Stop.OPTIMUM
-        eigen = _step_matrix(likelihood, point, correction, moving, length < NEAR * np.sqrt(values))
+        eigen = _step_matrix(likelihood, point, correction, moving, length < SEARCH.near * np.sqrt(values))
         gain = point.gradient[moving] @ eigen.step(point.gradient[moving], 0.0)
-        if gain < ROUNDING * abs(point.cost):
+        if gain < SEARCH.rounding * abs(point.cost):
             return point, iteration, Stop.OPTIMUM
         new, damping = _improve(likelihood, point, eigen, moving, damping)
         if new is None or new.cost == point.cost:  # rounding errors dominate, or the gradient is wrong
-            if gain < GAIN_TOLERANCE:
+            if gain < SEARCH.gain_tolerance:
                 return point, iteration, Stop.OPTIMUM
             return point, iteration, Stop.NO_BETTER_STEP
         step = new.theta - point.theta
@@ -153,14 +136,14 @@ def maximize(
         if secant:
             prior = problem.prior_matrix
             curvature, H = likelihood.curvature(new) + prior, new.information + prior
-            if length < SECANT_LENGTH:
+            if length < SEARCH.secant_length:
                 correction = _secant(correction, step, point.gradient - new.gradient, curvature, H)
             else:
                 correction = np.zeros_like(H)
         point = new._replace(costs=(*point.costs, float(point.cost)), steps=(*point.steps, float(length)))
         if stop is not None and stop(point):
             return point, iteration, Stop.OPTIMUM
-        if damping == 0 and length < step_tolerance and change < LNDET_TOLERANCE:
+        if damping == 0 and length < step_tolerance and change < SEARCH.lndet_tolerance:
             return point, iteration, Stop.OPTIMUM
     return point, max_iterations, Stop.TOO_FEW_ITERATIONS
 
@@ -176,7 +159,7 @@ def _secant(correction: Array, step: Array, change: Array, curvature: Array, inf
     for before in (correction, zero):
         missing = change - (curvature + before) @ step
         product = missing @ step
-        if abs(product) <= SMALLEST_PRODUCT * np.linalg.norm(missing / scale) * np.linalg.norm(step * scale):
+        if abs(product) <= SEARCH.smallest_product * np.linalg.norm(missing / scale) * np.linalg.norm(step * scale):
             return before
         updated: Array = before + np.outer(missing, missing) / product
         if _convex(curvature + updated, information) is not None:
@@ -189,7 +172,7 @@ def _convex(curvature: Array, information: Array) -> _EigenSystem | None:
     if (np.diag(curvature) > 0).all():
         of_curvature, scale = _EigenSystem.of(curvature), _scale(information)
         smallest = np.linalg.eigvalsh(information / np.outer(scale, scale))[0]  # a third of the time of `eigh`
-        if of_curvature.values[0] > SMALLEST_CURVATURE * smallest > 0:
+        if of_curvature.values[0] > SEARCH.smallest_curvature * smallest > 0:
             return of_curvature
     return None
 
@@ -211,17 +194,17 @@ def _improve(
     """A point whose cost is not larger, and the damping for the next step. None if no step gives one."""
     problem = likelihood.problem
     largest = problem.largest_step[moving]
-    while damping <= LARGEST_DAMPING:
+    while damping <= SEARCH.largest_damping:
         step = eigen.step(point.gradient[moving], damping)
-        for halving in range(HALVINGS + 1):
+        for halving in range(SEARCH.halvings + 1):
             theta = point.theta.copy()
             theta[moving] += _limited(step, largest) / 2**halving
             new = likelihood.evaluate(np.clip(theta, problem.lower, problem.upper))
             if new.cost <= point.cost:
                 if halving == 0:
-                    damping = damping / 10 if damping > FIRST_DAMPING else 0.0
+                    damping = damping / 10 if damping > SEARCH.first_damping else 0.0
                 return new, damping
-        damping = max(10 * damping, FIRST_DAMPING)
+        damping = max(10 * damping, SEARCH.first_damping)
     return None, damping
 
 
@@ -248,7 +231,7 @@ def make_fit(likelihood: Likelihood, point: Evaluation, iterations: int, stop: S
     V = eigen.vectors[:, eigen.identifiable] / eigen.scale[:, None]
     covariance = V / eigen.values[eigen.identifiable] @ V.T
     singular_vectors = eigen.vectors[:, ~eigen.identifiable]
-    indeterminate = np.flatnonzero((np.abs(singular_vectors) > NEGLIGIBLE_SHARE).any(axis=1))
+    indeterminate = np.flatnonzero((np.abs(singular_vectors) > VERDICT.negligible_share).any(axis=1))
     covariance[indeterminate, :] = covariance[:, indeterminate] = np.nan
     covariance[indeterminate, indeterminate] = np.inf
     errors, units = np.sqrt(np.diag(covariance)), [unknown.unit for unknown in problem.unknowns]
@@ -318,7 +301,7 @@ def _judge(problem: Problem, point: Evaluation, eigen: _EigenSystem, iterations:
 
 def _combination(names: tuple[str, ...], direction: Array, shares: Array) -> str:
     """A direction in theta as text, its largest element scaled to 1. shares : the same direction in scaled units."""
-    involved: NDArray[np.intp] = np.flatnonzero(np.abs(shares) > NEGLIGIBLE_SHARE * np.abs(shares).max())
+    involved: NDArray[np.intp] = np.flatnonzero(np.abs(shares) > VERDICT.negligible_share * np.abs(shares).max())
     largest = direction[involved][np.argmax(np.abs(direction[involved]))]
     parts = [f"{direction[i] / largest:+.3g} {names[i]}" for i in involved]
     return parts[0].removeprefix("+1 ") if len(parts) == 1 else "a change by " + " ".join(parts)

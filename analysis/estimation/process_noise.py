@@ -16,16 +16,11 @@ from analysis.estimation.fit import Fit, Intensity
 from analysis.estimation.model import Model, UnknownKey, UnknownKind
 from analysis.estimation.noise import NORMAL_95
 from analysis.estimation.problem import Unknown, inputs_of, measurements_of
+from analysis.estimation.settings import FILTER_ERROR
 from analysis.estimation.simulation import INPUT_RULES, InputRule, rk4
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
-
-LN_INTENSITY_RANGE = math.log(1e3)  # bounds of ln w about its start; an intensity at the lower bound counts as zero
-# Bounds of the measurement noise, relative to the output's rms. Smaller noise than that is negligible: without it a
-# few outputs determine the state exactly, and the likelihood has no optimum.
-SMALLEST_NOISE, LARGEST_NOISE = 1e-4, 10.0
-LARGEST_STEP = 2.0  # of ln w and ln v in one iteration
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,20 +96,24 @@ def noise_unknowns(model: Model, segments: tuple[Segment, ...], noises: tuple[Pr
     unknowns = []
     for noise in noises:
         ln_w = logarithm(noise.start)
-        lower, upper = ln_w - LN_INTENSITY_RANGE, ln_w + LN_INTENSITY_RANGE
+        lower, upper = ln_w - math.log(FILTER_ERROR.intensity_range), ln_w + math.log(FILTER_ERROR.intensity_range)
         prior = noise.prior_sigma**-2.0
-        unknowns.append(Unknown(intensity_key(noise.state), "", ln_w, lower, upper, ln_w, prior, LARGEST_STEP))
+        unknowns.append(
+            Unknown(intensity_key(noise.state), "", ln_w, lower, upper, ln_w, prior, FILTER_ERROR.largest_step)
+        )
     for output in model.outputs:
         signals = [segment.z[output] for segment in segments if output in segment.z]
         scale = math.sqrt(np.nanmean(np.square(np.concatenate(signals)))) if _any_finite(signals) else 0.0
-        lowest = SMALLEST_NOISE * (scale or 1.0)
+        lowest = FILTER_ERROR.smallest_noise * (scale or 1.0)
         # A sample minus the mean of its neighbors has 3/2 of the variance of white noise.
         differences = np.concatenate([z[1:-1] - (z[:-2] + z[2:]) / 2 for z in signals] or [np.array([])])
         differences = differences[np.isfinite(differences)]
         sigma = math.sqrt(np.mean(differences**2) / 1.5) if len(differences) else 0.01 * scale
-        upper = logarithm(LARGEST_NOISE * max(scale, sigma, 2 * lowest))
+        upper = logarithm(FILTER_ERROR.largest_noise * max(scale, sigma, 2 * lowest))
         first = logarithm(max(sigma, 2 * lowest))
-        unknowns.append(Unknown(noise_key(output), "", first, logarithm(lowest), upper, largest_step=LARGEST_STEP))
+        unknowns.append(
+            Unknown(noise_key(output), "", first, logarithm(lowest), upper, largest_step=FILTER_ERROR.largest_step)
+        )
     return unknowns
 
 

@@ -14,17 +14,16 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.estimation import linear_recursion
 from analysis.estimation.array_function import ArrayFunction
 from analysis.estimation.data import delayed
 from analysis.estimation.model import Model, check_symbols, has_branches, not_differentiable
+from analysis.estimation.settings import COMPUTATION
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
 Integrator = Literal["rk4", "euler", "heun", "trapezoidal"]
 InputRule = Literal["linear", "mean", "held"]
 
-NEWTON_STEPS = 3  # of the implicit rule: its error is squared in each
 
 if hasattr(ca.GlobalOptions, "setNumpyMode"):  # from 3.8 on: keep NumPy functions on symbols as they always were
     ca.GlobalOptions.setNumpyMode(-1)
@@ -72,7 +71,7 @@ def trapezoidal(f: Derivative, x: Any, u: InputAt, h: Any) -> Any:
     error = x + h / 2 * (now + rate) - y
     newton = y - ca.solve(ca.jacobian(error, y), error)
     x_next = x
-    for _ in range(NEWTON_STEPS):
+    for _ in range(COMPUTATION.newton_steps):
         x_next = ca.substitute(newton, y, x_next)
     return x_next
 
@@ -146,7 +145,7 @@ class Simulator:
                 len(x), x.T, np.concatenate([record.U for record in records]).T, *_of_samples(records)
             )
             B = np.concatenate([x_by_p, np.zeros((len(x), states, states))], axis=2)
-            S_of_states = linear_recursion.solution(x_by_x, B, S0, lengths)
+            S_of_states = linear_recursion(x_by_x, B, S0, lengths)
             S = y_by_x @ S_of_states
             S[:, :, :free] += y_by_p
         ends = np.cumsum(lengths)[:-1]
@@ -200,6 +199,47 @@ def _of_samples(records: Sequence[Record]) -> tuple[list[Any], list[Any]]:
     else:
         elements = list(np.repeat(rows, [len(record.U) for record in records], axis=0).T)
     return elements[:-1], elements[-1:]
+
+
+RECURSION_BLOCK = 32  # samples
+
+
+def linear_recursion(A: Array, B: Array, initial: Array, lengths: list[int]) -> Array:
+    """S (n, s, m) of S_(k+1) = A_k S_k + B_k in records of these lengths, one after another.
+
+    The last step of each record is not used.
+
+    A : (n, s, s)     B : (n, s, m)     initial : (records, s, m), S at each record's first sample
+    The solution of a block is linear in its first S: it is computed for all blocks together, then from block to block.
+    """
+    n, s, m = B.shape
+    firsts, first_of_record, ends = [], [], []
+    begin = 0
+    for length in lengths:
+        within = range(begin, begin + length, RECURSION_BLOCK)
+        firsts += list(within)
+        first_of_record += [True] + [False] * (len(within) - 1)
+        begin += length
+        ends += [begin] * len(within)
+    samples = np.array(firsts)[:, None] + np.arange(RECURSION_BLOCK)
+    used = samples < np.array(ends)[:, None]
+    samples = np.minimum(samples, n - 1)  # a record's last block is filled up with samples that are not used
+    both = np.zeros(
+        (RECURSION_BLOCK + 1, len(firsts), s, s + m)
+    )  # the factor of the block's first S, and what is added to it
+    both[0, :, range(s), range(s)] = 1.0
+    for k in range(RECURSION_BLOCK):
+        np.matmul(A[samples[:, k]], both[k], out=both[k + 1])
+        both[k + 1, :, :, s:] += B[samples[:, k]]
+    factor, added = both[..., :s], both[..., s:]
+    start = np.empty((len(firsts), s, m))
+    records = iter(initial)
+    for i, begins in enumerate(first_of_record):
+        start[i] = (
+            next(records) if begins else factor[RECURSION_BLOCK, i - 1] @ start[i - 1] + added[RECURSION_BLOCK, i - 1]
+        )
+    S = factor[:RECURSION_BLOCK] @ start + added[:RECURSION_BLOCK]
+    return np.asarray(S.transpose(1, 0, 2, 3)[used])
 
 
 @lru_cache(maxsize=64)

@@ -11,11 +11,9 @@ from analysis.estimation.fit import Finding, Fit, FitStatus, Remark
 from analysis.estimation.model import Model
 from analysis.estimation.output_error import fit_output_error
 from analysis.estimation.problem import FitOptions, as_segments
+from analysis.estimation.settings import COMPUTATION, VERDICT
 from analysis.estimation.simulation import InputRule
 from flight.errors import InputError
-
-SMOOTHING_SAMPLES = 1.5
-SAME_OPTIMUM = 0.01  # difference in log-likelihood below which two fits are the same; 2 is significant at 5 %
 
 
 def starting_values_by_equation_error(
@@ -31,7 +29,7 @@ def starting_values_by_equation_error(
     """
     segments = as_segments(segments)
     if smoothing_s is None:
-        smoothing_s = SMOOTHING_SAMPLES * segments[0].step_s
+        smoothing_s = COMPUTATION.smoothing * segments[0].step_s
     return _shared_values(fit_equation_error(model, segments, smoothing_s=smoothing_s, inputs=inputs), model)
 
 
@@ -82,7 +80,7 @@ def best_of_starts(
     usable = [one for one in fits if one.verdict.status is not FitStatus.NOT_CONVERGED] or fits
     best = min(usable, key=lambda one: one.negative_log_likelihood)
     costs = np.array([one.negative_log_likelihood for one in usable])
-    reached = int((costs < best.negative_log_likelihood + SAME_OPTIMUM).sum())
+    reached = int((costs < best.negative_log_likelihood + VERDICT.same_optimum).sum())
     remarks = [Remark(Finding.REACHED_FROM_STARTS, f"reached from {reached} of {len(tried)} starts")]
     if len(usable) > reached:
         remarks.append(Remark(Finding.WORSE_OPTIMA, f"{len(usable) - reached} ended at worse optima"))

@@ -13,12 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
+from analysis.estimation.settings import COMPUTATION
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
-
-LEVEL = 0.01  # probability that stepwise regression takes one or more terms that are not there
-DEPENDENT = 1e-10  # share of a candidate's square that the chosen terms leave, below which it is a combination of them
 
 
 class Selection(NamedTuple):
@@ -48,7 +46,7 @@ class Selection(NamedTuple):
         return np.asarray(self.constant + sum(terms, np.zeros(1)))
 
 
-def stepwise(candidates: Mapping[str, ArrayLike], z: ArrayLike, *, level: float = LEVEL) -> Selection:
+def stepwise(candidates: Mapping[str, ArrayLike], z: ArrayLike, *, level: float = COMPUTATION.false_terms) -> Selection:
     """Terms enter in the order of their partial correlation with z, and leave again when others replace them.
 
     candidates : name to (n,)     z : (n,)
@@ -103,7 +101,7 @@ def orthogonal_functions(
     errors = [float(residual @ residual) / n]
     for _ in range(min(X.shape[1], n - 2)):
         square = (left**2).sum(axis=0)
-        usable = square > DEPENDENT * size
+        usable = square > COMPUTATION.dependent * size
         usable[order] = False
         if not usable.any():
             break
@@ -136,7 +134,7 @@ def _partial_F(X: Array, z: Array, chosen: list[int]) -> Array:
     Q = np.linalg.qr(np.column_stack([np.ones(n), X[:, chosen]]))[0]
     left, residual = X - Q @ (Q.T @ X), z - Q @ (Q.T @ z)
     square = (left**2).sum(axis=0)
-    usable = square > DEPENDENT * ((X - X.mean(axis=0)) ** 2).sum(axis=0)
+    usable = square > COMPUTATION.dependent * ((X - X.mean(axis=0)) ** 2).sum(axis=0)
     usable[chosen] = False
     gain = np.where(usable, (left.T @ residual) ** 2 / np.where(usable, square, 1.0), 0.0)
     dof = n - len(chosen) - 2

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.estimation.linear_recursion import BLOCK, solution
+from analysis.estimation.simulation import RECURSION_BLOCK, linear_recursion
 
 
 def by_a_loop(A, B, initial, lengths):
@@ -18,7 +18,7 @@ def by_a_loop(A, B, initial, lengths):
 
 @pytest.mark.parametrize(
     "lengths",
-    [[1], [BLOCK], [BLOCK + 1], [3 * BLOCK - 1, 1, 2 * BLOCK, 5]],
+    [[1], [RECURSION_BLOCK], [RECURSION_BLOCK + 1], [3 * RECURSION_BLOCK - 1, 1, 2 * RECURSION_BLOCK, 5]],
     ids=["one sample", "one block", "a block and a sample", "records that end within, after and at the end of a block"],
 )
 def test_it_gives_the_numbers_of_a_loop(lengths):
@@ -26,13 +26,16 @@ def test_it_gives_the_numbers_of_a_loop(lengths):
     n, s, m = sum(lengths), 3, 5
     A = 0.9 * np.linalg.qr(rng.standard_normal((n, s, s)))[0]
     B, initial = rng.standard_normal((n, s, m)), rng.standard_normal((len(lengths), s, m))
-    S = solution(A, B, initial, lengths)
+    S = linear_recursion(A, B, initial, lengths)
     assert S.shape == (n, s, m)
     assert S == pytest.approx(by_a_loop(A, B, initial, lengths), rel=1e-12, abs=1e-12)
 
 
 def test_the_last_step_of_a_record_does_not_reach_the_next():
-    lengths, one = [BLOCK, 4], np.ones((BLOCK + 4, 1, 1))
+    lengths, one = [RECURSION_BLOCK, 4], np.ones((RECURSION_BLOCK + 4, 1, 1))
     A, B = one.copy(), one.copy()
-    A[BLOCK - 1] = B[BLOCK - 1] = np.inf
-    assert solution(A, B, np.zeros((2, 1, 1)), lengths)[:, 0, 0].tolist() == [*range(BLOCK), *range(4)]
+    A[RECURSION_BLOCK - 1] = B[RECURSION_BLOCK - 1] = np.inf
+    assert linear_recursion(A, B, np.zeros((2, 1, 1)), lengths)[:, 0, 0].tolist() == [
+        *range(RECURSION_BLOCK),
+        *range(4),
+    ]
