@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from analysis.maneuvers.kinds import DECELERATION
 from analysis.polar import Condition
-from analysis.signals.aircraft_size import least_height_m, speed_scale_of
+from analysis.signals.channels import least_height_m, speed_scale_of
 from flight.aircraft import Aircraft
 from flight.errors import InputError
 from flight.propeller import Propeller

@@ -23,7 +23,7 @@ from analysis.airdata.probe import ProbeCalibration
 from analysis.airdata.probe_calibration import calibrate, read_tunnel
 from analysis.airdata.transducers import TransducerCalibration
 from analysis.airdata.transducers import calibrate as calibrate_transducers
-from analysis.signals.aircraft_size import speed_scale
+from analysis.signals.channels import speed_scale
 from analysis.signals.rest import Zeros, rest_segments, without_zeros, zeros
 from flight.aircraft import Aircraft
 from flight.errors import InputError

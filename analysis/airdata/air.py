@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from analysis.airdata.probe import ProbeCalibration, flow_at_probe
 from analysis.airdata.settings import AIR
-from analysis.signals.aircraft_size import SPEED_SCALE
-from analysis.signals.channels import COLUMNS
+from analysis.signals.channels import COLUMNS, SPEED_SCALE
 from analysis.signals.settings import CHANNELS
 from flight.aircraft import Aircraft
 from flight.atmosphere import density, height_at, temperature_at
@@ -86,7 +85,7 @@ def air_data(
 ) -> AirData:
     """The table with speed, angles, density, height, thrust, bank and `flying` added.
 
-    table: the zeros at rest subtracted, specific forces at the center of gravity. speed_scale: of `aircraft_size`.
+    table: the zeros at rest subtracted, specific forces at the center of gravity. speed_scale: of the aircraft.
     Angles are those at the center of gravity: corrected for upwash and for the velocity of the probe by rotation.
     """
     notes: list[str] = []

@@ -13,8 +13,7 @@ from analysis.airdata.magnetometer import Compass, MagnetometerCalibration
 from analysis.airdata.probe import ProbeCalibration
 from analysis.airdata.settings import AIR
 from analysis.airdata.transducers import TransducerCalibration, air_data_errors
-from analysis.signals.aircraft_size import speed_scale
-from analysis.signals.channels import COLUMNS, synchronize
+from analysis.signals.channels import COLUMNS, speed_scale, synchronize
 from analysis.signals.rest import rest_segments, without_zeros, zeros
 from flight.aircraft import Aircraft
 from flight.log_reader import Log

@@ -24,7 +24,7 @@ from analysis.ground.thrust_prior import stand_measurements
 from analysis.maneuvers.kinds import Maneuver
 from analysis.polar import Condition, Polar, power_required, speed_at
 from analysis.schema import CheckedBy
-from analysis.signals.aircraft_size import speed_scale_of
+from analysis.signals.channels import speed_scale_of
 from analysis.signals.smoothing import without_gaps
 from analysis.trajectory.priors import upwash_slope_sigma
 from flight.aircraft import Aircraft

@@ -1,8 +1,9 @@
 """Finds maneuvers in the data: accelerations and decelerations, steady points, roller coasters, wind-up turns.
 
 `find` finds all maneuvers of a flight, each `find_*` one group of kinds; `kinds` lists the kinds, and the reasons for
-which a stretch is none; `settings` has the criteria, but for those of level runs, which the pilot's monitor shares
-(`flight.runs`). `runs_file` writes the maneuvers to a file and reads an edited one.
+which a stretch is none; `quality` has the smoothed motion and says why data are unsuitable; `settings` has the
+criteria, but for those of level runs, which the pilot's monitor shares (`flight.runs`). `runs_file` writes the
+maneuvers to a file and reads an edited one.
 
 A *maneuver* is a range of rows of the table of air data (`analysis.airdata`) with a kind. A *run* is a level
 acceleration or deceleration; a *steady point* is level flight at constant speed. Speed V [m/s], its slope Vdot [m/s^2]

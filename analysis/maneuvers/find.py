@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.maneuvers import find_level
+from analysis.maneuvers import quality
 from analysis.maneuvers.find_level import find_runs
 from analysis.maneuvers.find_loads import find_3211, find_loads
 from analysis.maneuvers.kinds import (
@@ -22,9 +22,9 @@ from analysis.maneuvers.kinds import (
     Unsuitable,
     maneuver_in,
 )
+from analysis.maneuvers.quality import smooth
 from analysis.maneuvers.settings import FLIGHT, STEADY_POINT
-from analysis.maneuvers.smooth import smooth
-from analysis.signals.aircraft_size import least_height_m
+from analysis.signals.channels import least_height_m
 from analysis.signals.smoothing import stretches
 from flight.runs import Rejection, RunRejected
 
@@ -49,7 +49,7 @@ def find_steady(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeu
         if rejection := _rejection(data, motion.V[rows], seconds):
             rejected.append(RejectedManeuver(STEADY, float(data.index[0]), float(data.index[-1]), rejection))
         else:
-            points.append(maneuver_in(STEADY, rows, table, motion.V, find_level.notes(data, motion.bank[rows])))
+            points.append(maneuver_in(STEADY, rows, table, motion.V, quality.notes(data, motion.bank[rows])))
     return points, rejected
 
 
@@ -57,7 +57,7 @@ def _rejection(data: pd.DataFrame, V: Array, seconds: float) -> Rejection | None
     """Why a stretch is no steady point; None if it is one."""
     if seconds < STEADY_POINT.shortest_s:
         return Rejection(RunRejected.TOO_SHORT, seconds, STEADY_POINT.shortest_s)
-    if low := find_level.too_low(data):
+    if low := quality.too_low(data):
         return low
     share = float(np.ptp(V) / np.mean(V))
     if share > STEADY_POINT.largest_speed_change:
@@ -67,7 +67,7 @@ def _rejection(data: pd.DataFrame, V: Array, seconds: float) -> Rejection | None
         return Rejection(Unsuitable.MOTOR_STOPPED)
     if n.std() > STEADY_POINT.largest_motor_spread * n.mean():
         return Rejection(Unsuitable.MOTOR_VARIED, float(n.std() / n.mean()), STEADY_POINT.largest_motor_spread)
-    return find_level.without_data(data)
+    return quality.without_data(data)
 
 
 def find(table: pd.DataFrame, rest: list[slice]) -> Maneuvers:

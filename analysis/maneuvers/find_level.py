@@ -1,95 +1,14 @@
-"""Quality of a maneuver's data: reasons to reject it, and notes for the reader of the results.
-
-Finds level accelerations and decelerations (runs) by the criteria of `flight.runs`, and gives the reason for each
-rejected stretch.
-"""
+"""Finds level accelerations and decelerations (runs) by the criteria of `flight.runs`, and why others are none."""
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from analysis.maneuvers.kinds import Maneuver, RejectedManeuver, maneuver_in
-from analysis.maneuvers.settings import NOTED
-from analysis.maneuvers.smooth import SmoothedMotion, smooth
-from analysis.signals.aircraft_size import speed_scale_of
+from analysis.maneuvers.quality import SmoothedMotion, missing_share, notes, smooth
+from analysis.signals.channels import speed_scale_of
 from analysis.signals.smoothing import stretches
 from flight import runs
-from flight.runs import LEVEL_RUN, Rejection, RunMeasures, changing_part, legs_of, missing_data
-from flight.units import GRAVITY_MPS2
-
-Array = NDArray[np.float64]
-
-NEEDED = ("V_mps", "alpha_rad", "ax_mps2", "az_mps2", "q_radps", "thrust_N", "rho")
-
-
-def too_low(data: pd.DataFrame) -> Rejection | None:
-    """The rejection of a stretch that is too near the ground, or whose height is not known; None if neither."""
-    height = data["height_m"].dropna()
-    return runs.too_low(float(height.min()) if len(height) else np.nan, speed_scale_of(data))
-
-
-def without_data(data: pd.DataFrame) -> Rejection | None:
-    """The rejection of a stretch in which a needed channel is missing for too long; None if none is."""
-    return missing_data(*missing_share(data))
-
-
-def missing_share(data: pd.DataFrame) -> tuple[str, float]:
-    """The first needed quantity that is missing for longer than allowed, or else the first, and its share of time."""
-    shares = [(quantity(name), float(data[name].isna().mean())) for name in NEEDED]
-    return next((one for one in shares if missing_data(*one)), shares[0])
-
-
-def notes(data: pd.DataFrame, bank: Array) -> tuple[str, ...]:
-    """What a reader should know of a maneuver that is used, a few words each. bank: (n,) [rad]."""
-    remarks = []
-    uncovered = 1 - float(data["propeller_covered"].mean())
-    if uncovered > NOTED.outside_table:
-        remarks.append(
-            f"{100 * uncovered:.0f} % of the data lie outside the propeller table, which is extrapolated there"
-        )
-    height = data["height_m"].dropna()
-    if len(height) and np.ptp(height) > NOTED.height_m:
-        remarks.append(f"height varied by {np.ptp(height):.0f} m")
-    if np.nanmax(np.abs(bank)) > NOTED.bank_rad:
-        remarks.append(f"bank reached {np.degrees(np.nanmax(np.abs(bank))):.0f} deg")
-    step = throttle_step(data)
-    if step > NOTED.throttle_step:
-        remarks.append(
-            f"throttle moved by {100 * step:.0f} % within {NOTED.throttle_step_s:g} s: a step pitches the aircraft"
-        )
-    rms = load_factor_rms(data)
-    if rms > NOTED.light_turbulence:
-        word = "rough" if rms > NOTED.rough_turbulence else "light"
-        remarks.append(f"{word} turbulence: the load factor varies by {rms:.2f} rms")
-    for name in NEEDED:
-        missing = float(data[name].isna().mean())
-        if missing > NOTED.gap_share:
-            remarks.append(
-                f"{quantity(name)} was stale or missing for {100 * missing:.1f} % of the time and is interpolated there"
-            )
-    return tuple(remarks)
-
-
-def load_factor_rms(data: pd.DataFrame) -> float:
-    """Rms of the load factor about its two-second mean [-]: a measure of turbulence."""
-    step_s = float(data.index[1] - data.index[0])
-    n = data["az_mps2"] / GRAVITY_MPS2
-    slow = n.rolling(max(3, round(NOTED.turbulence_window_s / step_s)), center=True, min_periods=1).mean()
-    return float((n - slow).std())
-
-
-def throttle_step(data: pd.DataFrame) -> float:
-    """Largest change of throttle within NOTED.throttle_step_s [-]; zero if throttle is not known."""
-    if "throttle" not in data or not data["throttle"].notna().any():
-        return 0.0
-    step_s = float(data.index[1] - data.index[0])
-    change = data["throttle"].diff(max(1, round(NOTED.throttle_step_s / step_s))).abs().max()
-    return float(change) if np.isfinite(change) else 0.0
-
-
-def quantity(column: str) -> str:
-    """A column's name without its unit: "thrust" for "thrust_N"."""
-    return column.rpartition("_")[0] or column
+from flight.runs import LEVEL_RUN, RunMeasures, changing_part, legs_of
 
 
 def find_runs(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuver]]:

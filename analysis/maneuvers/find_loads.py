@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.maneuvers import find_level
+from analysis.maneuvers import quality
 from analysis.maneuvers.kinds import (
     PORPOISING,
     ROLLER_COASTER,
@@ -18,8 +18,8 @@ from analysis.maneuvers.kinds import (
     Unsuitable,
     maneuver_in,
 )
+from analysis.maneuvers.quality import SmoothedMotion, load_factor, smooth
 from analysis.maneuvers.settings import LOADS, STEPS
-from analysis.maneuvers.smooth import SmoothedMotion, load_factor, smooth
 from analysis.signals.smoothing import stretches, without_gaps
 from flight.runs import LEVEL_RUN, Rejection, RunRejected
 
@@ -49,9 +49,7 @@ def find_loads(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuv
             if kind == ROLLER_COASTER and _swings(n[rows]) >= LOADS.porpoising_swings:
                 maneuvers.append(maneuver_in(PORPOISING, rows, table, motion.V, _range_of(n[rows])))
                 continue
-            rejection = (
-                find_level.without_data(data) or rejection_of(data, motion, rows, n[rows]) or find_level.too_low(data)
-            )
+            rejection = quality.without_data(data) or rejection_of(data, motion, rows, n[rows]) or quality.too_low(data)
             if rejection:
                 rejected.append(RejectedManeuver(kind, float(data.index[0]), float(data.index[-1]), rejection))
             else:
@@ -166,7 +164,7 @@ def find_3211(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuve
         rows = slice(start, min(len(table), round((times[last] + STEPS.response_s) / motion.step_s) + 1))
         data = table.iloc[rows]
         rejection = None if data["flying"].all() else Rejection(Unsuitable.NOT_FLYING)
-        rejection = rejection or _3211_rejection(holds) or find_level.too_low(data) or find_level.without_data(data)
+        rejection = rejection or _3211_rejection(holds) or quality.too_low(data) or quality.without_data(data)
         if rejection:
             rejected.append(RejectedManeuver(STEPS_3211, float(data.index[0]), float(data.index[-1]), rejection))
         else:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from analysis.maneuvers import find_level
+from analysis.maneuvers import quality
 from analysis.maneuvers.find import find
 from analysis.maneuvers.kinds import (
     CONTEXT_KINDS,
@@ -24,10 +24,9 @@ from analysis.maneuvers.kinds import (
     maneuver_in,
     reason_in_words,
 )
+from analysis.maneuvers.quality import smooth
 from analysis.maneuvers.settings import FLIGHT
-from analysis.maneuvers.smooth import smooth
-from analysis.signals.aircraft_size import speed_scale_of
-from analysis.signals.channels import COLUMNS
+from analysis.signals.channels import COLUMNS, speed_scale_of
 from flight.errors import InputError
 from flight.files import read_text
 from flight.runs import LEVEL_RUN, Rejection, RunRejected, flying_Pa
@@ -125,13 +124,13 @@ def apply(entries: list[ManeuverEntry], table: pd.DataFrame, rejected: list[Reje
         if rows.stop - rows.start < FLIGHT.fewest_samples:
             raise InputError(f"{at}: only {rows.stop - rows.start} samples; {FLIGHT.fewest_samples} are needed")
         data = table.iloc[rows]
-        missing = None if entry.kind in CONTEXT_KINDS else find_level.without_data(data)
+        missing = None if entry.kind in CONTEXT_KINDS else quality.without_data(data)
         if missing:
             raise InputError(f"{at}: {reason_in_words(missing)}")
         for other in kept if entry.kind in LEVEL_RUNS else ():
             if other.kind in LEVEL_RUNS and other.rows.start < rows.stop - 1 and rows.start < other.rows.stop - 1:
                 raise InputError(f"{at}: overlaps the {other.name}")
-        notes = () if entry.kind in CONTEXT_KINDS else find_level.notes(data, motion.bank[rows])
+        notes = () if entry.kind in CONTEXT_KINDS else quality.notes(data, motion.bank[rows])
         kept.append(maneuver_in(entry.kind, rows, table, motion.V, notes))
     return Maneuvers(sorted(kept, key=_start), left_out)
 

@@ -40,7 +40,7 @@ from analysis.performance.request import (
 from analysis.performance.settings import PERFORMANCE
 from analysis.polar import Condition, speed_at
 from analysis.schema import FieldRow, PerformanceCase, PerformanceResult, PowerTrainResult
-from analysis.signals.aircraft_size import SPEED_SCALE
+from analysis.signals.channels import SPEED_SCALE
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
 from flight.propeller import Propeller

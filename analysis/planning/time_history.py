@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from analysis.planning.expected_aircraft import ExpectedAircraft
 from analysis.planning.pieces import Hold, Land, Maneuver, Porpoise, Run, Stand, TakeOff, Turn
 from analysis.planning.settings import PATH
-from analysis.signals.aircraft_size import SPEED_SCALE, speed_scale
+from analysis.signals.channels import SPEED_SCALE, speed_scale
 from analysis.trajectory import dryden
 from analysis.trajectory.priors import BENCH_SIGMA
 from flight import motion

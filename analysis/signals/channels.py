@@ -14,10 +14,13 @@ from numpy.typing import NDArray
 
 from analysis.signals.settings import CHANNELS
 from analysis.signals.smoothing import on_grid
+from flight import runs
+from flight.aircraft import Aircraft
 from flight.errors import InputError
 from flight.log_entries import NO_ENTRIES, NO_INTEGER, STATUS_CODE, Entries
 from flight.log_reader import Log
 from flight.messages import Status
+from flight.runs import AIRCRAFT_SIZE
 
 Array = NDArray[np.float64]
 CLIPPED = "at the end of its range"
@@ -190,3 +193,22 @@ def synchronize(log: Log, lag_s: dict[str, float] | None = None) -> Channels:
         taken_s, value = samples(of_topic[topic], field, start_ns)
         table[name] = on_grid(t_s, taken_s - (lag_s or {}).get(topic, 0.0), value)
     return Channels(pd.DataFrame(table, index=pd.Index(t_s, name="t_s")), 1 / period_s, start_ns, notes)
+
+
+# How thresholds scale with the size of the aircraft (`flight.runs.AIRCRAFT_SIZE`), in a table of air data.
+SPEED_SCALE = "speed_scale"  # column of the table of `air_data`, the same in all rows
+
+
+def speed_scale(aircraft: Aircraft) -> float:
+    """Speed at C_L = 1 over the reference speed, at most 1."""
+    return runs.speed_scale(aircraft.mass.weight_N, aircraft.geometry.wing_area_m2)
+
+
+def speed_scale_of(table: pd.DataFrame) -> float:
+    """That of the aircraft of a table of `air_data`; 1 without the column."""
+    return float(table[SPEED_SCALE].iloc[0]) if SPEED_SCALE in table and len(table) else 1.0
+
+
+def least_height_m(table: pd.DataFrame) -> float:
+    """Height above the ground of the aircraft of a table of `air_data`, below which wind shear matters."""
+    return AIRCRAFT_SIZE.least_height_m * speed_scale_of(table)

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.signals.aircraft_size import least_height_m, speed_scale_of
+from analysis.signals.channels import least_height_m, speed_scale_of
 
 Array = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -18,7 +18,7 @@ class BlockMeans:
     n : number of whole blocks             t_s : (n,) centers of the blocks
     rows : (n,) rows of the table there    step_s : time between them    rate_Hz : of the table
     flying : (n,) whether the aircraft is above `least_height_m` and airspeed is measured
-    speed_scale, least_height_m : of the aircraft (`aircraft_size`)
+    speed_scale, least_height_m : of the aircraft (`flight.runs.AIRCRAFT_SIZE`)
     """
 
     def __init__(self, table: pd.DataFrame):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from analysis.airdata.air import _slow_flight, air_data, specific_force_at_cg
-from analysis.signals.aircraft_size import speed_scale
+from analysis.signals.channels import speed_scale
 from analysis.signals.rest import rest_segments, without_zeros, zeros
 from flight.aircraft import load_aircraft
 from flight.propeller_files import load_propeller

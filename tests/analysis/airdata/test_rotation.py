@@ -9,8 +9,7 @@ import pytest
 from analysis.airdata.air import _ground, _stuck, air_data, bank_angle, specific_force_at_cg
 from analysis.airdata.polynomial_map import FittedMap
 from analysis.airdata.probe import ProbeCalibration
-from analysis.signals.aircraft_size import speed_scale
-from analysis.signals.channels import COLUMNS
+from analysis.signals.channels import COLUMNS, speed_scale
 from flight.aircraft import Aircraft, ProbeInstallation
 from flight.probe_maps import FIRST_FORMAT
 from flight.propeller import Propeller

@@ -18,7 +18,7 @@ from analysis.polar import (
     speed_at,
     unphysical,
 )
-from analysis.signals.aircraft_size import SPEED_SCALE
+from analysis.signals.channels import SPEED_SCALE
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2

@@ -6,7 +6,7 @@ import pytest
 
 from analysis.maneuvers.find import _part_of, _within, find_steady
 from analysis.maneuvers.find import _rejection as steady_rejection
-from analysis.maneuvers.find_level import find_runs, notes, without_data
+from analysis.maneuvers.find_level import find_runs
 from analysis.maneuvers.find_loads import _wind_up_turn_rejection, find_3211
 from analysis.maneuvers.kinds import (
     PORPOISING,
@@ -17,8 +17,8 @@ from analysis.maneuvers.kinds import (
     Unsuitable,
     reason_in_words,
 )
+from analysis.maneuvers.quality import SmoothedMotion, notes, without_data
 from analysis.maneuvers.runs_file import nearest_miss
-from analysis.maneuvers.smooth import SmoothedMotion
 from flight.runs import Rejection, RunRejected
 from tests.analysis.maneuvers.test_find import RATE_HZ, flight, up_and_down
 

@@ -11,8 +11,8 @@ from methods import drawn, fly
 from analysis.airdata.air import bank_angle
 from analysis.maneuvers import runs_file
 from analysis.maneuvers.find import find
-from analysis.maneuvers.find_level import load_factor_rms
 from analysis.maneuvers.kinds import Maneuvers, Unsuitable
+from analysis.maneuvers.quality import load_factor_rms
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from sim.sensors import load_budget

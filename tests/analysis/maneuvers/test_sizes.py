@@ -7,10 +7,11 @@ import pandas as pd
 import pytest
 
 from analysis.flown import flown_condition, flown_lift
-from analysis.maneuvers.find_level import find_runs, too_low
+from analysis.maneuvers.find_level import find_runs
 from analysis.maneuvers.find_loads import find_loads
+from analysis.maneuvers.quality import too_low
 from analysis.polar import speed_at
-from analysis.signals.aircraft_size import SPEED_SCALE, speed_scale
+from analysis.signals.channels import SPEED_SCALE, speed_scale
 from flight.aircraft import Aircraft, load_aircraft
 from flight.runs import RunRejected, flying_Pa
 from flight.units import GRAVITY_MPS2
