@@ -131,7 +131,10 @@ class Rpm(Message):
     topics = ("/rpm",)
 
     period_us: int | None = None  # as received: ten electrical periods
-    motor_speed_revps: float | None = None
+    motor_speed_revps: float | None = None  # null with the status `corrupt` where the pulses do not agree
+    pulses_captured: int | None = None  # since the last frame; null of counters that do not say
+    pulses_rejected: int | None = None  # of these, because they came too early
+    pulses_inserted: int | None = None  # that were missing
 
 
 class Controls(Message):

@@ -6,13 +6,14 @@ microseconds, and sends the newest at most every 10 ms, at 115200 baud 8N1.
 Legacy frame, 4 bytes: 'x' (0x78), then the period, 24 bits, big-endian. Nothing is sent without pulses, so
 silence means a stopped motor or a broken wire.
 
-Frame with CRC, 8 bytes, for new counters (described in `daq.sensors.esc_counter`):
+Frame with CRC, 11 bytes, for new counters (described in `daq.sensors.esc_counter`):
 
-    0    0xA5        start of frame
+    0    0xA6        start of frame
     1    sequence    counts frames modulo 256
     2    flags       bit 0: no pulse for 0.5 s, the motor is stopped; the period is then 0
     3-6  period      32 bits, big-endian, microseconds for ten electrical periods
-    7    CRC-8       of bytes 1 to 6: polynomial 0x07, initial value 0, not reflected, no final XOR
+    7-9  pulses      captured, rejected and inserted since the last frame; here none is ever wrong
+    10   CRC-8       of bytes 1 to 9: polynomial 0x07, initial value 0, not reflected, no final XOR
                      (CRC-8/SMBUS; of "123456789" it is 0xF4)
 
 It is sent with every new period, at most every 10 ms, and every 0.5 s while the motor is stopped: silence is a fault.
@@ -29,7 +30,7 @@ DECADE = 10
 INTERVAL_NS = 10_000_000
 STANDING_NS = 500_000_000
 LEGACY_LONGEST_US = 2**24 - 1
-START, FLAG_STANDING = 0xA5, 0x01
+START, FLAG_STANDING = 0xA6, 0x01
 STEP_S = 2e-3  # of the speed's integration
 BLOCK_STEPS = 500
 
@@ -42,6 +43,7 @@ def legacy_frame(period_us: int) -> bytes:
 def framed(sequence: int, period_us: int) -> bytes:
     """The frame with CRC; a period of 0 means that the motor is stopped."""
     body = bytes([sequence % 256, 0 if period_us else FLAG_STANDING]) + period_us.to_bytes(4, "big")
+    body += bytes([DECADE if period_us else 0, 0, 0])
     return bytes([START]) + body + bytes([crc8(body)])
 
 

@@ -7,20 +7,29 @@ data. A frame is sent without interruption (0.35 ms), so the first byte after a 
 locates frames while the motor accelerates and successive periods differ by half. In a stream without pauses, frames
 are accepted once three in a row agree in position and period.
 
-Framed variant, 8 bytes, for a microcontroller that can be programmed:
+Framed variant, 11 bytes, for a microcontroller that can be programmed (firmware/esc_counter):
 
-    0    0xA5       start of frame
+    0    0xA6       start of frame
     1    sequence   counts frames modulo 256
-    2    flags      bit 0: no pulse for 0.5 s, the motor is stopped; the period is then 0
+    2    flags      bit 0: no pulse for 0.5 s, the motor is stopped; bit 1: the pulses do not come evenly, so that
+                    the period may be wrong by more than 2 %; bit 2: no new period. With bit 0 or 2 the period is 0
     3-6  period     microseconds for ten electrical periods, most significant byte first
-    7    CRC-8      of bytes 1 to 6: polynomial 0x07, initial value 0, not reflected, no final XOR
+    7    captured   pulses since the last frame; this count and the next two end at 255
+    8    rejected   of these, pulses that came too early
+    9    inserted   pulses that were missing, and were counted all the same
+    10   CRC-8      of bytes 1 to 9: polynomial 0x07, initial value 0, not reflected, no final XOR
 
-It is sent with each new period, at most every 10 ms, and every 0.5 s while the motor is stopped. Silence of the legacy
-variant can be a stopped motor or a broken wire, and is logged as `no_data`, not as zero speed.
+It is sent with each new period, at most every 10 ms, and otherwise every 50 ms, or every 0.5 s while the motor is
+stopped. Earlier firmware sends 8 bytes, with 0xA5 and without the three counts; those are read as well.
+
+A period is believed if the pulses came evenly and at most a quarter of them was rejected or inserted. Otherwise the
+message is `corrupt`, without a speed. No counter can tell an echo in the middle of each period from twice the speed.
+Silence of the legacy variant can be a stopped motor or a broken wire, and is logged as `no_data`, not as zero speed.
 """
 
 from collections.abc import Iterator
 from itertools import pairwise
+from typing import NamedTuple
 
 from daq.bus import BytePort
 from daq.sensors import Sample
@@ -33,8 +42,27 @@ PULSES = 10  # electrical periods in a transmitted period
 # Ten electrical periods between 300 us and 1 s: a two-pole motor at 2 million rpm, a 14-pole one at 90 rpm.
 SHORTEST_US, LONGEST_US = 300, 1_000_000
 MAX_PERIOD_RATIO = 1.25  # of neighboring frames, while searching for the start of frames
-LEGACY_BYTES, FRAMED_BYTES = 4, 8
-LETTER, SYNC, MOTOR_STOPPED = ord("x"), 0xA5, 0x01
+LEGACY_BYTES = 4
+LETTER = ord("x")
+FRAMED_BYTES = {0xA5: 8, 0xA6: 11}  # by start of frame: earlier firmware, and with counts of pulses
+MOTOR_STOPPED, UNEVEN, NO_PERIOD = 0x01, 0x02, 0x04
+LARGEST_CORRECTED_SHARE = 0.25  # of the pulses may be rejected or inserted; noise on one in twenty is harmless
+
+
+class CounterFrame(NamedTuple):
+    """A period [us], 0 while the motor is stopped, None if none was measured, and what is known of its pulses."""
+
+    period_us: int | None
+    uneven: bool = False
+    captured: int | None = None
+    rejected: int | None = None
+    inserted: int | None = None
+
+    @property
+    def believed(self) -> bool:
+        """Whether the period is right within 2 %."""
+        corrected = (self.rejected or 0) + (self.inserted or 0)
+        return not self.uneven and corrected <= LARGEST_CORRECTED_SHARE * (self.captured or corrected)
 
 
 class EscCounterDriver:
@@ -62,15 +90,25 @@ class EscCounterDriver:
             self._quiet_since_ns = now_ns
         elif now_ns - self._quiet_since_ns >= PAUSE_NS:
             self._parser.pause()
-        periods_us = self._parser.feed(data)
-        if periods_us:
+        measured = [frame for frame in self._parser.feed(data) if frame.period_us is not None or not frame.believed]
+        if measured:
             self._last_ns, self._rejected = now_ns, self._parser.rejected
-            period_us = periods_us[-1]
-            speed = motor_speed_revps(period_us, self._pole_pairs)
-            return [Sample("/rpm", now_ns, Rpm(period_us=period_us, motor_speed_revps=speed))]
+            return [Sample("/rpm", now_ns, self._message(measured[-1]))]
         if now_ns - self._last_ns < self._silence_ns:
             return []
         return [Sample("/rpm", now_ns, Rpm(status=self._silence()))]
+
+    def _message(self, frame: CounterFrame) -> Rpm:
+        period_us = frame.period_us
+        believed = frame.believed and period_us is not None
+        return Rpm(
+            status=Status.OK if believed else Status.CORRUPT,
+            period_us=period_us,
+            motor_speed_revps=motor_speed_revps(period_us or 0, self._pole_pairs) if believed else None,
+            pulses_captured=frame.captured,
+            pulses_rejected=frame.rejected,
+            pulses_inserted=frame.inserted,
+        )
 
     def _silence(self) -> Status:
         return Status.CORRUPT if self._parser.rejected > self._rejected else Status.NO_DATA
@@ -100,10 +138,10 @@ class LegacyParser:
         self._buffer.clear()
         self._locked = self._after_pause = True
 
-    def feed(self, data: bytes) -> list[int]:
-        """Periods [us] of the frames that `data` completes."""
+    def feed(self, data: bytes) -> list[CounterFrame]:
+        """The frames that `data` completes."""
         self._buffer += data
-        periods: list[int] = []
+        periods: list[CounterFrame] = []
         while True:
             if not self._locked and not self._find_start():
                 return periods
@@ -117,7 +155,7 @@ class LegacyParser:
                 continue
             self._after_pause = False
             if period is not None:
-                periods.append(period)
+                periods.append(CounterFrame(period))
             del self._buffer[:LEGACY_BYTES]
 
     def _find_start(self) -> bool:
@@ -160,24 +198,34 @@ class FramedParser:
     def pause(self) -> None:
         """Not needed: each frame has its own start byte and CRC."""
 
-    def feed(self, data: bytes) -> list[int]:
-        """Periods [us] of the frames that `data` completes; 0 for a stopped motor."""
+    def feed(self, data: bytes) -> list[CounterFrame]:
+        """The frames that `data` completes."""
         self._buffer += data
-        periods: list[int] = []
-        while len(self._buffer) >= FRAMED_BYTES:
-            frame = self._buffer[:FRAMED_BYTES]
-            period = int.from_bytes(frame[3:7], "big")
-            plausible = period == 0 if frame[2] & MOTOR_STOPPED else period >= SHORTEST_US
-            if frame[0] != SYNC or crc8(bytes(frame[1:7])) != frame[7] or not plausible:
+        frames: list[CounterFrame] = []
+        while self._buffer:
+            length = FRAMED_BYTES.get(self._buffer[0])
+            if length is not None and len(self._buffer) < length:
+                return frames
+            body = bytes(self._buffer[1 : (length or 1) - 1])
+            if length is None or crc8(body) != self._buffer[length - 1] or (frame := decoded(body)) is None:
                 del self._buffer[:1]
                 self.rejected += 1
                 continue
             if self._sequence is not None:
-                self.lost += (frame[1] - self._sequence - 1) % 256
-            self._sequence = frame[1]
-            periods.append(period)
-            del self._buffer[:FRAMED_BYTES]
-        return periods
+                self.lost += (body[0] - self._sequence - 1) % 256
+            self._sequence = body[0]
+            frames.append(frame)
+            del self._buffer[:length]
+        return frames
+
+
+def decoded(body: bytes) -> CounterFrame | None:
+    """A frame without start and CRC; None if its period is implausible. Without counts in earlier firmware's."""
+    flags, period_us = body[1], int.from_bytes(body[2:6], "big")
+    measured = not flags & (MOTOR_STOPPED | NO_PERIOD)
+    if (period_us < SHORTEST_US) if measured else period_us:
+        return None
+    return CounterFrame(None if flags & NO_PERIOD else period_us, bool(flags & UNEVEN), *body[6:9])
 
 
 def crc8(data: bytes) -> int:

@@ -17,9 +17,13 @@ def legacy(period_us: int) -> bytes:
     return b"x" + period_us.to_bytes(3, "big")
 
 
-def framed(sequence: int, period_us: int, flags: int = 0) -> bytes:
-    body = bytes([sequence % 256, flags]) + period_us.to_bytes(4, "big")
-    return b"\xa5" + body + bytes([crc8(body)])
+def framed(sequence: int, period_us: int, flags: int = 0, pulses: tuple[int, int, int] = (10, 0, 0)) -> bytes:
+    body = bytes([sequence % 256, flags]) + period_us.to_bytes(4, "big") + bytes(pulses)
+    return b"\xa6" + body + bytes([crc8(body)])
+
+
+def periods_of(parser: FramedParser | LegacyParser, data: bytes) -> list[int | None]:
+    return [frame.period_us for frame in parser.feed(data)]
 
 
 def test_speed_of_a_seven_pole_pair_motor():
@@ -35,7 +39,7 @@ def test_check_value_of_the_crc():
 def test_any_bytes_in_any_pieces_never_raise(noise, cuts, with_crc):
     parser = FramedParser() if with_crc else LegacyParser()
     for piece in pieces(noise, cuts):
-        assert all(period >= 0 for period in parser.feed(piece))
+        assert all((frame.period_us or 0) >= 0 for frame in parser.feed(piece))
         if sum(piece) % 3 == 0:
             parser.pause()
 
@@ -48,7 +52,7 @@ def test_legacy_frames_after_garbage_are_found_however_they_are_torn(noise, cuts
     # A real motor's period wanders by more than a count; that is what tells frames from their shifted images.
     periods = [period_us + 37 * (i * i % 11) for i in range(20)]
     parser = LegacyParser()
-    found = [p for piece in pieces(noise + b"".join(map(legacy, periods)), cuts) for p in parser.feed(piece)]
+    found = [p for piece in pieces(noise + b"".join(map(legacy, periods)), cuts) for p in periods_of(parser, piece)]
     assert found[-10:] == periods[-10:]
 
 
@@ -56,7 +60,7 @@ def test_legacy_frames_after_garbage_are_found_however_they_are_torn(noise, cuts
 def test_framed_frames_after_garbage_are_found_however_they_are_torn(noise, cuts, period_us):
     parser = FramedParser()
     data = noise + b"".join(framed(i, period_us) for i in range(20))
-    found = [p for piece in pieces(data, cuts) for p in parser.feed(piece)]
+    found = [p for piece in pieces(data, cuts) for p in periods_of(parser, piece)]
     assert found[-10:] == [period_us] * 10
 
 
@@ -64,7 +68,7 @@ def test_the_letter_inside_the_data_does_not_mislead():
     parser = LegacyParser()
     periods = [0x007805 + i % 3 for i in range(30)]  # 'x' in the middle byte, a low last byte: plausible when shifted
     data = b"".join(map(legacy, periods))[2:]  # the line is opened in the middle of a frame
-    assert parser.feed(data)[-20:] == periods[-20:]
+    assert periods_of(parser, data)[-20:] == periods[-20:]
 
 
 def test_a_motor_that_spins_up_is_heard_from_its_first_frame():
@@ -109,7 +113,7 @@ def test_a_damaged_frame_of_the_variant_is_dropped():
     good = framed(1, 9000)
     for i in range(len(good)):
         damaged = good[:i] + bytes([good[i] ^ 0x10]) + good[i + 1 :]
-        assert FramedParser().feed(damaged + framed(2, 8000)) == [8000]
+        assert periods_of(FramedParser(), damaged + framed(2, 8000)) == [8000]
 
 
 def counter(**options) -> tuple[ScriptedPort, EscCounterDriver]:
@@ -151,3 +155,35 @@ def test_the_latest_of_several_frames_counts():
     ((topic, time_ns, message, *_),) = sensor.read(77)
     assert (topic, time_ns, message.period_us) == ("/rpm", 77, 10000)
     assert message.motor_speed_revps == pytest.approx(142.857, abs=0.001)
+
+
+@pytest.mark.parametrize(
+    ("flags", "pulses", "believed"),
+    [
+        (0, (10, 0, 0), True),
+        (0, (12, 2, 1), True),  # noise on one in six
+        (0, (20, 10, 0), False),  # an echo after every pulse
+        (0, (10, 0, 5), False),
+        (2, (10, 0, 0), False),  # the counter says so itself
+    ],
+)
+def test_a_period_whose_pulses_do_not_agree_is_no_speed(flags, pulses, believed):
+    port, sensor = counter(framed=True)
+    port.incoming = [framed(0, 10714, flags, pulses)]
+    ((_, _, message, *_),) = sensor.read(0)
+    assert (message.status is Status.OK) == believed == (message.motor_speed_revps is not None)
+    assert (message.pulses_captured, message.pulses_rejected, message.pulses_inserted) == pulses
+
+
+def test_pulses_without_a_period_are_neither_a_speed_nor_a_stop():
+    port, sensor = counter(framed=True)
+    port.incoming = [framed(0, 0, flags=4, pulses=(3, 0, 0))]
+    assert sensor.read(0) == []
+
+
+def test_earlier_firmware_is_read_without_counts():
+    body = bytes([7, 0]) + (10714).to_bytes(4, "big")
+    port, sensor = counter(framed=True)
+    port.incoming = [b"\xa5" + body + bytes([crc8(body)])]
+    ((_, _, message, *_),) = sensor.read(0)
+    assert (message.status, message.period_us, message.pulses_captured) == (Status.OK, 10714, None)

@@ -30,6 +30,12 @@ class Sent(NamedTuple):
     def periods_us(self):
         return np.array([sample.message.period_us for sample in self.samples if sample.message.period_us])
 
+    @property
+    def believed_us(self):
+        """Periods that are not marked."""
+        good = [sample.message for sample in self.samples if sample.message.status is Status.OK]
+        return np.array([message.period_us for message in good if message.period_us])
+
 
 class Bytes:
     """The port: what has arrived since it was last read."""
@@ -152,3 +158,41 @@ def test_the_watchdog_restarts_a_crashed_program(counter):
     assert 240_000 < gaps.max() < 350_000
     assert sent.at_us[-1] > 580_000
     assert sent.periods_us == pytest.approx(5000, rel=1e-3)
+
+
+TRUE = pulses(500, 400_000)
+NOISE = np.random.default_rng(1)
+EVEN = np.arange(len(TRUE)) % 2
+MAGNETS = np.random.default_rng(2).uniform(-0.3, 0.3, 7)  # of a rotor with seven pairs: the same each revolution
+TRAINS = {
+    **{f"echo after each pulse at {f} of the period": np.concatenate([TRUE, TRUE + f * 500])
+       for f in (0.1, 0.2, 0.3, 0.4, 0.6, 0.7, 0.8, 0.9)},
+    **{f"{rate} noise pulses a second": np.concatenate([TRUE, NOISE.uniform(0, 400_000, int(0.4 * rate))])
+       for rate in (50, 200, 500, 1000)},
+    **{f"edges scattered by {s} of the period": TRUE + NOISE.normal(0, s * 500, len(TRUE)) for s in (0.02, 0.1, 0.3)},
+    "intervals alternate by 30 %": TRUE + EVEN * 0.3 * 500,
+    "magnets uneven by 30 %": TRUE + 500 * np.resize(MAGNETS, len(TRUE)) / 2,
+    **{f"every {k}th pulse missing": np.delete(TRUE, np.arange(5, len(TRUE), k)) for k in (3, 4, 5, 9)},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("train", TRAINS)
+def test_a_period_is_right_within_two_percent_or_marked(counter, train):
+    """But for an echo in the middle of each period, which no counter can tell from twice the speed."""
+    sent = counter(TRAINS[train], 400_000)
+    assert len(sent.samples) > 5
+    assert sent.believed_us == pytest.approx(5000, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    "train", ["50 noise pulses a second", "edges scattered by 0.02 of the period", "every 9th pulse missing"]
+)
+def test_what_a_sound_counter_sees_is_not_marked(counter, train):
+    sent = counter(TRAINS[train], 400_000)
+    assert len(sent.believed_us) > 0.9 * len(sent.periods_us) > 20
+
+
+def test_pulses_too_slow_for_a_period_are_heard_every_50_ms(counter):
+    """A frame without a period is no sample, but the counter is not silent."""
+    sent = counter(pulses(60_000, 580_000), 580_000)
+    assert len(sent.periods_us) == 0 and (sent.rejected, sent.lost) == (0, 0)

@@ -73,9 +73,9 @@ def test_crc8_of_the_catalog():
 def test_the_framed_variant_counts_and_checks(powered, clock):
     port = powered(rpm_with_crc=True).port(ESC, 115200)
     data = heard(port, clock, 4.0)
-    frames = [data[i : i + 8] for i in range(data.index(0xA5), len(data) - 7, 8)]
+    frames = [data[i : i + 11] for i in range(data.index(0xA6), len(data) - 10, 11)]
     assert len(frames) > 256  # the sequence wraps
-    assert all(frame[0] == 0xA5 and frame[2] == 0 and esc_counter.crc8(frame[1:7]) == frame[7] for frame in frames)
+    assert all(frame[0] == 0xA6 and frame[2] == 0 and esc_counter.crc8(frame[1:10]) == frame[10] for frame in frames)
     assert set(np.diff([frame[1] for frame in frames]) % 256) == {1}
     assert {int.from_bytes(frame[3:7], "big") for frame in frames} <= {14285, 14286}  # 10 / (7 x 100 Hz)
 
@@ -83,8 +83,8 @@ def test_the_framed_variant_counts_and_checks(powered, clock):
 def test_the_framed_variant_says_that_the_motor_stands(powered, clock):
     port = powered(rpm_with_crc=True, motor_revps=constant(0.0)).port(ESC, 115200)
     data = heard(port, clock, 10.0)
-    assert len(data) / 8 == pytest.approx(20, abs=1)
-    assert all(data[i + 2 : i + 7] == bytes([1, 0, 0, 0, 0]) for i in range(0, len(data) - 7, 8))
+    assert len(data) / 11 == pytest.approx(20, abs=1)
+    assert all(data[i + 2 : i + 10] == bytes([1, *[0] * 7]) for i in range(0, len(data) - 10, 11))
 
 
 def mavlink_messages(data):
