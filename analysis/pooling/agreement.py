@@ -187,9 +187,9 @@ def trends(flights: Sequence[FlightStatistics], deviations_percent: Array, covar
     """
     found = []
     for quantity, unit, values in (
-        ("date", "day", [_number(f.results["pooling"].get("start_unix_s")) / 86400.0 for f in flights]),
-        ("air temperature", "K", [_number(f.results.get("air_temperature_K")) for f in flights]),
-        ("battery voltage", "V", [_number(f.results["pooling"].get("battery_V")) for f in flights]),
+        ("date", "day", [_or_nan(f.content.pooling.start_unix_s) / 86400.0 for f in flights]),
+        ("air temperature", "K", [_or_nan(f.content.air_temperature_K) for f in flights]),
+        ("battery voltage", "V", [_or_nan(f.content.pooling.battery_V) for f in flights]),
     ):
         x = np.array(values)
         known = np.isfinite(x)
@@ -212,5 +212,5 @@ def trends(flights: Sequence[FlightStatistics], deviations_percent: Array, covar
     return found
 
 
-def _number(value: object) -> float:
-    return float(value) if isinstance(value, int | float) else float("nan")
+def _or_nan(value: float | None) -> float:
+    return float("nan") if value is None else value

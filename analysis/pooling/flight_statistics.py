@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from analysis.polar import Condition
 from analysis.schema import POOLING_FORMAT as FORMAT
-from analysis.schema import AircraftResult
+from analysis.schema import AircraftResult, ConditionResult, PoolingStatistics, PowerPoint
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
@@ -43,8 +43,20 @@ class SharedMeasurement(NamedTuple):
         return np.array(self.coefficients) * self.value / self.sigma**2
 
 
+class FlightContent(msgspec.Struct, frozen=True, kw_only=True):
+    """What a pool reads of a flight's results.json (`analysis.schema.Results`)."""
+
+    log: str
+    aircraft: AircraftResult
+    test: ConditionResult
+    air_temperature_K: float | None = None
+    power_required: list[PowerPoint] = []
+    pooling: PoolingStatistics
+    not_to_trust: list[str] = []  # reasons, added by who reads the file
+
+
 class FlightStatistics(NamedTuple):
-    """One flight. Arrays in the order of POOLED, (M,) or (M, M); `results` is the content of its results.json.
+    """One flight. Arrays in the order of POOLED, (M,) or (M, M); `content` is what its results.json says beside these.
 
     values, covariance : the flight's own estimate; errors that no residual shows are in `changes`
     weighting_covariance : (k, k) of the first k, which are not errors of the installation, for given errors of it: its
@@ -69,7 +81,7 @@ class FlightStatistics(NamedTuple):
     propeller_table: str
     installation: str
     probe_calibration: str
-    results: Mapping[str, Any]
+    content: FlightContent
     prior_measurements: tuple[SharedMeasurement, ...] = ()
 
     @property
@@ -103,8 +115,8 @@ def read_statistics(results: Path | Mapping[str, Any]) -> FlightStatistics:
             f"{where}: statistics for pooling in the format {found.get('format')}, not {FORMAT}; analyze the log again"
         )
     try:
-        return _parsed(found, content)
-    except (KeyError, ValueError, TypeError, IndexError, msgspec.ValidationError) as error:
+        return _statistics(msgspec.convert(content, FlightContent))
+    except (ValueError, IndexError, msgspec.ValidationError) as error:
         raise InputError(f"{where}: malformed statistics for pooling ({error}); analyze the log again") from None
 
 
@@ -118,38 +130,31 @@ def _read(path: Path) -> Mapping[str, Any]:
     return content
 
 
-def _parsed(found: Mapping[str, Any], content: Mapping[str, Any]) -> FlightStatistics:
-    names = list(found["names"])
-    covariance = _symmetric(found["covariance"], len(names))
-    weighting = found["weighting_covariance"]
+def _statistics(content: FlightContent) -> FlightStatistics:
+    of_flight, test = content.pooling, content.test
+    names, weighting = of_flight.names, of_flight.weighting_covariance
     kept = [names.index(name) for name in POOLED]
     drag = [names.index(name) for name in POLAR + THRUST_CORRECTIONS]
-    sigma = np.array([np.inf if s is None else s for s in found["prior_sigma"]], dtype=float)[kept]
-    aircraft, test = msgspec.convert(content["aircraft"], AircraftResult), content["test"]
+    sigma = np.array([np.inf if s is None else s for s in of_flight.prior_sigma])[kept]
     statistics = FlightStatistics(
-        name=str(content["log"]),
-        values=np.array(found["values"], dtype=float)[kept],
-        covariance=covariance[np.ix_(kept, kept)],
+        name=content.log,
+        values=np.array(of_flight.values)[kept],
+        covariance=_symmetric(of_flight.covariance, len(names))[np.ix_(kept, kept)],
         weighting_covariance=_symmetric(weighting, len(weighting))[np.ix_(drag, drag)],
-        prior_mean=np.array(found["prior_mean"], dtype=float)[kept],
+        prior_mean=np.array(of_flight.prior_mean)[kept],
         prior_information=sigma**-2.0,
-        changes={name: np.array(change, dtype=float)[kept] for name, change in found["changes"].items()},
-        polar_covariance=np.array(found["polar_covariance"], dtype=float),
-        flown_CL=(float(found["flown_CL"][0]), float(found["flown_CL"][1])),
-        condition=Condition(float(test["weight_N"]), float(test["air_density_kgpm3"]), aircraft.wing_area_m2),
-        aircraft=aircraft,
-        propeller_table=str(found["propeller_table"]),
-        installation=str(found["installation"]),
-        probe_calibration=str(found["probe_calibration"]),
-        results=content,
+        changes={name: np.array(change)[kept] for name, change in of_flight.changes.items()},
+        polar_covariance=np.array(of_flight.polar_covariance),
+        flown_CL=of_flight.flown_CL,
+        condition=Condition(test.weight_N, test.air_density_kgpm3, content.aircraft.wing_area_m2),
+        aircraft=content.aircraft,
+        propeller_table=of_flight.propeller_table,
+        installation=of_flight.installation,
+        probe_calibration=of_flight.probe_calibration,
+        content=content,
         prior_measurements=tuple(
-            SharedMeasurement(
-                str(one["name"]),
-                tuple(float(one["coefficients"].get(name, 0.0)) for name in POOLED),
-                float(one["value"]),
-                float(one["sigma"]),
-            )
-            for one in found.get("prior_measurements", [])
+            SharedMeasurement(one.name, tuple(one.coefficients.get(name, 0.0) for name in POOLED), one.value, one.sigma)
+            for one in of_flight.prior_measurements or []
         ),
     )
     finite = (

@@ -36,7 +36,6 @@ from analysis.pooling.wording import (
     installations_text,
     polars_text,
 )
-from analysis.results.trust import NOT_TO_TRUST
 from analysis.schema import ConditionResult, PowerPoint
 from flight.errors import InputError
 
@@ -150,15 +149,15 @@ def _thrust_known(pooled: JointPool, CL: Array) -> list[bool]:
     """Whether the propeller's table covers the thrust of at least one flight that covers this lift coefficient."""
     known = np.zeros(len(CL), dtype=bool)
     for flight in pooled.flights:
-        points = flight.results.get("power_required") or []
+        points = flight.content.power_required
         low, high = flight.flown_CL
         inside = (CL >= low * (1 - 1e-9)) & (CL <= high * (1 + 1e-9))
         if not points:
             known |= inside
             continue
-        CL_of_points = lift_coefficient(np.array([point["speed_mps"] for point in points]), flight.condition)
+        CL_of_points = lift_coefficient(np.array([point.speed_mps for point in points]), flight.condition)
         nearest = np.abs(CL_of_points[:, None] / CL - 1).argmin(axis=0)
-        sure = np.array([not point["extrapolated"] for point in points])
+        sure = np.array([not point.extrapolated for point in points])
         known |= inside & sure[nearest]
     return [bool(k) for k in known]
 
@@ -259,7 +258,7 @@ def _notes(pooled: JointPool) -> list[Note]:
     notes += [
         Note(NoteKind.FLIGHT_NOT_TO_TRUST, f"{flight.name} is not to be trusted. {reason}")
         for flight in pooled.flights
-        for reason in flight.results.get(NOT_TO_TRUST, [])
+        for reason in flight.content.not_to_trust
     ]
     polars, installations = pooled.homogeneity, pooled.installation_homogeneity
     if polars and polars.differs:

@@ -119,7 +119,11 @@ def test_a_trend_is_the_slope_of_generalized_least_squares() -> None:
     """0.5 % a day; of flights known equally well the slope's error is that of one over the root of sum (x - mean)^2."""
     days = np.array([0.0, 1.0, 2.0, 5.0])
     flights = [
-        SimpleNamespace(results={"pooling": {"start_unix_s": 86400.0 * day, "battery_V": 14.0}, "air_temperature_K": T})
+        SimpleNamespace(
+            content=SimpleNamespace(
+                pooling=SimpleNamespace(start_unix_s=86400.0 * day, battery_V=14.0), air_temperature_K=T
+            )
+        )
         for day, T in zip(days, (280.0, None, 290.0, 295.0), strict=True)
     ]
     (found,) = trends(flights, 3.0 + 0.5 * days, 0.04 * np.eye(4))  # type: ignore[arg-type]
@@ -136,13 +140,14 @@ def test_thrust_is_known_where_a_flight_that_was_there_had_it_within_the_table()
 
     def one(CLs: list[float], extrapolated: list[bool]) -> SimpleNamespace:
         points = [
-            {"speed_mps": float(speed_at(c, at)), "extrapolated": e} for c, e in zip(CLs, extrapolated, strict=True)
+            SimpleNamespace(speed_mps=float(speed_at(c, at)), extrapolated=e)
+            for c, e in zip(CLs, extrapolated, strict=True)
         ]
-        return SimpleNamespace(results={"power_required": points}, flown_CL=(0.3, 0.8), condition=at)
+        return SimpleNamespace(content=SimpleNamespace(power_required=points), flown_CL=(0.3, 0.8), condition=at)
 
     flights = [one([0.35, 0.55, 0.75], [True, False, False])]
     pool = SimpleNamespace(flights=flights)
     assert _thrust_known(pool, CL) == [False, False, True, True, False]  # type: ignore[arg-type]
-    flights.append(SimpleNamespace(results={}, flown_CL=(0.3, 0.4), condition=at))
+    flights.append(SimpleNamespace(content=SimpleNamespace(power_required=[]), flown_CL=(0.3, 0.4), condition=at))
     assert _thrust_known(pool, CL) == [False, True, True, True, False]  # type: ignore[arg-type]
     assert _thrust_known(pool, np.array([0.3, 0.8])) == [True, True]  # type: ignore[arg-type]
