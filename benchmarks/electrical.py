@@ -4,6 +4,7 @@ At seven speeds from the slowest to the fastest of each curve. `python benchmark
 """
 
 import dataclasses
+import itertools
 import tempfile
 from pathlib import Path
 
@@ -21,9 +22,11 @@ from analysis.electrical.thrust_balance import motor_constants
 from analysis.estimation.noise import NORMAL_95
 from flight.aircraft import Aircraft
 from flight.complete_aircraft import CompleteAircraft, load_complete_aircraft
+from flight.errors import InputError
 from flight.propeller_files import load_propeller
 from sim.ardupilot_log import write_ardupilot_log
 from sim.fly import Flight
+from sim.log_faults import FAULTS
 from sim.plant import plant_of
 from sim.propulsion import power_train, throttle_for
 from sim.px4_log import IDLE_A, write_px4_log
@@ -58,19 +61,23 @@ def true_power(aircraft: CompleteAircraft, flight: Flight, errors: DrawnErrors, 
     return np.where(np.isfinite(drag_N), power, np.nan)
 
 
-def one_flight(setup: Setup, *, autopilots: str = "px4", of: str = "electrical") -> Rows:
+def one_flight(setup: Setup, *, autopilots: str = "px4", of: str = "electrical", traps: bool = False) -> Rows:
     """By autopilot and quantity. of: electrical; rpm or motor: power required by propeller table and motor speed, or
-    by the motor's constants. Several are separated by commas."""
+    by the motor's constants. Several are separated by commas. traps: with each fault of real logs, or its refusal."""
     aircraft, errors = load_complete_aircraft(setup.aircraft), setup.drawn
     flight, sensors, _ = flown(aircraft, errors, setup.plan, setup.seed, setup.turbulence_kt)
     rows = []
     with tempfile.TemporaryDirectory() as folder:
-        for autopilot in autopilots.split(","):
+        log = Path(folder) / "log"
+        for autopilot, fault in itertools.product(autopilots.split(","), FAULTS if traps else ["wrong-battery-first"]):
             write, read = AUTOPILOTS[autopilot]
-            write(Path(folder) / "log", flight, sensors, errors, ["wrong-battery-first"])
+            write(log, flight, sensors, errors, [fault])
             for quantity in of.split(","):
-                compared = _errors(aircraft, flight, errors, read(Path(folder) / "log"), quantity)
-                rows.append((f"{autopilot}, {quantity}", np.stack(compared)))
+                title = f"{autopilot}, {fault if traps else quantity}"
+                try:
+                    rows.append((title, np.stack(_errors(aircraft, flight, errors, read(log), quantity))))
+                except InputError as refused:
+                    rows.append((f"{title}: {refused}".replace(folder, ""), np.empty((2, 0))))
     return rows
 
 
