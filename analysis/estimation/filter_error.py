@@ -110,26 +110,26 @@ def fit_filter_error(
         if start == "equation error":
             guess = noise_from_predictions(model, segments, noises, values, options.inputs)
             values |= {n.name: guess[n.key] for n in free_noise if n.prior_information == 0}
-        found = fitted(values)
+        optimum = fitted(values)
     else:
         small = {
             str(intensity_key(noise.state)): logarithm(noise.start * FILTER_ERROR.smaller_start)
             for noise in noises
             if noise.free
         }
-        found = _best(fitted, start or {}, values_by, small)
-    fit = make_fit(found.likelihood, found.point, found.iterations, found.stop)
+        optimum = _best(fitted, start or {}, values_by, small)
+    fit = make_fit(optimum.likelihood, optimum.point, optimum.iterations, optimum.stop)
     fit = replace(fit, integrator=options.integrator, inputs=options.inputs)
-    intensities = {noise.state: intensity_of(fit, noise, found.negligible) for noise in noises}
+    intensities = {noise.state: intensity_of(fit, noise, optimum.negligible) for noise in noises}
     if test_significance and fit.verdict.status in (FitStatus.CONVERGED, FitStatus.AT_BOUND):
-        for key in found.likelihood.intensities:
-            smaller, theta = found.likelihood.holding({key: -math.inf}, found.point.theta)
+        for key in optimum.likelihood.intensities:
+            smaller, theta = optimum.likelihood.holding({key: -math.inf}, optimum.point.theta)
             without, _, stop = maximize(
                 smaller, smaller.evaluate(theta), options.max_iterations, step_tolerance=FILTER_ERROR.step_tolerance
             )
-            ratio = math.nan if stop.failed else max(0.0, 2 * (without.cost - found.point.cost))
+            ratio = math.nan if stop.failed else max(0.0, 2 * (without.cost - optimum.point.cost))
             intensities[key.of] = intensities[key.of]._replace(p_value=math.erfc(math.sqrt(ratio / 2)) / 2)
-    verdict = _verdict(fit, intensities, found.negligible)
+    verdict = _verdict(fit, intensities, optimum.negligible)
     return replace(fit, verdict=verdict, process_noise=intensities)
 
 

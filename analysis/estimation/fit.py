@@ -71,13 +71,13 @@ class FitSummary(msgspec.Struct, frozen=True):
 
     def _partners(self) -> dict[int, str]:
         """For each unknown its largest correlation with another, as text, if it is large."""
-        found = {}
+        partners = {}
         for i, row in enumerate(self.correlation):
             others = [(abs(value), j) for j, value in enumerate(row) if value is not None and j != i]
             size, j = max(others, default=(0.0, 0))
             if size > VERDICT.large_correlation:
-                found[i] = f"correlated with {self.rows[j].name} ({row[j]:+.3f})"
-        return found
+                partners[i] = f"correlated with {self.rows[j].name} ({row[j]:+.3f})"
+        return partners
 
 
 def save_summary(summary: FitSummary, file: Path) -> None:

@@ -44,18 +44,18 @@ def collinearities(
     values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
     parts = vectors**2 / values  # (unknown, eigenvalue): contribution to the variance
     proportions = parts / parts.sum(axis=1, keepdims=True)
-    found = []
+    combinations = []
     for k in np.flatnonzero(values * smallest_index**2 < values[-1]):
         involved = np.flatnonzero(proportions[:, k] > VERDICT.variance_proportion)
         if len(involved) > 1:
-            found.append(
+            combinations.append(
                 Collinearity(
                     float(np.sqrt(values[-1] / values[k])),
                     tuple(names[i] for i in involved),
                     tuple(proportions[involved, k].tolist()),
                 )
             )
-    return found
+    return combinations
 
 
 RESIDUALS_NOT_WHITE = (
@@ -101,14 +101,14 @@ def _colored(fit: Fit, explanation: str = RESIDUALS_NOT_WHITE) -> list[Remark]:
 
 def _outliers(fit: Fit) -> list[Remark]:
     """Of normal noise only: t noise gives them a small weight."""
-    found = np.sum(
+    counts = np.sum(
         [(np.abs(segment_fit.white.e) > VERDICT.outlier).sum(axis=0) for segment_fit in fit.segment_fits], axis=0
     )
-    if not found.any() or any((segment_fit.white.weight != 1).any() for segment_fit in fit.segment_fits):
+    if not counts.any() or any((segment_fit.white.weight != 1).any() for segment_fit in fit.segment_fits):
         return []
-    counts = [f"{count} of {name}" for name, count in zip(fit.model.outputs, found, strict=True) if count]
+    named = [f"{count} of {name}" for name, count in zip(fit.model.outputs, counts, strict=True) if count]
     size = f"{VERDICT.outlier:g} standard deviations"
-    text = f"outliers: {', '.join(counts)} beyond {size}; use MeasurementNoise(tail_dof=4)"
+    text = f"outliers: {', '.join(named)} beyond {size}; use MeasurementNoise(tail_dof=4)"
     return [Remark(Finding.OUTLIERS, text)]
 
 

@@ -149,8 +149,11 @@ class InnovationsLikelihood:
         )
 
 
-def _finite(found: Innovations, present: NDArray[np.bool_]) -> bool:
-    return all(np.isfinite(values[present]).all() for values in (found.e, found.ln_s, found.d_e, found.d_ln_s))
+def _finite(innovations: Innovations, present: NDArray[np.bool_]) -> bool:
+    return all(
+        np.isfinite(values[present]).all()
+        for values in (innovations.e, innovations.ln_s, innovations.d_e, innovations.d_ln_s)
+    )
 
 
 def not_finite(likelihood: InnovationsLikelihood) -> str:

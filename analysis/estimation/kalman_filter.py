@@ -242,10 +242,10 @@ def build_filter(
     def call(value: Any, over: list[Any], arguments: list[Any], at: list[Any]) -> Any:
         """The value of a block at actual arguments. Keeps the nonzeros of its Jacobian to the arguments `over`."""
         J = ca.jacobian(value, ca.vertcat(*over))
-        found, J_found = ca.Function("block", arguments, [value, J], {"cse": True})(*at)
+        result, J_result = ca.Function("block", arguments, [value, J], {"cse": True})(*at)
         patterns.append(J.sparsity())
-        nonzeros.append(ca.vertcat(*J_found.nonzeros()))  # a function's output keeps its sparsity
-        return found
+        nonzeros.append(ca.vertcat(*J_result.nonzeros()))  # a function's output keeps its sparsity
+        return result
 
     # Outputs linearized about the predicted state: offset + H x.
     H = ca.jacobian(y, x)
@@ -264,15 +264,15 @@ def build_filter(
         innovation = z_i - offset - row @ x
         gain = present_i * Ph / s
         after = ca.vertcat(x + gain * innovation, _packed(P - gain @ Ph.T), innovation, ca.log(s))
-        found = call(
+        updated = call(
             ca.densify(after), [x, packed, offset, values, ln_sigma],
             [x, packed, offset, values, ln_sigma, z_i, present_i],
             [x_now, packed_now, linearized_now[at], linearized_now[at + 1 : at + size], ln_v[i], z[i], present[i]],
         )  # fmt: skip
         at += size
-        x_now, packed_now = found[:nx], found[nx : nx + packed.shape[0]]
-        e.append(found[-2])
-        ln_s.append(found[-1])
+        x_now, packed_now = updated[:nx], updated[nx : nx + packed.shape[0]]
+        e.append(updated[-2])
+        ln_s.append(updated[-1])
 
     u_at = INPUT_RULES[options.inputs](u0, u1)
     x_next = INTEGRATORS[options.integrator](lambda x, u: xdot(x, u, p), x, u_at, h)

@@ -128,8 +128,8 @@ def fit_output_error(
 
     start : starting values by name or full name; they replace those of the parameters
     band_Hz : lowest and highest frequency of the residuals that are used; default: all. The likelihood is then that of
-    the Fourier transforms of z - y (see `data`), in which biases have no part and must be fixed. Of the functions of
-    `uncertainty`, those for colored residuals do not apply.
+    the Fourier transforms of z - y (see `data.band_matrix`), in which biases have no part and must be fixed. Of the
+    functions of `uncertainty`, those for colored residuals do not apply.
 
     The verdict says whether the optimum was reached, is at a bound, or leaves unknowns undetermined; its hints name
     residuals that are not white and unstable motion. Raises InputError for data or options that cannot be used, and
@@ -197,11 +197,11 @@ class OutputErrorLikelihood:
     def responses(self, theta: Array) -> list[Response]:
         """Of all segments, each with sensitivities to the unknowns of this segment only."""
         problem, count = self.problem, len(self.simulator.free)
-        found = self.simulator.run_all(self._records(theta))
+        responses = self.simulator.run_all(self._records(theta))
         if len(problem.free_states) == len(problem.model.states):
-            return found
+            return responses
         kept = np.concatenate([np.arange(count), count + problem.free_states])
-        return [response._replace(S=response.S[:, :, kept]) for response in found]
+        return [response._replace(S=response.S[:, :, kept]) for response in responses]
 
     def _records(self, theta: Array) -> list[Record]:
         problem, records = self.problem, []
@@ -224,10 +224,10 @@ class OutputErrorLikelihood:
         sums = []
         for blocks, Z in zip(responses_in_blocks(self.simulator, self._records(theta)), problem.Z, strict=True):
             with np.errstate(over="ignore", invalid="ignore"):
-                found = summed(blocks, Z, kept)
-            if found is None:
+                of_segment = summed(blocks, Z, kept)
+            if of_segment is None:
                 return nowhere(theta)
-            sums.append(found)
+            sums.append(of_segment)
         R = self._covariance([of_segment.residuals for of_segment in sums])
         if not np.isfinite(R).all():
             return nowhere(theta)

@@ -230,11 +230,11 @@ def _prior_measurements(model: Model, index: Mapping[str, int]) -> tuple[Array, 
 
 def as_segments(segments: Segment | Sequence[Segment]) -> tuple[Segment, ...]:
     """One or several segments as a tuple. Raises InputError for anything else."""
-    found = (segments,) if isinstance(segments, Segment) else tuple(segments)
-    for segment in found:
+    given = (segments,) if isinstance(segments, Segment) else tuple(segments)
+    for segment in given:
         if not isinstance(segment, Segment):
             raise InputError(f"segments: give Segment objects, not {segment!r}")
-    return found
+    return given
 
 
 def free_names(model: Model) -> tuple[str, ...]:

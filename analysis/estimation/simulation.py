@@ -125,9 +125,9 @@ class Simulator:
         for first in range(0, len(U), length):
             # The last sample of a block is the first one of the next.
             record = Record(x0, at_both_ends[first : first + length + 1], p, step_s)
-            [(found, S_of_states)] = self._responses([record], S[None])
-            x0, S = found.x[-1], S_of_states[-1]
-            yield Response(*(part[:length] for part in found))
+            [(response, S_of_states)] = self._responses([record], S[None])
+            x0, S = response.x[-1], S_of_states[-1]
+            yield Response(*(part[:length] for part in response))
 
     def _initial_sensitivity(self) -> Array:
         """Derivative (states, unknowns) of the initial state by the free parameters and by itself."""

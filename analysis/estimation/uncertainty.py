@@ -5,7 +5,7 @@ too small. `morelli_klein` uses the autocorrelation of the residuals, `block_boo
 of these methods can detect a systematic error that is common to all data and not in the model.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
@@ -179,31 +179,3 @@ def whiteness(fit: Fit, lags: int = 20) -> dict[str, Whiteness]:
         Q = float((n * (n + 2) * r[usable] ** 2 / pairs[1:][usable]).sum())
         result[name] = Whiteness(float(r[0]), float(special.chdtrc(usable.sum(), Q)))
     return result
-
-
-def signal_to_noise(fit: Fit) -> dict[str, float]:
-    """Per output, variance of the model's response divided by that of the residuals (4.6, 4.7), over all segments."""
-    y = np.concatenate([segment_fit.response.y for segment_fit in fit.segment_fits])
-    residuals = np.concatenate([segment_fit.residuals for segment_fit in fit.segment_fits])
-    ratio = np.nanvar(np.where(np.isfinite(residuals), y, np.nan), axis=0) / np.nanvar(residuals, axis=0)
-    return dict(zip(fit.model.outputs, ratio.tolist(), strict=True))
-
-
-class BetweenFits(NamedTuple):
-    """names : of k shared free parameters     mean : (k,) of separate fits     covariance : (k, k) of that mean."""
-
-    names: tuple[str, ...]
-    mean: Array
-    covariance: Array
-
-
-def between_fits(fits: Sequence[Fit]) -> BetweenFits:
-    """Mean of the shared free parameters of separate fits, and its covariance from the scatter between the fits.
-
-    The scatter does not show errors common to all fits. Raises InputError for fewer than two fits.
-    """
-    if len(fits) < 2:
-        raise InputError(f"scatter between fits needs at least two fits, there are {len(fits)}")
-    names = tuple(q.name for q in fits[0].model.parameters if q.free and q.shared)
-    values = np.array([[fit.parameters[name].value for name in names] for fit in fits])
-    return BetweenFits(names, values.mean(axis=0), np.cov(values, rowvar=False).reshape(len(names), -1) / len(fits))

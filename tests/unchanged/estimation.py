@@ -112,9 +112,7 @@ def fits() -> Contents:
             "derived": [derived.value, derived.standard_error],
             "tests": errors.t_tests(corrected),
             "white": errors.whiteness(fit),
-            "signal": errors.signal_to_noise(fit),
         }
-    found["between"] = errors.between_fits([fit_output_error(disturbed.LINEAR, one) for one in parts])
     return found
 
 

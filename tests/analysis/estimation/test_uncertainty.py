@@ -179,20 +179,6 @@ def test_whiteness_tells_white_from_colored():
     assert colored["q"].lag_one == pytest.approx(0.9, abs=0.08)
 
 
-def test_signal_to_noise_is_the_ratio_of_variances():
-    ratio = uncertainty.signal_to_noise(fit_noisy(np.random.default_rng(5).standard_normal((N, 2))))
-    assert ratio["q"] == pytest.approx(CLEAN[:, 1].var() / SIGMA[1] ** 2, rel=0.2)
-
-
-def test_scatter_between_runs_is_the_bound_over_the_root_of_their_number():
-    fits = [fit_noisy(np.random.default_rng(seed).standard_normal((N, 2))) for seed in range(60)]
-    between = uncertainty.between_fits(fits)
-    expected = np.mean([np.diag(fit.covariance)[:4] for fit in fits], axis=0) / 60
-    assert np.sqrt(np.diag(between.covariance) / expected) == pytest.approx(np.ones(4), abs=0.3)
-    with pytest.raises(InputError, match="at least two fits"):
-        uncertainty.between_fits(fits[:1])
-
-
 def test_the_delta_method_refuses_unidentifiable_parameters():
     model = Model(
         name="sum",
@@ -205,21 +191,6 @@ def test_the_delta_method_refuses_unidentifiable_parameters():
     fit = fit_output_error(model, Segment(name="s", t_s=T_S, u={"u": T_S}, z={"y": T_S + rng.standard_normal(N)}))
     with pytest.raises(InputError, match=r"not identifiable: .* a change by \+1 a -1 b"):
         uncertainty.delta_method(uncertainty.morelli_klein(fit), lambda p: p.a)
-
-
-def test_signal_to_noise_does_not_count_a_constant():
-    """y = 100 + 2 sin t: the variance of the response is 2^2/2 whatever its mean."""
-    model = Model(
-        name="sine",
-        inputs=("u",),
-        outputs=("y",),
-        parameters=(Parameter(name="a", start=0.0), Parameter(name="b", start=0.0)),
-        output_function=lambda x, u, p: (p.a + p.b * u.u,),
-    )
-    t = np.linspace(0, 20 * np.pi, 2000, endpoint=False)
-    y = 100 + 2 * np.sin(t) + 0.1 * np.random.default_rng(0).standard_normal(len(t))
-    fit = fit_output_error(model, Segment(name="s", t_s=t, u={"u": np.sin(t)}, z={"y": y}))
-    assert uncertainty.signal_to_noise(fit)["y"] == pytest.approx(2 / 0.1**2, rel=0.1)
 
 
 def mean_of(z):
