@@ -13,6 +13,7 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import NamedTuple, Protocol
 
+import msgspec
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -169,8 +170,8 @@ def with_assumption_uncertainty(estimate: DynamicEstimate, added: AssumptionUnce
     polar_covariance = estimate.polar.covariance + added.covariance[:n, :n]
     errors = np.sqrt(np.diag(estimate.noise + systematic)).tolist()
     parameters = [
-        (name, value, errors[i] if i < len(errors) else error, unit)
-        for i, (name, value, error, unit) in enumerate(estimate.parameters)
+        msgspec.structs.replace(one, standard_error=errors[i]) if i < len(errors) else one
+        for i, one in enumerate(estimate.parameters)
     ]
     polar = Polar(estimate.polar.A, polar_covariance)
     joint = estimate.joint and estimate.joint.with_changes(added.changes)

@@ -33,7 +33,7 @@ from analysis.estimation.output_error import fit_output_error
 from analysis.ground.thrust_prior import J_REFERENCE, THRUST, stand_measurements
 from analysis.maneuvers.kinds import Maneuver
 from analysis.polar import Polar
-from analysis.schema import CurveStatus
+from analysis.schema import CurveStatus, ParameterResult
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
@@ -113,7 +113,6 @@ class RunFit(NamedTuple):
 class DynamicEstimate:
     """A drag polar with its covariance, and data for the report.
 
-    parameters : name, value, standard error, unit
     verdict : what ended the estimation, in words
     values : (5,) of POLAR and THRUST
     noise, systematic : the parts (5, 5) of their covariance, by noise and by errors common to all runs
@@ -122,7 +121,7 @@ class DynamicEstimate:
     """
 
     polar: Polar
-    parameters: list[tuple[str, float, float, str]]
+    parameters: list[ParameterResult]
     status: CurveStatus
     verdict: str
     warnings: list[str]
@@ -218,15 +217,21 @@ def _fitted(model: Model, forces: pd.DataFrame, level: NDArray[np.bool_], runs: 
     return fit_output_error(model, _segments(forces, level, runs))
 
 
-def parameter_list(values: Array, covariance: Array, trajectory: Trajectory) -> list[tuple[str, float, float, str]]:
+def parameter_list(values: Array, covariance: Array, trajectory: Trajectory) -> list[ParameterResult]:
     """Name, value, standard error and unit of POLAR and THRUST, and of the sensor errors of the trajectory."""
     errors = np.sqrt(np.diag(covariance))
     parameters = [
-        (name, float(value), float(error), "")
+        ParameterResult(name=name, value=float(value), standard_error=float(error), unit="")
         for name, value, error in zip(POLAR + THRUST, values, errors, strict=True)
     ]
     return parameters + [
-        (name, trajectory.value(name), trajectory.standard_error(name), UNITS.get(name, "")) for name in SENSOR_ERRORS
+        ParameterResult(
+            name=name,
+            value=trajectory.value(name),
+            standard_error=trajectory.standard_error(name),
+            unit=UNITS.get(name, ""),
+        )
+        for name in SENSOR_ERRORS
     ]
 
 

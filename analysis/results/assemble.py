@@ -13,12 +13,10 @@ from analysis.results.autopilot_parameters import of_power_required
 from analysis.results.electrical import electrical_points
 from analysis.results.pooling_statistics import mean_battery_V, pooling_statistics, start_unix_s
 from analysis.results.provenance import provenance
-from analysis.results.trajectory import trajectory_result
 from analysis.schema import (
     AircraftResult,
     CheckedBy,
     ConditionResult,
-    ParameterResult,
     PerformanceResult,
     PoolingStatistics,
     RejectedResult,
@@ -26,7 +24,6 @@ from analysis.schema import (
     RunResult,
 )
 from analysis.trajectory.consistency import Consistency
-from analysis.trajectory.observability import sensor_error_estimates
 from flight.atmosphere import SEA_LEVEL_DENSITY
 
 
@@ -63,10 +60,7 @@ def assemble(
         air_pressure_Pa=float(flown["static_Pa"].mean()),
         runs=msgspec.convert(maneuvers.maneuvers, list[RunResult], from_attributes=True),
         rejected=msgspec.convert(maneuvers.rejected, list[RejectedResult], from_attributes=True),
-        parameters=[
-            ParameterResult(name=name, value=value, standard_error=error, unit=unit)
-            for name, value, error, unit in drag.main.parameters
-        ]
+        parameters=drag.main.parameters
         + ([flight_found.static_thrust(drag.main)] if aircraft.propulsion.static_thrust_ratio is not None else []),
         drag_polar=power_curves.drag_polar(polar, aircraft),
         power_required=power_required,
@@ -88,7 +82,7 @@ def assemble(
         interval_parts=power_curves.interval_parts(
             drag.main, condition, np.array([point.speed_mps for point in power_required])
         ),
-        path=trajectory_result(trajectory, agreement, sensor_error_estimates(trajectory)),
+        path=flight_found.path_result(trajectory, agreement),
         use=performance,
         pooling=_pooling(flight),
         provenance=provenance(flight, flight.runs_file, command_line),

@@ -11,12 +11,25 @@ from analysis.ground.thrust_prior import J_REFERENCE, THRUST
 from analysis.performance.request import density_altitude_m
 from analysis.polar import Condition
 from analysis.results.settings import RESULTS
-from analysis.schema import AirFound, Correlation, ParameterResult, RunResidual, Track
+from analysis.schema import AirFound, Correlation, ParameterResult, PathResult, RunResidual, Track
+from analysis.trajectory.consistency import Consistency, consistency_checks
+from analysis.trajectory.observability import sensor_error_estimates
 from analysis.trajectory.reconstruction import Trajectory
 
 Array = NDArray[np.float64]
 
 DRAG = "drag / mass, m/s²"  # of `RunFit`
+
+
+def path_result(trajectory: Trajectory, agreement: Consistency) -> PathResult:
+    """Quality of the trajectory, agreement of channels and sensor errors."""
+    return PathResult(
+        converged=trajectory.converged,
+        gust_mps=trajectory.gust_mps,
+        residuals=trajectory.residuals,
+        checks=consistency_checks(agreement),
+        sensor_errors=sensor_error_estimates(trajectory),
+    )
 
 
 def air_found(trajectory: Trajectory, flown: pd.DataFrame, condition: Condition) -> AirFound:

@@ -24,6 +24,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from analysis.schema import Check, ConsistencyCheck
 from analysis.trajectory.equations import PREDICTED_FLOW, SENSOR_ERRORS, STATES, NamedArrays
 from analysis.trajectory.reconstruction import Trajectory
 from analysis.trajectory.settings import CONSISTENCY, SIGNIFICANT
@@ -32,14 +33,6 @@ from flight.motion import earth_from_body, velocity_of
 Array = NDArray[np.float64]
 
 ANGLES, SPEED = "angles_rad", "speed_mps"
-
-
-class DifferenceStatistics(NamedTuple):
-    """Mean of a difference in flight, standard error of the mean, standard deviation of the difference."""
-
-    mean: float
-    standard_error: float
-    sigma: float
 
 
 class Consistency(NamedTuple):
@@ -71,8 +64,21 @@ def consistency(trajectory: Trajectory) -> Consistency:
     return Consistency(_differences(trajectory, measured), _differences(trajectory, _corrected(trajectory, measured)))
 
 
-def difference_statistics(difference: pd.Series) -> DifferenceStatistics | None:
-    """Mean and scatter, NaN left out; None where less than two batches were measured.
+def consistency_checks(agreement: Consistency) -> list[ConsistencyCheck]:
+    """Mean and scatter of both differences, as far as they were measured."""
+    checks = []
+    for column, title, factor, unit in (
+        (ANGLES, "pitch attitude less angle of attack less climb angle, wings level", float(np.degrees(1.0)), "deg"),
+        (SPEED, "airspeed less GPS ground speed with the wind taken out", 1.0, "m/s"),
+    ):
+        before, after = (difference_check(factor * differences[column], title, unit) for differences in agreement)
+        if before and after:
+            checks.append(ConsistencyCheck(before=before, after=after))
+    return checks
+
+
+def difference_check(difference: pd.Series, title: str = "", unit: str = "") -> Check | None:
+    """Mean and scatter of a difference in flight, NaN left out; None where less than two batches were measured.
 
     The standard error is that of the means of batches of CONSISTENCY.batch_s, so that slow changes count.
     """
@@ -80,7 +86,13 @@ def difference_statistics(difference: pd.Series) -> DifferenceStatistics | None:
     batches = known.groupby((known.index.to_numpy() // CONSISTENCY.batch_s).astype(int)).mean()
     if len(batches) < 2:
         return None
-    return DifferenceStatistics(float(known.mean()), float(batches.std() / np.sqrt(len(batches))), float(known.std()))
+    return Check(
+        title=title,
+        unit=unit,
+        mean=float(known.mean()),
+        mean_standard_error=float(batches.std() / np.sqrt(len(batches))),
+        sigma=float(known.std()),
+    )
 
 
 def _differences(trajectory: Trajectory, channels: _AirDataAndGps) -> pd.DataFrame:

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from analysis.schema import SensorError
 from analysis.trajectory.consistency import time_shift_notes
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.priors import PRIOR_MEAN, ZEROS
@@ -74,28 +75,16 @@ class Lacking(StrEnum):
     SPEEDS = "nearly one speed throughout; fly slow and fast"
     CALM_AIR = "gusts; fly longer, or on a calmer day"
     PORPOISING = "gusts; porpoise for a minute (stick to and fro, 1.5 s a cycle), or fly on a calmer day"
-    DURATION = "the flight is too short or has too few changes of speed and attitude"
+    DURATION = "too few changes of speed and attitude; fly longer, with quick changes of both"
 
 
-class SensorErrorEstimate(NamedTuple):
-    """One sensor error, in `unit`; missing: what the flight lacked to determine it."""
-
-    name: str
-    title: str
-    value: float
-    standard_error: float
-    prior_sigma: float
-    unit: str
-    determined: bool
-    missing: tuple[Lacking, ...]
-
-    def in_words(self) -> str:
-        """ "This flight does not determine the scale of airspeed: …"."""
-        return (
-            f"This flight does not determine the {self.title}: standard deviation {self.prior_sigma:.2g} {self.unit}"
-            f" before the flight, {self.standard_error:.2g} {self.unit} after it. Reason: {'; '.join(self.missing)}."
-            " The interval includes this uncertainty."
-        )
+def undetermined_text(error: SensorError) -> str:
+    """ "This flight does not determine the scale of airspeed: …"."""
+    return (
+        f"This flight does not determine the {error.title}: standard deviation {error.assumed_sigma:.2g} {error.unit}"
+        f" before the flight, {error.standard_error:.2g} {error.unit} after it. Reason: {'; '.join(error.missing)}."
+        " The interval includes this uncertainty."
+    )
 
 
 def excitation(trajectory: Trajectory) -> FlightExcitation:
@@ -135,7 +124,7 @@ def missing(name: str, flight: FlightExcitation) -> tuple[Lacking, ...]:
     return reasons or (Lacking.DURATION,)
 
 
-def sensor_error_estimates(trajectory: Trajectory) -> list[SensorErrorEstimate]:
+def sensor_error_estimates(trajectory: Trajectory) -> list[SensorError]:
     """Each of SENSOR_ERRORS that a flight determines, those with the largest effect on power first.
 
     Without the zeros of the pressures, which rest shows and not flight; the compass only where one was used.
@@ -150,14 +139,23 @@ def sensor_error_estimates(trajectory: Trajectory) -> list[SensorErrorEstimate]:
         reasons = () if determined else missing(name, flight)
         value = factor * trajectory.value(name)
         estimates.append(
-            SensorErrorEstimate(name, title, value, factor * sigma, factor * prior, unit, determined, reasons)
+            SensorError(
+                name=name,
+                title=title,
+                value=value,
+                standard_error=factor * sigma,
+                assumed_sigma=factor * prior,
+                unit=unit,
+                determined=determined,
+                missing=[*reasons],
+            )
         )
     return estimates
 
 
 def trajectory_notes(
     trajectory: Trajectory,
-    errors: list[SensorErrorEstimate],
+    errors: list[SensorError],
     runs: int,
     *,
     magnetometer_calibrated: bool,
@@ -192,9 +190,9 @@ def gust_notes(trajectory: Trajectory, runs: int, log: str) -> list[str]:
     return [f"{effect[0].upper()}{effect[1:]}: the interval is wide. A longer or calmer flight narrows it."]
 
 
-def sensor_error_notes(errors: list[SensorErrorEstimate]) -> list[str]:
+def sensor_error_notes(errors: list[SensorError]) -> list[str]:
     """Sensor errors with a large effect on power that the flight did not determine."""
-    return [error.in_words() for error in errors if error.name in MATTERS and not error.determined]
+    return [undetermined_text(error) for error in errors if error.name in MATTERS and not error.determined]
 
 
 def heading_notes(trajectory: Trajectory, *, calibrated: bool) -> list[str]:

@@ -12,7 +12,7 @@ from running import done, read_once, rewritten
 from analysis.airdata.flight_data import flight_data
 from analysis.airdata.magnetometer import MAGNETOMETER_FILE, MagnetometerCalibration
 from analysis.log_contents import Replacements, contents
-from analysis.results.trajectory import trajectory_result
+from analysis.results.flight_found import path_result
 from analysis.schema import Results
 from analysis.trajectory.consistency import consistency
 from analysis.trajectory.observability import sensor_error_estimates, trajectory_notes
@@ -75,4 +75,4 @@ def test_without_a_calibration_the_log_s_magnetometer_is_named_and_not_used(flow
     (said,) = (note for note in notes if "heading" in note)
     assert "was not determined" in said and "A magnetometer was recorded" in said
     agreement = consistency(alone)
-    assert "compass" not in trajectory_result(alone, agreement, errors).residuals
+    assert "compass" not in path_result(alone, agreement).residuals

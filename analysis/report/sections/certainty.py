@@ -247,7 +247,7 @@ def next_flight(results: Results) -> list[str]:
             for reason in error.missing:
                 if error.title not in advised:
                     lacking.setdefault(reason, []).append(error.title)
-        advice += [f"For {', '.join(titles)}: {reason}." for reason, titles in lacking.items()]
+        advice += [f"Not determined: {', '.join(titles)} ({reason})." for reason, titles in lacking.items()]
     if any(point.extrapolated for point in results.power_required):
         advice.append(
             "A propeller table that reaches further, or more motor speed in the fast runs: parts of the curve lie"

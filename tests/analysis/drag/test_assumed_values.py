@@ -15,7 +15,7 @@ from analysis.drag.assumed_values import (
 )
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.polar import Condition, Polar, power_required, speed_at
-from analysis.schema import CurveStatus
+from analysis.schema import CurveStatus, ParameterResult
 from analysis.trajectory.priors import UPWASH_SIGMA_RAD, upwash_slope_sigma
 from flight.aircraft import parse_aircraft
 
@@ -33,7 +33,8 @@ AT, FLOWN_CL = Condition(39.2, 1.2, 0.46), (0.2, 1.0)
 
 
 def estimate(values, covariance=OWN):
-    parameters = [(name, 0.0, 0.0, "") for name in ("A0", "A1", "A2", "thrust_scale", "thrust_slope", "V_scale")]
+    names = ("A0", "A1", "A2", "thrust_scale", "thrust_slope", "V_scale")
+    parameters = [ParameterResult(name=name, value=0.0, standard_error=0.0, unit="") for name in names]
     return DynamicEstimate(
         polar=Polar(values[:3], covariance[:3, :3]),
         parameters=parameters,
@@ -101,7 +102,10 @@ def test_widening_adds_to_the_systematic_part_alone():
     assert after.systematic - before.systematic == pytest.approx(by.covariance)
     assert after.polar.covariance[0, 0] == pytest.approx(5e-6)
     assert np.array_equal(after.noise, before.noise) and np.array_equal(after.polar.A, before.polar.A)
-    assert after.parameters[0][2] == pytest.approx(np.sqrt(5e-6)) and after.parameters[5] == before.parameters[5]
+    assert (
+        after.parameters[0].standard_error == pytest.approx(np.sqrt(5e-6))
+        and after.parameters[5] == before.parameters[5]
+    )
 
 
 def test_unknown_upwash_is_a_slope_of_angle_of_attack(nexstar):

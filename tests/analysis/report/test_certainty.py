@@ -74,7 +74,7 @@ def test_the_next_flight_of_the_results_is_told_first_and_nothing_twice(results:
     )  # fmt: skip
     path = PathResult(converged=True, gust_mps=0.7, residuals={}, checks=[], sensor_errors=[error])
     gusty = replace(results, path=path)
-    assert "For slope of angle of attack: gusts." in next_flight(gusty)
+    assert "Not determined: slope of angle of attack (gusts)." in next_flight(gusty)
     assert not any("gusts" in advice for advice in next_flight(replace(gusty, next_flight=[sentence])))
 
 

@@ -195,7 +195,7 @@ def test_the_offset_of_the_compass_is_determined_with_gps_only(with_gps, without
         trajectory = reconstruct(air, still, compass=compass(air, calibration)[0])
         offset = next(error for error in sensor_error_estimates(trajectory) if error.name == "heading_bias")
         assert offset.determined == gps
-        assert offset.missing == (() if gps else (Lacking.GPS,))
+        assert offset.missing == ([] if gps else [Lacking.GPS])
         assert (trajectory.prior_standard_error("heading_bias") == PRIOR_SIGMA["heading_bias"]) == gps
         assert all("held the heading" in note for note in heading_notes(trajectory, calibrated=True))
         assert len(heading_notes(trajectory, calibrated=True)) == (0 if gps else 1)

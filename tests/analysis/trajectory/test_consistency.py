@@ -5,7 +5,6 @@ import pandas as pd
 import pytest
 from exact_motion import exact_motion
 
-from analysis.results.trajectory import trajectory_result
 from analysis.trajectory.consistency import (
     ANGLES,
     SPEED,
@@ -13,6 +12,7 @@ from analysis.trajectory.consistency import (
     TimeShift,
     calibrate,
     consistency,
+    consistency_checks,
     time_shift_notes,
     time_shifts,
 )
@@ -279,7 +279,7 @@ def test_results_tell_differences_in_degrees_and_meters_a_second(exact) -> None:
     trajectory = trajectory_of(exact.table, exact.states, {})
     t = trajectory.block_means.t_s
     before = pd.DataFrame({ANGLES: np.radians(2.0) + 0 * t, SPEED: 0.5 + 0 * t}, index=t)
-    angles, speed = trajectory_result(trajectory, Consistency(before, before / 2), []).checks
+    angles, speed = consistency_checks(Consistency(before, before / 2))
     assert (angles.before.unit, speed.before.unit) == ("deg", "m/s")
     assert (angles.before.mean, angles.after.mean) == pytest.approx((2.0, 1.0))
     assert (speed.before.mean, speed.after.mean) == pytest.approx((0.5, 0.25))

@@ -7,10 +7,10 @@ import pandas as pd
 import pytest
 from test_reconstruction import flown as fly
 
-from analysis.results.trajectory import trajectory_result
+from analysis.results.flight_found import path_result
 from analysis.trajectory import observability
 from analysis.trajectory.block_means import block_mean
-from analysis.trajectory.consistency import ANGLES, SPEED, consistency, difference_statistics
+from analysis.trajectory.consistency import ANGLES, SPEED, consistency, difference_check
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.observability import (
     FlightExcitation,
@@ -80,12 +80,12 @@ def test_the_angles_agree_after_correction_and_before_differ_by_the_error_of_alp
     """
     true, tilt, air, trajectory = whole
     agreement = consistency(trajectory)
-    before, after = (difference_statistics(differences[ANGLES]) for differences in agreement)
+    before, after = (difference_check(differences[ANGLES]) for differences in agreement)
     flew = agreement.before[ANGLES].notna().to_numpy()
     error = tilt + np.nanmean((block_mean(air["alpha_rad"], len(flew)) - true["alpha_rad"])[flew])
     assert abs(before.mean + error) < np.radians(0.1)
-    assert abs(before.mean) > WITHIN * before.standard_error, "an error of this size is seen at a glance"
-    assert abs(after.mean) < WITHIN * after.standard_error
+    assert abs(before.mean) > WITHIN * before.mean_standard_error, "an error of this size is seen at a glance"
+    assert abs(after.mean) < WITHIN * after.mean_standard_error
     assert after.sigma < before.sigma
 
 
@@ -94,13 +94,13 @@ def test_airspeed_agrees_with_gps_after_correction_and_before_differs_by_its_sca
     """Before, airspeed is off by what it is off in truth, within the 0.3 % a calm flight is good for."""
     true, _, air, trajectory = whole
     agreement = consistency(trajectory)
-    before, after = (difference_statistics(differences[SPEED]) for differences in agreement)
+    before, after = (difference_check(differences[SPEED]) for differences in agreement)
     flew = agreement.before[SPEED].notna().to_numpy()
     V = true["V_mps"][flew]
     error = np.nanmean(block_mean(air["V_mps"], len(flew))[flew] - V)
     assert before.mean == pytest.approx(error, abs=0.003 * V.mean())
     assert abs(error) > 0.008 * V.mean(), "the scale drawn for this flight is 1 % low"
-    assert abs(after.mean) < WITHIN * after.standard_error
+    assert abs(after.mean) < WITHIN * after.mean_standard_error
     assert after.sigma < before.sigma
 
 
@@ -117,8 +117,8 @@ def test_without_gps_the_latency_is_not_determined_and_the_reason_is_given(witho
     trajectory = without_gps
     latency = next(error for error in sensor_error_estimates(trajectory) if error.name == "gps_latency")
     assert not latency.determined
-    assert latency.missing == (Lacking.GPS,)
-    said = trajectory_result(trajectory, consistency(trajectory), sensor_error_estimates(trajectory))
+    assert latency.missing == [Lacking.GPS]
+    said = path_result(trajectory, consistency(trajectory))
     assert [check.before.unit for check in said.checks] == ["deg"], "nothing to compare airspeed with"
 
 
@@ -181,12 +181,12 @@ def test_the_standard_error_of_a_mean_allows_for_slow_changes() -> None:
     """White noise: sigma / sqrt(n). A wave of twice the batch's length: the batches' scatter, far more than that."""
     t = np.arange(0, 400, 0.2)
     white = pd.Series(np.random.default_rng(0).normal(0, 1, len(t)), index=t)
-    assert difference_statistics(white).standard_error == pytest.approx(
+    assert difference_check(white).mean_standard_error == pytest.approx(
         1 / np.sqrt(len(t)), rel=0.5
     )  # of 20 batches: 16 %, 1 sigma
     wave = pd.Series(np.sign(np.sin(np.pi * t / 20)), index=t)
-    assert difference_statistics(wave).standard_error > 5 * wave.std() / np.sqrt(len(t))
-    assert difference_statistics(white[:50]) is None, "one batch says nothing of the scatter between them"
+    assert difference_check(wave).mean_standard_error > 5 * wave.std() / np.sqrt(len(t))
+    assert difference_check(white[:50]) is None, "one batch says nothing of the scatter between them"
 
 
 def test_each_error_is_shown_in_its_unit():
