@@ -18,6 +18,7 @@ from daq.driver_factory import DriverFactory, driver_factory
 from daq.log_files import FileLimits, LogFiles
 from daq.log_names import numbered_logs, numbered_names, part_names
 from daq.missed_ticks import MissedTicks
+from daq.plausibility import Plausibility
 from daq.recorder import Recorder
 from daq.recording_status import RecordingState, RecordingStatus
 from daq.sampling_loop import Cycle, StopFlag, cycles
@@ -174,6 +175,7 @@ def record(
     limits = FileLimits(round(tray.files.new_after_min * 60e9), round(tray.files.new_after_MB * 1e6))
     log_files = LogFiles(name, begin, offset_ns=offset_ns, limits=limits, disk_space=disk_space)
     arm_switch = ArmSwitch(tray.arm)
+    plausibility = Plausibility()
     missed_ticks = MissedTicks(round(1e9 / tray.rate_Hz))
     if disk_space.sufficient and arm_switch.recording:
         log_files.open(start_ns)
@@ -198,6 +200,7 @@ def record(
             if (offset := satellite_offset_ns(cycle.samples)) is not None:
                 log_files.satellite_offset_ns = offset
             events = recovery.events() + missed_ticks.add(cycle.tick, cycle.now_ns)
+            events += plausibility.add(cycle.samples, cycle.now_ns)
             events += cycle.events + arm_switch.update(cycle.samples)
             events += log_files.update(cycle.now_ns, wanted=arm_switch.recording, new_file=new_file_requested)
             for event in events:
@@ -218,6 +221,8 @@ def record(
                     error=log_files.error,
                     sensors={each.name: each.health.state for each in supervisors},
                     slow=cycle.slow,
+                    implausible=plausibility.implausible,
+                    values=plausibility.values(cycle.now_ns),
                 )
                 reported_ticks, reported_ns = ticks, cycle.now_ns
                 own.append(Sample("/daq/state", cycle.now_ns, status.message))

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import msgspec
 
+from daq.plausibility import Values
 from daq.sensor_health import SensorState
 from flight.messages import Event, State
 
@@ -36,6 +37,8 @@ class RecordingStatus(msgspec.Struct, frozen=True, kw_only=True):
     error: str  # why the disk cannot be written; empty when it can
     sensors: dict[str, SensorState]  # by name
     slow: list[str]  # what to do about buses that are too slow
+    implausible: list[str] = []  # readings that cannot be true together
+    values: Values = Values()
 
     @property
     def failing(self) -> list[str]:
@@ -49,7 +52,9 @@ class RecordingStatus(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def well(self) -> bool:
         """Whether there is nothing that the crew should know before the next run."""
-        return self.state is not RecordingState.CARD_FULL and not (self.failing or self.error or self.slow)
+        return self.state is not RecordingState.CARD_FULL and not (
+            self.failing or self.error or self.slow or self.implausible
+        )
 
     @property
     def summary(self) -> str:
@@ -58,7 +63,7 @@ class RecordingStatus(msgspec.Struct, frozen=True, kw_only=True):
             begin = f"recording {self.elapsed_s / 60:.0f} min, {self.rate_Hz:.0f} Hz"
         else:
             begin = str(self.state)
-        wrong = "; ".join(filter(None, (self.error, ", ".join(self.failing), *self.slow)))
+        wrong = "; ".join(filter(None, (self.error, ", ".join(self.failing), *self.slow, *self.implausible)))
         return f"{begin}: {wrong}" if wrong else f"{begin}, all well" if self.well else begin
 
     @property
@@ -71,7 +76,7 @@ class RecordingStatus(msgspec.Struct, frozen=True, kw_only=True):
             f"{state}, {self.elapsed_s:.0f} s, {self.ticks} ticks, {self.missed} missed{free}; "
             f"{error}{', '.join(self.failing) or 'all sensors ok'}"
         )
-        return "; ".join([line, *self.slow])
+        return "; ".join([line, *self.slow, *self.implausible])
 
     @property
     def message(self) -> State:

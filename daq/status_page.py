@@ -15,6 +15,7 @@ import msgspec
 
 from daq.config import Tray
 from daq.log_names import numbered_logs
+from daq.plausibility import Values
 from daq.recording_status import IN_ORDER, PublishedStatus, RecordingState
 from daq.still_air_zero import Zero
 from daq.tray_check import check_file
@@ -111,9 +112,22 @@ def _daemon(path: Path, now_s: float) -> tuple[str, bool, list[str]]:
         rows.append(("free on the card", f"{status.free_bytes / 1e9:.1f} GB", True))
     rows += [("card", status.error, False)] if status.error else []
     rows += [("bus", text, False) for text in status.slow]
+    rows += [("readings", text, False) for text in status.implausible]
+    rows += _values(status.values)
     sensors: list[Row] = [(name, state, state in IN_ORDER) for name, state in status.sensors.items()]
     events: list[Row] = [(event.severity, event.text, event.severity == "info") for event in published.events]
     return headline, good, [_section("Now", rows), _section("Sensors", sensors), _section("Latest events", events)]
+
+
+def _values(values: Values) -> list[Row]:
+    """The latest readings, without those that are missing."""
+    shown = (
+        ("airspeed", values.airspeed_mps, "{:.1f} m/s"),
+        ("height", values.height_msl_m, "{:.0f} m above sea level"),
+        ("satellites", values.satellites, "{}"),
+        ("motor", None if values.motor_speed_revps is None else 60 * values.motor_speed_revps, "{:.0f} rpm"),
+    )
+    return [(name, text.format(value), True) for name, value, text in shown if value is not None]
 
 
 def _logs(directory: Path) -> list[Row]:
