@@ -9,12 +9,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.maneuvers.kinds import DECELERATION
 from analysis.polar import Condition
 from analysis.signals.channels import least_height_m, speed_scale_of
 from flight.aircraft import Aircraft
 from flight.errors import InputError
 from flight.propeller import Propeller
+from flight.runs import DECELERATION
 from flight.units import GRAVITY_MPS2
 
 LIFT_S, LARGEST_PERCENT = 0.5, 99.9

@@ -100,7 +100,7 @@ def at_nominal_weight(values: Array, aircraft: Aircraft) -> Array:
     The lift coefficient at a speed is larger by the same factor as the weight.
     """
     factor = _factor(aircraft)
-    return values * np.concatenate([[1.0, factor, factor**2], np.ones(len(values) - 3)])
+    return np.asarray(values * np.concatenate([[1.0, factor, factor**2], np.ones(len(values) - 3)]))
 
 
 def by_density(values_of: Callable[[pd.DataFrame], Array], values: Array, flight_forces: FlightForces) -> Array:
@@ -124,7 +124,7 @@ def at_nominal_density(values: Array, aircraft: Aircraft) -> Array:
     Dynamic pressure at a speed is larger by the factor of the density, the lift coefficient smaller.
     """
     factor = _density_factor(aircraft)
-    return values * np.concatenate([[factor, 1.0, 1 / factor], np.ones(len(values) - 3)])
+    return np.asarray(values * np.concatenate([[factor, 1.0, 1 / factor], np.ones(len(values) - 3)]))
 
 
 def airspeed_scale_by_density(aircraft: Aircraft) -> float:

@@ -237,7 +237,7 @@ def parameter_list(values: Array, covariance: Array, trajectory: Trajectory) -> 
 
 def _airborne(flight_forces: FlightForces) -> NDArray[np.bool_]:
     means = flight_forces.block_means
-    return (means["height_m"] > means.least_height_m) & (means["flying"] == 1)
+    return np.asarray((means["height_m"] > means.least_height_m) & (means["flying"] == 1))
 
 
 def _within_level_flight(forces: pd.DataFrame, airborne: NDArray[np.bool_], runs: list[Maneuver]) -> NDArray[np.bool_]:

@@ -27,10 +27,11 @@ from numpy.typing import NDArray
 from analysis.drag.method import Method
 from analysis.drag.regression import RunRegression, TimeSeriesRegression, run_data
 from analysis.drag.sensor_errors import CAUSES
-from analysis.maneuvers.kinds import ACCELERATION, DECELERATION, LEVEL_RUNS, LOAD_FACTOR_MANEUVERS, Maneuver
+from analysis.maneuvers.kinds import LEVEL_RUNS, LOAD_FACTOR_MANEUVERS, Maneuver
 from analysis.schema import Cause
 from flight.aircraft import Aircraft
 from flight.errors import InputError
+from flight.runs import ACCELERATION, DECELERATION
 from flight.units import GRAVITY_MPS2 as g
 
 Array = NDArray[np.float64]

@@ -214,7 +214,7 @@ class EnergyBalance:
         change = -energy[self._rows] @ self.windows.slope - by_air_W
         of_drag = self._mean(useful_W - drag_W) - change
         if s.force_x_mps2 is None:
-            return of_drag
+            return np.asarray(of_drag)
         return np.concatenate([of_drag, change - self._mean(_along_path_W(s, s.force_x_mps2, useful_W, parameters, c))])
 
     def useful_W(self, parameters: Array) -> Array:

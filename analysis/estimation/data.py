@@ -153,4 +153,4 @@ def band_matrix(band_Hz: Band, samples: int, step_s: float) -> Array:
     Its rows are orthonormal: white noise of variance s has transforms of variance s. Errors as for `frequencies_of`.
     """
     phase = 2 * np.pi * np.outer(frequencies_of(band_Hz, samples, step_s), np.arange(samples) * step_s)
-    return np.sqrt(2 / samples) * np.concatenate([np.cos(phase), np.sin(phase)])
+    return np.asarray(np.sqrt(2 / samples) * np.concatenate([np.cos(phase), np.sin(phase)]))

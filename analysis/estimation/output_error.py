@@ -323,7 +323,7 @@ class OutputErrorLikelihood:
                 raise InputError(f"output {name} has no samples in any segment; give data or remove the output")
         scale = np.sqrt(np.nanmean(measurements**2, axis=0))
         scale[scale == 0] = 1.0
-        return scale
+        return np.asarray(scale)
 
 
 def _not_finite(likelihood: OutputErrorLikelihood) -> str:

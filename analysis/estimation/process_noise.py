@@ -163,7 +163,7 @@ def noise_from_predictions(
 
         def predicted(x: Array, U: Array = U, h: float = segment.step_s) -> Array:
             u = INPUT_RULES[inputs](U[:, :-1], U[:, 1:])
-            return rk4(lambda x, u: _rows(model.evaluate_dynamics(x, u, p), x), x, u, h)
+            return np.asarray(rk4(lambda x, u: _rows(model.evaluate_dynamics(x, u, p), x), x, u, h))
 
         def observed(x: Array, U: Array = U) -> Array:
             return _rows(model.evaluate_outputs(x, U, p), x)

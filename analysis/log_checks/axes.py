@@ -42,7 +42,7 @@ def _lift(means: pd.DataFrame) -> pd.Series:
 
 def _forward_force(means: pd.DataFrame) -> pd.Series:
     """Specific force along the flight path."""
-    return means["ax_mps2"] * np.cos(means["alpha_rad"]) + means["az_mps2"] * np.sin(means["alpha_rad"])
+    return pd.Series(means["ax_mps2"] * np.cos(means["alpha_rad"]) + means["az_mps2"] * np.sin(means["alpha_rad"]))
 
 
 def _gain(means: pd.DataFrame) -> pd.Series:
@@ -61,7 +61,7 @@ def _turn(means: pd.DataFrame) -> pd.Series:
 def _bank_change(means: pd.DataFrame) -> pd.Series:
     """Change of the bank of a turn without sideslip: its sine is V r/g."""
     bank = np.arcsin((means["V_mps"] * means["r_radps"] / GRAVITY_MPS2).clip(-1, 1))
-    return bank.shift(-1) - bank.shift(1)
+    return pd.Series(bank.shift(-1) - bank.shift(1))
 
 
 # With the correlations of correct logs: of 42 simulated flights, for roll of 64 of three aircraft.

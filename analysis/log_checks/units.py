@@ -195,4 +195,4 @@ def _times_and_values(log: Log, topic: str, fields: tuple[str, ...]) -> Array:
     entries = log.entries[topic]
     columns = [times_ns(entries).astype(float), *(values(entries, field) for field in fields)]
     rows = np.stack(columns, axis=1)[is_good(entries)]
-    return rows[np.isfinite(rows).all(axis=1)]
+    return np.asarray(rows[np.isfinite(rows).all(axis=1)])

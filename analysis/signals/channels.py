@@ -33,7 +33,7 @@ def times_ns(entries: Entries) -> NDArray[np.int64]:
 
 def is_good(entries: Entries) -> NDArray[np.bool_]:
     """Which messages have the status `ok`, (n,)."""
-    return np.array(entries.status) == STATUS_CODE[Status.OK]
+    return np.asarray(np.array(entries.status) == STATUS_CODE[Status.OK])
 
 
 def values(entries: Entries, field: str) -> Array:

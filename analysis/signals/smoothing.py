@@ -71,11 +71,11 @@ def _correlated(values: Array, weights: Array) -> Array:
             result = weights[half] * values
             for i in range(half):
                 result += (near[i] + sign * near[-1 - i]) * weights[i]
-            return result
+            return np.asarray(result)
     result = near[-1] * weights[-1]
     for i in range(len(weights) - 1):
         result += near[i] * weights[i]
-    return result
+    return np.asarray(result)
 
 
 FEWEST = 4  # points of a cubic spline

@@ -16,7 +16,9 @@ Array = NDArray[np.float64]
 
 def airspeed_without_gusts(state: NamedArrays) -> Array:
     """Speed relative to the mean wind (n,) [m/s] at STATES (n,)."""
-    return np.sqrt((state.v_north - state.wind_north) ** 2 + (state.v_east - state.wind_east) ** 2 + state.v_down**2)
+    return np.asarray(
+        np.sqrt((state.v_north - state.wind_north) ** 2 + (state.v_east - state.wind_east) ** 2 + state.v_down**2)
+    )
 
 
 class GustConditions:
