@@ -29,7 +29,7 @@ from analysis.trajectory.observability import (
     trajectory_notes,
     with_misfit,
 )
-from analysis.trajectory.priors import stated_sigma, upwash_slope_sigma
+from analysis.trajectory.priors import SensorPriors, stated_sigma, upwash_slope_sigma
 from analysis.trajectory.reconstruction import Trajectory, reconstruct
 from flight.aircraft import Aircraft
 from flight.log_reader import Log
@@ -184,14 +184,12 @@ def trajectory_with(
     """
     uncertainty = flight.aircraft.uncertainty
     by_upwash = upwash_slope_sigma(flight.aircraft) if slope_sigma is None else slope_sigma
-    return reconstruct(
-        data.table,
-        data.rest,
-        stated=stated_sigma(uncertainty),
+    priors = SensorPriors(
         alpha_scale_sigma=math.hypot(flight.contents.probe.alpha_scale_sigma, by_upwash),
-        compass=data.compass,
+        stated=stated_sigma(uncertainty),
         calibrated=data.calibrated,
-        gust_length=uncertainty.gust_length,
-        prior_factor=prior_factor,
-        log=flight.name,
+        factor=prior_factor,
+    )
+    return reconstruct(
+        data.table, data.rest, priors, compass=data.compass, gust_length=uncertainty.gust_length, log=flight.name
     )

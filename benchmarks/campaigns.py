@@ -37,7 +37,7 @@ from analysis.maneuvers.kinds import Maneuver
 from analysis.maneuvers.runs_file import select
 from analysis.results.pooling_statistics import pooling_statistics
 from analysis.trajectory.observability import prior_conflict, with_misfit
-from analysis.trajectory.priors import stated_sigma
+from analysis.trajectory.priors import SensorPriors, stated_sigma
 from analysis.trajectory.reconstruction import Trajectory, reconstruct
 from flight.aircraft import Aircraft, Installation, load_aircraft
 from flight.errors import InputError
@@ -108,8 +108,9 @@ def analyzed(
 
     def trajectory_of(air: pd.DataFrame, prior_factor: ArrayLike) -> Trajectory:
         return reconstruct(
-            air, data.still, stated=stated_sigma(aircraft.uncertainty), alpha_scale_sigma=probe.alpha_scale_sigma,
-            gust_length=aircraft.uncertainty.gust_length, prior_factor=prior_factor,
+            air, data.still,
+            SensorPriors(probe.alpha_scale_sigma, stated_sigma(aircraft.uncertainty), factor=prior_factor),
+            gust_length=aircraft.uncertainty.gust_length,
         )  # fmt: skip
 
     trajectory = trajectory_of(data.table, 1.0)

@@ -21,6 +21,7 @@ from analysis.maneuvers.find_level import find_runs
 from analysis.polar import Condition, Polar, power_required
 from analysis.trajectory.equations import SENSOR_ERRORS, STATES
 from analysis.trajectory.measurements import ALPHA_PORT_SLOPE
+from analysis.trajectory.priors import SensorPriors
 from analysis.trajectory.reconstruction import Trajectory, reconstruct
 from flight.aircraft import Aircraft, load_aircraft
 from flight.errors import InputError
@@ -63,7 +64,7 @@ def one_flight(setup: Setup, *, cross_check: bool = False, calibrated: bool = Fa
         return 100 * np.stack([power / true_power - 1, NORMAL_95 * error / true_power])
 
     known = air_data_errors(transducers)._asdict() if transducers else {}
-    trajectory = reconstruct(air, still, alpha_scale_sigma=probe.alpha_scale_sigma, calibrated=known)
+    trajectory = reconstruct(air, still, SensorPriors(alpha_scale_sigma=probe.alpha_scale_sigma, calibrated=known))
     figures = trajectory_errors(trajectory, air, drawn, flight.truth, SLOW_OVER_STALL * flights.stall_mps(aircraft))
     for name, kind in (("all runs", ""), ("one acceleration", "acceleration"), ("one deceleration", "deceleration")):
         chosen = [run for run in runs if run.kind.startswith(kind)]

@@ -28,6 +28,7 @@ from analysis.planning.pieces import Hold, Land, Maneuver, Pilot, Porpoise, Run,
 from analysis.planning.search import Request, plan_flight, predicted
 from analysis.planning.time_history import fly
 from analysis.polar import Condition, Polar, power_required
+from analysis.trajectory.priors import SensorPriors
 from analysis.trajectory.reconstruction import reconstruct
 from flight.aircraft import Aircraft, load_aircraft
 from flight.errors import InputError
@@ -113,7 +114,7 @@ def analyzed(aircraft: Aircraft, plan: str, kt: float, seed: int) -> tuple[Polar
     propeller = load_propeller(aircraft.propulsion.propeller or "")
     air, still, _ = flights.air_of(flown.table, aircraft, probe)
     runs, _ = find_runs(air)
-    trajectory = reconstruct(air, still, alpha_scale_sigma=probe.alpha_scale_sigma)
+    trajectory = reconstruct(air, still, SensorPriors(alpha_scale_sigma=probe.alpha_scale_sigma))
     return dynamic.estimate_polar(trajectory, runs, aircraft, propeller).polar, flown, air
 
 

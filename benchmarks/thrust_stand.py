@@ -23,6 +23,7 @@ from analysis.maneuvers.find import find
 from analysis.maneuvers.find_level import find_runs
 from analysis.maneuvers.kinds import LEVEL_RUNS, Maneuver
 from analysis.polar import Condition, Polar, power_required, speed_at
+from analysis.trajectory.priors import SensorPriors
 from analysis.trajectory.reconstruction import Trajectory, reconstruct
 from flight.aircraft import Aircraft, load_aircraft
 from flight.atmosphere import SEA_LEVEL_DENSITY
@@ -75,7 +76,7 @@ def one_flight(setup: Setup, *, stated: bool = False, steady: bool = False, curv
     at = Condition(aircraft.mass.weight_N, rho, aircraft.geometry.wing_area_m2)
     V = speeds(aircraft)
     truth = np.interp(V, flown.flight.power_required["speed_mps"], flown.flight.power_required["power_W"])
-    trajectory = reconstruct(air, still, alpha_scale_sigma=probe.alpha_scale_sigma)
+    trajectory = reconstruct(air, still, SensorPriors(alpha_scale_sigma=probe.alpha_scale_sigma))
     on_stand = stand_of(aircraft, drawn, setup.seed).applied_to(aircraft)
     found = find(air, still).of("steady") if steady else find_runs(air)[0]
     figures = {}

@@ -20,15 +20,13 @@ from numpy.typing import NDArray
 
 from analysis.airdata.transducers import AIR_DATA_CHANNELS, with_hysteresis, with_zero_step
 from analysis.drag.dynamic import POLAR, DynamicEstimate
+from analysis.drag.settings import COVARIANCE
 from analysis.polar import Condition, Polar, power_required, speed_at
 from analysis.trajectory.priors import UPWASH, UPWASH_SIGMA_RAD, upwash_slope_sigma
 from flight.aircraft import Aircraft
 from flight.propeller import FOLD, Propeller
 
 Array = NDArray[np.float64]
-
-PROBE_SIGMA_M, IMU_SIGMA_M = 0.2, 0.1
-LEAST_SHARE = 0.005  # of the interval: narrower by less is not worth a measurement
 
 
 class Rerun(Protocol):
@@ -53,7 +51,7 @@ class AssumedValue(NamedTuple):
 
 def _probe_ahead(aircraft: Aircraft) -> Aircraft:
     x, y, z = aircraft.probe.position_m
-    return replace(aircraft, probe=replace(aircraft.probe, position_m=(x + PROBE_SIGMA_M, y, z)))
+    return replace(aircraft, probe=replace(aircraft.probe, position_m=(x + COVARIANCE.probe_position_m, y, z)))
 
 
 def _more_upwash(aircraft: Aircraft) -> Aircraft:
@@ -63,7 +61,7 @@ def _more_upwash(aircraft: Aircraft) -> Aircraft:
 
 def _imu_displaced(axis: int) -> Callable[[Aircraft], Aircraft]:
     def perturbed(aircraft: Aircraft) -> Aircraft:
-        x, y, z = (part + IMU_SIGMA_M * (i == axis) for i, part in enumerate(aircraft.imu_position_m))
+        x, y, z = (part + COVARIANCE.imu_position_m * (i == axis) for i, part in enumerate(aircraft.imu_position_m))
         return replace(aircraft, imu_position_m=(x, y, z))
 
     return perturbed
@@ -71,9 +69,11 @@ def _imu_displaced(axis: int) -> Callable[[Aircraft], Aircraft]:
 
 ASSUMED_VALUES = (
     AssumedValue(UPWASH, "1 deg, ±1 deg", _more_upwash),
-    AssumedValue("probe.position", f"0.3 m ahead of the center of gravity, ±{PROBE_SIGMA_M:g} m", _probe_ahead),
-    AssumedValue("imu_position", f"the center of gravity, ±{IMU_SIGMA_M:g} m", _imu_displaced(0)),
-    AssumedValue("imu_position", f"the center of gravity, ±{IMU_SIGMA_M:g} m", _imu_displaced(2)),
+    AssumedValue(
+        "probe.position", f"0.3 m ahead of the center of gravity, ±{COVARIANCE.probe_position_m:g} m", _probe_ahead
+    ),
+    AssumedValue("imu_position", f"the center of gravity, ±{COVARIANCE.imu_position_m:g} m", _imu_displaced(0)),
+    AssumedValue("imu_position", f"the center of gravity, ±{COVARIANCE.imu_position_m:g} m", _imu_displaced(2)),
 )
 
 
@@ -144,7 +144,7 @@ def assumption_uncertainty(
 
 def _folding_note(change: float, V: float) -> list[str]:
     """The change by a folding propeller. It is no part of the interval: the pilot knows which propeller was flown."""
-    if abs(change) < LEAST_SHARE:
+    if abs(change) < COVARIANCE.worth_share:
         return []
     return [
         "The aircraft file lacks propulsion.beyond_zero_thrust: the propeller is taken to windmill. If it folds, power"
@@ -155,7 +155,7 @@ def _folding_note(change: float, V: float) -> list[str]:
 def _note(key: str, description: str, share: float, V: float) -> str:
     benefit = (
         f"with it the interval at {V:.1f} m/s would be {100 * share:.0f} % narrower"
-        if share > LEAST_SHARE
+        if share > COVARIANCE.worth_share
         else "on this flight it makes no difference"
     )
     return f"The aircraft file lacks {key}: {description}, is assumed; {benefit}."
@@ -179,8 +179,6 @@ def with_assumption_uncertainty(estimate: DynamicEstimate, added: AssumptionUnce
 
 
 ZERO_STEPS = {channel: f"zero step {channel}" for channel in AIR_DATA_CHANNELS}  # names of these errors
-# Of the variance of a zero's change, the part that comes about in flight: as much as in the airstream at take-off.
-SHARE_IN_FLIGHT = 0.5
 
 
 def with_transducer_uncertainty(
@@ -196,7 +194,10 @@ def with_transducer_uncertainty(
     values_from: polar and thrust (5,) of the flight from air data, trajectory included.
     """
     uncertainty = aircraft.uncertainty
-    fraction, step_Pa = uncertainty.hysteresis_fraction, np.sqrt(SHARE_IN_FLIGHT) * uncertainty.transducer_zero_Pa
+    fraction, step_Pa = (
+        uncertainty.hysteresis_fraction,
+        np.sqrt(COVARIANCE.zero_share_in_flight) * uncertainty.transducer_zero_Pa,
+    )
     perturbed: dict[str, pd.DataFrame] = {}
     if fraction:
         perturbed |= {f"hysteresis {channel}": with_hysteresis(air, channel, fraction) for channel in AIR_DATA_CHANNELS}

@@ -19,11 +19,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
 
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.drag.method import MethodEstimate
 from analysis.drag.sensor_errors import CAUSES, INSTALLATION_TOLERANCE, ErrorEstimate
+from analysis.drag.settings import COMPARISON
 from analysis.estimation.noise import NORMAL_95
 from analysis.ground.thrust_prior import J_REFERENCE
 from analysis.polar import Condition, Polar, power_required, speed_at
@@ -31,11 +31,6 @@ from analysis.schema import Cause, DisagreementResult
 
 Array = NDArray[np.float64]
 
-SIGNIFICANT = 3.0  # standard errors of an estimated error
-# One test over all speeds of a pair, at 1 % for each of five pairs (Scheffe, as in `cross_check`).
-DIFFERENT = float(np.sqrt(special.chdtri(3, 1 - 0.99)))
-SPEEDS = 31
-LEAST_SPEED_RATIO = 1.15  # highest over lowest of the speeds common to both methods
 DYNAMIC = "dynamic"
 PAIRS = (
     (DYNAMIC, "direct"),
@@ -103,12 +98,12 @@ def _compare(
     first: ComparedMethod, second: ComparedMethod, errors: Mapping[str, ErrorEstimate], condition: Condition
 ) -> DisagreementResult | None:
     low, high = max(first.flown_CL[0], second.flown_CL[0]), min(first.flown_CL[1], second.flown_CL[1])
-    if high < LEAST_SPEED_RATIO**2 * low:
+    if high < COMPARISON.least_speed_ratio**2 * low:
         return None
-    V = speed_at(np.linspace(low, high, SPEEDS), condition)
+    V = speed_at(np.linspace(low, high, 31), condition)
     _, error = power_required(V, Polar(first.A, _allowed_covariance(first, second)), condition)
     differences = _power(V, second.A - first.A, condition)
-    excess = np.abs(differences) / (DIFFERENT * error)
+    excess = np.abs(differences) / (COMPARISON.different * error)
     worst = int(np.argmax(excess))
     if excess[worst] <= 1:
         return None
@@ -118,30 +113,20 @@ def _compare(
         for cause in CAUSES
         if cause in first.cause_effects or cause in second.cause_effects
     }
-    difference, allowed = float(differences[worst]), float(DIFFERENT * error[worst])
+    difference, allowed = float(differences[worst]), float(COMPARISON.different * error[worst])
     shares[Cause.UNEXPLAINED] = difference - sum(shares.values())
     cause = _cause(second.name, difference, allowed, shares, errors)
     if cause is None:
         return None
     speed, power = float(here[0]), float(_power(here, first.A, condition)[0])
-    text = sentences(
-        (first.title, second.title),
-        speed,
-        power,
-        difference,
-        cause,
-        shares.get(cause),
-        shares[Cause.UNEXPLAINED],
-        errors,
-        condition,
-    )
+    at = Difference(speed, power, difference, cause, shares.get(cause), shares[Cause.UNEXPLAINED])
     return DisagreementResult(
         methods=(first.name, second.name),
         speed_mps=speed,
         difference_W=difference,
         allowed_W=allowed,
         culprit=cause,
-        text=text,
+        text=sentences((first.title, second.title), at, errors, condition),
         shares_W=shares,
     )
 
@@ -168,7 +153,7 @@ def _cause(
 
 def _significant(cause: Cause, errors: Mapping[str, ErrorEstimate]) -> bool:
     estimates = [errors[name] for name in CAUSES.get(cause, ())]
-    return any(abs(error.value) > SIGNIFICANT * error.standard_error for error in estimates)
+    return any(abs(error.value) > COMPARISON.significant * error.standard_error for error in estimates)
 
 
 def _allowed_covariance(first: ComparedMethod, second: ComparedMethod) -> Array:
@@ -193,21 +178,25 @@ def _power(V: Array, A: Array, condition: Condition) -> Array:
     return power
 
 
-def sentences(
-    titles: tuple[str, str],
-    V: float,
-    power_W: float,
-    difference_W: float,
-    cause: Cause,
-    share_W: float | None,
-    unexplained_W: float,
-    errors: Mapping[str, ErrorEstimate],
-    condition: Condition,
-) -> str:
-    """The difference of the second method from the first at speed V [m/s], its cause, and what that explains of it.
+class Difference(NamedTuple):
+    """Of the second method from the first at a speed, and how much its cause explains of it.
 
     power_W : by the first method        share_W : of the cause; None where its errors were not estimated
     """
+
+    speed_mps: float
+    power_W: float
+    difference_W: float
+    cause: Cause
+    share_W: float | None
+    unexplained_W: float
+
+
+def sentences(
+    titles: tuple[str, str], at: Difference, errors: Mapping[str, ErrorEstimate], condition: Condition
+) -> str:
+    """The difference of the second method from the first, its cause, and what that explains of it."""
+    V, power_W, difference_W, cause, share_W, unexplained_W = at
     first, second = titles
     size, where = abs(difference_W), "above" if difference_W > 0 else "below"
     difference = (

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from analysis.drag.forces import FlightForces
+from analysis.drag.settings import COVARIANCE
 from analysis.estimation import uncertainty
 from analysis.estimation.colored_residuals import Autoregression, noise_spectrum, score_covariance, spectrum_order
 from analysis.estimation.data import Segment
@@ -31,8 +32,6 @@ from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
 
 Array = NDArray[np.float64]
-# Intervals in still air have the right coverage without any floor.
-FLOOR_RAD = np.radians(0.02)
 
 
 def of_noise(fit: Fit) -> Array:
@@ -52,7 +51,7 @@ def floor() -> Array:
     Lift tilted by that angle adds D = L tan(FLOOR_RAD), a C_D proportional to C_L: a variance of A1.
     """
     covariance = np.zeros((3, 3))
-    covariance[1, 1] = np.tan(FLOOR_RAD) ** 2
+    covariance[1, 1] = np.tan(COVARIANCE.floor_rad) ** 2
     return covariance
 
 

@@ -16,6 +16,7 @@ from scipy import special
 
 from analysis.drag import aircraft_models, covariance
 from analysis.drag.aircraft_models import Priors
+from analysis.drag.settings import CROSS_CHECK
 from analysis.estimation.data import Segment
 from analysis.estimation.filter_error import ProcessNoise, fit_filter_error
 from analysis.estimation.fit import Convergence, Fit
@@ -41,13 +42,6 @@ INPUTS = {
     "rho": "rho",
 }
 OUTPUTS = {"V": "V_mps", "alpha": "alpha_rad", "ax": "ax_mps2", "az": "az_mps2", "h": "height_m"}
-SMOOTHING_S = 0.5  # of V_ref, at which thrust is read from the table; the model adds thrust_per_speed (V - V_ref)
-SPEED_STEP_MPS = 0.3  # for the slope of thrust over speed
-LEAST_SPEED_MPS = 5.0  # times the speed scale
-SHORTEST = 12  # blocks of a run
-
-V_BIAS_MPS = 0.15
-UNZEROED_GYRO_RADPS = 0.02  # an MPU9250's zero-rate output at room temperature, uncalibrated
 
 
 def priors(aircraft: Aircraft, *, zeroed: bool) -> Priors:
@@ -58,11 +52,11 @@ def priors(aircraft: Aircraft, *, zeroed: bool) -> Priors:
         alpha_scale=math.hypot(stated.angle_of_attack_slope_fraction, upwash_slope_sigma(aircraft)),
         accelerometer_bias_mps2=stated.accelerometer_offset_mps2,
         V_scale=stated.airspeed_scale_fraction,
-        V_bias_mps=V_BIAS_MPS,
+        V_bias_mps=CROSS_CHECK.V_bias_mps,
         thrust_scale=stated.thrust_scale_fraction,
         thrust_slope=stated.thrust_slope,
     )
-    return known if zeroed else replace(known, gyro_bias_radps=UNZEROED_GYRO_RADPS)
+    return known if zeroed else replace(known, gyro_bias_radps=CROSS_CHECK.unzeroed_gyro_radps)
 
 
 def segments_of(table: pd.DataFrame, runs: list[Maneuver], propeller: Propeller, *, block: int) -> list[Segment]:
@@ -72,9 +66,9 @@ def segments_of(table: pd.DataFrame, runs: list[Maneuver], propeller: Propeller,
     SHORTEST blocks.
     """
     step_s = float(table.index[1] - table.index[0])
-    width = max(1, round(SMOOTHING_S / step_s))
+    width = max(1, round(CROSS_CHECK.speed_smoothing_s / step_s))
     V_ref = table["V_mps"].interpolate(limit_direction="both").rolling(width, center=True, min_periods=1).mean()
-    least_mps = LEAST_SPEED_MPS * speed_scale_of(table)
+    least_mps = CROSS_CHECK.least_speed_mps * speed_scale_of(table)
     V_ref = V_ref.fillna(least_mps).clip(lower=least_mps)
     n, rho = table["n_revps"].where(table["n_revps"] > 1).to_numpy(), table["rho"].to_numpy()
     measured = {name: table[column].to_numpy() for name, column in (INPUTS | {"phi": "bank_rad"}).items()}
@@ -84,7 +78,7 @@ def segments_of(table: pd.DataFrame, runs: list[Maneuver], propeller: Propeller,
     segments = []
     for run in runs:
         count = (run.rows.stop - run.rows.start) // block
-        if count < SHORTEST:
+        if count < CROSS_CHECK.fewest_blocks:
             continue
         rows = slice(run.rows.start, run.rows.start + count * block)
         inputs = {name: signal[rows] for name, signal in measured.items()}
@@ -104,9 +98,9 @@ def _propulsion(V_ref: Array, n: Array, rho: Array, propeller: Propeller) -> dic
     """Thrust of the table at V_ref, its slope over speed, and the advance ratio, each (n,)."""
     thrust_N, faster_N, slower_N = (
         np.asarray(propeller.thrust_and_power(V, n, rho)[0])
-        for V in (V_ref, V_ref + SPEED_STEP_MPS, V_ref - SPEED_STEP_MPS)
+        for V in (V_ref, V_ref + CROSS_CHECK.speed_step_mps, V_ref - CROSS_CHECK.speed_step_mps)
     )
-    slope = (faster_N - slower_N) / (2 * SPEED_STEP_MPS)
+    slope = (faster_N - slower_N) / (2 * CROSS_CHECK.speed_step_mps)
     return {"thrust": thrust_N, "thrust_per_speed": slope, "J": V_ref / (n * propeller.diameter_m)}
 
 
@@ -122,17 +116,11 @@ def _filled(signal: Array) -> Array:
     return np.nan_to_num(without_gaps(signal))
 
 
-FILTER_ERROR_BLOCK = (
-    5  # samples: gusts that matter last longer than 0.2 s, and a filter step costs fifty times a model step
-)
-GYRO_NOISE_RADPS = 0.005  # of a sample (Table 4.1); the pitch angle integrates it
-
-
 def filter_error_fit(
     table: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller, *, zeroed: bool
 ) -> Fit:
     """The filter-error fit of all runs at once. Arguments as in `cross_check.on_runs_alone`."""
-    segments = segments_of(table, runs, propeller, block=FILTER_ERROR_BLOCK)
+    segments = segments_of(table, runs, propeller, block=CROSS_CHECK.filter_error_block)
     known = priors(aircraft, zeroed=zeroed)
     measured = stand_measurements(aircraft)
     still_air = fit_output_error(
@@ -141,14 +129,14 @@ def filter_error_fit(
         start=aircraft_models.starting_values(aircraft, segments),
     )
     V = float(np.mean([segment.u["V_ref"].mean() for segment in segments]))
-    sample_s = segments[0].step_s / FILTER_ERROR_BLOCK
+    sample_s = segments[0].step_s / CROSS_CHECK.filter_error_block
     # Gusts as states could explain all of the specific force. Its noise is therefore known, from changes per sample.
     known_noise = {
         name: np.median([_sample_noise(table[OUTPUTS[name]].to_numpy()[run.rows]) for run in runs])
-        / np.sqrt(FILTER_ERROR_BLOCK)
+        / np.sqrt(CROSS_CHECK.filter_error_block)
         for name in ("ax", "az")
     }
-    gyro = ProcessNoise(state="theta", start=GYRO_NOISE_RADPS * float(np.sqrt(sample_s)), free=False)
+    gyro = ProcessNoise(state="theta", start=CROSS_CHECK.gyro_noise_radps * float(np.sqrt(sample_s)), free=False)
     return fit_filter_error(
         replace(aircraft_models.level_run(aircraft, priors=known, gusts=True), prior_measurements=measured),
         segments,
@@ -164,14 +152,7 @@ def _sample_noise(signal: Array) -> float:
     return float(np.sqrt(np.nanmean((signal[1:-1] - (signal[:-2] + signal[2:]) / 2) ** 2) / 1.5))
 
 
-BLOCK = 2  # samples: 12.5 blocks per second are ten per cycle of the short period
-# Vertical gusts, 1 sigma, up to which output error's intervals hold: W20 = 1 kt has 0.05, 2 kt 0.1.
-STILL_AIR_MPS = 0.07
 SPEEDS = 61  # at which the polars are compared
-# Each run has initial states of its own: the time of one iteration grows with the cube of their number.
-MOST_RUNS = 40
-# Errors of output error over its standard errors: 1.1 rms in 8 flights in calm air (docs/estimators.md).
-EXCESS = 1.2
 # One test over all speeds: a difference of two parabolas has three coefficients (Scheffe 1953, Biometrika 40, 87).
 SIMULTANEOUS_95 = float(np.sqrt(special.chdtri(3, 1 - 0.95)))
 
@@ -204,7 +185,7 @@ def on_runs_alone(
     table: from `air_data`. gust_mps: standard deviation of vertical gusts [m/s], by the trajectory, which tells them
     from noise. zeroed: the gyro biases at rest were subtracted. Of a long flight's runs, `spread` ones are taken.
     """
-    in_gusts = gust_mps > STILL_AIR_MPS
+    in_gusts = gust_mps > CROSS_CHECK.still_air_mps
     fit_of = filter_error_fit if in_gusts else output_error_fit
     fit = fit_of(table, spread(runs), aircraft, propeller, zeroed=zeroed)
     return CrossCheck(covariance.polar_of(fit), fit.verdict.text, fit.verdict.ok, in_gusts, fit.convergence)
@@ -212,16 +193,16 @@ def on_runs_alone(
 
 def spread(runs: list[Maneuver]) -> list[Maneuver]:
     """MOST_RUNS of them at most, evenly over the flight, the first and the last among them."""
-    if len(runs) <= MOST_RUNS:
+    if len(runs) <= CROSS_CHECK.most_runs:
         return runs
-    return [runs[i] for i in np.linspace(0, len(runs) - 1, MOST_RUNS).round().astype(int)]
+    return [runs[i] for i in np.linspace(0, len(runs) - 1, CROSS_CHECK.most_runs).round().astype(int)]
 
 
 def output_error_fit(
     table: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller, *, zeroed: bool
 ) -> Fit:
     """The output-error fit of all runs at once, in still air."""
-    segments = segments_of(table, runs, propeller, block=BLOCK)
+    segments = segments_of(table, runs, propeller, block=CROSS_CHECK.block)
     model = aircraft_models.level_run(aircraft, priors=priors(aircraft, zeroed=zeroed))
     model = replace(model, prior_measurements=stand_measurements(aircraft))
     return fit_output_error(model, segments, start=aircraft_models.starting_values(aircraft, segments))
@@ -246,7 +227,7 @@ def disagreement(polar: Polar, check: CrossCheck, condition: Condition, flown_CL
         return Disagreement(False, [left_out])
     V = np.linspace(speed_at(flown_CL[1], condition), speed_at(flown_CL[0], condition), SPEEDS)
     (power, error), (other, other_error) = (power_required(V, p, condition) for p in (polar, check.polar))
-    excess = np.abs(other - power) / (SIMULTANEOUS_95 * np.hypot(error, EXCESS * other_error))
+    excess = np.abs(other - power) / (SIMULTANEOUS_95 * np.hypot(error, CROSS_CHECK.excess * other_error))
     worst = int(np.argmax(excess))
     if excess[worst] <= 1:
         return Disagreement(False, [])

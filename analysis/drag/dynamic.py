@@ -25,7 +25,8 @@ from analysis.drag import covariance as consider
 from analysis.drag.covariance import noise_covariance
 from analysis.drag.forces import FlightForces
 from analysis.drag.joint_estimate import JointEstimate, joint_estimate
-from analysis.drag.rejected_assumptions import doubts
+from analysis.drag.rejected_assumptions import rejected_assumptions
+from analysis.drag.settings import REGRESSION
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Convergence, Fit
 from analysis.estimation.model import Model, NamedValues, Parameter
@@ -42,10 +43,6 @@ from flight.units import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
 POLAR = ("A0", "A1", "A2")
-SHORTEST = 10  # blocks of a run
-# The largest angle of attack of level flight: that at the lowest speed flown, with a margin for turns and heave.
-SLOWEST_PERCENT, LEVEL_MARGIN_RAD = 97.5, np.radians(1.0)
-LARGEST_UNMENTIONED_SHARE = 0.02
 UNITS = {
     "p_bias": "rad/s", "q_bias": "rad/s", "r_bias": "rad/s", "ax_bias": "m/s^2", "ay_bias": "m/s^2", "az_bias": "m/s^2",
     "alpha_bias": "rad", "beta_bias": "rad", "heading_bias": "rad", "gps_latency": "s",
@@ -161,25 +158,23 @@ def estimate_polar(
     changes = consider.changes(values_of, fit.values, flight_forces)
     by_density = consider.by_density(values_of, fit.values, flight_forces)
     changes[consider.DENSITY] = consider.at_nominal_density(fit.values + by_density, aircraft) - fit.values
-    doubtful = doubts(fit)
-    changes |= {doubt.about: doubt.change for doubt in doubtful}
+    rejected = rejected_assumptions(fit)
+    changes |= {str(one.assumption): one.change for one in rejected}
     for by_error in changes.values():
         systematic += np.outer(by_error, by_error)
     prior_sigma = np.array([parameter.prior_sigma for parameter in model.parameters])
-    joint = joint_estimate(
-        fit.names, fit.values, noise, fit.covariance, prior_sigma, np.stack(by_sensor_errors, axis=1), trajectory
-    )
+    joint = joint_estimate(fit, noise, prior_sigma, np.stack(by_sensor_errors, axis=1), trajectory)
     joint = joint.with_changes(changes)._replace(prior_measurements=model.prior_measurements)
     # Several flights are compared at one density.
     joint = joint.with_density_error(by_density, consider.airspeed_scale_by_density(aircraft))
     values, noise, systematic = fit.values[:KEPT], noise[:KEPT, :KEPT], systematic[:KEPT, :KEPT]
     total = noise + systematic
-    warnings = [doubt.warning for doubt in doubtful]
+    warnings = [one.warning for one in rejected]
     if not (fit.verdict.ok and trajectory.converged):
         ended = "converged" if trajectory.converged else "not converged"
         warnings.append(f"The estimation did not converge. Drag polar: {fit.verdict.text}; trajectory: {ended}.")
     beyond = float(np.mean([np.isnan(segment_fit.segment.z["drag"]).mean() for segment_fit in fit.segment_fits]))
-    if beyond > LARGEST_UNMENTIONED_SHARE:
+    if beyond > REGRESSION.unmentioned_share:
         warnings.append(
             f"In {100 * beyond:.0f} % of the runs gusts raised the angle of attack beyond that of level flight, towards"
             " the stall, where drag exceeds the parabolic polar. These moments were left out."
@@ -247,13 +242,13 @@ def _within_level_flight(forces: pd.DataFrame, airborne: NDArray[np.bool_], runs
     level flight requires at the speeds of the flight or of the runs.
     """
     flown = forces.loc[airborne, ["CL", "alpha", "qS_over_m_mps2"]].dropna()
-    if len(flown) < SHORTEST:
+    if len(flown) < REGRESSION.fewest_blocks:
         return np.ones(len(forces), dtype=bool)
     slope, offset = np.polyfit(flown["CL"], flown["alpha"], 1)
     CL_level = GRAVITY_MPS2 / forces["qS_over_m_mps2"]
     in_runs = pd.concat([CL_level.loc[run.start_s : run.end_s] for run in runs])
-    largest_CL = max(np.nanpercentile(CL, SLOWEST_PERCENT) for CL in (CL_level[airborne], in_runs))
-    return np.asarray(~(forces["alpha"].to_numpy() > offset + slope * largest_CL + LEVEL_MARGIN_RAD))
+    largest_CL = max(np.nanpercentile(CL, REGRESSION.level_percentile) for CL in (CL_level[airborne], in_runs))
+    return np.asarray(~(forces["alpha"].to_numpy() > offset + slope * largest_CL + REGRESSION.level_margin_rad))
 
 
 def _segments(forces: pd.DataFrame, level: NDArray[np.bool_], runs: list[Maneuver]) -> list[Segment]:
@@ -268,7 +263,7 @@ def _segments(forces: pd.DataFrame, level: NDArray[np.bool_], runs: list[Maneuve
         data = measured
         if np.isnan(measured).any():
             data = pd.DataFrame(measured.T).interpolate(limit_direction="both").to_numpy().T
-        if data.shape[1] >= SHORTEST and np.isfinite(data).all():
+        if data.shape[1] >= REGRESSION.fewest_blocks and np.isfinite(data).all():
             u = dict(zip(INPUTS, data, strict=False))
             z = {"drag": u["qS_over_m"] * measured[-1]}
             segments.append(Segment(name=run.name, t_s=t_s[rows], u=u, z=z))

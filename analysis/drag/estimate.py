@@ -18,6 +18,7 @@ from analysis.drag.likelihood import LikelihoodEstimates
 from analysis.drag.method import MethodEstimate
 from analysis.drag.methods import every_method, fallback
 from analysis.drag.rerun import EstimateRerun
+from analysis.drag.settings import COMPARISON
 from analysis.flight import Reconstructed
 from analysis.maneuvers.kinds import FOR_DRAG, LEVEL_RUNS
 from analysis.polar import Condition, Polar, power_required, speed_at, unphysical
@@ -143,16 +144,12 @@ def _cross_checked(flight: Reconstructed, main: DynamicEstimate) -> tuple[CrossC
     return check, compared.differs, compared.warnings
 
 
-FALSE_ALARM_RATE = 0.001  # probability of a warning where there is nothing but noise
-FEWEST_RUNS = 3  # of one kind, for their scatter to be tested
-
-
 def run_scatter(single_runs: list[MethodEstimate], condition: Condition) -> list[str]:
     """A warning per kind of run whose powers differ by more than noise, at a speed common to all of them."""
     warnings = []
     for kind in LEVEL_RUNS:
         runs = [run for run in single_runs if run.polar is not None and kind in run.method.kinds]
-        if len(runs) < FEWEST_RUNS:
+        if len(runs) < COMPARISON.fewest_runs:
             continue
         low, high = max(run.flown_CL[0] for run in runs), min(run.flown_CL[1] for run in runs)
         if low >= high:
@@ -163,7 +160,7 @@ def run_scatter(single_runs: list[MethodEstimate], condition: Condition) -> list
         )[:, :, 0].T
         mean = np.average(power, weights=error**-2)
         chi_square, dof = np.sum(((power - mean) / error) ** 2), len(runs) - 1
-        if chi_square > special.chdtri(dof, FALSE_ALARM_RATE):
+        if chi_square > special.chdtri(dof, COMPARISON.scatter_false_alarm_rate):
             warnings.append(
                 f"The {len(runs)} {kind}s differ from each other by {100 * np.std(power, ddof=1) / mean:.1f} % at"
                 f" {V[0]:.1f} m/s, {np.sqrt(chi_square / dof):.1f} times what their noise allows."

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.drag.covariance import DENSITY
+from analysis.estimation.fit import Fit
 from analysis.estimation.model import PriorMeasurement
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.priors import PRIOR_MEAN
@@ -53,20 +54,15 @@ class JointEstimate(NamedTuple):
 
 
 def joint_estimate(
-    names: tuple[str, ...],
-    values: Array,
-    noise: Array,
-    weighting_covariance: Array,
-    prior_sigma: Array,
-    changes_by_sensor_errors: Array,
-    trajectory: Trajectory,
+    fit: Fit, noise: Array, prior_sigma: Array, changes_by_sensor_errors: Array, trajectory: Trajectory
 ) -> JointEstimate:
     """The joint estimate of the parameters of the drag model (k,) and of the sensor errors.
 
-    noise : (k, k) covariance of the parameters for given sensor errors     weighting_covariance : of `JointEstimate`
+    noise : (k, k) covariance of the parameters for given sensor errors     prior_sigma : (k,)
     changes_by_sensor_errors : (k, s) of the parameters along the columns of the Cholesky factor of the sensor errors'
     covariance
     """
+    names, values = fit.names, fit.values
     factor = np.linalg.cholesky(trajectory.covariance)
     cross = changes_by_sensor_errors @ factor.T
     parameters = noise + changes_by_sensor_errors @ changes_by_sensor_errors.T
@@ -74,7 +70,7 @@ def joint_estimate(
         names=(*names, *SENSOR_ERRORS),
         values=np.concatenate([values, trajectory.sensor_errors]),
         covariance=np.block([[parameters, cross], [cross.T, trajectory.covariance]]),
-        weighting_covariance=weighting_covariance,
+        weighting_covariance=fit.covariance,
         prior_mean=np.array([PRIOR_MEAN.get(name, 0.0) for name in (*names, *SENSOR_ERRORS)]),
         prior_sigma=np.concatenate([prior_sigma, trajectory.prior_sigma]),
         changes={},

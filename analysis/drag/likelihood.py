@@ -24,6 +24,7 @@ from analysis.drag import aircraft_models, covariance
 from analysis.drag.cross_check import priors, segments_of
 from analysis.drag.method import MethodDescription, MethodEstimate, not_flown
 from analysis.drag.sensor_errors import CAUSES, error_prior_sigma
+from analysis.drag.settings import CROSS_CHECK, LIKELIHOOD
 from analysis.estimation import uncertainty
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Fit
@@ -31,6 +32,7 @@ from analysis.estimation.model import NamedValues
 from analysis.estimation.output_error import fit_output_error
 from analysis.estimation.problem import FitOptions
 from analysis.flight import Reconstructed
+from analysis.flown import ROBUST_RANGE
 from analysis.ground.thrust_prior import J_REFERENCE
 from analysis.maneuvers.kinds import LEVEL_RUNS, Maneuver
 from analysis.polar import Polar
@@ -43,7 +45,6 @@ from flight.errors import InputError
 Array = NDArray[np.float64]
 PolarOf = Callable[[NamedValues], Array]
 
-BLOCK = 2  # samples: 12.5 blocks per second are ten per cycle of the short period
 AS_MEASURED = ("airspeed_scale", *CAUSES[Cause.PROPELLER_TABLE])
 TWO_STATE = MethodDescription(
     "two-state", "maximum likelihood, two states", "(3.37)-(3.45), Table 3.1", LEVEL_RUNS, AS_MEASURED
@@ -51,14 +52,11 @@ TWO_STATE = MethodDescription(
 FORCE_MODELS = MethodDescription(
     "force-models", "maximum likelihood, force models", "(2.14)-(2.17)", LEVEL_RUNS, AS_MEASURED
 )
-SMOOTHED_S, SMOOTHED_DEGREE = 1.24, 3  # window and degree of the Savitzky-Golay filter of the pitch rate
 AS_MEASURED_FIT, CLQ_FIT = "two-state, rate as measured", "two-state with C_Lq"
 METHODS = (TWO_STATE, FORCE_MODELS)
 # The source has no errors of thrust among its parameters (Table 3.1).
 TABLE_AS_IT_IS = {"thrust_scale": {"free": False}, "thrust_slope": {"free": False}}
 WITHOUT_PRIOR = {"CLq": {"free": True, "start": 0.0, "prior_sigma": np.inf}}
-STEPS_MORE = 3  # from an estimate to that with another input, by one standard deviation; R changes with it
-POLAR_POINTS, ALPHA_RANGE = 31, (1.0, 99.0)  # percentiles of the angle of attack flown
 
 
 @dataclass(frozen=True)
@@ -115,15 +113,15 @@ class _Data:
     def __init__(self, flight: Reconstructed):
         table, runs, propeller = flight.table, flight.maneuvers.level_runs, flight.propeller
         self.error_sigma = error_prior_sigma(flight.aircraft.uncertainty)
-        as_measured = segments_of(table, runs, propeller, block=BLOCK)
+        as_measured = segments_of(table, runs, propeller, block=CROSS_CHECK.block)
         if not as_measured:
             raise InputError("no run has all the required data")
         q = without_gaps(table["q_radps"].to_numpy())
         from scipy.signal import savgol_filter  # takes 0.3 s to import
 
-        window = round(SMOOTHED_S / float(table.index[1] - table.index[0]))
-        smooth = savgol_filter(q, window + 1 - window % 2, SMOOTHED_DEGREE)
-        self._smoothed = segments_of(table.assign(q_radps=smooth), runs, propeller, block=BLOCK)
+        window = round(LIKELIHOOD.smoothing_s / float(table.index[1] - table.index[0]))
+        smooth = savgol_filter(q, window + 1 - window % 2, 3)
+        self._smoothed = segments_of(table.assign(q_radps=smooth), runs, propeller, block=CROSS_CHECK.block)
         self._trajectory = flight.trajectory
         no_error = np.zeros(len(SENSOR_ERRORS))
         self.rate_as_measured = self._along(no_error, as_measured)
@@ -179,7 +177,7 @@ def _method_estimate(
             fit.model,
             segments,
             start=_values(fit),
-            options=FitOptions(max_iterations=STEPS_MORE),
+            options=FitOptions(max_iterations=LIKELIHOOD.steps_more),
         )
         return np.asarray(polar_of(once_more.shared()) - derived.value)
 
@@ -210,8 +208,8 @@ def _alpha_and_elevator(segments: list[Segment]) -> tuple[Array, Array]:
     elevator = np.concatenate([segment.u["elevator"] for segment in segments])
     known = np.isfinite(alpha)
     slope, offset = np.polyfit(alpha[known], elevator[known], 1)
-    low, high = np.percentile(alpha[known], ALPHA_RANGE)
-    grid = np.linspace(low, high, POLAR_POINTS)
+    low, high = np.percentile(alpha[known], ROBUST_RANGE)
+    grid = np.linspace(low, high, 31)
     return grid, offset + slope * grid
 
 

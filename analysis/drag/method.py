@@ -16,6 +16,7 @@ from analysis.drag import covariance
 from analysis.drag.method_inputs import MethodInputs
 from analysis.drag.regression import PolarRegression
 from analysis.drag.sensor_errors import CAUSES, error_prior_sigma
+from analysis.drag.settings import REGRESSION
 from analysis.flown import ROBUST_RANGE
 from analysis.maneuvers.kinds import Maneuver
 from analysis.polar import Polar
@@ -24,9 +25,6 @@ from flight.aircraft import Aircraft
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
-
-CL_MIN_DRAG_SIGMA = 0.2  # prior standard deviation of CL_minD, the error of a two-term form
-LARGEST_UNMENTIONED_SHARE = 0.02  # of the runs outside the propeller table
 
 
 class SteadyPoint(NamedTuple):
@@ -155,7 +153,7 @@ def _missing_term(CL: Array, A: Array) -> Array:
 
     (3.36): CL_minD adds -2 K CL_minD CL to C_D; the fit takes it for a change of A0 and A2, and lacks it in A1.
     """
-    A1 = -2 * A[2] * CL_MIN_DRAG_SIGMA
+    A1 = -2 * A[2] * REGRESSION.CL_minD_sigma
     X = np.stack([np.ones_like(CL), CL**2], axis=1)
     (A0, A2), *_ = np.linalg.lstsq(X, A1 * CL, rcond=None)
     return _outer(np.array([A0, -A1, A2]))
@@ -167,6 +165,6 @@ def _notes(A: Array, table: pd.DataFrame, runs: list[Maneuver]) -> tuple[str, ..
         notes.append("drag does not increase with lift in this fit: the range of lift coefficients flown is too narrow")
     covered = pd.concat([table.loc[run.start_s : run.end_s, "covered"] for run in runs])
     outside = 1 - float(covered.mean())
-    if outside > LARGEST_UNMENTIONED_SHARE:
+    if outside > REGRESSION.unmentioned_share:
         notes.append(f"{100 * outside:.0f} % of its data lie outside the propeller table")
     return tuple(notes)

@@ -63,13 +63,13 @@ def method_inputs(
     )
 
     def corrected(removed: Mapping[str, float]) -> pd.DataFrame:
-        return input_table(flight_forces, flight_forces.nominal, sensor_errors, removed, *gusts)
+        return input_table(flight_forces, flight_forces.nominal, sensor_errors, removed, gusts)
 
     return MethodInputs(
         flight_forces.aircraft,
         runs,
         corrected({}),
-        [input_table(flight_forces, forces, sensor_errors + error, {}, *gusts) for forces, error in perturbed],
+        [input_table(flight_forces, forces, sensor_errors + error, {}, gusts) for forces, error in perturbed],
         {name: corrected({name: sigma}) for name, sigma in sigmas.items()},
         {cause: corrected({name: errors[name].value for name in names}) for cause, names in CAUSES.items()},
     )
@@ -80,8 +80,7 @@ def input_table(
     f: pd.DataFrame,
     sensor_errors: Array,
     removed: Mapping[str, float],
-    vertical_gust: GaussMarkov,
-    longitudinal_gust: GaussMarkov,
+    gusts: tuple[GaussMarkov, GaussMarkov],
 ) -> pd.DataFrame:
     """The data that methods work on, one row per block, with the errors `removed` subtracted from measured quantities.
 
@@ -94,8 +93,9 @@ def input_table(
     air-data lag remains.
     covered: share of the block within the propeller table.
     Standard deviation and correlation time of vertical gusts (gust_mps, gust_s) and of those along the flight path
-    (gust_along_mps, gust_along_s), the same in all rows.
+    (gust_along_mps, gust_along_s), the same in all rows. gusts: these two.
     """
+    vertical_gust, longitudinal_gust = gusts
     e = {name: removed.get(name, 0.0) for names in CAUSES.values() for name in names}
     known = dict(zip(SENSOR_ERRORS, sensor_errors, strict=True))
     mean, m = flight_forces.block_means, flight_forces.aircraft.mass_kg

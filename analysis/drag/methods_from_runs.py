@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from analysis.drag.method import Method
 from analysis.drag.regression import RunRegression, TimeSeriesRegression, run_data
 from analysis.drag.sensor_errors import CAUSES
+from analysis.drag.settings import REGRESSION
 from analysis.maneuvers.kinds import LEVEL_RUNS, LOAD_FACTOR_MANEUVERS, Maneuver
 from analysis.schema import Cause
 from flight.aircraft import Aircraft
@@ -115,7 +116,6 @@ ACCELERATIONS, DECELERATIONS = (
 )  # fmt: skip
 
 
-LARGEST_GUST_MPS = 0.4  # vertical, standard deviation: W20 = 3 kt makes 0.15, 15 kt 0.8
 COLUMNS = (
     "V_measured", "height_measured", "thrust_x_over_m_measured_mps2", "qS_over_m_measured_mps2", "alpha", "bank",
 )  # fmt: skip
@@ -123,7 +123,7 @@ COLUMNS = (
 
 def regression(table: pd.DataFrame, runs: list[Maneuver], _: Aircraft) -> TimeSeriesRegression:
     """Work of drag since the start of a run on the integrals of qS V, qS V CL, qS V CL^2, all over mass."""
-    if table["gust_mps"].iloc[0] > LARGEST_GUST_MPS:
+    if table["gust_mps"].iloc[0] > REGRESSION.largest_gust_mps:
         raise InputError("too turbulent for the energy method: gusts change the speed as slowly as the run does")
     regressions = []
     for run, t, data in run_data(table, runs, COLUMNS):

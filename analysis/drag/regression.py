@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from analysis.drag import covariance
+from analysis.drag.settings import REGRESSION
 from analysis.estimation.data import Segment
 from analysis.estimation.model import Model, Parameter
 from analysis.estimation.noise import NORMAL_95
@@ -21,8 +22,6 @@ from analysis.maneuvers.kinds import Maneuver
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
-
-SHORTEST = 10  # blocks of a run
 
 
 class RunData(NamedTuple):
@@ -42,7 +41,7 @@ def run_data(table: pd.DataFrame, runs: list[Maneuver], columns: tuple[str, ...]
         data = values[rows]
         if not np.isfinite(data).all():
             data = pd.DataFrame(data).interpolate(limit_direction="both").to_numpy()
-        if len(data) >= SHORTEST and np.isfinite(data).all():
+        if len(data) >= REGRESSION.fewest_blocks and np.isfinite(data).all():
             found.append(RunData(run, t[rows], dict(zip(columns, data.T, strict=True))))
     if not found:
         raise InputError("no run has all the required data")

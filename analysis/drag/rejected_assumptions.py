@@ -1,27 +1,28 @@
 """What the runs themselves deny: a parabolic polar, and a propeller table as good as assumed.
 
-Each doubt is tested by an estimate with one assumption less. Where the test finds it, the change of the estimate is
-added to the interval, and the doubt is a warning.
+Each assumption is tested by an estimate without it. Where the test rejects it, the change of the estimate is added to
+the interval, with a warning.
 """
 
 from dataclasses import replace
+from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.drag import covariance
+from analysis.drag.settings import REJECTED
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Fit
 from analysis.estimation.model import Model, NamedValues, Parameter
 from analysis.estimation.output_error import fit_output_error
-from analysis.ground.thrust_prior import CONFLICT, STAND
+from analysis.flown import ROBUST_RANGE
+from analysis.ground.settings import STAND_LIMITS
+from analysis.ground.thrust_prior import STAND
 
 Array = NDArray[np.float64]
 
-SIGNIFICANT = 3.0  # standard errors of the quartic term
-LEAST_CHANGE = 0.005  # of drag at an end of the lift coefficients flown; less than that matters to nobody
-RANGE = (1.0, 99.0)  # percentiles of the lift coefficients of the runs
 THRUST_TITLES = {
     "thrust_scale": "scale of thrust",
     "thrust_slope": "slope of thrust over advance ratio",
@@ -30,33 +31,38 @@ THRUST_TITLES = {
 }
 
 
-THRUST, SHAPE = "doubt of thrust", "doubt of the polar's shape"  # what is doubted
+class Assumption(StrEnum):
+    """What a flight may reject. The values are keys of `pooling.changes` in results.json."""
+
+    THRUST_TABLE = "doubt of thrust"
+    PARABOLIC_POLAR = "doubt of the polar's shape"
 
 
-class Doubt(NamedTuple):
-    """about: THRUST or SHAPE     change : (m,) of the estimates without the doubtful assumption
-    warning : for the reader"""
+class RejectedAssumption(NamedTuple):
+    """change : (m,) of the estimates without the assumption     warning : for the reader"""
 
-    about: str
+    assumption: Assumption
     change: Array
     warning: str
 
 
-def doubts(fit: Fit) -> list[Doubt]:
-    """All doubts about a fit of the drag model."""
-    return _about_thrust(fit) + _about_shape(fit)
+def rejected_assumptions(fit: Fit) -> list[RejectedAssumption]:
+    """Of the drag model, by its fit."""
+    return _thrust_rejected(fit) + _shape_rejected(fit)
 
 
-def _about_thrust(fit: Fit) -> list[Doubt]:
-    """Errors of thrust beyond CONFLICT, and a measurement on a stand that the flight contradicts by as much.
+def _thrust_rejected(fit: Fit) -> list[RejectedAssumption]:
+    """Errors of thrust beyond what the prior allows, and a stand that the flight contradicts by as much.
 
     The estimate is repeated with each of these priors as wide as the estimate is off.
     """
     sigma = {q.name: q.prior_sigma for q in fit.model.parameters if q.name in THRUST_TITLES}
     values = dict(zip(fit.names, fit.values, strict=True))
-    beyond = {name: values[name] / s for name, s in sigma.items() if s and abs(values[name]) > CONFLICT * s}
+    beyond = {
+        name: values[name] / s for name, s in sigma.items() if s and abs(values[name]) > STAND_LIMITS.conflict * s
+    }
     measured = {m.name: m.deviation(values) for m in fit.model.prior_measurements}
-    beyond |= {name: z for name, z in measured.items() if abs(z) > CONFLICT}
+    beyond |= {name: z for name, z in measured.items() if abs(z) > STAND_LIMITS.conflict}
     if not beyond:
         return []
     wider = tuple(
@@ -69,8 +75,8 @@ def _about_thrust(fit: Fit) -> list[Doubt]:
     repeated = fit_output_error(replace(fit.model, parameters=wider, prior_measurements=measurements), _segments(fit))
     named = "; ".join(f"{THRUST_TITLES[name]}: {z:+.1f} standard deviations" for name, z in beyond.items())
     return [
-        Doubt(
-            THRUST,
+        RejectedAssumption(
+            Assumption.THRUST_TABLE,
             repeated.values - fit.values,
             f"The propeller's thrust differs from its table by more than assumed ({named}). The interval is wider by"
             " what a less certain table changes. Check the propeller, its table, and the number of pole pairs"
@@ -79,24 +85,24 @@ def _about_thrust(fit: Fit) -> list[Doubt]:
     ]
 
 
-def _about_shape(fit: Fit) -> list[Doubt]:
+def _shape_rejected(fit: Fit) -> list[RejectedAssumption]:
     """A quartic term of lift that the residuals require. The change is that to the parabola through the quartic polar
     at the ends and in the middle of the lift coefficients flown."""
     with_quartic = fit_output_error(_quartic(fit.model), _segments(fit))
     i = with_quartic.names.index("A4")
     error = float(np.sqrt(covariance.of_noise(with_quartic)[i, i]))
     quartic = float(with_quartic.values[i])
-    low, high = np.percentile(np.concatenate([segment.u["CL"] for segment in _segments(fit)]), RANGE)
+    low, high = np.percentile(np.concatenate([segment.u["CL"] for segment in _segments(fit)]), ROBUST_RANGE)
     CL = np.array([low, (low + high) / 2, high])
     powers = np.vander(CL, 3, increasing=True)
     values = np.delete(with_quartic.values, i)
     values[:3] += np.linalg.solve(powers, quartic * CL**4)
-    significant = with_quartic.verdict.ok and abs(quartic) > SIGNIFICANT * error
-    if not significant or np.max(np.abs(powers @ values[:3] / (powers @ fit.values[:3]) - 1)) < LEAST_CHANGE:
+    significant = with_quartic.verdict.ok and abs(quartic) > REJECTED.significant * error
+    if not significant or np.max(np.abs(powers @ values[:3] / (powers @ fit.values[:3]) - 1)) < REJECTED.least_change:
         return []
     return [
-        Doubt(
-            SHAPE,
+        RejectedAssumption(
+            Assumption.PARABOLIC_POLAR,
             values - fit.values,
             f"Drag is no parabola of lift: a quartic term is {abs(quartic) / error:.1f} times its standard error. The"
             " interval is wider by what this term changes; most at the slowest and the fastest speed.",

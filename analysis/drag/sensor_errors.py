@@ -11,6 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.drag.forces import FlightForces
+from analysis.drag.settings import COMPARISON
 from analysis.ground.thrust_prior import J_REFERENCE, THRUST, thrust_prior
 from analysis.schema import Cause
 from analysis.trajectory.equations import SENSOR_ERRORS
@@ -31,17 +32,13 @@ INSTALLATION_TOLERANCE = {
     "thrust_slope": 0.03,
 }
 # The errors that belong to one cause.
-CAUSES = {
+CAUSES: dict[Cause, tuple[str, ...]] = {
     Cause.ANGLE_OF_ATTACK: ("alpha_bias", "alpha_scale"),
     Cause.PITCH_ATTITUDE: ("pitch",),
     Cause.AIRSPEED: ("airspeed_scale",),
     Cause.AIR_DATA_LAG: ("lag",),
     Cause.PROPELLER_TABLE: THRUST,
 }
-
-LAG_SIGMA_S = 0.3  # prior of the air-data lag here: wide enough for a faulty installation
-FEWEST_BLOCKS = 20
-CORRELATED_BLOCKS = 4  # blocks over which residuals are correlated
 
 
 class ErrorEstimate(NamedTuple):
@@ -72,7 +69,7 @@ def estimate_errors(
     The trajectory has a tight prior on the air-data lag. It is replaced by LAG_SIGMA_S here, so that a larger lag is
     found and is not mistaken for a thrust error.
     """
-    sensor_errors, covariance = _with_lag_prior(trajectory, LAG_SIGMA_S)
+    sensor_errors, covariance = _with_lag_prior(trajectory, COMPARISON.lag_sigma_s)
     states = trajectory.states.to_numpy() + trajectory.state_sensitivity @ (sensor_errors - trajectory.sensor_errors)
     standard_errors = np.sqrt(np.diag(covariance))
     estimates = {}
@@ -105,7 +102,7 @@ def _thrust_errors(forces: pd.DataFrame, aircraft: Aircraft) -> dict[str, ErrorE
     """Errors of the propeller table: drag regressed on the polar and on thrust together, with priors on the latter."""
     data = forces[["CL", "CL_squared", "CD", "qS_over_m_mps2", "thrust_along_V_over_m_mps2", "J"]].dropna()
     prior = thrust_prior(aircraft)
-    if len(data) < FEWEST_BLOCKS:
+    if len(data) < COMPARISON.fewest_blocks:
         sigma = np.sqrt(np.diag(prior.covariance))
         return {name: ErrorEstimate(float(prior.mean[i]), float(sigma[i])) for i, name in enumerate(THRUST)}
     CL, CL_squared, CD, qS_over_m, thrust_over_m, J = data.to_numpy().T
@@ -114,7 +111,7 @@ def _thrust_errors(forces: pd.DataFrame, aircraft: Aircraft) -> dict[str, ErrorE
     )
     z = qS_over_m * CD
     theta, *_ = np.linalg.lstsq(X, z, rcond=None)
-    variance = float(np.mean((z - X @ theta) ** 2)) * CORRELATED_BLOCKS
+    variance = float(np.mean((z - X @ theta) ** 2)) * COMPARISON.correlated_blocks
     prior_information, prior_vector = np.zeros((5, 5)), np.zeros(5)
     prior_information[3:, 3:], prior_vector[3:] = prior.information, prior.vector
     C = np.linalg.inv(X.T @ X / variance + prior_information)

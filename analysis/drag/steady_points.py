@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from analysis.drag.method import Method, SteadyPoint
 from analysis.drag.regression import THREE_TERM, TWO_TERM, PointRegression
 from analysis.drag.sensor_errors import CAUSES
+from analysis.drag.settings import REGRESSION, STEADY_POINTS
 from analysis.maneuvers.kinds import STEADY, Maneuver
 from analysis.schema import Cause
 from flight.aircraft import Aircraft
@@ -33,13 +34,9 @@ from flight.units import GRAVITY_MPS2 as g
 
 Array = NDArray[np.float64]
 
-SHORTEST = 10  # blocks of a steady run
-CORRELATION_S = 2.0  # readings closer than this are correlated
-TABLE_SHARE = 0.005  # of power: error of interpolation in a propeller table, which no point can be better than
 COLUMNS = (
     "thrust_x_over_m_mps2", "alpha", "V", "Vdot", "gamma", "climb", "bank", "rho", "static_Pa", "temperature_K",
 )  # fmt: skip
-DIFFERENT_SPEEDS = 0.08  # relative difference from which on two speeds count as different
 
 
 class SteadyMeans(NamedTuple):
@@ -67,7 +64,7 @@ def steady_means(table: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft) 
     for run in runs:
         within = slice(*np.searchsorted(t_s, (run.start_s, np.nextafter(run.end_s, np.inf))))
         known = ~np.isnan(values[COLUMNS.index("thrust_x_over_m_mps2"), within])
-        if known.sum() < SHORTEST:
+        if known.sum() < REGRESSION.fewest_blocks:
             continue
         t, f = t_s[within][known], dict(zip(COLUMNS, values[:, within][:, known], strict=True))
         thrust_over_m, alpha, V = f["thrust_x_over_m_mps2"], f["alpha"], f["V"]
@@ -77,7 +74,7 @@ def steady_means(table: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft) 
         power_W = m * (_mean(along_V * V) - mean_Vdot * V.mean() - g * _mean(f["climb"]))
         scatter_W = m * _error_of_mean(drag_over_m * V, t[1] - t[0])
         gusts_W = m * g * mean_gust_mps(gust_mps, gust_s, t[-1] - t[0])
-        error_W = np.sqrt(scatter_W**2 + gusts_W**2 + (TABLE_SHARE * power_W) ** 2)
+        error_W = np.sqrt(scatter_W**2 + gusts_W**2 + (STEADY_POINTS.table_share * power_W) ** 2)
         lift_N = m * _mean(g / np.cos(f["bank"]) - across_V)
         air = (_mean(f[name]) for name in ("rho", "static_Pa", "temperature_K"))
         rows.append((V.mean(), power_W, error_W, lift_N, *air, run.start_s))
@@ -104,7 +101,7 @@ def require_speeds(points: SteadyMeans, terms: int) -> None:
         raise InputError("by the propeller table a steady point has no positive power")
     different, last = 0, 0.0
     for V in np.sort(points.V):
-        if V > last * (1 + DIFFERENT_SPEEDS):
+        if V > last * (1 + STEADY_POINTS.different_speeds):
             different, last = different + 1, V
     if different < terms:
         raise InputError(f"steady points at {terms} different speeds are needed, there are {different}")
@@ -134,7 +131,7 @@ def mean_gust_mps(gust_mps: float, gust_s: float, seconds: float) -> float:
 def _error_of_mean(x: Array, step_s: float) -> float:
     """Standard error of the mean of a colored record, with Bartlett's window over CORRELATION_S."""
     e, n = x - x.mean(), len(x)
-    window = min(n - 1, round(CORRELATION_S / step_s))
+    window = min(n - 1, round(STEADY_POINTS.correlation_s / step_s))
     lags = np.arange(1, window + 1)
     products = np.correlate(np.concatenate([e, np.zeros(window)]), e)  # from lag 0 on
     variance = float(products[0] + 2 * (1 - lags / (window + 1)) @ products[1:]) / n

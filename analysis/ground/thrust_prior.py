@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.estimation.model import PriorMeasurement
+from analysis.ground.settings import STAND_LIMITS
 from flight.aircraft import Aircraft, Uncertainty
 
 Array = NDArray[np.float64]
@@ -20,7 +21,6 @@ Array = NDArray[np.float64]
 J_REFERENCE = 0.5
 THRUST = ("thrust_scale", "thrust_slope")  # thrust is the table's times 1 + scale + slope (J - J_REFERENCE)
 STAND = "thrust on the stand"
-CONFLICT = 2.5  # prior standard deviations
 
 
 class ThrustPrior(NamedTuple):
@@ -86,7 +86,7 @@ def stand_conflict(ratio: float, error: float, stated: Uncertainty) -> str:
     scale, slope = stated.thrust_scale_fraction, J_REFERENCE * stated.thrust_slope
     expected = math.hypot(scale, slope, error, stated.thrust_curvature_fraction)
     z = (ratio - 1) / expected
-    if abs(z) <= CONFLICT:
+    if abs(z) <= STAND_LIMITS.conflict:
         return ""
     return (
         f"thrust at rest differs from the table by {z:+.1f} of the standard deviations assumed"

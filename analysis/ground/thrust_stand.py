@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from analysis.estimation.noise import NORMAL_95
+from analysis.ground.settings import STAND_LIMITS
 from flight.aircraft import Aircraft
 from flight.atmosphere import density
 from flight.errors import InputError
@@ -28,14 +29,6 @@ from flight.unit_columns import csv_rows, si_column
 Array = NDArray[np.float64]
 
 FORMAT = "flightpower-thrust-stand-1"
-FEWEST_READINGS, FEWEST_SPEEDS = 5, 3
-SAME_SPEED = 0.02  # readings at speeds nearer than this are repetitions
-LARGEST_DIFFERENCE = 0.4  # of the ratio from one: beyond it, a wrong unit, diameter or number of pole pairs
-# Standard error (1 sigma) of the ratio beyond which the stand says hardly more than the priors of a flight without it:
-# 0.8 of 7.7 %, which 1.8 % of scale and 0.15 of slope are at J = 0.
-LARGEST_ERROR = 0.06
-LEAST_CHANGE = 0.005  # of the ratio over the speeds measured: less matters to nobody
-SAME_TABLE = 0.001  # relative difference of thrust coefficients
 
 # Column of the file: (field, unit).
 _COLUMNS = {
@@ -83,8 +76,8 @@ class ThrustStand(msgspec.Struct, frozen=True, kw_only=True):
     def check_table(self, propeller: Propeller, where: str) -> None:
         """Raises InputError naming `where` if the propeller's table is not the one that was compared."""
         cT = np.asarray(propeller.table(np.zeros(len(self.revps)), 60 * np.array(self.revps))[0])
-        same_size = abs(propeller.diameter_m / self.diameter_m - 1) < SAME_TABLE
-        if not same_size or np.any(np.abs(cT / np.array(self.table_cT) - 1) > SAME_TABLE):
+        same_size = abs(propeller.diameter_m / self.diameter_m - 1) < STAND_LIMITS.same_table
+        if not same_size or np.any(np.abs(cT / np.array(self.table_cT) - 1) > STAND_LIMITS.same_table):
             raise InputError(
                 f"{where}: thrust on the stand was compared with another table ({self.propeller}) than that of this"
                 f" analysis ({propeller.name}); repeat `calibrate thrust` with --propeller {propeller.name}"
@@ -102,10 +95,10 @@ def calibrate(
     """
     n = readings.revps
     speeds = _speeds(n)
-    if len(n) < FEWEST_READINGS or len(speeds) < FEWEST_SPEEDS:
+    if len(n) < STAND_LIMITS.fewest_readings or len(speeds) < STAND_LIMITS.fewest_speeds:
         raise InputError(
-            f"{source}: {len(n)} readings at {len(speeds)} motor speeds; measure {FEWEST_READINGS} at"
-            f" {FEWEST_SPEEDS} speeds at least, from half to full throttle"
+            f"{source}: {len(n)} readings at {len(speeds)} motor speeds; measure {STAND_LIMITS.fewest_readings} at"
+            f" {STAND_LIMITS.fewest_speeds} speeds at least, from half to full throttle"
         )
     begins_at = np.interp(60 * n, [row.rpm for row in propeller.rows], [row.J[0] for row in propeller.rows])
     if np.any(begins_at > 0):
@@ -116,7 +109,7 @@ def calibrate(
     table_N = np.asarray(propeller.thrust_and_power(np.zeros(len(n)), n, readings.rho)[0])
     weight = table_N @ table_N
     ratio = float(table_N @ readings.thrust_N / weight)
-    if not abs(ratio - 1) <= LARGEST_DIFFERENCE:
+    if not abs(ratio - 1) <= STAND_LIMITS.largest_difference:
         raise InputError(
             f"{source}: thrust is {ratio:.2g} times that of propeller {propeller.name}; check the units, the number of"
             " pole pairs that the motor speed was counted with, and that this is the propeller on the stand"
@@ -128,7 +121,7 @@ def calibrate(
     with_slope = residuals - change * slope
     by_speed = slope * float(np.ptp(change / table_N))
     slope_sigma = _scaled(with_slope, 2) / math.sqrt(change @ change)
-    depends = abs(slope) > NORMAL_95 * slope_sigma and abs(by_speed) > LEAST_CHANGE
+    depends = abs(slope) > NORMAL_95 * slope_sigma and abs(by_speed) > STAND_LIMITS.least_change
     scatter = (_scaled(with_slope, 2) if depends else _scaled(residuals, 1)) / math.sqrt(weight)
     speed_error = abs(by_speed) / 2 if depends else 0.0
     found = ThrustStand(
@@ -151,7 +144,7 @@ def _speeds(revps: Array) -> list[float]:
     """The different speeds among the readings, ascending."""
     found: list[float] = []
     for n in np.sort(revps).tolist():
-        if not found or n > (1 + SAME_SPEED) * found[-1]:
+        if not found or n > (1 + STAND_LIMITS.same_speed) * found[-1]:
             found.append(n)
     return found
 
@@ -166,12 +159,12 @@ def _scaled(residuals: Array, parameters: int) -> float:
 def _why_not_supported(found: ThrustStand) -> str:
     """Empty if the ratio is known well enough to be of use."""
     error = found.ratio_error / found.ratio
-    if error <= LARGEST_ERROR:
+    if error <= STAND_LIMITS.largest_error:
         return ""
     return (
-        f"the standard error of the ratio is {100 * error:.1f} %, more than {100 * LARGEST_ERROR:.0f} %: scatter of"
-        f" the readings {100 * found.scatter_error:.1f} %, scale {100 * found.scale_error:.1f} %, change with motor"
-        f" speed {100 * found.speed_error:.1f} %; measure again without wind, and more readings"
+        f"the standard error of the ratio is {100 * error:.1f} %, more than {100 * STAND_LIMITS.largest_error:.0f} %:"
+        f" scatter of the readings {100 * found.scatter_error:.1f} %, scale {100 * found.scale_error:.1f} %, change"
+        f" with motor speed {100 * found.speed_error:.1f} %; measure again without wind, and more readings"
     )
 
 
@@ -214,8 +207,8 @@ def read_stand(path: Path, rho: float | None = None) -> StandReadings:
 
 def _check(found: ThrustStand, where: str) -> None:
     usable = (
-        abs(found.ratio - 1) <= LARGEST_DIFFERENCE
-        and 0 < found.ratio_error <= LARGEST_ERROR * found.ratio
+        abs(found.ratio - 1) <= STAND_LIMITS.largest_difference
+        and 0 < found.ratio_error <= STAND_LIMITS.largest_error * found.ratio
         and found.diameter_m > 0
         and 0 < len(found.revps) == len(found.table_cT)
         and min(found.table_cT) > 0

@@ -5,10 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from analysis.ground.settings import WEIGHING
 from flight.errors import InputError
-
-MORE_THAN_RANDOM = 3.0  # readings of one support that differ by more of their stated errors contradict each other
-LARGEST_WEIGHT_ERROR = 0.02  # 1 sigma; ten times what the analysis assumes without a weighing
 
 
 class Support(NamedTuple):
@@ -69,12 +67,12 @@ def weight_and_balance(supports: Sequence[Support], errors: ScaleErrors) -> Weig
 def _why_not(supports: Sequence[Support], errors: ScaleErrors, share: float) -> str:
     for number, support in enumerate(supports, start=1):
         apart = max(support.readings_kg) - min(support.readings_kg)
-        if apart > MORE_THAN_RANDOM * np.sqrt(2) * errors.reading_kg:
+        if apart > WEIGHING.more_than_random * np.sqrt(2) * errors.reading_kg:
             return (
                 f"readings of support {number} differ by {1e3 * apart:.0f} g, more than three times their error: let"
                 " the scale settle, and weigh without wind"
             )
-    if share > LARGEST_WEIGHT_ERROR:
+    if share > WEIGHING.largest_weight_error:
         return f"the standard error of the weight is {100 * share:.1f} %, more than 2 %: use a better scale"
     return ""
 

@@ -34,7 +34,7 @@ from analysis.schema import FORMAT, Results
 from analysis.trajectory.equations import MEASUREMENT_INPUTS, PREDICTED_FLOW, SENSOR_ERRORS, STATES, EquationInputs
 from analysis.trajectory.gusts import Estimate, planned_ratios, with_slow_power
 from analysis.trajectory.observability import TITLES
-from analysis.trajectory.priors import stated_sigma
+from analysis.trajectory.priors import SensorPriors, stated_sigma
 from analysis.trajectory.problem import TrajectoryProblem
 from analysis.trajectory.reconstruction import Trajectory
 from analysis.trajectory.settings import SOLVER
@@ -187,7 +187,7 @@ def _linearized(
 ) -> _Linearized:
     """The estimator's last step along the history."""
     stated = stated_sigma(aircraft.aircraft.uncertainty)
-    problem = TrajectoryProblem(history.table, history.rest, alpha_scale_sigma, None, stated=stated)
+    problem = TrajectoryProblem(history.table, history.rest, SensorPriors(alpha_scale_sigma, stated))
     blocks = problem.blocks
     x = np.zeros((blocks.n, len(STATES)))
     x[:, :3], x[:, 3:6] = history.attitude[blocks.rows], history.velocity[blocks.rows]

@@ -14,7 +14,8 @@ from scipy.linalg import block_diag
 from scipy.optimize import brentq
 from scipy.stats import chi2, ncx2
 
-from analysis.drag import covariance, rejected_assumptions
+from analysis.drag import covariance
+from analysis.drag.rejected_assumptions import Assumption
 from analysis.estimation.noise import NORMAL_95
 from analysis.polar import Condition, Polar, power_required, speed_at
 from analysis.pooling.agreement import Test, quadratic_form
@@ -217,8 +218,8 @@ def _joint_polars(
 
     def cancels(error: str) -> bool:
         """Whether this error, which no residual shows, is the same in A and in B."""
-        return error != rejected_assumptions.SHAPE and (
-            same_propeller if error == rejected_assumptions.THRUST else same_installation
+        return error != Assumption.PARABOLIC_POLAR and (
+            same_propeller if error == Assumption.THRUST_TABLE else same_installation
         )
 
     changes_b = {name if cancels(name) else f"{name}, B": change for name, change in b.stack.changes.items()}

@@ -7,10 +7,11 @@ A first trajectory for the iteration: attitude from angle of attack and climb, v
 
 from collections.abc import Mapping
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from analysis.signals.rest import mean_at_rest
 from analysis.trajectory.block_means import BlockMeans, moving_average
@@ -94,22 +95,30 @@ def upwash_slope_sigma(aircraft: Aircraft) -> float:
     return float(UPWASH_SIGMA_RAD * lift_slope(aircraft.aspect_ratio))
 
 
+class SensorPriors(NamedTuple):
+    """What is known of the sensor errors before a flight.
+
+    alpha_scale_sigma : of the slope of the probe's calibration, in addition to the stated one
+    stated : standard deviations of `stated_sigma`
+    calibrated : standard errors by the calibration of the transducers, by name of REMAINING_SIGMA; in place of
+        the stated ones. An error of the reference's scale acts on both; they are taken as independent.
+    factor : on all standard deviations, a number or (m,)
+    """
+
+    alpha_scale_sigma: float = 0.0
+    stated: Mapping[str, float] = PRIOR_SIGMA
+    calibrated: Mapping[str, float] = MappingProxyType({})
+    factor: ArrayLike = 1.0
+
+
 def sensor_error_prior(
-    alpha_scale_sigma: float,
-    calibrated: Mapping[str, float] = MappingProxyType({}),
-    stated: Mapping[str, float] = PRIOR_SIGMA,
-    zeros: Mapping[str, float] = MappingProxyType({}),
-    *,
-    gps: bool,
+    priors: SensorPriors, zeros: Mapping[str, float] = MappingProxyType({}), *, gps: bool
 ) -> tuple[Array, Array]:
     """Mean and standard deviation (m,), order of SENSOR_ERRORS.
 
-    alpha_scale_sigma : of the slope of the probe's calibration, in addition to the stated one
-    calibrated : standard errors by the calibration of the transducers, by name of REMAINING_SIGMA; in place of
-        the stated ones. An error of the reference's scale acts on both; they are taken as independent.
-    stated : of `stated_sigma`
     zeros : standard errors [Pa] of the zeros that the log shows, `zeros_at_rest`
     """
+    alpha_scale_sigma, stated, calibrated, factor = priors
     with_calibration = {name: float(np.hypot(error, REMAINING_SIGMA[name])) for name, error in calibrated.items()}
     sigma = {**stated, **with_calibration, **zeros}
     for name in ZEROS:
@@ -119,7 +128,7 @@ def sensor_error_prior(
         sigma["heading_bias"] = PRIORS.north_rad
     return (
         np.array([PRIOR_MEAN.get(name, 0.0) for name in SENSOR_ERRORS]),
-        np.array([sigma[name] for name in SENSOR_ERRORS]),
+        np.array([sigma[name] for name in SENSOR_ERRORS]) * np.asarray(factor),
     )
 
 

@@ -1,8 +1,5 @@
 """One flight as an estimation problem: the inputs of the equations for any trajectory and intensity of gusts."""
 
-from collections.abc import Mapping
-from types import MappingProxyType
-
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -21,7 +18,7 @@ from analysis.trajectory.gusts import ObservedGust, intensity_of
 from analysis.trajectory.inertial import InertialInputs
 from analysis.trajectory.measurements import LevelField, Measurements
 from analysis.trajectory.priors import (
-    PRIOR_SIGMA,
+    SensorPriors,
     begins_at_rest,
     initial_sensor_errors,
     initial_state_sigma,
@@ -52,11 +49,8 @@ class TrajectoryProblem:
         self,
         table: pd.DataFrame,
         rest: list[slice],
-        alpha_scale_sigma: float,
-        compass: Compass | None,
-        *,
-        calibrated: Mapping[str, float] = MappingProxyType({}),
-        stated: Mapping[str, float] = PRIOR_SIGMA,
+        priors: SensorPriors = SensorPriors(),
+        compass: Compass | None = None,
     ):
         self.blocks = blocks = BlockMeans(table)
         self.equations = Equations(blocks.n)
@@ -81,7 +75,7 @@ class TrajectoryProblem:
 
         gps, has_compass = self.measurements.has_gps, self.measurements.has_compass
         zeros = zeros_at_rest(table, rest, noise)
-        self.error_mean, self.error_sigma = sensor_error_prior(alpha_scale_sigma, calibrated, stated, zeros, gps=gps)
+        self.error_mean, self.error_sigma = sensor_error_prior(priors, zeros, gps=gps)
         bank = table["bank_rad"].to_numpy()[blocks.rows]
         self.initial_states = initial_states(blocks, bank, V_reference, field if has_compass else None)
         self.initial_errors = initial_sensor_errors(

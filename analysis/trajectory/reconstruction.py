@@ -1,13 +1,11 @@
 """Maximum a posteriori trajectory and sensor errors of a whole flight, by Gauss-Newton iterations."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from analysis.airdata.magnetometer import Compass
 from analysis.trajectory.block_means import BlockMeans
@@ -29,7 +27,7 @@ from analysis.trajectory.gusts import (
     vertex,
     with_slow_power,
 )
-from analysis.trajectory.priors import PRIOR_SIGMA
+from analysis.trajectory.priors import SensorPriors
 from analysis.trajectory.problem import TrajectoryProblem
 from analysis.trajectory.settings import GUSTS, SOLVER
 from analysis.trajectory.smoother import GaussNewtonStep, StatesGivenErrors, cost, gauss_newton_step
@@ -94,29 +92,21 @@ class Trajectory:
 def reconstruct(
     table: pd.DataFrame,
     rest: list[slice],
+    priors: SensorPriors = SensorPriors(),
     *,
-    stated: Mapping[str, float] = PRIOR_SIGMA,
-    alpha_scale_sigma: float = 0.0,
     compass: Compass | None = None,
-    calibrated: Mapping[str, float] = MappingProxyType({}),
     gust_length: float = Uncertainty().gust_length,
-    prior_factor: ArrayLike = 1.0,
     log: str = "log",
 ) -> Trajectory:
     """The most probable trajectory of a whole flight.
 
-    table: as `air_data` returns it. rest: rows in which the aircraft is at rest. stated: prior standard deviations of
-    the sensor errors, by `stated_sigma` of the aircraft file's [uncertainty]. alpha_scale_sigma: standard deviation
-    of the slope of angle of attack in the probe's calibration, in addition to that of transducers and installation.
-    compass: the earth's field, sample by sample, from a calibrated magnetometer. gust_length: scale length of vertical
-    gusts over the height, as far as the flight does not show it. prior_factor: on the prior standard deviations of the
-    sensor errors, a number or (m,). calibrated: standard errors by the transducers' calibration, as `FlightData` has
-    them.
+    table: as `air_data` returns it. rest: rows in which the aircraft is at rest. compass: the earth's field, sample by
+    sample, from a calibrated magnetometer. gust_length: scale length of vertical gusts over the height, as far as the
+    flight does not show it.
     Raises InputError, beginning with `log`, where the measurements do not determine a trajectory.
     """
     try:
-        problem = TrajectoryProblem(table, rest, alpha_scale_sigma, compass, calibrated=calibrated, stated=stated)
-        problem.error_sigma = problem.error_sigma * np.asarray(prior_factor)
+        problem = TrajectoryProblem(table, rest, priors, compass)
         return _reconstruct(problem, gust_length)
     except np.linalg.LinAlgError:
         raise InputError(

@@ -16,6 +16,7 @@ from analysis.results.flight_found import path_result
 from analysis.schema import Results
 from analysis.trajectory.consistency import consistency
 from analysis.trajectory.observability import sensor_error_estimates, trajectory_notes
+from analysis.trajectory.priors import SensorPriors
 from analysis.trajectory.reconstruction import reconstruct
 
 pytestmark = pytest.mark.xdist_group("chain")
@@ -69,7 +70,9 @@ def test_without_a_calibration_the_log_s_magnetometer_is_named_and_not_used(flow
     log = dataclasses.replace(log, entries={topic: e for topic, e in log.entries.items() if topic != "/gps"})
     found = contents(log)
     data = flight_data(log, found.aircraft, found.propeller, found.calibrations)
-    alone = reconstruct(data.table, data.rest, alpha_scale_sigma=0.01, compass=data.compass, log="log.mcap")
+    alone = reconstruct(
+        data.table, data.rest, SensorPriors(alpha_scale_sigma=0.01), compass=data.compass, log="log.mcap"
+    )
     errors = sensor_error_estimates(alone)
     notes = trajectory_notes(alone, errors, 2, magnetometer_calibrated=found.magnetometer is not None, log="log.mcap")
     (said,) = (note for note in notes if "heading" in note)

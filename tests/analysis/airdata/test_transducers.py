@@ -13,7 +13,7 @@ from analysis.airdata.transducers import TRANSDUCERS_FILE, TransducerCalibration
 from analysis.cli.calibrate import app
 from analysis.cli.calibrate.transducers import pressures_Pa
 from analysis.trajectory.equations import SENSOR_ERRORS
-from analysis.trajectory.priors import PRIOR_SIGMA, sensor_error_prior
+from analysis.trajectory.priors import PRIOR_SIGMA, SensorPriors, sensor_error_prior
 from flight.errors import InputError
 from flight.messages import DifferentialPressure, Status
 from tests.analysis.cli.test_calibrate import written
@@ -76,7 +76,7 @@ def test_the_standard_errors_replace_the_priors() -> None:
     calibration, _ = found(scale=0.005)
     assert calibration.airspeed_scale_error == pytest.approx(0.0025, rel=0.2), "half that of the pressure"
     for given in ({}, air_data_errors(calibration)._asdict()):
-        _, sigma = sensor_error_prior(0.0, given, gps=True)
+        _, sigma = sensor_error_prior(SensorPriors(calibrated=given), gps=True)
         by_name = dict(zip(SENSOR_ERRORS, sigma, strict=True))
         if given:
             assert given["V_scale"] < by_name["V_scale"] < 0.005

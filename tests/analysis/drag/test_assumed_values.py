@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 from analysis.drag.assumed_values import (
-    IMU_SIGMA_M,
-    PROBE_SIGMA_M,
     AssumptionUncertainty,
     _folding_note,
     assumption_uncertainty,
     with_assumption_uncertainty,
 )
 from analysis.drag.dynamic import DynamicEstimate
+from analysis.drag.settings import COVARIANCE
 from analysis.polar import Condition, Polar, power_required, speed_at
 from analysis.schema import CurveStatus, ParameterResult
 from analysis.trajectory.priors import UPWASH_SIGMA_RAD, upwash_slope_sigma
@@ -73,9 +72,9 @@ def test_the_change_by_one_standard_deviation_is_squared_into_the_covariance(pro
     found = assumption_uncertainty(Rerun(), parse_aircraft(FOUR_KEYS, "mine.toml"), propeller, AT, FLOWN_CL)
     assert found is not None
     wanted = np.zeros((5, 5))
-    wanted[0, 0] = (0.01 * PROBE_SIGMA_M) ** 2
+    wanted[0, 0] = (0.01 * COVARIANCE.probe_position_m) ** 2
     wanted[2, 2] = (0.1 * UPWASH_SIGMA_RAD) ** 2
-    wanted[1, 1] = (0.02 * IMU_SIGMA_M) ** 2
+    wanted[1, 1] = (0.02 * COVARIANCE.imu_position_m) ** 2
     assert found.covariance == pytest.approx(wanted, abs=1e-15)
 
 

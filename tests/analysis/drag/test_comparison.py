@@ -18,6 +18,7 @@ from analysis.drag.sensor_errors import estimate_errors
 from analysis.flown import flown_condition, flown_lift
 from analysis.maneuvers.find import find
 from analysis.polar import Condition, power_required, speed_at
+from analysis.trajectory.priors import SensorPriors
 from analysis.trajectory.reconstruction import reconstruct
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
@@ -75,7 +76,7 @@ def test_gusts_are_not_mistaken_for_lag_or_thrust(probe) -> None:
     """A whole flight in 3 kt, where a lag of 14 ms looked like 76 and thrust 2.3 % too much, five standard errors."""
     errors = drawn(load_budget("study"), 1)
     flown = fly(AIRCRAFT, probe, errors, "full-test-flight", 3.0, 1)
-    trajectory = reconstruct(flown.table, flown.still, alpha_scale_sigma=probe.alpha_scale_sigma)
+    trajectory = reconstruct(flown.table, flown.still, SensorPriors(alpha_scale_sigma=probe.alpha_scale_sigma))
     flight_forces = FlightForces(trajectory, AIRCRAFT, load_propeller(AIRCRAFT.propulsion.propeller))
     rows = np.zeros(len(flight_forces.t_s), dtype=bool)
     for run in find(flown.table, flown.still).of("acceleration", "deceleration"):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.drag.comparison import sentences
+from analysis.drag.comparison import Difference, sentences
 from analysis.drag.sensor_errors import ErrorEstimate
 from analysis.polar import Condition
 from analysis.schema import Cause
@@ -14,7 +14,8 @@ TITLES = ("the dynamic method", "direct method")
 
 def said(cause: str, share_W: float | None = 3.0, *, difference_W: float = 5.0, unexplained_W: float = 2.0, **errors):
     found = {name: ErrorEstimate(*error) for name, error in errors.items()}
-    return sentences(TITLES, 15.0, 100.0, difference_W, Cause(cause), share_W, unexplained_W, found, AT)
+    at = Difference(15.0, 100.0, difference_W, Cause(cause), share_W, unexplained_W)
+    return sentences(TITLES, at, found, AT)
 
 
 def test_the_difference_is_a_share_of_the_first_power_and_its_side_is_named() -> None:

@@ -107,7 +107,7 @@ def test_an_accelerometer_that_reads_high_levels_the_pitch_attitude_too_high() -
 
 def inputs(trajectory: Trajectory, **removed: float) -> pd.DataFrame:
     flight_forces = FlightForces(trajectory, AIRCRAFT, PROPELLER)
-    return input_table(flight_forces, flight_forces.nominal, trajectory.sensor_errors, removed, STILL_AIR, STILL_AIR)
+    return input_table(flight_forces, flight_forces.nominal, trajectory.sensor_errors, removed, (STILL_AIR, STILL_AIR))
 
 
 def wrong(name: str, value: float) -> tuple[pd.DataFrame, Trajectory]:
@@ -177,7 +177,7 @@ def test_a_biased_accelerometer_levels_a_steep_attitude_more() -> None:
     forces = FlightForces(trajectory, AIRCRAFT, PROPELLER)
     steep = forces.nominal.assign(theta=np.radians(50.0))
     for removed, left in (({}, 0.2), ({"pitch": 0.15 / g}, 0.05)):
-        found = input_table(forces, steep, trajectory.sensor_errors, removed, STILL_AIR, STILL_AIR)
+        found = input_table(forces, steep, trajectory.sensor_errors, removed, (STILL_AIR, STILL_AIR))
         assert found["theta_measured"].to_numpy() == pytest.approx(
             np.full(len(f), np.radians(50.0) + left / (g * np.cos(np.radians(50.0)))), rel=1e-9
         )
@@ -238,7 +238,7 @@ def test_lift_that_gusts_tilt_within_a_block_is_drag() -> None:
     assert found["CD"].to_numpy() == pytest.approx(np.asarray(sample_CD).reshape(-1, BLOCK).mean(axis=1), rel=2e-4)
     assert np.all(found["CD"] - forces["CD"] > 3e-4)
     of_gusts = FlightForces(replace(trajectory, block_means=BlockMeans(table)), AIRCRAFT, PROPELLER)
-    f = input_table(of_gusts, of_gusts.nominal, trajectory.sensor_errors, {}, STILL_AIR, STILL_AIR)
+    f = input_table(of_gusts, of_gusts.nominal, trajectory.sensor_errors, {}, (STILL_AIR, STILL_AIR))
     drag_over_m = (f["thrust_x_over_m_mps2"] - f["ax"]) * np.cos(f["alpha"]) - f["az"] * np.sin(f["alpha"])
     assert drag_over_m.to_numpy() == pytest.approx((found["CD"] * found["qS_over_m_mps2"]).to_numpy(), rel=1e-6)
 

@@ -6,7 +6,8 @@ import methods
 import numpy as np
 import pytest
 
-from analysis.drag.cross_check import MOST_RUNS, CrossCheck, disagreement, on_runs_alone, spread
+from analysis.drag.cross_check import CrossCheck, disagreement, on_runs_alone, spread
+from analysis.drag.settings import CROSS_CHECK
 from analysis.maneuvers.find import find
 from analysis.maneuvers.kinds import ACCELERATION, DECELERATION, Maneuver
 from analysis.polar import Condition, Polar, power_required
@@ -99,7 +100,9 @@ def test_of_a_long_flight_runs_of_both_kinds_from_beginning_to_end_are_checked()
     ]
     taken = spread(runs)
     at = [runs.index(run) for run in taken]
-    assert len(at) == MOST_RUNS and at[0] == 0 and at[-1] == 239
-    assert max(np.diff(at)) <= np.ceil(239 / (MOST_RUNS - 1)) and min(np.diff(at)) >= np.floor(239 / (MOST_RUNS - 1))
-    assert abs(sum(run.kind == DECELERATION for run in taken) - MOST_RUNS / 2) <= MOST_RUNS / 8
-    assert spread(runs[:MOST_RUNS]) == runs[:MOST_RUNS]
+    assert len(at) == CROSS_CHECK.most_runs and at[0] == 0 and at[-1] == 239
+    assert max(np.diff(at)) <= np.ceil(239 / (CROSS_CHECK.most_runs - 1)) and min(np.diff(at)) >= np.floor(
+        239 / (CROSS_CHECK.most_runs - 1)
+    )
+    assert abs(sum(run.kind == DECELERATION for run in taken) - CROSS_CHECK.most_runs / 2) <= CROSS_CHECK.most_runs / 8
+    assert spread(runs[: CROSS_CHECK.most_runs]) == runs[: CROSS_CHECK.most_runs]

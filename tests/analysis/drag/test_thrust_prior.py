@@ -10,7 +10,7 @@ from constructed import PROPELLER, accelerations_and_decelerations, measured
 
 from analysis.airdata.flight_data import Calibrations
 from analysis.drag.dynamic import INPUTS, drag_model, estimate_polar
-from analysis.drag.rejected_assumptions import doubts
+from analysis.drag.rejected_assumptions import rejected_assumptions
 from analysis.drag.sensor_errors import _thrust_errors
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Fit
@@ -105,10 +105,10 @@ def test_a_parameter_that_is_fixed_counts_with_its_value() -> None:
 def test_a_stand_that_the_flight_contradicts_is_named_and_widens_the_interval() -> None:
     """Thrust of the flight is that of a slope of -0.04, which is 1.03 at rest; the stand says 1.4."""
     wrong, right = (fitted(on_stand(ratio), noise_mps2=0.002) for ratio in (1.4, 1.03))
-    assert not doubts(right)
-    (doubt,) = doubts(wrong)
-    assert "thrust at rest, against the stand" in doubt.warning and "repeat the measurement" in doubt.warning
-    assert abs(doubt.change[4]) > np.sqrt(wrong.covariance[4, 4])
+    assert not rejected_assumptions(right)
+    (rejected,) = rejected_assumptions(wrong)
+    assert "thrust at rest, against the stand" in rejected.warning and "repeat the measurement" in rejected.warning
+    assert abs(rejected.change[4]) > np.sqrt(wrong.covariance[4, 4])
 
 
 def test_results_have_the_stand_for_pools_and_thrust_at_rest(probe) -> None:

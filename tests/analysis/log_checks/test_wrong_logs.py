@@ -21,7 +21,7 @@ from analysis.log_checks.axes import check_axes
 from analysis.log_checks.structure import check_log
 from analysis.log_contents import Replacements, contents
 from analysis.pipeline import analyze
-from analysis.trajectory.priors import PRIOR_SIGMA
+from analysis.trajectory.priors import PRIOR_SIGMA, SensorPriors
 from daq.attachments import propeller_text
 from flight.aircraft import parse_aircraft
 from flight.complete_aircraft import load_complete_aircraft
@@ -204,8 +204,8 @@ class Reached(Exception):
 def test_the_trajectory_begins_with_what_the_aircraft_file_states(flown: Written, monkeypatch) -> None:
     """Each key changes the prior of its errors."""
 
-    def stated(_table: object, _rest: object, *, stated: dict[str, float], **_: object) -> None:
-        raise Reached(stated)
+    def stated(_table: object, _rest: object, priors: SensorPriors, **_: object) -> None:
+        raise Reached(priors.stated)
 
     monkeypatch.setattr(flight, "reconstruct", stated)
     text = (

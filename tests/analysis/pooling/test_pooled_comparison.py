@@ -7,7 +7,7 @@ import pytest
 from synthetic_flights import POLAR, PRIOR_SIGMA, flight, truth
 
 from analysis.drag.covariance import DENSITY
-from analysis.drag.rejected_assumptions import SHAPE, THRUST
+from analysis.drag.rejected_assumptions import Assumption
 from analysis.pooling.comparison import Comparison, compare, flights_to_see
 from analysis.pooling.flight_statistics import M
 from analysis.pooling.pool import Pool, pool_results
@@ -118,9 +118,9 @@ def with_doubt(results: dict[str, Any], about: str, sign: float) -> dict[str, An
 
 
 @pytest.mark.parametrize(("about", "facts", "cancels"), [
-    (THRUST, {}, True),
-    (THRUST, {"propeller": "apc-10x5"}, False),
-    (SHAPE, {}, False),
+    (Assumption.THRUST_TABLE, {}, True),
+    (Assumption.THRUST_TABLE, {"propeller": "apc-10x5"}, False),
+    (Assumption.PARABOLIC_POLAR, {}, False),
 ])  # fmt: skip
 def test_a_doubt_of_the_shape_never_cancels_and_one_of_thrust_with_one_propeller(
     about: str, facts: dict[str, str], cancels: bool

@@ -38,7 +38,7 @@ ERRORS = {"alpha_bias": 0.02, "alpha_scale": 0.05, "beta_bias": -0.02, "V_scale"
 
 def trajectory_of(table: pd.DataFrame, states: np.ndarray, errors: dict[str, float], sigma=0.1, **other) -> Trajectory:
     """A trajectory with these states and sensor errors, known to `sigma` of their priors."""
-    problem = TrajectoryProblem(table, [slice(0, 0)], 0.0, None)
+    problem = TrajectoryProblem(table, [slice(0, 0)])
     values = np.array([errors.get(name, 0.0) for name in SENSOR_ERRORS])
     inputs, _ = problem.regressors.measurement_inputs(states, values, 0.1)
     prior = np.array([PRIOR_SIGMA[name] for name in SENSOR_ERRORS])

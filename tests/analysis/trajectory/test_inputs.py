@@ -14,6 +14,7 @@ from analysis.trajectory.priors import (
     BENCH_SIGMA,
     PRIOR_SIGMA,
     ZEROS,
+    SensorPriors,
     begins_at_rest,
     initial_state_sigma,
     noise_at_rest,
@@ -36,7 +37,7 @@ def exact():
 
 @pytest.fixture(scope="module")
 def problem(exact):
-    return TrajectoryProblem(exact.table, [slice(0, 0)], 0.0, None)
+    return TrajectoryProblem(exact.table, [slice(0, 0)])
 
 
 def test_a_block_mean_needs_more_than_half_of_its_samples() -> None:
@@ -163,7 +164,7 @@ def test_measured_airspeed_does_not_change_how_gusts_decay(exact) -> None:
     """Measured airspeed contains the gust: with it, gusts against the wind would decay faster than those with it, and
     their mean would not be zero. The speed is that of the states, relative to the mean wind."""
     gusty = exact.table.assign(V_mps=exact.table["V_mps"] + np.sin(np.arange(len(exact.table)) / 50))
-    first, second = (TrajectoryProblem(table, [slice(0, 0)], 0.0, None) for table in (exact.table, gusty))
+    first, second = (TrajectoryProblem(table, [slice(0, 0)]) for table in (exact.table, gusty))
     x = first.initial_states.copy()
     models = [problem.process_model(x, 0.5) for problem in (first, second)]
     decay_u = [model.inputs[:, PROCESS_INPUTS.index("decay_u")] for model in models]
@@ -232,13 +233,15 @@ def test_gps_is_shifted_by_its_latency_and_left_out_in_gaps(problem, exact) -> N
 
 
 def test_priors_are_those_of_the_study_and_north_is_the_compass_without_gps() -> None:
-    mean, sigma = (dict(zip(SENSOR_ERRORS, part, strict=True)) for part in sensor_error_prior(0.04, gps=True))
+    mean, sigma = (
+        dict(zip(SENSOR_ERRORS, part, strict=True)) for part in sensor_error_prior(SensorPriors(0.04), gps=True)
+    )
     assert mean.pop("gps_latency") == 0.1 and set(mean.values()) == {0.0}
     assert sigma["alpha_scale"] == pytest.approx(0.05)
     assert sigma["ax_bias"] == sigma["az_bias"] == 0.19
     assert np.degrees([sigma["alpha_bias"], sigma["beta_bias"]]) == pytest.approx([1.0, 1.0])
     assert np.degrees(sigma["heading_bias"]) == pytest.approx(10.0)
-    without = dict(zip(SENSOR_ERRORS, sensor_error_prior(0.04, gps=False)[1], strict=True))
+    without = dict(zip(SENSOR_ERRORS, sensor_error_prior(SensorPriors(0.04), gps=False)[1], strict=True))
     assert without.pop("heading_bias") == pytest.approx(0.01)
     sigma.pop("heading_bias")
     assert without == sigma
@@ -255,12 +258,14 @@ STATED = Uncertainty(
 
 def test_priors_are_those_that_the_aircraft_file_states(exact) -> None:
     """The transducers' calibration replaces its own, and only those."""
-    found = TrajectoryProblem(exact.table, [slice(0, 0)], 0.0, None, stated=stated_sigma(STATED)).error_sigma
+    found = TrajectoryProblem(exact.table, [slice(0, 0)], SensorPriors(stated=stated_sigma(STATED))).error_sigma
     sigma = dict(zip(SENSOR_ERRORS, found, strict=True))
     assert (sigma["alpha_bias"], sigma["alpha_scale"], sigma["V_scale"]) == (0.03, 0.05, 0.02)
     assert (sigma["air_data_lag"], sigma["ax_bias"], sigma["ay_bias"], sigma["az_bias"]) == (0.04, 0.4, 0.4, 0.4)
     assert {name for name in sigma if sigma[name] == PRIOR_SIGMA[name]} >= {"p_bias", "beta_bias", "gps_latency"}
-    known = sensor_error_prior(0.0, {"V_scale": 0.004, "alpha_scale": 0.012}, stated_sigma(STATED), gps=True)[1]
+    known = sensor_error_prior(
+        SensorPriors(0.0, stated_sigma(STATED), {"V_scale": 0.004, "alpha_scale": 0.012}), gps=True
+    )[1]
     changed = {name for name, before, after in zip(SENSOR_ERRORS, found, known, strict=True) if before != after}
     assert {"V_scale", "alpha_scale"} == changed - {"heading_bias"}
     assert known[SENSOR_ERRORS.index("V_scale")] == pytest.approx(0.005)
@@ -291,7 +296,7 @@ def test_the_initial_estimate_is_near_enough_to_converge(exact, gps: bool) -> No
     field = np.column_stack(body_from_earth((22e-6, 0.0, 40e-6), np.repeat(attitude, BLOCK, axis=0).T))
     table = exact.table if gps else exact.table.assign(gps_north_mps=np.nan, gps_east_mps=np.nan, gps_down_mps=np.nan)
     compass = Compass(field, 1e-6)
-    x = TrajectoryProblem(table, [slice(0, 0)], 0.0, compass).initial_states
+    x = TrajectoryProblem(table, [slice(0, 0)], compass=compass).initial_states
     off = (x[:, 2] - attitude[:, 2] + np.pi) % (2 * np.pi) - np.pi
     assert np.degrees(np.abs(off[10:-10])).max() < 15 if gps else np.degrees(np.abs(off.mean())) < 10
     assert x[10:-10, 5] == pytest.approx(exact.states[10:-10, 5], abs=0.1)
@@ -372,7 +377,7 @@ def test_heading_offset_of_the_compass(exact) -> None:
 
 def test_a_latency_of_gps_up_to_half_a_second_is_within_two_standard_deviations() -> None:
     """docs/log-format.md: a constant latency of up to about half a second is estimated; receivers take 0.1 s."""
-    mean, sigma = (part[SENSOR_ERRORS.index("gps_latency")] for part in sensor_error_prior(0.0, gps=True))
+    mean, sigma = (part[SENSOR_ERRORS.index("gps_latency")] for part in sensor_error_prior(SensorPriors(), gps=True))
     assert mean == 0.1 and mean + 2 * sigma == pytest.approx(0.5)
 
 
@@ -380,8 +385,10 @@ def test_the_prior_of_a_zero_contains_its_change_between_rest_and_flight() -> No
     at_rest = {"dp_alpha_zero": 0.1, "q_c_zero": 0.2}
     for change in (0.0, 2.5):
         stated = stated_sigma(Uncertainty(transducer_zero_Pa=change))
-        with_rest = dict(zip(SENSOR_ERRORS, sensor_error_prior(0.0, {}, stated, at_rest, gps=True)[1], strict=True))
-        without = dict(zip(SENSOR_ERRORS, sensor_error_prior(0.0, {}, stated, gps=True)[1], strict=True))
+        with_rest = dict(
+            zip(SENSOR_ERRORS, sensor_error_prior(SensorPriors(stated=stated), at_rest, gps=True)[1], strict=True)
+        )
+        without = dict(zip(SENSOR_ERRORS, sensor_error_prior(SensorPriors(stated=stated), gps=True)[1], strict=True))
         for name, error in at_rest.items():
             assert with_rest[name] == pytest.approx(np.hypot(error, change))
             assert without[name] == pytest.approx(np.hypot(1.0, change)), "a zero of another day is known to 1 Pa"

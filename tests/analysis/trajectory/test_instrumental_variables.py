@@ -94,11 +94,11 @@ def test_regressors_of_airspeed_do_not_depend_on_measured_airspeed(probe) -> Non
     inertial speed, its derivative and a constant; how much of each may depend on all data of the flight."""
     _, _, air, still = fly(0, probe, "accel-decel")
     gusty = air.assign(V_mps=air["V_mps"] + np.random.default_rng(0).normal(0, 1.0, len(air)))
-    first = TrajectoryProblem(air, still, 0.0, None)
+    first = TrajectoryProblem(air, still)
     x, errors, flying = first.initial_states, first.initial_errors, first.blocks.flying
     (actual, calm), (_, rough) = (
         (NamedArrays(MEASUREMENT_INPUTS, inputs.T) for inputs in problem.regressors.measurement_inputs(x, errors, 0.2))
-        for problem in (TrajectoryProblem(table, still, 0.0, None) for table in (air, gusty))
+        for problem in (TrajectoryProblem(table, still) for table in (air, gusty))
     )
     for name in ("V_predicted", "dlnV_dlndp_alpha"):
         assert getattr(calm, name).any() and np.array_equal(getattr(calm, name), getattr(rough, name))

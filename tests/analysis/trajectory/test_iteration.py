@@ -63,7 +63,7 @@ def noisy():
         table[name] += sigma * rng.normal(size=len(table))
     table["V_mps"] *= 1.02
     table["alpha_rad"] += np.radians(1.5)
-    return TrajectoryProblem(table, [slice(0, 0)], 0.0, None)
+    return TrajectoryProblem(table, [slice(0, 0)])
 
 
 @pytest.fixture(scope="module")

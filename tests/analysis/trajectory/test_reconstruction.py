@@ -15,7 +15,7 @@ from analysis.trajectory.equations import (
     EquationInputs,
     Equations,
 )
-from analysis.trajectory.priors import PRIOR_SIGMA
+from analysis.trajectory.priors import PRIOR_SIGMA, SensorPriors
 from analysis.trajectory.reconstruction import reconstruct
 from flight.aircraft import Uncertainty, load_aircraft
 from flight.errors import InputError
@@ -179,7 +179,7 @@ def test_a_saturated_airspeed_transducer_raises_standard_errors_without_bias(pro
 
 def test_the_uncertainty_of_the_probes_slope_widens_prior_and_posterior(probe) -> None:
     _, _, air, still = flown(0, probe, "accel-decel")
-    sure, doubtful = reconstruct(air, still), reconstruct(air, still, alpha_scale_sigma=0.04)
+    sure, doubtful = reconstruct(air, still), reconstruct(air, still, SensorPriors(alpha_scale_sigma=0.04))
     assert doubtful.prior_standard_error("alpha_scale") == pytest.approx(np.hypot(PRIOR_SIGMA["alpha_scale"], 0.04))
     assert doubtful.standard_error("alpha_scale") > sure.standard_error("alpha_scale")
 

@@ -30,7 +30,7 @@ def straight_flight(exact, V, bank=0.0, wind=(3.0, -2.0), **columns):
     """Problem and states of level flight to the north at airspeed V (rows of the table,) in a wind."""
     angle = columns.get("alpha_rad", exact.table["alpha_rad"])
     table = exact.table.assign(V_mps=V, dalpha_dlndp_alpha_rad=angle, **columns)
-    problem = TrajectoryProblem(table, [slice(0, 0)], 0.0, None)
+    problem = TrajectoryProblem(table, [slice(0, 0)])
     values = {"phi": bank, "v_north": problem.blocks["V_mps"] + wind[0], "v_east": wind[1]}
     values |= {"wind_north": wind[0], "wind_east": wind[1]}
     states = np.column_stack([values.get(name, 0.0) + np.zeros(problem.blocks.n) for name in STATES])
@@ -123,7 +123,7 @@ def test_sensor_errors_act_on_the_angle_of_attack_at_the_probe(exact, name, valu
         alpha_by_upwash_rad=upwash,
         alpha_by_rotation_rad=rotation,
     )
-    problem = TrajectoryProblem(table, [slice(0, 0)], 0.0, None)
+    problem = TrajectoryProblem(table, [slice(0, 0)])
     errors = np.where(np.array(SENSOR_ERRORS) == name, value, 0.0)
     actual, _ = problem.regressors.measurement_inputs(exact.states, errors, 0.1)
     named = NamedArrays(MEASUREMENT_INPUTS, actual.T)

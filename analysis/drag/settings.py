@@ -1,0 +1,129 @@
+"""Thresholds and priors of the drag methods, with units and reasons."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from flight.settings import Settings, setting
+
+
+@dataclass(frozen=True)
+class Regression(Settings):
+    """Data of a regression of drag on lift."""
+
+    fewest_blocks: int = setting(10, "blocks", "of a run, or of a steady point: two seconds of the trajectory")
+    level_percentile: float = setting(97.5, "%", "of the lift coefficients flown: the largest one of level flight")
+    level_margin_rad: float = setting(
+        np.radians(1.0), "rad", "above the largest angle of attack of level flight, for turns and heave"
+    )
+    unmentioned_share: float = setting(
+        0.02, "1", "of the runs' data that may be left out, or lie outside the propeller's table, without a note"
+    )
+    CL_minD_sigma: float = setting(0.2, "1", "prior of the lift coefficient of least drag, where a method has none")
+    largest_gust_mps: float = setting(
+        0.4, "m/s", "vertical, 1 sigma, for the energy method: W20 = 3 kt makes 0.15, 15 kt 0.8"
+    )
+
+
+@dataclass(frozen=True)
+class SteadyPoints(Settings):
+    """Steady level points, for the classic methods."""
+
+    correlation_s: float = setting(2.0, "s", "readings closer than this are correlated")
+    table_share: float = setting(
+        0.005, "1", "of power: error of interpolation in a propeller's table; no point is better than that"
+    )
+    different_speeds: float = setting(0.08, "1", "relative difference from which on two speeds count as different")
+
+
+@dataclass(frozen=True)
+class Covariance(Settings):
+    """Parts of the covariance of the polar."""
+
+    floor_rad: float = setting(
+        np.radians(0.02), "rad", "no direction of lift is known better; in still air intervals cover without any floor"
+    )
+    probe_position_m: float = setting(
+        0.2, "m", "1 sigma of the probe's place ahead of the center of gravity, if missing"
+    )
+    imu_position_m: float = setting(0.1, "m", "1 sigma of the IMU's distance from the center of gravity, if missing")
+    worth_share: float = setting(0.005, "1", "of the interval: narrower by less is not worth a measurement")
+    zero_share_in_flight: float = setting(
+        0.5, "1", "of the variance of a zero's change: as much comes about in flight as in the airstream at take-off"
+    )
+
+
+@dataclass(frozen=True)
+class RejectedAssumptions(Settings):
+    """A parabolic polar, and a propeller's table as good as assumed."""
+
+    significant: float = setting(3.0, "1", "standard errors of the quartic term of lift")
+    least_change: float = setting(
+        0.005, "1", "of drag at an end of the lift coefficients flown; less than that matters to nobody"
+    )
+
+
+@dataclass(frozen=True)
+class Comparison(Settings):
+    """Methods against each other, and single runs."""
+
+    significant: float = setting(3.0, "1", "standard errors of an estimated sensor error")
+    different: float = setting(
+        float(np.sqrt(special.chdtri(3, 1 - 0.99))),
+        "1",
+        "standard errors of a difference of two parabolas: one test over all speeds (Scheffe 1953), 1 % for each pair",
+    )
+    least_speed_ratio: float = setting(1.15, "1", "highest over lowest of the speeds common to both methods")
+    lag_sigma_s: float = setting(0.3, "s", "prior of the air-data lag here: wide enough for a faulty installation")
+    fewest_blocks: int = setting(20, "blocks", "for an estimate of the errors of thrust")
+    correlated_blocks: int = setting(4, "blocks", "over which residuals are correlated")
+    scatter_false_alarm_rate: float = setting(0.001, "1", "of the warning that runs of a kind scatter, by noise alone")
+    fewest_runs: int = setting(3, "runs", "of one kind, for their scatter to be tested")
+
+
+@dataclass(frozen=True)
+class CrossCheckSettings(Settings):
+    """Output error and filter error on the runs alone."""
+
+    speed_smoothing_s: float = setting(0.5, "s", "of the speed at which thrust is read from the table")
+    speed_step_mps: float = setting(0.3, "m/s", "for the slope of thrust over speed")
+    least_speed_mps: float = setting(5.0, "m/s", "times the speed scale of the aircraft")
+    fewest_blocks: int = setting(12, "blocks", "of a run")
+    V_bias_mps: float = setting(0.15, "m/s", "prior of a constant error of airspeed")
+    unzeroed_gyro_radps: float = setting(
+        0.02, "rad/s", "an MPU9250's zero-rate output at room temperature, uncalibrated"
+    )
+    filter_error_block: int = setting(
+        5, "samples", "gusts that matter last longer than 0.2 s, and a filter step costs fifty times a model step"
+    )
+    gyro_noise_radps: float = setting(0.005, "rad/s", "of a sample (Table 4.1); the pitch angle integrates it")
+    block: int = setting(2, "samples", "12.5 blocks per second are ten per cycle of the short period")
+    still_air_mps: float = setting(
+        0.07, "m/s", "vertical gusts, 1 sigma, up to which output error's intervals hold: W20 = 1 kt has 0.05, 2 kt 0.1"
+    )
+    most_runs: int = setting(40, "runs", "each has initial states of its own: time grows with the cube of their number")
+    excess: float = setting(
+        1.2,
+        "1",
+        "errors of output error over its standard errors: 1.1 rms in 8 flights in calm air (docs/estimators.md)",
+    )
+
+
+@dataclass(frozen=True)
+class LikelihoodSettings(Settings):
+    """The two maximum-likelihood methods of the source."""
+
+    smoothing_s: float = setting(1.24, "s", "window of the Savitzky-Golay filter of the pitch rate, of degree 3")
+    steps_more: int = setting(
+        3, "steps", "from an estimate to that with another input, by one standard deviation; R changes with it"
+    )
+
+
+REGRESSION = Regression()
+STEADY_POINTS = SteadyPoints()
+COVARIANCE = Covariance()
+REJECTED = RejectedAssumptions()
+COMPARISON = Comparison()
+CROSS_CHECK = CrossCheckSettings()
+LIKELIHOOD = LikelihoodSettings()

@@ -1,0 +1,37 @@
+"""Limits of measurements on the ground, with units and reasons."""
+
+from dataclasses import dataclass
+
+from flight.settings import Settings, setting
+
+
+@dataclass(frozen=True)
+class ThrustStandSettings(Settings):
+    """Thrust at rest, on a stand, against the propeller's table."""
+
+    conflict: float = setting(
+        2.5, "1", "prior standard deviations beyond which thrust contradicts what is assumed of it"
+    )
+    fewest_readings: int = setting(5, "readings", "fewer say nothing of their scatter")
+    fewest_speeds: int = setting(3, "speeds", "for the change of the ratio with motor speed")
+    same_speed: float = setting(0.02, "1", "readings at speeds nearer than this are repetitions")
+    largest_difference: float = setting(
+        0.4, "1", "of the ratio from one: beyond it a unit, the diameter or the number of pole pairs is wrong"
+    )
+    largest_error: float = setting(0.06, "1", "1 sigma of the ratio: a worse stand tells no more than the table")
+    least_change: float = setting(0.005, "1", "of the ratio over the speeds measured: less matters to nobody")
+    same_table: float = setting(0.001, "1", "relative difference of thrust coefficients of one table")
+
+
+@dataclass(frozen=True)
+class WeighingSettings(Settings):
+    """Weight and center of gravity from scales."""
+
+    more_than_random: float = setting(
+        3.0, "1", "readings of one support that differ by more of their stated errors contradict each other"
+    )
+    largest_weight_error: float = setting(0.02, "1", "1 sigma; ten times what the analysis assumes without a weighing")
+
+
+STAND_LIMITS = ThrustStandSettings()
+WEIGHING = WeighingSettings()
