@@ -183,7 +183,7 @@ def test_fallback_knows_how_its_polar_changes_with_thrust() -> None:
         variance = result.systematic[i, i]
         assert np.sqrt(variance) == pytest.approx(PRIOR_SIGMA[name])
         assert result.systematic[:3, i] / variance == pytest.approx(sensitivities[name])
-    errors = [error for _, _, error, _ in result.parameters[:5]]
+    errors = [one.standard_error for one in result.parameters[:5]]
     assert errors == pytest.approx(np.sqrt(np.diag(result.noise + result.systematic)))
     C_thrust = result.systematic[3:, 3:]
     rest = C - result.systematic[:3, 3:] @ np.linalg.inv(C_thrust) @ result.systematic[3:, :3]
