@@ -54,7 +54,8 @@ def analyze(
     agreement = consistency(flight.trajectory)
     results = assemble(flight, agreement, performance, whole.electrical, command_line)
     advice = next_flight(flight.trajectory, flight.drag.main, flight.condition, flight.drag.flown_CL)
-    return Analysis(**flight.known(), consistency=agreement, results=structs.replace(results, next_flight=advice))
+    with_advice = structs.replace(results, next_flight=list(advice.sentences), next_flight_lowers=advice.lowers)
+    return Analysis(**flight.known(), consistency=agreement, results=with_advice)
 
 
 def _with_energy_of_whole_flight(flight: Estimated) -> tuple[Estimated, WholeFlight]:

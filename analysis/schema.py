@@ -535,6 +535,7 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     run_residuals: list[RunResidual] = []
     parameter_correlation: Correlation | None = None
     track: Track | None = None
+    next_flight_lowers: str = ""  # what it lowers: noise, or the name of a sensor error; empty without advice
     next_flight: list[str] = []  # what the next twenty minutes should be, in sentences; empty where nothing is lacking
     autopilot_parameters: list[AutopilotParameter] = []  # that follow from the flight
     autopilot_parameters_withheld: list[str] = []  # that do not, and why

@@ -6,6 +6,7 @@ attack turns the lift and adds W V to the power for each radian, a slope that is
 s alpha, and a scale of airspeed takes D of another speed, and an angle of attack that is wrong by twice its share.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -74,13 +75,20 @@ def lacking(
     return Lacking(float(V[i]), percent * float(sigma[i]), cause, percent * float(np.sqrt(left)))
 
 
+class Advice(NamedTuple):
+    """What to fly next, in sentences, and what it lowers: a key of FLY; both empty where nothing is lacking."""
+
+    lowers: str = ""
+    sentences: Sequence[str] = ()
+
+
 def next_flight(
     trajectory: Trajectory, estimate: DynamicEstimate, condition: Condition, flown_CL: tuple[float, float]
-) -> list[str]:
-    """Sentences for the report; none where the interval needs no other flight."""
+) -> Advice:
+    """What to fly next; nothing where the interval needs no other flight."""
     found = lacking(trajectory, estimate, condition, flown_CL)
     if found is None or found.percent < SEARCH.worth_percent:
-        return []
+        return Advice()
     sentences = [
         f"The next twenty minutes: {FLY[found.cause]}. The interval is widest at {found.speed_mps:.1f} m/s,"
         f" ±{found.percent:.1f} %, most of all by {TITLES[found.cause]}; known twice as well it would leave"
@@ -88,7 +96,7 @@ def next_flight(
     ]
     if trajectory.gust_mps > GUSTS.dominate_mps and found.cause != "noise":
         sentences.append("A calmer day does the same in less time.")
-    return sentences
+    return Advice(found.cause, sentences)
 
 
 def _effects_W(trajectory: Trajectory, A: Array, condition: Condition, V: float) -> tuple[Array, list[int]]:

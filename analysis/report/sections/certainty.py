@@ -242,10 +242,9 @@ def next_flight(results: Results) -> list[str]:
         )
     if results.path is not None:
         lacking: dict[str, list[str]] = {}
-        advised = " ".join(results.next_flight)
         for error in results.path.sensor_errors:
             for reason in error.missing:
-                if error.title not in advised:
+                if error.name != results.next_flight_lowers:
                     lacking.setdefault(reason, []).append(error.title)
         advice += [f"Not determined: {', '.join(titles)} ({reason})." for reason, titles in lacking.items()]
     if any(point.extrapolated for point in results.power_required):

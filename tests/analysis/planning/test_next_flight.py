@@ -83,7 +83,7 @@ def test_a_narrow_interval_needs_no_other_flight_and_calm_air_no_calmer_day() ->
         polar = Polar(only, np.diag([(0.04 * percent / 196) ** 2, 0.0, 0.0]))
         noise[0, 0] = polar.covariance[0, 0] if cause == "noise" else 0.0
         trajectory = flown({"alpha_bias": 1e-4}, gust_mps)
-        return next_flight(trajectory, SimpleNamespace(polar=polar, noise=noise), AT, (0.25, 1.1))  # type: ignore[arg-type]
+        return list(next_flight(trajectory, SimpleNamespace(polar=polar, noise=noise), AT, (0.25, 1.1)).sentences)  # type: ignore[arg-type]
 
     assert said(0.99 * SEARCH.worth_percent, 0.5) == []
     assert len(said(1.01 * SEARCH.worth_percent, 0.5)) == 2

@@ -268,7 +268,7 @@ def test_the_next_flight_is_for_what_is_least_known(plan: FlightPlan):
         noise[:3, :3] = noise_factor * plan.covariances.noise
         covariance = factor * (plan.covariances.polar + noise[:3, :3])
         estimate = SimpleNamespace(polar=Polar(plan.aircraft.A, covariance), noise=factor * noise)
-        return next_flight(trajectory, estimate, at, (CL[0], CL[1]))  # type: ignore[arg-type]
+        return list(next_flight(trajectory, estimate, at, (CL[0], CL[1])).sentences)  # type: ignore[arg-type]
 
     assert "angle of attack" in found(0.01)[0] or "airspeed" in found(0.01)[0]
     assert "calmer day" in found(0.01)[1]
