@@ -7,14 +7,10 @@ the balance here.
 The angle of attack is a straight line over C_L, fitted by `incidence` and taken as exact: a quarter of a degree changes
 a climb by 0.1 %.
 
+In level flight drag determines thrust, thrust and speed determine the speed of rotation, that the shaft power, and that
+the battery power; longest endurance and range with a battery follow, in still air.
+
 Units: thrust and drag in N, V in m/s, angles in rad.
-
-Level flight at a weight and density: from speed to thrust, speed of rotation, shaft power and battery power.
-
-In level flight drag determines thrust (see `balance`), thrust and speed determine the speed of rotation, that the shaft
-power, and that the battery power.
-
-Longest endurance and longest range with a battery, at one weight and density, in still air.
 """
 
 from dataclasses import dataclass

@@ -1,20 +1,13 @@
-"""The propeller's speed of rotation: at a given thrust, and at full throttle.
+"""Propeller, motor and battery: speed of rotation for a thrust or at full throttle, and losses fitted to the flight.
 
 Thrust is the table's times 1 + thrust_scale + thrust_slope (J - J_REFERENCE), the correction that the dynamic method
-estimates in flight. Units: V in m/s, n in rev/s, thrust in N, shaft power in W, torque in N m, rho in kg/m^3.
+estimates in flight. Shaft power comes from the speed of rotation and the propeller's table (3.48). Where the log has
+voltage and current of the battery, the losses between shaft and battery are fitted to slow stretches of the flight.
+Where it has not, they are those of the aircraft file's motor, with wide standard errors, and `basis` says so; where the
+file lacks the motor, another stands in, of which a tenth of the highest power goes into friction and iron, and a tenth
+into copper.
 
-Losses between propeller shaft and battery: motor and speed controller, fitted to slow stretches of a flight.
-
-Shaft power comes from the speed of rotation and the propeller's table (3.48). Where the log has voltage and current of
-the battery, the losses are fitted to them. Where it has not, they are those of the aircraft file's motor, with wide
-standard errors, and `basis` says so.
-
-Units: power in W, thrust in N, torque in N m, V in m/s, n in rev/s.
-
-The motor and battery that stand in where the aircraft file does not describe them.
-
-Of a motor that fits its propeller a tenth of the highest power goes into friction and iron, and a tenth into copper;
-losses have wide priors anyway (`power_train`), and battery data in the log replace them.
+Units: V in m/s, n in rev/s, thrust in N, power in W, torque in N m, rho in kg/m^3.
 """
 
 from collections.abc import Callable

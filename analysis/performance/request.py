@@ -1,7 +1,4 @@
-"""The request from the command line: battery, weights, density altitudes; checked before anything is computed.
-
-Weights and air densities that performance is computed for: the flight's own, and those requested.
-"""
+"""What the user asks of performance: battery, weights, density altitudes; checked before anything is computed."""
 
 import math
 import re

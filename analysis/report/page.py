@@ -1,16 +1,9 @@
-"""All figures of the report page of an analysis.
-
-The report page: its sections and figures put into the template `report.html`.
-"""
+"""The report page of an analysis: its sections and figures put into the template `report.html`."""
 
 from collections.abc import Mapping, Sequence
 
 from analysis.pipeline import Analysis
 from analysis.report.figures import flight, power
-from analysis.report.figures import flight as estimation
-from analysis.report.figures import flight as residuals
-from analysis.report.figures import power as methods
-from analysis.report.figures import power as performance
 from analysis.report.figures.style import Figure
 from analysis.report.html_page import html_figure, render_page
 from analysis.report.sections.certainty import certainty_section
@@ -28,33 +21,33 @@ def figures_by_name(analysis: Analysis) -> dict[str, Drawn]:
     results = analysis.results
     figures: dict[str, Drawn] = {
         "power": power.power_required(results),
-        "methods": methods.every_method(results),
+        "methods": power.every_method(results),
         "timeline": flight.timeline(analysis.table, analysis.maneuvers.maneuvers, results.rejected),
         "polar": power.drag_polar(analysis.drag.main.polar, analysis.drag.flown_CL),
     }
     if any(run.power_required for run in results.one_by_one):
-        figures["one_by_one"] = methods.run_by_run(results)
+        figures["one_by_one"] = power.run_by_run(results)
     if any(differences.notna().any(axis=None) for differences in analysis.consistency):
         figures["consistency"] = flight.consistency(analysis.consistency)
     if results.run_residuals:
-        figures["autocorrelation"] = residuals.autocorrelation(results.run_residuals)
+        figures["autocorrelation"] = flight.autocorrelation(results.run_residuals)
     if results.parameter_correlation:
-        figures["correlation"] = estimation.correlation(results.parameter_correlation)
+        figures["correlation"] = flight.correlation(results.parameter_correlation)
     main, check = analysis.drag.main, analysis.drag.cross_check
     histories = {"regression of drag": main.convergence} | (
         {f"{check.by}, cross-check": check.convergence} if check else {}
     )
     if kept := {name: history for name, history in histories.items() if history and history.steps}:
-        figures["convergence"] = estimation.convergence(kept)
+        figures["convergence"] = flight.convergence(kept)
     if analysis.trajectory.block_means.flying.any():
-        figures["air_and_path"] = residuals.air_and_path(analysis.trajectory)
+        figures["air_and_path"] = flight.air_and_path(analysis.trajectory)
     if results.track:
-        figures["track"] = residuals.ground_track(results.track, analysis.maneuvers.maneuvers, results.air)
+        figures["track"] = flight.ground_track(results.track, analysis.maneuvers.maneuvers, results.air)
     if results.interval_parts:
         figures["parts"] = power.interval_parts(results)
     if results.use:
-        figures["loadings"] = performance.loadings(results.use)
-        figures["efficiency"] = performance.efficiency(results.use)
+        figures["loadings"] = power.loadings(results.use)
+        figures["efficiency"] = power.efficiency(results.use)
     return figures
 
 

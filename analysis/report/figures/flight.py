@@ -1,9 +1,4 @@
-"""Figures over time: the whole flight, the agreement of the sensors, and the fit of each run.
-
-Figures of the residuals' autocorrelation, of air data against the path, and of the ground track.
-
-Figures of an estimation: its convergence, and the correlation of its estimates.
-"""
+"""Figures of a flight and its estimation: over time, over the ground, the fit of each run, residuals, convergence."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

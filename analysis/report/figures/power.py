@@ -1,11 +1,4 @@
-"""Points measured in steady flight, as power and methods figures show them.
-
-Figures of the power-required curve, of its interval, and of the drag polar.
-
-Figures that compare the methods, and the runs fitted one by one.
-
-Figures of endurance and range, and of the efficiencies of propeller and motor.
-"""
+"""Figures over airspeed: power required by all methods, its interval, drag polar, endurance, range, efficiencies."""
 
 import numpy as np
 

@@ -1,7 +1,6 @@
-"""A figure as Plotly's JavaScript takes it: traces and layout. Plotly's Python classes check every value, which took
-longer than everything else that the page needs.
+"""A figure as Plotly's JavaScript takes it, and the common style: large type and dark colors, to be read in sunlight.
 
-Common style of all figures: large type and dark colors, so that they can be read in sunlight.
+Plotly's Python classes check every value, which took longer than everything else that the page needs.
 """
 
 from collections.abc import Sequence

@@ -1,7 +1,4 @@
-"""The power-required curve in numbers, the drag polar, and the parts of the interval.
-
-Comparison of the methods: the table of all of them, and the pairs that disagree.
-"""
+"""The power-required curve in numbers, the drag polar, and how all methods compare."""
 
 import math
 from collections.abc import Sequence

@@ -1,9 +1,4 @@
-"""The runs of the flight, and the stretches that were rejected.
-
-Agreement of the sensors with one another, and the sensor errors that the flight determined.
-
-What the result was made of: date, place, air, files with hashes, health of the log, and how it was analyzed.
-"""
+"""What was flown, and with what: runs and rejected stretches, agreement of the sensors, origin of every input."""
 
 import math
 from typing import NamedTuple

@@ -1,7 +1,4 @@
-"""Endurance, range and climb: the effect of weight and air density, the table for the field, and the power train.
-
-Values to type into an autopilot.
-"""
+"""Endurance, range and climb at several weights and densities, the power train, and values for an autopilot."""
 
 from typing import NamedTuple
 

@@ -1,7 +1,4 @@
-"""The top of the page: aircraft and air, the headline answers as cards, and the notes on the first figure.
-
-The verdict: the power required at one speed with its interval, and whether it can be trusted.
-"""
+"""The top of the page: power required at one speed, whether it can be trusted, and the headline answers as cards."""
 
 from typing import NamedTuple
 
