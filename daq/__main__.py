@@ -22,6 +22,7 @@ from flight.errors import InputError
 from flight.messages import Event
 
 LONGEST_CHECK_S = 3600.0
+SHOWN_LOGS = 50
 SERVICE_STATUS = Path("/run/flightpower/status.json")
 SERVICE_LOGS = Path("/var/lib/flightpower")
 
@@ -279,8 +280,9 @@ def list_(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Where the logs are.")] = Path(
         "/var/lib/flightpower"
     ),
+    every: Annotated[bool, typer.Option("--all", help=f"All logs, not the latest {SHOWN_LOGS}.")] = False,
 ) -> None:
-    """List the logs of a folder: begin, length, size, and whether each is complete.
+    """List the latest logs of a folder: begin, length, size, and whether each is complete.
 
     Times are those of the satellites, UTC. A ? marks the system clock, which is wrong where there is no network.
 
@@ -294,8 +296,8 @@ def list_(
     from daq.log_list import list_logs
 
     table = Table("log", "begin (UTC)", "min", "MB", "state", box=None)
-    for log in list_logs(folder):
-        begin = "-" if log.begin is None else f"{log.begin:%Y-%m-%d %H:%M:%S}{'' if log.by_satellites else ' ?'}"
+    for log in list_logs(folder, latest=None if every else SHOWN_LOGS):
+        begin = "-" if log.begin is None else f"{log.begin:%Y-%m-%d %H:%M}{'' if log.by_satellites else ' ?'}"
         length = f"{log.duration_s / 60:.1f}" if log.begin else "-"
         table.add_row(log.path.name, begin, length, f"{log.bytes / 1e6:.1f}", log.state)
     none = f"{folder}: no log-NNNN.mcap (`daq info FILE` describes a log of any name)"
@@ -348,10 +350,11 @@ def config(
         return
     if check is not None:
         from daq.attachments import load_attachments
-        from daq.config import load_tray
+        from daq.config import check_places, load_tray
         from daq.driver_factory import check_drivers
 
         tray = load_tray(check)
+        check_places(tray, str(check))
         check_drivers(tray, load_attachments(tray).aircraft)
         typer.echo(f"{check}: {len(tray.sensors)} sensors at {tray.rate_Hz:g} Hz")
     elif example:

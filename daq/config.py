@@ -4,8 +4,9 @@ More than 350 lines: one struct for each part that the file may name, and their 
 """
 
 import re
+import socket
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, get_args
 
 import msgspec
 from msgspec import Meta
@@ -19,19 +20,25 @@ from flight.files import read_text
 
 Address = Annotated[int, Meta(ge=0x03, le=0x77)]
 ZERO_FILE = "zero.json"
-Baud = Annotated[int, Meta(ge=1200)]
+# The rates that serial lines have names for (termios(3)): another one is a slip of the pen.
+Baud = Literal[
+    1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200, 230400, 460800, 500000, 921600, 1000000, 1500000, 2000000
+]  # fmt: skip
+LARGEST_PORT = 65535
 FullDiskPolicy = Literal["stop", "delete_oldest"]
-
-
-def _check_udp(port: str) -> None:
-    if port.startswith("udp:") and not re.fullmatch(r"udp:[\w.-]+:\d{1,5}", port):
-        raise ValueError(f"{port!r} is not of the form udp:HOST:PORT, such as udp:127.0.0.1:14550")
 
 
 def parse_port(port: str) -> tuple[str, int]:
     """Host and port number of udp:HOST:PORT."""
     _, host, number = port.split(":")
     return host, int(number)
+
+
+def _check_udp(port: str) -> None:
+    if port.startswith("udp:") and not re.fullmatch(r"udp:[\w.-]+:\d{1,5}", port):
+        raise ValueError(f"{port!r} is not of the form udp:HOST:PORT, such as udp:127.0.0.1:14550")
+    if port.startswith("udp:") and not 0 < parse_port(port)[1] <= LARGEST_PORT:
+        raise ValueError(f"{port!r}: a port is a number from 1 to {LARGEST_PORT}")
 
 
 class _SensorConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, tag_field="driver"):
@@ -245,6 +252,9 @@ SensorConfig = (
 )
 
 
+DRIVERS = tuple(str(table.__struct_config__.tag) for table in get_args(SensorConfig))
+
+
 class FilesConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """When a new log is started, and what happens when the card is nearly full."""
 
@@ -318,6 +328,24 @@ def load_tray(path: str | Path) -> Tray:
     return parse_tray(read_text(path), str(path), path.parent)
 
 
+def check_places(tray: Tray, where: str) -> None:
+    """Raises InputError if the logs' folder cannot be one, or a host has no address here. where: the tray file."""
+    folder = Path(tray.directory)
+    for part in (folder, *folder.parents):
+        if part.exists():
+            if not part.is_dir():
+                raise InputError(f"{where}: directory: {part} is a file")
+            break
+    places = [sensor.device for sensor in tray.sensors] + ([tray.telemetry.to] if tray.telemetry else [])
+    for host in (parse_port(place)[0] for place in places if place.startswith("udp:")):
+        try:
+            socket.getaddrinfo(host, None, socket.AF_INET)
+        except OSError as error:
+            raise InputError(
+                f"{where}: {host} has no address here ({error.strerror}); misspelt, or give the address in numbers"
+            ) from None
+
+
 def parse_tray(text: str, where: str, folder: Path) -> Tray:
     """Parse a tray file's text. where: its name in errors. folder: base of relative paths."""
     try:
@@ -342,6 +370,8 @@ def _with_key(error: msgspec.ValidationError) -> str:
     what, _, key = str(error).partition(" - at `$.")
     if number := re.fullmatch(r"Invalid enum value (\d+)", what):
         what = f"{number[1]} (0x{int(number[1]):02x}) is not one of the permitted values; see `daq config --example`"
+    if key.endswith(".driver`"):
+        what += f"; the drivers are {', '.join(DRIVERS)}"
     if what.startswith("Object contains unknown field"):
         what += "; `daq config --example` shows every key"
     return f"{key.rstrip('`')}: {what}" if key else what
@@ -370,6 +400,8 @@ def _reject_conflicts(tray: TrayFile, where: str) -> None:
             )
             raise InputError(f"{where}: {labels[place]} and {label} are both on {at}; change one of them")
         labels[place] = label
+        if isinstance(sensor, _BusSensorConfig) and sensor.bus.startswith(("udp:", "rcio:")):
+            raise InputError(f"{where}: {label}: {sensor.bus} is no I2C bus, such as /dev/i2c-1")
         if isinstance(sensor, Mpu9250Config) and sensor.sampling == "fifo" and tray.rate_Hz < LOWEST_FIFO_RATE_HZ:
             raise InputError(
                 f'{where}: {label}: sampling = "fifo" overflows at rate_Hz = {tray.rate_Hz:g}; '
@@ -379,6 +411,9 @@ def _reject_conflicts(tray: TrayFile, where: str) -> None:
             if topic in topics:
                 raise InputError(f"{where}: {topics[topic]} and {label} would both write {topic}")
             topics[topic] = label
+    mounted = {sensor.parsed_axes for sensor in tray.sensors if isinstance(sensor, Mpu9250Config | Ak8963Config)}
+    if len(mounted) > 1:
+        raise InputError(f"{where}: the axes of mpu9250 and ak8963 differ, but the one contains the other")
     if tray.arm is not None and "/controls" not in topics:
         raise InputError(f"{where}: arm: no sensor writes /controls, which the switch is read from")
     if tray.telemetry is not None and tray.telemetry.to in {sensor.device for sensor in tray.sensors}:

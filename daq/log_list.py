@@ -16,7 +16,7 @@ from daq.disk_space import is_finished
 from daq.log_names import numbered_logs
 from daq.log_recovery import MAX_RECORD_BYTES, chunk_of
 from flight.errors import InputError
-from flight.log_index import RECORD_HEAD
+from flight.log_index import CHUNK_HEAD, MAGIC, RECORD_HEAD
 from flight.log_writer import MESSAGE_HEAD
 from flight.messages import Time
 from flight.satellite_time import ahead_of_log_ns
@@ -35,11 +35,15 @@ class ListedLog(NamedTuple):
     state: str  # complete, unfinished, cannot be read: why
 
 
-def list_logs(directory: Path) -> list[ListedLog]:
-    """The numbered logs of a folder, in order. Raises InputError if it cannot be read."""
+def list_logs(directory: Path, latest: int | None = None) -> list[ListedLog]:
+    """The numbered logs of a folder, in order. latest: how many of them, None for all.
+
+    Raises InputError if the folder cannot be read.
+    """
     if not directory.is_dir():
         raise InputError(f"{directory}: no such folder")
-    return [listed(path) for path in numbered_logs(directory)]
+    logs = numbered_logs(directory)
+    return [listed(path) for path in (logs if latest is None else logs[-latest:])]
 
 
 def listed(path: Path) -> ListedLog:
@@ -48,7 +52,7 @@ def listed(path: Path) -> ListedLog:
     try:
         size = path.stat().st_size
         if not is_finished(path):
-            return ListedLog(path, size, None, False, 0.0, "being recorded, or unfinished")
+            return unfinished(path, size)
         with path.open("rb") as stream:
             summary = SeekingReader(stream, record_size_limit=MAX_RECORD_BYTES).get_summary()
             if summary is None or summary.statistics is None:
@@ -62,6 +66,25 @@ def listed(path: Path) -> ListedLog:
         return ListedLog(path, size, None, False, 0.0, f"cannot be read: {error.strerror or error}")
     except Exception as error:  # whatever a damaged index makes the decoders raise: the other logs are listed
         return ListedLog(path, size, None, False, 0.0, f"cannot be read: {type(error).__name__}")
+
+
+def unfinished(path: Path, size: int) -> ListedLog:
+    """A log that is being recorded, or whose end is missing: from the first to the last whole chunk."""
+    times_ns: list[tuple[int, int]] = []
+    with path.open("rb") as stream:
+        at = len(MAGIC)
+        while at + RECORD_HEAD.size + CHUNK_HEAD.size <= size:
+            stream.seek(at)
+            head = stream.read(RECORD_HEAD.size + CHUNK_HEAD.size)
+            opcode, length = RECORD_HEAD.unpack_from(head)
+            at += RECORD_HEAD.size + length
+            if opcode == Opcode.CHUNK and at <= size:
+                begin_ns, end_ns, _, _ = CHUNK_HEAD.unpack_from(head, RECORD_HEAD.size)
+                times_ns.append((begin_ns, end_ns))
+    if not times_ns:
+        return ListedLog(path, size, None, False, 0.0, "unfinished")
+    begin = datetime.fromtimestamp(times_ns[0][0] / 1e9, UTC)
+    return ListedLog(path, size, begin, False, (times_ns[-1][1] - times_ns[0][0]) / 1e9, "unfinished")
 
 
 def satellites_minus_log_time_ns(stream: BinaryIO, summary: Summary) -> int | None:

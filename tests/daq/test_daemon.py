@@ -123,7 +123,7 @@ def test_logs_are_listed_by_the_satellites_time(flight, tmp_path):
     found = list_logs(tmp_path)
     assert [log.state.partition(":")[0] for log in found] == [
         "complete",
-        "being recorded, or unfinished",
+        "unfinished",
         "cannot be read",
     ]
     assert found[0].by_satellites and f"{found[0].begin:%Y-%m-%d %H:%M}" in ("2016-05-14 09:29", "2016-05-14 09:30")

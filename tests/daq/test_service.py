@@ -17,7 +17,7 @@ UNIT = ROOT / "systemd" / "flightpower-daq.service"
 DAQ = Path(sysconfig.get_path("scripts")) / "daq"
 MOST_EXPOSED = 1.5
 UDEV_MATCH = re.compile(r'(ACTION|KERNELS?|SUBSYSTEMS?|DRIVERS?|(ATTRS?|ENV)\{\w+\})(==|!=)"[^"]+"')
-UDEV_ASSIGNMENT = re.compile(r'(GROUP|MODE|OWNER|SYMLINK|TAG|(ATTR|ENV)\{\w+\})(=|\+=|:=)"[^"]+"')
+UDEV_ASSIGNMENT = re.compile(r'(GROUP|MODE|OWNER|SYMLINK|TAG|IMPORT\{builtin\}|(ATTR|ENV)\{\w+\})(=|\+=|:=)"[^"]+"')
 
 needs_systemd = pytest.mark.skipif(not shutil.which("systemd-analyze"), reason="systemd-analyze is not here")
 UDP = '[telemetry]\nto="udp:192.168.4.2:14550"\n[[sensors]]\ndriver="ublox"\nport="/dev/ttyAMA0"\n'

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from daq.config import load_tray, parse_tray
+from daq.config import check_places, load_tray, parse_tray
 from flight.errors import InputError
 from flight.messages import TYPE_OF_TOPIC
 
@@ -77,6 +77,11 @@ IMU = '[[sensors]]\ndriver="mpu9250"\nbus="/dev/i2c-1"\n'
         ),
         (IMU + 'axes = ["x", "y", "-z"]', "right-handed"),
         (IMU + '[[sensors]]\ndriver="bmp280"', "sensors[1].driver: Invalid value 'bmp280'"),
+        (IMU + '[[sensors]]\ndriver="bmp280"', "the drivers are mpu9250, ak8963"),
+        ('[telemetry]\nto = "udp:192.168.4.2:99999"\n' + IMU, "a port is a number from 1 to 65535"),
+        ('[[sensors]]\ndriver="ublox"\nport="/dev/ttyUSB0"\nbaud=3840', "sensors[0].baud: 3840"),
+        ('[[sensors]]\ndriver="mpu9250"\nbus="udp:127.0.0.1:9"', "udp:127.0.0.1:9 is no I2C bus"),
+        (IMU + '[[sensors]]\ndriver="ak8963"\nbus="/dev/i2c-1"\naxes=["y", "-x", "z"]', "the one contains the other"),
         ('[[sensors]]\nbus="/dev/i2c-1"', "sensors[0]: Object missing required field `driver`"),
         ("", "missing required field `sensors`"),
         ("sensors = []", "sensors"),
@@ -133,3 +138,16 @@ def test_a_rate_at_which_the_fifo_overflows_is_refused(example):
     parse_tray(text.replace("rate_Hz = 25 ", "rate_Hz = 6 ", 1), "tray.toml", Path())
     single = text.replace('sampling = "fifo"', 'sampling = "single"')
     parse_tray(single.replace("rate_Hz = 25 ", "rate_Hz = 5 ", 1), "tray.toml", Path())
+
+
+@pytest.mark.parametrize(
+    ("head", "said"),
+    [
+        ('directory = "taken/logs"\n', "taken is a file"),
+        ('[telemetry]\nto = "udp:laptop.invalid:14550"\n', "laptop.invalid has no address here"),
+    ],
+)
+def test_places_that_cannot_be_used_are_named(tmp_path, head, said):
+    (tmp_path / "taken").touch()
+    with pytest.raises(InputError, match=said):
+        check_places(parse_tray(head + IMU, "tray.toml", tmp_path), "tray.toml")
