@@ -130,9 +130,10 @@ def sensor_error_estimates(trajectory: Trajectory) -> list[SensorError]:
     Without the zeros of the pressures, which rest shows and not flight; the compass only where one was used.
     """
     flight = excitation(trajectory)
+    left_out = {*ZEROS} if "compass" in trajectory.residuals else {*ZEROS, "heading_bias"}
     estimates = []
     for name, (title, factor, unit) in TITLES.items():
-        if name in ZEROS or (name == "heading_bias" and "compass" not in trajectory.residuals):
+        if name in left_out:
             continue
         sigma, prior = trajectory.standard_error(name), trajectory.prior_standard_error(name)
         determined = sigma < CONSISTENCY.determined_share * prior
