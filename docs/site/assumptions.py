@@ -22,7 +22,7 @@ FOLDERS = (
     "flight", "analysis/signals", "analysis/airdata", "analysis/log_checks", "analysis/maneuvers",
     "analysis/trajectory", "analysis/drag", "analysis/estimation", "analysis/performance", "analysis/results",
     "analysis/report", "analysis/pooling", "analysis/campaign", "analysis/planning", "analysis/electrical",
-    "analysis/autopilot_logs", "analysis/cli", "analysis", "daq",
+    "analysis/autopilot_logs", "analysis/ground", "analysis/exports", "analysis/cli", "analysis", "daq",
 )  # fmt: skip
 HEAD = """\
 # Assumed values and limits
@@ -113,7 +113,7 @@ def _says(settings: Settings) -> str:
 
 def _value(value: Any) -> str:
     if isinstance(value, float):
-        return f"{value:.4g}"
+        return f"{value:.0f}" if value.is_integer() and abs(value) < 1e7 else f"{value:.4g}"
     if isinstance(value, tuple | list):
         return ", ".join(_value(one) for one in value)
     if isinstance(value, dict):
