@@ -44,24 +44,31 @@ class DataflashLog:
                 at += 1
                 continue
             self._offsets[number].append(at)
-            if number == FORMAT_KIND and (defined := self._define(data, at)):
+            if number == FORMAT_KIND and (defined := self._define(data, at)) is not None:
                 lengths[defined] = HEADER_BYTES + self._kinds[defined].dtype.itemsize
             at += length
 
-    def _define(self, data: bytes, at: int) -> int:
-        """The number of the kind that a format message defines; 0 where it is damaged, or known before."""
+    def _define(self, data: bytes, at: int) -> int | None:
+        """The number of the kind that a format message defines; None where it is damaged, or known before."""
         number, length, *texts = FORMAT.unpack_from(data, at + HEADER_BYTES)
         name, codes, listed = (text.rstrip(b"\0").decode("ascii", "replace") for text in texts)
         fields = tuple(listed.split(","))
         known = number in self._kinds or number == FORMAT_KIND
         named = len(set(fields)) == len(fields) == len(codes) and all(fields)
         if known or not named or not set(codes) <= set(PACKED):
-            return 0
+            return None
         dtype = np.dtype([(field, PACKED[code]) for field, code in zip(fields, codes, strict=True)])
         if length != HEADER_BYTES + dtype.itemsize:
-            return 0
+            return None
         self._kinds[number] = _Kind(name, codes, fields, dtype)
         return int(number)
+
+    def whole_numbers(self, name: str) -> frozenset[str]:
+        """The fields of messages of a name that are integers without a scale."""
+        kinds = [kind for kind in self._kinds.values() if kind.name == name][:1]
+        return frozenset(
+            field for kind in kinds for field, code in zip(kind.fields, kind.codes, strict=True) if code in "bBhHiIqQ"
+        )
 
     def columns(self, name: str) -> dict[str, NDArray[np.generic]]:
         """The fields of all messages of a name, (n,): numbers as float64, texts as bytes; without arrays of numbers."""

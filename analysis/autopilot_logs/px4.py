@@ -36,6 +36,14 @@ AIRSPEED_TOPICS = (  # in order of preference
     ("airspeed_validated", ("indicated_airspeed_m_s",)),
     ("airspeed", ("indicated_airspeed_m_s",)),
 )
+# Of selected_airspeed_index and airspeed_source; 0 is ground speed less wind, 4 synthetic, -1 none.
+PITOTS = (1, 2, 3)
+ENABLED_BY = {
+    recording.OF_AIRSPEED: " (SENS_EN_*, SYS_HAS_NUM_ASPD)",
+    recording.OF_BAROMETER: " (SYS_HAS_BARO)",
+    recording.OF_BATTERY: " (BAT1_SOURCE, BAT1_V_DIV, BAT1_A_PER_V)",
+}
+BAROMETERS = ("vehicle_air_data", "sensor_baro")
 FORCES = (recording.FORCE_X, recording.FORCE_Y, recording.FORCE_Z)
 RPM_FIELDS = ("rpm_estimate", "indicated_frequency_rpm")
 PRESSURE_FIELDS = ("differential_pressure_pa", "differential_pressure_filtered_pa", "differential_pressure_raw_pa")
@@ -87,7 +95,16 @@ def read_px4(path: Path) -> FlightRecording:
         channels = {name: both[name] for name in channels if name in both}
         thermometers = {name: both[name] for name in thermometers if name in both}
         notes += jumps
-    return FlightRecording(path, channels, thermometers, tuple(notes + battery_notes + motor_notes), zeroed, parameters)
+    return FlightRecording(
+        path,
+        channels,
+        thermometers,
+        tuple(notes + battery_notes + motor_notes),
+        zeroed,
+        parameters,
+        inside=frozenset(f"{name} {one.instance}" for name in BAROMETERS for one in topics.get(name, [])),
+        enabled_by=ENABLED_BY,
+    )
 
 
 def _topics(path: Path) -> tuple[dict[str, list[_Topic]], dict[str, float], list[str]]:
@@ -143,8 +160,9 @@ def _airspeed(topics: dict[str, list[_Topic]]) -> tuple[dict[str, Channel], bool
         for one in topics.get(name, []):
             for field in fields:
                 speed = one.values(field) if one.has(field) else np.full(len(one.t_s), np.nan)
-                if one.has("selected_airspeed_index"):  # 0: ground speed less wind; below: none
-                    speed = np.where(one.values("selected_airspeed_index") > 0, speed, np.nan)
+                for source in ("selected_airspeed_index", "airspeed_source"):
+                    if one.has(source):
+                        speed = np.where(np.isin(one.values(source), PITOTS), speed, np.nan)
                 found.append(channel(one.t_s, recording.pressure_of_indicated_airspeed(speed)))
         best = most_varying(found)
         if best is not None and len(best.t_s) >= READABLE.fewest_samples:
@@ -221,6 +239,6 @@ def _thermometers(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
     for name, field in sources:
         for one in topics.get(name, []):
             celsius = one.channel(field)
-            if len(celsius.value):
+            if np.any(celsius.value != 0):  # no thermometer: exactly 0 throughout
                 found[f"{name} {one.instance}"] = Channel(celsius.t_s, celsius.value + CELSIUS)
     return found

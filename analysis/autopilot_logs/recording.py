@@ -19,6 +19,8 @@ AIRSPEED_PRESSURE = "airspeed_pressure_Pa"  # pitot less static pressure, its ze
 STATIC, FORCE_X, FORCE_Y, FORCE_Z = "static_Pa", "ax_mps2", "ay_mps2", "az_mps2"
 VOLTAGE, CURRENT = "battery_V", "battery_A"
 MOTOR = "motor_revps"
+OF_AIRSPEED, OF_BAROMETER = frozenset({AIRSPEED_PRESSURE}), frozenset({STATIC})
+OF_BATTERY = frozenset({VOLTAGE, CURRENT})
 GPS = ("gps_north_mps", "gps_east_mps", "gps_down_mps")
 SEA_LEVEL_DENSITY_KGPM3 = 1.225  # of indicated airspeed
 
@@ -53,6 +55,9 @@ class FlightRecording:
     thermometers : by description, temperatures of the air, or of parts that the air cools [K]
     notes : choices and damage, in sentences
     parameters : the autopilot's, by name, as logged
+    air_temperature_K : in flight, where the user says it
+    inside : which thermometers are inside electronics, and so warmer than the air
+    enabled_by : by a sensor's channels, which parameters of the autopilot switch it on
     """
 
     path: Path
@@ -61,6 +66,9 @@ class FlightRecording:
     notes: tuple[str, ...] = ()
     zeroed: bool = True
     parameters: Mapping[str, float] = field(default_factory=dict)
+    air_temperature_K: float | None = None
+    inside: frozenset[str] = frozenset()
+    enabled_by: Mapping[frozenset[str], str] = field(default_factory=dict)
 
 
 def channel(t_s: ArrayLike, value: ArrayLike) -> Channel:
@@ -148,7 +156,9 @@ class Battery(NamedTuple):
 
 
 def measuring_battery(batteries: Sequence[Battery]) -> tuple[Battery | None, list[str]]:
-    """The battery that gives most power, and notes; None where none measures voltage and current."""
+    """The battery that gives most power, or the sum of two that feed the motor together, and notes; None where none
+    measures voltage and current.
+    """
     power = [_mean_power_W(battery) for battery in batteries]
     if not any(P > 0 for P in power):
         return None, []
@@ -156,13 +166,37 @@ def measuring_battery(batteries: Sequence[Battery]) -> tuple[Battery | None, lis
     notes = []
     if best > 0:
         notes.append(f"{batteries[best].name} measures the propulsion: {batteries[0].name} carries less power.")
+    used = batteries[best]
     for i, P in enumerate(power):
-        if i != best and P > INSTANCES.second_battery * power[best]:
-            notes.append(
-                f"{batteries[i].name} carries {100 * P / power[best]:.0f} % of the power of {batteries[best].name} and"
-                " is not counted: where both feed the motor, the electrical power is too small."
-            )
-    return batteries[best], notes
+        if i == best or P <= INSTANCES.second_battery * power[best]:
+            continue
+        pair = f"{batteries[i].name} carries {100 * P / power[best]:.0f} % of the power of {batteries[best].name} and"
+        if P < INSTANCES.second_pack * power[best]:
+            notes.append(f"{pair} is not counted: where both feed the motor, the electrical power is too small.")
+        elif _same_pack(batteries[i], batteries[best]):
+            notes.append(f"{pair} has its voltage and current: one battery, measured twice, is counted once.")
+        else:
+            used = _together(used, batteries[i])
+            notes.append(f"{pair} is added to it: two packs feed the motor.")
+    return used, notes
+
+
+def _same_pack(one: Battery, other: Battery) -> bool:
+    """Whether two monitors show the same voltage, and the same current at each time, within their errors."""
+    t_s = one.current.t_s
+    shown = [(np.interp(t_s, *b.voltage), np.interp(t_s, *b.current)) for b in (one, other)]
+    (V, A), (other_V, other_A) = shown
+    error_A = float(np.median(np.abs(A - other_A)))
+    error_V = float(np.median(np.abs(V - other_V)))
+    return error_V < 0.02 * float(np.median(V)) and error_A < 0.05 * float(np.median(np.abs(A)))
+
+
+def _together(one: Battery, other: Battery) -> Battery:
+    """Both packs as one with the voltage of the first that gives the power of both."""
+    t_s = one.current.t_s
+    other_W = np.interp(t_s, *other.voltage) * np.interp(t_s, *other.current)
+    current_A = one.current.value + other_W / np.maximum(np.interp(t_s, *one.voltage), 1.0)
+    return Battery(f"{one.name} and {other.name}", one.voltage, Channel(t_s, current_A))
 
 
 def turning_motor(motors: Sequence[Channel]) -> tuple[Channel | None, list[str]]:

@@ -31,6 +31,7 @@ class Instances(Settings):
     """Which of several sensors measures."""
 
     turning_revps: float = setting(5.0, "rev/s", "a motor that stands shows less, by noise")
+    second_pack: float = setting(0.5, "1", "of its power; one with more feeds the motor, too, or measures the same")
     second_battery: float = setting(0.1, "1", "of the used battery's power; a second one with more is mentioned")
 
 

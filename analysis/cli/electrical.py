@@ -2,7 +2,7 @@
 
 import contextlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -76,6 +76,7 @@ class OrdinaryFlight:
     weight_N: float | None
     wing_area_m2: float | None
     span_m: float | None
+    air_temperature_K: float | None
     aircraft: Path | None
     propeller: str | None
     command_line: str
@@ -139,6 +140,7 @@ class OrdinaryFlight:
         from analysis.results.electrical import electrical_results
         from analysis.results.provenance import provenance_of_file
 
+        recording = replace(recording, air_temperature_K=self.air_temperature_K)
         progress("finding the flight")
         flight = flight_table(recording, flown.weight_N, flown.wing_area_m2)
         progress("balancing energy")

@@ -34,6 +34,7 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
         options.weight_N if options.mass_kg is None else options.mass_kg * GRAVITY_MPS2,
         options.wing_area_m2,
         options.span_m,
+        options.air_temperature_K,
         options.aircraft,
         options.propeller,
         command_line,
@@ -58,7 +59,13 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
     check_writable(folder / "report.html")
     if lacks_drag_topics(recorded):
         return ordinary.analyze_daemon_log(recorded, progress)
-    refuse_autopilot_options(log, mass=options.mass_kg, wing_area=options.wing_area_m2, span=options.span_m)
+    refuse_autopilot_options(
+        log,
+        mass=options.mass_kg,
+        wing_area=options.wing_area_m2,
+        span=options.span_m,
+        air_temperature=options.air_temperature_K,
+    )
     import_lean()
     given = options.replacements()
     from analysis.pipeline import analyze as run_pipeline

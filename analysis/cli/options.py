@@ -197,6 +197,15 @@ class Options(LogOptions):
             help='Span [m], such as 4 or "13 ft", for a log of an autopilot.',
         ),
     ] = None
+    air_temperature_K: Annotated[
+        float | None,
+        typer.Option(
+            "--air-temperature",
+            metavar="TEMPERATURE",
+            parser=quantity("--air-temperature", "K", '"20 degC"', above=200, most=340),
+            help='Air temperature in flight, such as "20 degC", for a log of an autopilot.',
+        ),
+    ] = None
 
     def __post_init__(self) -> None:
         self.request  # noqa: B018  # a wrong text is refused at once

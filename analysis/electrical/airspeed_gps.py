@@ -77,6 +77,11 @@ class AirspeedErrors(NamedTuple):
     wind_from_deg: float | None
     prior_sigma: float = GPS.scale_sigma  # of the scale
 
+    @property
+    def by_gps(self) -> float:
+        """How far GPS determines true airspeed, 0 to 1: to that part an error of density changes the scale instead."""
+        return 1.0 - min(1.0, float(self.covariance[0, 0]) / self.prior_sigma**2)
+
 
 def one_way(north_mps: Array, east_mps: Array, errors: AirspeedErrors) -> float:
     """Length of the mean heading vector over ground velocities (n,): 0 for even headings, 1 for a single one."""

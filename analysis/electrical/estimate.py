@@ -75,6 +75,7 @@ class ElectricalEstimate(NamedTuple):
     residual_W : (k,) of the windows of time_s (k,)
     measured_V_mps, measured_W : (k,) the windows reduced to level flight
     gust_mps, gust_s : standard deviation and correlation time of vertical air motion
+    rho_sigma : standard deviation of the air density, relative
     """
 
     V_mps: Array
@@ -92,6 +93,7 @@ class ElectricalEstimate(NamedTuple):
     measured_W: Array
     gust_mps: float
     gust_s: float
+    rho_sigma: float = 0.0
 
     def quantity(self, of: Callable[[Array, FlightConditions], Array]) -> tuple[Array, Array]:
         """A quantity (n,) of parameters and conditions, and its standard error."""
@@ -116,6 +118,26 @@ def estimate(
 
     Raises InputError, beginning with `log`, where the flight does not determine one.
     """
+    try:
+        return _estimate(
+            flight, weight_N, wing_area_m2, span_m, log, most_windows=most_windows, most_points=most_points
+        )
+    except (np.linalg.LinAlgError, ValueError) as error:
+        raise InputError(
+            f"{log}: no curve follows from this flight ({error}); airspeed, height or power hardly vary, or are noise"
+        ) from None
+
+
+def _estimate(
+    flight: FlightTable,
+    weight_N: float,
+    wing_area_m2: float,
+    span_m: float,
+    log: str,
+    *,
+    most_windows: int,
+    most_points: int,
+) -> ElectricalEstimate:
     airspeed = airspeed_errors(flight, most_points)
     rho = float(np.median(flight.table["rho"].to_numpy()[flight.flown]))
     conditions = FlightConditions(weight_N / g, wing_area_m2, rho, flight.idle_power_W)
@@ -160,6 +182,7 @@ def estimate(
         level + fit.residual_W / _marginal_efficiency(balance.V_mps, fit.parameters, conditions),
         fit.gust_mps,
         fit.gust_s,
+        flight.rho_sigma,
     )
 
 

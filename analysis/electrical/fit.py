@@ -211,8 +211,7 @@ def shared_errors(
         yield error(samples_of(flight, airspeed.scale + scale, airspeed.zero_Pa + zero_Pa), c)
     heavier, warmer = 1 + SHARED.mass, 1 - flight.rho_sigma
     # GPS shows true airspeed: where it determines the scale, an error of density changes the scale, not the airspeed.
-    by_prior = min(1.0, float(airspeed.covariance[0, 0]) / airspeed.prior_sigma**2)
-    thinner = balance.samples._replace(V_mps=balance.samples.V_mps / warmer ** (by_prior / 2))
+    thinner = balance.samples._replace(V_mps=balance.samples.V_mps / warmer ** ((1 - airspeed.by_gps) / 2))
     yield error(thinner, c._replace(rho=c.rho * warmer))
     yield error(balance.samples, c._replace(mass_kg=c.mass_kg * heavier))
     yield error(balance.samples, c._replace(power_scale=1 + power_sigma))

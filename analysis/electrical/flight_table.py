@@ -14,7 +14,7 @@ from analysis.autopilot_logs import recording
 from analysis.autopilot_logs.recording import Channel, FlightRecording
 from analysis.electrical.settings import FLIGHT, TEMPERATURE, ZERO
 from analysis.signals.smoothing import stretches
-from flight.atmosphere import SEA_LEVEL_TEMPERATURE_K, density, height_at
+from flight.atmosphere import density, height_at, temperature_at
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2 as g
 
@@ -47,12 +47,18 @@ def smoothed(value: Array, width: int) -> Array:
 BoolArray = NDArray[np.bool_]
 
 
-WHAT_IS_NEEDED = {
-    recording.AIRSPEED_PRESSURE: "airspeed: a pitot tube and its sensor",
-    recording.STATIC: "static pressure: a barometer",
-    recording.VOLTAGE: "battery voltage and current: a power module",
-    recording.CURRENT: "battery voltage and current: a power module",
-}
+class Needed(NamedTuple):
+    """A sensor that the balance cannot do without, and its channels."""
+
+    title: str
+    channels: frozenset[str]
+
+
+NEEDED = (
+    Needed("airspeed: a pitot tube and its sensor", recording.OF_AIRSPEED),
+    Needed("static pressure: a barometer", recording.OF_BAROMETER),
+    Needed("battery voltage and current: a power module", recording.OF_BATTERY),
+)
 
 
 class FlightTable(NamedTuple):
@@ -89,17 +95,25 @@ def flight_table(flight: FlightRecording, weight_N: float, wing_area_m2: float) 
     standing, moving = _standing_and_moving(columns, least_Pa, flight.zeroed)
     zero_Pa, zero_sigma_Pa, notes = _zero(flight, columns["pressure_Pa"], standing, moving)
     columns["pressure_Pa"] = columns["pressure_Pa"] - zero_Pa
-    temperature_K, temperature_sigma_K, temperature_note = _air_temperature_K(flight.thermometers, moving, t_s)
+    temperature_K, temperature_sigma_K, temperature_note = _air_temperature_K(flight, moving, t_s)
     columns["rho"] = np.asarray(density(columns["static_Pa"], temperature_K))
     reference_Pa = float(np.nanmedian(columns["static_Pa"]))
     columns["height_m"] = np.asarray(
         height_at(columns["static_Pa"], ground_pressure_Pa=reference_Pa, ground_temperature_K=temperature_K)
     )
     airborne = _airborne(columns, standing, moving, least_Pa)
-    if sum(rows.stop - rows.start for rows in airborne) * FLIGHT.step_s < FLIGHT.shortest_flight_s:
+    most_W = float(np.nanmax(columns["power_W"][moving], initial=0.0))
+    if moving.sum() * FLIGHT.step_s > FLIGHT.recognized_over_s and most_W < weight_N * FLIGHT.climb_mps:
         raise InputError(
-            f"{flight.path}: no flight in this log: airspeed, height and battery for less than"
-            f" {FLIGHT.shortest_flight_s:.0f} s above the ground"
+            f"{flight.path}: the current sensor shows at most {most_W:.0f} W in the air, on which {weight_N / g:.3g} kg"
+            " do not climb: it does not measure the motor's current, or the motor never ran"
+        )
+    if sum(rows.stop - rows.start for rows in airborne) * FLIGHT.step_s < FLIGHT.shortest_flight_s:
+        known = moving & np.isfinite(columns["pressure_Pa"] + columns["height_m"] + columns["power_W"])
+        raise InputError(
+            f"{flight.path}: too short a flight in this log: airspeed, height and battery for"
+            f" {known.sum() * FLIGHT.step_s:.0f} s in the air; {FLIGHT.shortest_flight_s:.0f} s clear of take-off and"
+            " landing are needed"
         )
     table = pd.DataFrame(columns, index=pd.Index(t_s - t_s[0], name="t_s"))
     flown = np.zeros(len(t_s), dtype=bool)
@@ -118,9 +132,9 @@ def flight_table(flight: FlightRecording, weight_N: float, wing_area_m2: float) 
 
 
 def _grid(flight: FlightRecording) -> Array:
-    for name, sentence in WHAT_IS_NEEDED.items():
-        if name not in flight.channels:
-            raise InputError(f"{flight.path}: the log lacks {sentence}")
+    if missing := [part for part in NEEDED if not flight.channels.keys() >= part.channels]:
+        said = "; ".join(part.title + flight.enabled_by.get(part.channels, "") for part in missing)
+        raise InputError(f"{flight.path}: the log lacks {said}")
     main = flight.channels[recording.AIRSPEED_PRESSURE].t_s
     if main[-1] - main[0] > FLIGHT.longest_log_s:
         raise InputError(f"{flight.path}: its clock spans {main[-1] - main[0]:.0f} s; longer than any flight")
@@ -204,8 +218,14 @@ def _zero(
     return float(np.median(means)), sigma, []
 
 
-def _air_temperature_K(thermometers: Mapping[str, Channel], moving: BoolArray, t_s: Array) -> tuple[float, float, str]:
-    """The coolest believable temperature in flight, its standard deviation, and a sentence on it."""
+def _air_temperature_K(flight: FlightRecording, moving: BoolArray, t_s: Array) -> tuple[float, float, str]:
+    """What the user says, the coolest believable temperature in flight, or that of the standard atmosphere; its
+    standard deviation; and a sentence on it.
+    """
+    if flight.air_temperature_K is not None:
+        given_K = flight.air_temperature_K
+        return given_K, TEMPERATURE.given_sigma_K, f"Air temperature {given_K - 273.15:.0f} °C, as given."
+    thermometers = flight.thermometers
     flown = t_s[moving] if moving.any() else t_s
     found = {}
     for name, one in thermometers.items():
@@ -213,15 +233,24 @@ def _air_temperature_K(thermometers: Mapping[str, Channel], moving: BoolArray, t
         values = inside[(inside > TEMPERATURE.coldest_K) & (inside < TEMPERATURE.hottest_K)]
         if len(values):
             found[name] = float(np.median(values))
-    if not found:
-        note = f"No thermometer in the log: the air is taken as {SEA_LEVEL_TEMPERATURE_K - 273.15:.0f} °C."
-        return SEA_LEVEL_TEMPERATURE_K, TEMPERATURE.unknown_sigma_K, note
-    name = min(found, key=lambda one: found[one])
-    warm = found[name] > TEMPERATURE.warm_K
-    others = [f"{one} shows {value - 273.15:.0f} °C" for one, value in found.items() if value > found[name] + 5]
+    coolest = min(found, key=lambda one: found[one], default=None)
+    warm = coolest is not None and found[coolest] > TEMPERATURE.warm_K
+    if coolest is None or (warm and coolest in flight.inside):
+        pressure_Pa = float(np.median(flight.channels[recording.STATIC].value))
+        standard_K = float(temperature_at(height_at(pressure_Pa)))
+        note = (
+            f"No thermometer in the log shows the air: it is taken as {standard_K - 273.15:.0f} °C, as in the standard"
+            " atmosphere; --air-temperature gives it."
+        )
+        return standard_K, TEMPERATURE.unknown_sigma_K, note
+    others = [f"{one} shows {value - 273.15:.0f} °C" for one, value in found.items() if value > found[coolest] + 5]
     also = f" ({'; '.join(others)})" if others else ""
-    note = f"Air temperature {found[name] - 273.15:.0f} °C, by the coolest thermometer, {name}{also}."
-    return found[name], TEMPERATURE.unknown_sigma_K if warm else TEMPERATURE.sigma_K, note
+    note = f"Air temperature {found[coolest] - 273.15:.0f} °C, by the coolest thermometer, {coolest}{also}."
+    return (
+        found[coolest],
+        TEMPERATURE.unknown_sigma_K if warm or coolest in flight.inside else TEMPERATURE.sigma_K,
+        note,
+    )
 
 
 def _airborne(columns: Mapping[str, Array], standing: BoolArray, moving: BoolArray, least_Pa: float) -> list[slice]:

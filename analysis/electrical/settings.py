@@ -24,6 +24,7 @@ class FlightDetection(Settings):
     highest_CL: float = setting(3.0, "1", "below its dynamic pressure an aircraft stands or rolls; no flap reaches it")
     standing_mps: float = setting(1.0, "m/s", "ground speed that GPS shows at rest")
     moving_mps: float = setting(2.0, "m/s", "a slower ground speed is standing with wind on the pitot, or hovering")
+    climb_mps: float = setting(1.0, "m/s", "any take-off climbs faster, at an efficiency of 1")
     clear_of_ground_m: float = setting(3.0, "m", "above ground effect of a small wing, and a barometer's error")
     trim_s: float = setting(8.0, "s", "after take-off and before landing: rotation and flare are no level flight")
     shortest_flight_s: float = setting(60.0, "s", "a shorter flight holds too few independent windows")
@@ -56,6 +57,7 @@ class AirTemperature(Settings):
     coldest_K: float = setting(233.0, "K", "-40 °C: batteries do not fly below")
     hottest_K: float = setting(323.0, "K", "50 °C: no air near the ground is hotter")
     warm_K: float = setting(303.0, "K", "a thermometer above this is probably inside the electronics")
+    given_sigma_K: float = setting(2.0, "K", "of what a user measures on the ground for a flight")
     sigma_K: float = setting(3.0, "K", "of a sensor outside the electronics")
     unknown_sigma_K: float = setting(8.0, "K", "without a believable thermometer: 3 % of density")
 

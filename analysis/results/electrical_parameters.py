@@ -33,10 +33,12 @@ def flight_values(
     V, c, airspeed = estimate.V_mps, estimate.conditions, estimate.airspeed
     to_equivalent = float(np.sqrt(c.rho / SEA_LEVEL_DENSITY))
 
+    by_density = airspeed.by_gps * estimate.rho_sigma / 2
+
     def equivalent(speed_mps: float) -> Interval:
-        """With the error of the airspeed."""
+        """With the errors of the airspeed and, where GPS shows true airspeed, of density."""
         by_zero = 1 / (c.rho * speed_mps**2)
-        share = float(np.sqrt(np.array([1.0, by_zero]) @ airspeed.covariance @ [1.0, by_zero]))
+        share = float(np.sqrt(np.array([1.0, by_zero]) @ airspeed.covariance @ [1.0, by_zero] + by_density**2))
         return around(speed_mps * to_equivalent, NORMAL_95 * share * speed_mps * to_equivalent)
 
     cruise = float(best_range.speed_mps or V[0])
@@ -58,7 +60,7 @@ def flight_values(
         return np.asarray(np.linalg.lstsq(np.stack([np.ones_like(CL), CL**2], axis=1), CD, rcond=None)[0])
 
     (sink, sink_error), (polar, polar_error) = source.quantity(sinking), source.quantity(two_term_polar)
-    scale_half = NORMAL_95 * float(np.sqrt(airspeed.covariance[0, 0]))
+    scale_half = NORMAL_95 * float(np.sqrt(airspeed.covariance[0, 0] + by_density**2))
     by_gps = airspeed.wind_mps is not None
     return FlightValues(
         cruise=Interval(value=cruise, lo=float(lo), hi=float(hi)).times(to_equivalent),

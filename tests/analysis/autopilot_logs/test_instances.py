@@ -44,6 +44,17 @@ def test_the_battery_of_most_power_is_taken_and_a_tenth_beside_it_is_told(second
     assert len(notes) == len(said) and all(note.startswith(text) for note, text in zip(notes, said, strict=True))
 
 
+def test_two_packs_that_feed_the_motor_are_added_and_one_measured_twice_is_counted_once() -> None:
+    taken, (note,) = measuring_battery([battery("a", 10.0), battery("b", 8.0)])
+    assert taken is not None and taken.current.value == pytest.approx(18.0) and "added" in note
+    other = Battery("c", constant(24.0), constant(6.0))
+    taken, _ = measuring_battery([other, battery("b", 10.0)])
+    assert taken is not None
+    assert taken.voltage.value * taken.current.value == pytest.approx(24.0 * 6.0 + 12.0 * 10.0)
+    taken, (note,) = measuring_battery([battery("a", 10.0), battery("b", 9.8)])
+    assert taken is not None and taken.current.value == pytest.approx(10.0) and "counted once" in note
+
+
 def test_a_battery_without_discharge_does_not_measure() -> None:
     empty = Battery("c", Channel(T[:0], T[:0]), constant(3.0))
     assert measuring_battery([battery("a", -5.0), empty]) == (None, [])

@@ -46,7 +46,8 @@ BATTERY = topic("battery_status", {"voltage_v": floats(15.0), "current_a": float
         ([status(2, 1), BARO, BATTERY], "lacks airspeed"),
         ([status(2, 1), AIRSPEED, BATTERY], "lacks static pressure"),
         ([status(2, 1), AIRSPEED, BARO], "lacks battery"),
-        ([status(2, 1), AIRSPEED, BARO, BATTERY], "no flight"),
+        ([status(2, 1)], "airspeed.*static pressure.*battery"),
+        ([status(2, 1), AIRSPEED, BARO, BATTERY], "for 0 s in the air; 60 s"),
     ],
 )
 def test_refused_in_one_line(tmp_path: Path, topics: list[UlogTopic], reason: str) -> None:

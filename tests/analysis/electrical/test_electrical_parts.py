@@ -1,5 +1,7 @@
 """Parts of the estimate from an ordinary flight, each against what physics says of it."""
 
+from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,7 +9,7 @@ import pandas as pd
 import pytest
 
 from analysis.autopilot_logs import recording
-from analysis.autopilot_logs.recording import Channel
+from analysis.autopilot_logs.recording import Channel, FlightRecording
 from analysis.electrical import airspeed_gps, energy_balance
 from analysis.electrical.airspeed_gps import AirspeedErrors, airspeed_errors
 from analysis.electrical.energy_balance import (
@@ -32,6 +34,7 @@ from analysis.electrical.flight_table import (
     resampled,
 )
 from analysis.electrical.thrust_balance import MotorConstants, ThrustBalance
+from flight.atmosphere import pressure_at, temperature_at
 from flight.errors import InputError
 from flight.propeller_files import load_propeller
 from flight.units import GRAVITY_MPS2 as g
@@ -203,11 +206,23 @@ def test_the_coolest_believable_thermometer_in_flight_is_the_air_s() -> None:
         "air": Channel(t, np.where(moving, 280.0, 310.0)), "broken": Channel(t, np.full(len(t), 0.0)),
         "oven": Channel(t, np.full(len(t), 400.0)), "near": Channel(t, np.full(len(t), 284.0)),
     }  # fmt: skip
-    found, sigma, note = _air_temperature_K(shown, moving, t)
+    found, sigma, note = _air_temperature_K(_of_day(shown), moving, t)
     assert (found, sigma) == (280.0, 3.0)
     assert "7 °C" in note and "near shows" not in note, "a few kelvins more are not worth a word"
     del shown["air"], shown["near"]
-    assert _air_temperature_K(shown, moving, t)[:2] == (288.15, 8.0)
+    standard = temperature_at(500.0)
+    assert _air_temperature_K(_of_day(shown), moving, t)[:2] == pytest.approx((standard, 8.0))
+    warm = replace(_of_day({"BARO 0": Channel(t, np.full(len(t), 306.0))}), inside=frozenset({"BARO 0"}))
+    assert _air_temperature_K(warm, moving, t)[:2] == pytest.approx((standard, 8.0)), "warmed by the electronics"
+    cool = replace(_of_day({"BARO 0": Channel(t, np.full(len(t), 300.0))}), inside=frozenset({"BARO 0"}))
+    assert _air_temperature_K(cool, moving, t)[:2] == (300.0, 8.0)
+    assert _air_temperature_K(replace(cool, air_temperature_K=281.0), moving, t)[:2] == (281.0, 2.0)
+
+
+def _of_day(thermometers: dict[str, Channel]) -> FlightRecording:
+    """Flown 500 m high in the standard atmosphere."""
+    static = Channel(np.arange(0, 100, 0.2), np.full(500, float(pressure_at(500.0))))
+    return FlightRecording(Path("log"), {recording.STATIC: static}, thermometers)
 
 
 def test_the_zero_is_that_of_the_ground_near_the_flight() -> None:
