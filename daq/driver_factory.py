@@ -53,6 +53,7 @@ def driver_factory(table: SensorConfig, tray: Tray, buses: Buses, aircraft: Airc
                 range_dps=table.range_dps,
                 fifo=table.sampling == "fifo",
                 axes=table.parsed_axes,
+                period_s=period_s,
             )
         case config.Ak8963Config():
             return lambda: AK8963Driver(buses.i2c(table.bus), table.address, axes=table.parsed_axes)

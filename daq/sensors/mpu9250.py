@@ -58,8 +58,15 @@ class Counts(NamedTuple):
     saturated: bool
 
 
+SPARE_SAMPLES = 1  # read a tick beyond those that arrive in it, until the FIFO has been caught up with
+
+
 class MPU9250Driver:
-    """The part on `bus` at `address`. axes: mounting of the chip, see `daq.sensors.axes`."""
+    """The part on `bus` at `address`. axes: mounting of the chip, see `daq.sensors.axes`.
+
+    period_s: of the ticks. With it, a FIFO that has grown while the bus was held up is read in parts, one a tick: all
+    at once would take the bus so long that the next tick would be passed over too, and the FIFO grow again.
+    """
 
     def __init__(
         self,
@@ -70,12 +77,16 @@ class MPU9250Driver:
         range_dps: int = 500,
         fifo: bool = True,
         axes: Axes = BODY_AXES,
+        period_s: float | None = None,
     ):
         self._bus, self._address = bus, address
         self._range_g, self._range_dps = range_g, range_dps
         self._fifo = fifo
         self._mps2_per_count, self._radps_per_count = accel_scale_mps2(range_g), gyro_scale_radps(range_dps)
         self._axes = axes
+        self._most_bytes = FIFO_BYTES
+        if period_s is not None:
+            self._most_bytes = SAMPLE.size * (math.ceil(SAMPLE_RATE_HZ * period_s) + SPARE_SAMPLES)
         self._partial_sample = False  # a failed burst may leave part of a sample at the FIFO's head
 
     def start(self) -> Iterator[float]:
@@ -131,7 +142,8 @@ class MPU9250Driver:
             return Imu(status=Status.CORRUPT)
         if waiting < SAMPLE.size:
             return Imu(status=Status.STALE)
-        size = waiting - waiting % SAMPLE.size
+        size = min(waiting - waiting % SAMPLE.size, self._most_bytes)
+        newer = waiting // SAMPLE.size - size // SAMPLE.size  # samples that wait for the next tick
         self._partial_sample = True
         data = self._bus.write_read(self._address, bytes([FIFO_R_W]), size)
         left = int.from_bytes(self._bus.write_read(self._address, bytes([FIFO_COUNTH]), 2), "big") & 0x1FFF
@@ -140,7 +152,7 @@ class MPU9250Driver:
             return Imu(status=Status.CORRUPT)
         self._partial_sample = False
         counts = mean(data)
-        mean_s = counts.samples / 2 / SAMPLE_RATE_HZ
+        mean_s = (counts.samples / 2 + newer) / SAMPLE_RATE_HZ
         gyroscope_s, accelerometer_s = FIFO_FILTER_DELAYS_S
         return self._message(counts, gyroscope_s + mean_s, accelerometer_s + mean_s)
 

@@ -91,6 +91,26 @@ def test_a_tick_is_the_mean_of_what_the_fifo_held():
     assert message.specific_force_group_delay_s == pytest.approx(0.0318)
 
 
+def test_a_fifo_that_has_grown_is_read_in_parts_and_nothing_is_lost():
+    """After a passed-over tick at 25 Hz, 16 samples wait. Each part has the age of its own samples."""
+    chip, sensor = started(period_s=0.04)
+    chip.put(*[(number, 0, -4096, 0, 0, 0, 0) for number in range(16)])
+    first, following = 16, []
+    while len(chip.fifo) or not following:
+        following.append(read(sensor))
+        if len(following) < 8:
+            chip.put(*[(first + number, 0, -4096, 0, 0, 0, 0) for number in range(8)])
+            first += 8
+    assert max(message.samples for message in following) == 9
+    assert sum(message.samples for message in following) == first
+    assert sum(message.samples * message.accel_x_counts for message in following) == pytest.approx(
+        first * (first - 1) / 2
+    )
+    # The mean of the first nine is 5 ms times 4.5 and the seven after them old.
+    assert following[0].group_delay_s == pytest.approx(0.0099 + 0.005 * (4.5 + 7))
+    assert following[-1].group_delay_s < 0.0099 + 0.005 * 4.5 + 1e-9
+
+
 def test_half_a_sample_is_left_for_the_next_tick():
     chip, sensor = started()
     chip.put(ONE_G_DOWN, ONE_G_DOWN)
