@@ -24,6 +24,15 @@ from flight.errors import InputError
 NO_NEWS_S = 5.0  # the daemon writes once a second
 SHOWN_LOGS = 5
 REFRESH_S = 2
+# Many connections that ask for nothing, as a phone that goes out of range leaves them, shut nobody out.
+SERVER: dict[str, Any] = {
+    "threads": 2,
+    "ident": "",
+    "connection_limit": 500,
+    "channel_timeout": 10,  # seconds until an idle connection is closed
+    "cleanup_interval": 5,
+    "asyncore_use_poll": True,  # select() takes 1,024 files at most
+}
 HEADERS = [
     ("Content-Type", "text/html; charset=utf-8"),
     ("Content-Security-Policy", "default-src 'none'; style-src 'unsafe-inline'"),
@@ -179,6 +188,6 @@ def serve(sources: Sources, host: str, port: int) -> None:
     except ImportError:
         raise InputError("the status page needs a web server: pip install 'flightpower[status]'") from None
     try:
-        waitress.serve(application(sources), host=host, port=port, threads=2, ident="", _quiet=True)
+        waitress.serve(application(sources), host=host, port=port, _quiet=True, **SERVER)
     except OSError as error:
         raise InputError(f"{host}:{port}: cannot be listened on ({error.strerror or error})") from None

@@ -13,7 +13,7 @@ from test_daemon import SteadySensorTruth, default_tray
 from daq.daemon import record
 from daq.recording_status import RecordingState, RecordingStatus, StatusFile
 from daq.sensor_health import SensorState
-from daq.status_page import application, page, sources_of
+from daq.status_page import SERVER, application, page, sources_of
 from daq.still_air_zero import FORMAT, Zero
 from flight.messages import Event
 from hw_fakes.clock import SimulatedClock
@@ -78,6 +78,21 @@ def test_it_can_only_be_read(sources, method, path, status):
     answers = []
     application(sources)({"REQUEST_METHOD": method, "PATH_INFO": path}, lambda line, headers: answers.append(line))
     assert answers[0].startswith(status)
+
+
+def test_connections_that_ask_for_nothing_do_not_shut_others_out(sources):
+    with socket.create_server(("127.0.0.1", 0), backlog=256) as listener:
+        server = waitress.create_server(application(sources), sockets=[listener], **SERVER)
+        threading.Thread(target=server.run, daemon=True).start()
+        address = listener.getsockname()
+        idle = [socket.create_connection(address) for _ in range(150)]
+        with socket.create_connection(address, timeout=20) as phone:
+            phone.sendall(b"GET / HTTP/1.0\r\n\r\n")
+            answer = phone.recv(12)
+        for connection in idle:
+            connection.close()
+        server.close()
+    assert answer == b"HTTP/1.0 200"
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here (Debian: apt-get install chromium)")
