@@ -1,7 +1,4 @@
-"""Motion of the rigid aircraft: specific force at its center of gravity, and bank angle.
-
-Air data at the center of gravity from the probe's pressures: speed, flow angles, density, height, thrust, bank.
-"""
+"""Air data at the center of gravity from the probe's pressures: speed, flow angles, density, height, thrust, bank."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""The lag of a pneumatic line from recorded steps of pressure: a balloon that bursts, a syringe that is pulled off.
+"""The lags of pneumatic lines from recorded steps of pressure: a balloon that bursts, a syringe that is pulled off.
 
 The transducer is sampled at each tick; the time of the step between two ticks is not known. Unknowns of each step are
 its two levels and its time. The time is uniform and independent of the sampling, so the likelihood is integrated over
@@ -9,8 +9,6 @@ result is an upper bound only.
 The shape of the step matters, too: an exponential gives a lag wrong by a third for a tube that rings or is slow to
 settle. So if the line's length and cavity are known, the shape is the step response by Bergh & Tijdeman for the
 diameter that has the lag in question.
-
-The lags of all pneumatic lines from a log with steps of pressure, and the lines for the aircraft file.
 """
 
 import math

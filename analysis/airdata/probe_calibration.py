@@ -1,8 +1,7 @@
-"""The measurements of a wind-tunnel calibration of a five-port probe, and the CSV file that holds them.
+"""A five-port probe's calibration from wind-tunnel measurements: their file, the fit, and whether speed matters.
 
-Whether a probe's calibration depends on speed: the slope of an angle's residual at each tunnel speed.
-
-Fits a probe's calibration to a tunnel's measurements, and estimates the error of the slope of alpha.
+The error of the slope of alpha is part of the calibration; whether it depends on speed shows in the slope of an
+angle's residual at each tunnel speed.
 """
 
 import re

@@ -4,7 +4,7 @@ A T-piece connects the three to a water column, or to a syringe with a reference
 that the log has a plateau for it: reading = offset + slope * pressure. Errors of the reference's readings act on all
 three transducers and are part of the residuals; an error of its scale shows in no residual and is given by the user.
 
-Air data as they would be if a differential pressure transducer had more hysteresis, or a zero that changes.
+For the interval, air data are also computed as they would be with more hysteresis, or with a zero that changes.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,4 @@
-"""The channels of an ordinary flight, each with its own times, whatever recorded them.
-
-Which of several instances of a sensor measures.
-"""
+"""The channels of an ordinary flight, each with its own times; of several sensors, the one that is used."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

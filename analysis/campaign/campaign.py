@@ -1,7 +1,4 @@
-"""Many logs into many folders: what is done already stays, the rest runs, and each failure is one line.
-
-The results of many flights' folders, read for the joint estimate.
-"""
+"""Many logs into many folders: what is done stays, the rest runs, each failure is one line; all read for the pool."""
 
 import contextlib
 import shutil

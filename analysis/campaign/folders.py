@@ -1,6 +1,6 @@
-"""What the results of a flight depend on, as digests: contents of files, options, version of the software.
+"""The folders of the flights: one for each log, complete or not there.
 
-The folders of the flights: one for each log, complete or not there, with a record of what it was computed from.
+Each has a record of what its results were computed from, as digests: files, options, version of the software.
 """
 
 import contextlib

@@ -5,7 +5,7 @@ systematic error common to all runs. Upwash acts as a slope and an offset of the
 reconstruction estimates: its standard deviation is added to the prior of that slope, and the change of the estimate is
 what remains of it.
 
-Errors of the pressure transducers that no residual of the flight shows, as consider terms.
+Errors of the pressure transducers that no residual shows are treated in the same way.
 """
 
 from collections.abc import Callable, Mapping

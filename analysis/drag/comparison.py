@@ -10,8 +10,6 @@ dynamic, steady points        propeller table
 accelerations, decelerations  lag of the air data, or thrust
 
 The cause reported is the one whose estimated errors explain most of the difference.
-
-A disagreement of two methods in sentences.
 """
 
 from collections.abc import Mapping

@@ -1,16 +1,17 @@
-"""What every method's covariance of the drag polar (A0, A1, A2) has to contain.
+"""The parts of the covariance of the drag polar, in the order in which `dynamic.estimate_polar` adds them.
 
-Errors that no residual of the flight shows: consider terms (Schmidt 1966; Tapley et al. 2004, ch. 6).
+1. Noise (`noise_covariance`): by errors of the reconstructed states, propagated exactly, and by what else the residuals
+   of the runs contain. These hold the errors of the states too, whose spectrum is estimated from random draws and
+   subtracted: the two must not simply be added.
+2. Sensor errors: each independent direction of their covariance, through trajectory and regression (in `dynamic`).
+3. Errors that no residual of the flight shows, consider terms (Schmidt 1966; Tapley et al. 2004, ch. 6): `UPDRAFT`,
+   `WEIGHT`, `DENSITY`. Each has a size from [uncertainty] of the aircraft file. The estimate is repeated with each
+   error of one standard deviation, and the outer product of its change is added.
+4. What the runs reject: the propeller's table, a parabolic polar (`rejected_assumptions`).
+5. Values assumed for keys that the aircraft file lacks, and the pressure transducers' hysteresis and drift of zero
+   (`assumed_values`).
 
-Each has a size that the user gives in [uncertainty] of the aircraft file, or its default there. The estimate is
-repeated with each error of one standard deviation, and the outer product of its change is added to the covariance.
-
-Noise of the polar by errors of the reconstructed states and by what remains of the residuals without them.
-
-The residuals of the runs contain the errors of the states: their slow part is hardly anything else. The covariance by
-residuals and that by errors of the states must therefore not simply be added. The latter is propagated exactly. The
-spectrum that errors of the states have in the residuals is estimated from random draws, and subtracted from the
-spectrum of the residuals.
+The other methods have the noise of their regression (`of_noise`) and a `floor`.
 """
 
 from collections.abc import Callable
@@ -71,8 +72,8 @@ def changes(values_of: Callable[[pd.DataFrame], Array], values: Array, flight_fo
     """
     aircraft = flight_forces.aircraft
     in_still_air = values_of(without_updraft(flight_forces.nominal, aircraft))
-    of_heavier = values_of(heavier(flight_forces).nominal)
-    return {UPDRAFT: in_still_air - values, WEIGHT: at_nominal_weight(of_heavier, aircraft) - values}
+    values_with_more_weight = values_of(forces_with_more_weight(flight_forces).nominal)
+    return {UPDRAFT: in_still_air - values, WEIGHT: at_nominal_weight(values_with_more_weight, aircraft) - values}
 
 
 def without_updraft(forces: pd.DataFrame, aircraft: Aircraft) -> pd.DataFrame:
@@ -83,14 +84,14 @@ def without_updraft(forces: pd.DataFrame, aircraft: Aircraft) -> pd.DataFrame:
     return forces.assign(CD=forces["CD"] + forces["CL"] * aircraft.uncertainty.updraft_mps / forces["V"])
 
 
-def heavier(flight_forces: FlightForces) -> FlightForces:
+def forces_with_more_weight(flight_forces: FlightForces) -> FlightForces:
     """The forces of the aircraft `weighing_more`."""
     return FlightForces(flight_forces.trajectory, weighing_more(flight_forces.aircraft), flight_forces.propeller)
 
 
 def weighing_more(aircraft: Aircraft) -> Aircraft:
     """The aircraft heavier by one standard deviation of its weight."""
-    return aircraft.weighing(_factor(aircraft) * aircraft.mass.weight_N)
+    return aircraft.weighing(_weight_factor(aircraft) * aircraft.mass.weight_N)
 
 
 def at_nominal_weight(values: Array, aircraft: Aircraft) -> Array:
@@ -98,7 +99,7 @@ def at_nominal_weight(values: Array, aircraft: Aircraft) -> Array:
 
     The lift coefficient at a speed is larger by the same factor as the weight.
     """
-    factor = _factor(aircraft)
+    factor = _weight_factor(aircraft)
     return np.asarray(values * np.concatenate([[1.0, factor, factor**2], np.ones(len(values) - 3)]))
 
 
@@ -108,17 +109,17 @@ def by_density(values_of: Callable[[pd.DataFrame], Array], values: Array, flight
     Airspeed from dynamic pressure is too low by half of it. That is an error of the airspeed scale of this flight, and
     is estimated as such.
     """
-    return values_of(denser(flight_forces).nominal) - values
+    return values_of(forces_in_denser_air(flight_forces).nominal) - values
 
 
-def denser(flight_forces: FlightForces) -> FlightForces:
+def forces_in_denser_air(flight_forces: FlightForces) -> FlightForces:
     """The forces in air that is denser by one standard deviation."""
     f = flight_forces
     return FlightForces(f.trajectory, f.aircraft, f.propeller, density_factor=_density_factor(f.aircraft))
 
 
 def at_nominal_density(values: Array, aircraft: Aircraft) -> Array:
-    """An estimate (m,) of A0, A1, A2 and others in `denser` air, so that it gives the same power at each speed.
+    """An estimate (m,) of A0, A1, A2 and others in that denser air, so that it gives the same power at each speed.
 
     Dynamic pressure at a speed is larger by the factor of the density, the lift coefficient smaller.
     """
@@ -135,7 +136,7 @@ def _density_factor(aircraft: Aircraft) -> float:
     return 1 + aircraft.uncertainty.air_density_fraction
 
 
-def _factor(aircraft: Aircraft) -> float:
+def _weight_factor(aircraft: Aircraft) -> float:
     return 1 + aircraft.uncertainty.weight_fraction
 
 

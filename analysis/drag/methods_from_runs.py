@@ -1,20 +1,17 @@
-"""Direct drag: the drag at every instant of a run, regressed on lift (2.18)-(2.21).
+"""Methods that use runs as measured, to compare with the dynamic method: direct drag, and the energy of a run.
 
-From the accelerometers (2.16), with the angle of attack as measured: a difference from the dynamic method shows that
-this angle is not aligned with the IMU. From speed (2.22), with the pitch attitude that the accelerometer alone would
-level: a difference shows that the accelerometer is biased. Accelerations and decelerations apart, with the airspeed
-not corrected for lag: a difference between them shows an air-data lag or a wrong propeller table.
-
-All forces are over mass [m/s^2]. The observation is drag, whose errors are of one size; those of C_D are not.
+Direct drag is the drag at every instant of a run, regressed on lift (2.18)-(2.21). From the accelerometers (2.16), with
+the angle of attack as measured: a difference from the dynamic method shows that this angle is not aligned with the IMU.
+From speed (2.22), with the pitch attitude that the accelerometer alone would level: a difference shows that the
+accelerometer is biased. Accelerations and decelerations apart, with the airspeed not corrected for lag: a difference
+between them shows an air-data lag or a wrong propeller table. The observation is drag over mass [m/s^2], whose errors
+are of one size; those of C_D are not.
 
 Energy: work of thrust less the gain of kinetic and potential energy is the work of drag (2.23)-(2.26).
-
 Edot = (T cos(alpha) - D) V is used in its integral, E(t) - E(0): nothing noisy is differentiated. Speed and height are
 taken as measured. Accelerometers, gyros and angles serve only for the part of the weight that thrust carries. A
 difference from the dynamic method that errors of airspeed, lag and thrust do not explain shows a wrong pitch attitude
-of the trajectory.
-
-Energies and work are over mass [m^2/s^2].
+of the trajectory. Energies and work are over mass [m^2/s^2].
 """
 
 from collections.abc import Callable, Mapping

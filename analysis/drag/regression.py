@@ -1,7 +1,4 @@
-"""Columns of the methods' table over single runs.
-
-Linear least squares for a drag polar (2.18), from time series or from steady points, and its covariance by noise.
-"""
+"""Linear least squares for a drag polar (2.18), from time series or from steady points, and its covariance by noise."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,16 +1,14 @@
-"""Steady level points: means over a steady run, for the classic methods.
+"""The classic methods, from steady level points: means over steady runs, PIW-VIW (2.1)-(2.6) and W/delta (2.11).
 
 Speed comes from the trajectory, power from the uncorrected propeller table: a difference between these points and the
 dynamic method shows a wrong table.
 
-PIW-VIW: power and speed made independent of weight and density, from steady level points (2.1)-(2.6).
+PIW-VIW makes power and speed independent of weight and density. PIW VIW = m0 VIW^4 + b0 is a straight line only for a
+polar with least drag at zero lift; a CL_minD adds a term m1 VIW^2. Both forms are linear in the polar:
+m0 = rho_sl S A0/2, m1 = W_s A1, b0 = 2 W_s^2 A2/(rho_sl S).
 
-PIW VIW = m0 VIW^4 + b0 is a straight line only for a polar with least drag at zero lift; a CL_minD adds a term
-m1 VIW^2. Both forms are linear in the polar: m0 = rho_sl S A0/2, m1 = W_s A1, b0 = 2 W_s^2 A2/(rho_sl S).
-
-W/delta: drag and weight over the pressure ratio form one curve over Mach number, from steady level points (2.11).
-
-The low-subsonic form (2.13) is the same in speed and temperature; both lack a CL_minD.
+W/delta: drag and weight over the pressure ratio form one curve over Mach number. The low-subsonic form (2.13) is the
+same in speed and temperature; both lack a CL_minD.
 """
 
 import math

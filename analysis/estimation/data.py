@@ -1,14 +1,8 @@
-"""Measured data: segments (one per maneuver) with a uniform time base.
-
-Inputs that act late: their values at t - delay, and the slopes by which a delay can be estimated.
-
-Fourier transforms of records within a band of frequencies.
+"""Measured data: segments (one per maneuver) with a uniform time base, delayed inputs, and a band of frequencies.
 
 An estimation in the frequency domain uses only the band in which the aircraft moves. Biases, drift and trim lie below
 it, structural vibration and most of the noise above it. Within the band the noise is nearly white, so that standard
-errors need no correction for color.
-
-Reference: Klein & Morelli, Aircraft System Identification, 2006, ch. 7.
+errors need no correction for color (Klein & Morelli, Aircraft System Identification, 2006, ch. 7).
 """
 
 from collections.abc import Mapping

@@ -1,7 +1,4 @@
-"""A fit's numbers without its data: a table to read, and a JSON file to keep.
-
-The result of an estimation: estimates, covariance, residuals, and a verdict on convergence and identifiability.
-"""
+"""The result of an estimation: estimates, covariance, residuals, verdict; and its numbers alone, as a table or JSON."""
 
 import enum
 import math

@@ -1,9 +1,8 @@
-"""Collinearity: unknowns that the data determine only together.
+"""What the verdict on a fit should add: residuals that are not white, outliers, instability, collinear unknowns.
 
-Reference: Belsley, Kuh & Welsch, Regression Diagnostics, 1980, ch. 3; Klein & Morelli, Aircraft System Identification,
-2006, ch. 5. Both are applied to the information matrix, scaled to a unit diagonal, priors included.
-
-What else the verdict on a fit should say: residuals that are not white, outliers, instability.
+Collinear unknowns are determined by the data only together (Belsley, Kuh & Welsch, Regression Diagnostics, 1980, ch. 3;
+Klein & Morelli, Aircraft System Identification, 2006, ch. 5). Both diagnostics are applied to the information matrix,
+scaled to a unit diagonal, priors included.
 """
 
 import math

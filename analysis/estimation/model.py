@@ -3,8 +3,6 @@
 The functions use NumPy (`np.sin`, `np.sqrt`, arithmetic) and accept floats, arrays and CasADi symbols. They receive
 state, input and parameters by name, `x.alpha`, `u.elevator`, `p.CLa`. They return one value for each state, or for each
 output, in the order of the model's names.
-
-Whether a model's functions accept CasADi symbols, and whether their values jump.
 """
 
 import enum

@@ -3,8 +3,6 @@
 R (outputs, outputs) is the covariance of one sample's noise, diagonal or full. With `tail_dof` the noise of each output
 follows Student's t distribution instead of the normal one, which gives outliers a small weight; R then holds the
 squared scales (Lange, Little & Taylor 1989, J. Am. Stat. Assoc. 84, 881).
-
-The factor of 95 % confidence intervals.
 """
 
 from dataclasses import dataclass

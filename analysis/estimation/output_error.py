@@ -1,13 +1,12 @@
-"""Information and gradient of output error on long records, summed block by block without keeping sensitivities.
-
-With a diagonal R both are sums over the outputs, each divided by the output's variance: one pass over the record gives
-the sums, and R follows from the residuals afterwards.
-
-Maximum likelihood by output error (3.24-3.34): Gauss-Newton with exact sensitivities.
+"""Maximum likelihood by output error (3.24-3.34): Gauss-Newton with exact sensitivities.
 
 The noise covariance R is re-estimated from the residuals at every point. The likelihood is then a function of the
 parameters alone (the concentrated likelihood), and its gradient is the gradient with R held constant. Each step must
 increase this likelihood, so that the usual oscillation between R and the parameters cannot occur.
+
+Of long records, information and gradient are summed block by block without keeping sensitivities. With a diagonal R
+both are sums over the outputs, each divided by the output's variance: one pass over the record gives the sums, and R
+follows from the residuals afterwards.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -1,7 +1,4 @@
-"""Process noise and measurement noise of filter error: what the user gives, and the unknowns that follow from it.
-
-Starting values of process and measurement noise, from the errors of predictions over one step.
-"""
+"""Process and measurement noise of filter error: as the user gives them, as unknowns, and their starting values."""
 
 import math
 from collections import Counter

@@ -57,7 +57,7 @@ def derived(trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) ->
         variance += (moved - nominal) ** 2
     for draw in trajectory.draws:
         variance += (quantities(flight_forces, states + draw, errors)[0] - nominal) ** 2 / len(trajectory.draws)
-    heavier, _ = quantities(covariance.heavier(flight_forces), states, errors)
+    heavier, _ = quantities(covariance.forces_with_more_weight(flight_forces), states, errors)
     variance += (heavier - nominal) ** 2
     variance[:, QUANTITIES.index("thrust_N") :] += _by_thrust_table(nominal, f, aircraft)
     known = np.repeat(nominal[:, 1:2] > EXPORTS.slowest_mps, len(QUANTITIES), axis=1)

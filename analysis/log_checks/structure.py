@@ -1,8 +1,7 @@
 """The checks of a log before its channels are synchronized, in the order in which each needs those before it.
 
-Topics and fields of a log: what is required, and names that differ from those of flight/messages.py.
-
-Log times: nanoseconds, one clock for all topics, without jumps. Where they start does not matter.
+Topics and fields: what is required, and names that differ from those of flight/messages.py. Times: nanoseconds, one
+clock for all topics, without jumps; where they start does not matter.
 """
 
 from difflib import get_close_matches

@@ -1,7 +1,4 @@
-"""Finds steady level stretches: speed, height and motor speed stay constant long enough for a steady point.
-
-Finds the maneuvers of every kind in a flight.
-"""
+"""Finds the maneuvers of every kind in a flight; the steady level ones here, the others in the modules it calls."""
 
 import numpy as np
 import pandas as pd

@@ -1,7 +1,4 @@
-"""Finds the maneuvers in which lift varies at nearly constant speed: roller coasters, porpoising, wind-up turns.
-
-Finds 3-2-1-1 elevator inputs: alternating steps about trim, held for 3, 2, 1 and 1 units of time.
-"""
+"""Finds the maneuvers in which lift varies at nearly constant speed, and 3-2-1-1 elevator inputs."""
 
 import numpy as np
 import pandas as pd

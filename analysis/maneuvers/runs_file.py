@@ -1,7 +1,4 @@
-"""The file of maneuvers, `runs.toml`: written with every analysis, edited by the user, read with `--runs`.
-
-Selects the maneuvers that an analysis uses: those found in the data, or those of an edited file.
-"""
+"""The file of maneuvers, `runs.toml`: written with every analysis, edited by the user, read with `--runs`."""
 
 import tomllib
 from dataclasses import dataclass

@@ -1,7 +1,4 @@
-"""A plan in words: rows of the card and lines of the terminal.
-
-The flying card: one A4 page in black on white, large enough to read in sunlight.
-"""
+"""The flying card, one A4 page in black on white to be read in sunlight, and the plan's lines on the terminal."""
 
 from collections.abc import Sequence
 from html import escape

@@ -1,13 +1,11 @@
-"""What a plan takes from earlier flights: drag, and information about the sensor errors of the installation.
+"""What a flight will tell before it is flown: the expected covariance of the curve, from the estimator's equations.
 
-What a plan is to answer, as the half width that it makes small.
-
-The expected covariance of a flight before it is flown: the estimator's equations, linearized along that flight.
-
-The covariance of the sensor errors, the sensitivity of the trajectory and the random errors of the states are those of
-`analysis.trajectory`, at the gust intensity expected; drag is regressed as in `analysis.drag.dynamic`, and its noise is
-that of `analysis.drag.covariance`: by errors of the states, and by what else the residuals contain. The latter is
-taken as white, of the size that flights of this kind have shown.
+The equations are linearized along the planned flight. The covariance of the sensor errors, the sensitivity of the
+trajectory and the random errors of the states are those of `analysis.trajectory`, at the gust intensity expected; drag
+is regressed as in `analysis.drag.dynamic`, and its noise is that of `analysis.drag.covariance`: by errors of the
+states, and by what else the residuals contain. The latter is taken as white, of the size that flights of this kind have
+shown. Earlier flights add what they know of drag and of the installation's sensor errors. A `Question` says which half
+width is to be small.
 """
 
 from collections.abc import Callable, Sequence
@@ -295,8 +293,10 @@ def expected(
     systematic = shared @ trajectory.covariance @ shared.T
     for change in (
         np.linalg.solve(*normal(consider.without_updraft(along, aircraft.aircraft))) - fit,
-        consider.at_nominal_weight(values(states, errors, consider.heavier(forces)), aircraft.aircraft) - fit,
-        consider.at_nominal_density(values(states, errors, consider.denser(forces)), aircraft.aircraft) - fit,
+        consider.at_nominal_weight(values(states, errors, consider.forces_with_more_weight(forces)), aircraft.aircraft)
+        - fit,
+        consider.at_nominal_density(values(states, errors, consider.forces_in_denser_air(forces)), aircraft.aircraft)
+        - fit,
     ):
         systematic += np.outer(change[:3], change[:3])
     return Expected(trajectory.covariance, np.asarray(noise), systematic, shared, runs)

@@ -5,7 +5,7 @@ MAV_CMD_DO_CHANGE_SPEED (airspeed), legs end at waypoints, circles are MAV_CMD_N
 changed speed: an autopilot moves the throttle as its own speed controller does, not along a ramp. Porpoising is left
 out.
 
-A flight plan as TOML for `sim fly --plan`.
+The same plan as TOML, for `sim fly --plan`.
 """
 
 import json

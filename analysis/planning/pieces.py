@@ -1,6 +1,6 @@
-"""The pieces that a flight plan is made of. Speeds are true airspeeds [m/s], angles in rad, times in s.
+"""The pieces of 20 to 100 s that a flight plan is made of, and their catalog for one aircraft, space and pilot.
 
-The catalog: pieces of some 20 to 100 s that a plan is assembled from, for one aircraft, space and pilot.
+Speeds are true airspeeds [m/s], angles in rad, times in s.
 """
 
 from collections.abc import Iterator, Sequence

@@ -1,6 +1,4 @@
-"""What the messages of a log hold, as recorded: times, values, delays and losses, and the period of its ticks.
-
-From a log to synchronized channels: all on one uniform grid of the tick rate, each corrected for its delay.
+"""From a log to synchronized channels: all on one uniform grid of the tick rate, each corrected for its delay.
 
 Samples that failed, were stale or saturated are left out. Long gaps are not interpolated: the channel is NaN there.
 """

@@ -3,8 +3,6 @@
 For a log without rest the zeros are those taken by `daq zero`, if it carries them; a log with rest is compared with
 them. Zeros before and after the flight may differ because transducers warm up. A significant drift is noted and
 corrected linearly over the flight.
-
-The transducers' readings in still air that `daq zero` took: the file `zero.json`.
 """
 
 from typing import NamedTuple

@@ -1,15 +1,9 @@
-"""Gaps in a signal, filled by linear interpolation.
+"""Gaps filled, local polynomials, cubic splines, and stretches of a boolean signal.
 
-Smoothing and differentiation by local polynomials (Savitzky and Golay, Anal. Chem. 36, 1964).
-
-The numbers are those of `scipy.signal.savgol_filter`, whose import takes half a second and 30 MB for what is not used
-here.
-
-Interpolation by a cubic spline with the not-a-knot condition (de Boor, A Practical Guide to Splines, ch. IV).
-
-The numbers are those of `scipy.interpolate.CubicSpline`, whose import takes 0.15 s and 20 MB for what is not used here.
-
-Stretches of a boolean signal in which it is true.
+Local polynomials smooth and differentiate (Savitzky and Golay, Anal. Chem. 36, 1964); their numbers are those of
+`scipy.signal.savgol_filter`, whose import takes half a second and 30 MB for what is not used here. The cubic spline has
+the not-a-knot condition (de Boor, A Practical Guide to Splines, ch. IV) and the numbers of
+`scipy.interpolate.CubicSpline`, whose import takes 0.15 s and 20 MB.
 """
 
 from math import factorial

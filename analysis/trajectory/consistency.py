@@ -5,9 +5,8 @@ climb: theta - alpha - gamma = 0, gamma from the barometer (a small bank is incl
 less wind. No sensor measures attitude or wind: both come from the reconstructed trajectory in either case, so "before"
 shows the errors of air data and GPS, and "after" what is left of them.
 
-Residual time shifts between channels, after all known delays were taken out.
-
-The reconstruction estimates them with everything else: the probe's channels, whose tubes have much the same length,
+Time shifts between channels, after all known delays were taken out, are estimated by the reconstruction with
+everything else: the probe's channels, whose tubes have much the same length,
 against the inertial sensors; and GPS against them. It always corrects for them, significant or not; this module only
 reports them.
 
@@ -15,7 +14,7 @@ Why not alpha by itself, against pitch rate and lift (3.22): the aircraft respon
 which looks like a late probe. On simulated flights with lags of 15 to 20 ms such a fit gave 53 to 75 ms in a turbulence
 of W20 = 3 kt and 120 to 134 ms at 15 kt, with errors of 3 to 8 ms and residuals that look like white noise.
 
-Airspeed scale and wind of a flight, from airspeed against GPS on different headings.
+`calibrate` gives airspeed scale and wind of a flight, from airspeed against GPS on different headings.
 """
 
 from typing import NamedTuple

@@ -1,21 +1,21 @@
-"""The intensity of gusts from the evidence of three intensities.
+"""Intensity, scale length and slow power of gusts, from the evidence and from the flight's own spectra.
 
-Two things move the vertex of the parabola through the three away from the true intensity. The process model takes the
-gusts of neighboring blocks as values at their centers; means over blocks have smaller increments, two thirds of the
-variance where the gusts are much longer than a block, so the likelihood is greatest up to a fifth too low. And minus
-the logarithm of the likelihood is no parabola: it rises faster towards low intensities, which moves the vertex up.
-Both depend on the noise: where it hides the fast gusts, the slow ones determine the intensity. The expected likelihood
-of a Gaussian process by its spectra (Whittle 1953, Ark. Mat. 2, 423) has the same vertex for the true intensity.
+The intensity follows from the evidence of three intensities. Two things move the vertex of the parabola through the
+three away from the true intensity. The process model takes the gusts of neighboring blocks as values at their
+centers; means over blocks have smaller increments, two thirds of the variance where the gusts are much longer than a
+block, so the likelihood is greatest up to a fifth too low. And minus the logarithm of the likelihood is no parabola:
+it rises faster towards low intensities, which moves the vertex up. Both depend on the noise: where it hides the fast
+gusts, the slow ones determine the intensity. The expected likelihood of a Gaussian process by its spectra (Whittle
+1953, Ark. Mat. 2, 423) has the same vertex for the true intensity.
 
-Scale length and slow power of gusts, from the spectra of the flight's own gusts.
-
-The intensity of gusts is found from all their frequencies, most of which are fast. Errors of airspeed and flow angles
-come from the slow ones: the mean of a gust over minutes. Their power grows with the scale length (Lenschow, Mann &
-Kristensen 1994, J. Atmos. Oceanic Technol. 11, 661), which differs from place to place, and with the shape of the
-spectrum. A flight of minutes has few slow gusts, but the corner of the spectrum, at V/L, shows the scale length too. So
-Dryden's spectra are fitted to the periodograms of the reconstructed gusts (Whittle's likelihood): one factor of length
-for all three axes, with the user's (`[uncertainty] gust_length`) as a prior, and an intensity for each axis. Where the
-corner contradicts the assumed length, the flight is reconstructed again with the length found.
+Scale length and slow power follow from the spectra. The intensity is found from all frequencies of gusts, most of
+which are fast. Errors of airspeed and flow angles come from the slow ones: the mean of a gust over minutes. Their
+power grows with the scale length (Lenschow, Mann & Kristensen 1994, J. Atmos. Oceanic Technol. 11, 661), which
+differs from place to place, and with the shape of the spectrum. A flight of minutes has few slow gusts, but the
+corner of the spectrum, at V/L, shows the scale length too. So Dryden's spectra are fitted to the periodograms of the
+reconstructed gusts (Whittle's likelihood): one factor of length for all three axes, with the user's (`[uncertainty]
+gust_length`) as a prior, and an intensity for each axis. Where the corner contradicts the assumed length, the flight
+is reconstructed again with the length found.
 """
 
 from collections.abc import Sequence

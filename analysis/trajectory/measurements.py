@@ -1,7 +1,4 @@
-"""The earth's magnetic field as the calibrated magnetometer measured it, in level axes, and headings from it.
-
-Measurements of the smoother: values and weights of block means, GPS shifted by its latency.
-"""
+"""Measurements of the smoother: values and weights of block means, GPS shifted by its latency, headings."""
 
 import numpy as np
 import pandas as pd

@@ -1,15 +1,14 @@
-"""Which sensor errors a flight determined, and what it lacked to determine the others.
+"""Which sensor errors a flight determined, what it lacked for the others, and whether they fit their priors.
 
-A flight determines a sensor error when the standard error is clearly below the prior standard deviation. What it lacked
-follows from its excitation: headings, speeds, gusts, recorded channels.
+A flight determines a sensor error when the standard error is clearly below the prior standard deviation. What it
+lacked follows from its excitation: headings, speeds, gusts, recorded channels.
 
-Do the estimated sensor errors fit their priors? Where they do not, the priors are too narrow, and so are intervals.
-
-All errors here are in prior standard deviations, so that the prior's information is 1 in every direction. In a
-direction in which the data have the information j, the data alone would give x = y (1 + j)/j in place of the estimate
-y. If the prior is right, x is normal with variance 1 + 1/j. If all sensor errors are larger than their priors by the
-same factor s, the variance is s^2 + 1/j; s is estimated by maximum likelihood (empirical Bayes; Box 1980, J. R. Stat.
-Soc. A 143, 383, for the test).
+Where estimated errors do not fit their priors, these are too narrow, and so are intervals. In that test all errors
+are in prior standard deviations, so that the prior's information is 1 in every direction. In a direction in which the
+data have the information j, the data alone would give x = y (1 + j)/j in place of the estimate y. If the prior is
+right, x is normal with variance 1 + 1/j. If all sensor errors are larger than their priors by the same factor s, the
+variance is s^2 + 1/j; s is estimated by maximum likelihood (empirical Bayes; Box 1980, J. R. Stat. Soc. A 143, 383,
+for the test).
 """
 
 import math

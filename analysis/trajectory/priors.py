@@ -1,8 +1,6 @@
-"""Noise of the sensors, measured while the aircraft is at rest.
+"""What is known before the trajectory: noise of the sensors at rest, priors of the sensor errors, a first trajectory.
 
-Prior standard deviations of the sensor errors and of the initial state.
-
-A first trajectory for the iteration: attitude from angle of attack and climb, velocity from GPS or airspeed.
+The first trajectory starts the iteration: attitude from angle of attack and climb, velocity from GPS or airspeed.
 """
 
 from collections.abc import Mapping

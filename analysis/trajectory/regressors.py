@@ -1,12 +1,8 @@
-"""Values predicted from past data, as regressors of the sensor errors (instrumental variables).
+"""Inputs of the measurement equations: regressors of the sensor errors, actual and predicted from past data.
 
 A regressor of a sensor error must be uncorrelated with the current gust. The aircraft's motion responds to gusts; a
-regressor that contains this response attributes the gust to the sensor.
-
-Inputs of the measurement equations: regressors of the sensor errors, actual and predicted from past data.
-
-Actual values make the residuals exact; predicted ones are in the derivatives, which must be uncorrelated with the
-current gust (instrumental variables).
+regressor that contains this response attributes the gust to the sensor. So actual values, which make the residuals
+exact, stand beside values predicted from past data, which are in the derivatives (instrumental variables).
 """
 
 from typing import NamedTuple
