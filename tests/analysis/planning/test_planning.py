@@ -99,7 +99,7 @@ def test_the_information_is_that_of_the_estimator(nexstar: ExpectedAircraft):
     history = fly(flown, nexstar, HEIGHT_M, 2.0)
     gust_length = nexstar.aircraft.uncertainty.gust_length
     trajectory = reconstruct(history.table, history.rest, SensorPriors(alpha_scale_sigma=0.01), gust_length=gust_length)
-    covariance = sensor_error_covariance(history, nexstar, trajectory.gust_mps, SensorPriors(alpha_scale_sigma=0.01))
+    covariance = sensor_error_covariance(history, nexstar, trajectory.gust_mps, alpha_scale_sigma=0.01)
     for name in ("alpha_bias", "alpha_scale", "V_scale", "ax_bias"):
         i = SENSOR_ERRORS.index(name)
         assert np.sqrt(covariance[i, i]) == pytest.approx(trajectory.standard_error(name), rel=0.05), name
@@ -114,7 +114,7 @@ def acceleration(nexstar: ExpectedAircraft) -> TimeHistory:
 
 def variance_of_drag(history: TimeHistory, aircraft: ExpectedAircraft) -> float:
     at = np.array([1.0, 0.9, 0.81])  # one lift coefficient
-    return float(at @ expected(history, aircraft, 0.0125, SensorPriors(alpha_scale_sigma=0.01)).total @ at)
+    return float(at @ expected(history, aircraft, 0.0125, alpha_scale_sigma=0.01).total @ at)
 
 
 @pytest.fixture(scope="module")
@@ -258,9 +258,7 @@ def test_the_mission_is_what_ground_stations_load(plan: FlightPlan, tmp_path, mo
 
 def test_the_next_flight_is_for_what_is_least_known(plan: FlightPlan):
     """Porpoising and fast flight in gusts, runs where their noise dominates, none where the interval is narrow."""
-    trajectory = linearized_trajectory(
-        plan.history, plan.aircraft, plan.request.gust_mps, SensorPriors(alpha_scale_sigma=0.01)
-    )
+    trajectory = linearized_trajectory(plan.history, plan.aircraft, plan.request.gust_mps, alpha_scale_sigma=0.01)
     at, CL = condition(plan.aircraft), plan.aircraft.lift_coefficient(np.array([23.0, 12.0]))
 
     def found(noise_factor: float, factor: float = 1.0) -> list[str]:
