@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from analysis.autopilot_logs.ardupilot import read_ardupilot
 from analysis.autopilot_logs.px4 import read_px4
 from analysis.autopilot_logs.recording import MOTOR, FlightRecording
-from analysis.electrical.drag import drag_estimate
+from analysis.electrical.drag import DragWithheld, ThrustSource, drag_estimate
 from analysis.electrical.estimate import estimate
 from analysis.electrical.flight_table import flight_table
 from analysis.electrical.thrust_balance import motor_constants
@@ -97,8 +97,8 @@ def _errors(
     at = np.linspace(0, len(found.V_mps) - 1, SPEEDS).round().astype(int)
     if of != "electrical":
         propeller, constants = load_propeller(aircraft.propulsion.propeller), motor_constants(aircraft.propulsion)
-        drag = drag_estimate(table, found, geometry.span_m, propeller, constants)
-        assert not isinstance(drag, str), drag
+        drag = drag_estimate(table, found, geometry.span_m, ThrustSource(propeller, constants))
+        assert not isinstance(drag, DragWithheld), drag
         required, V = flight.power_required, found.V_mps[at]
         slower = V / np.sqrt(required["density_kgpm3"].iloc[0] / found.conditions.rho)
         truth = V * np.interp(slower, required["speed_mps"], required["drag_N"], left=np.nan)

@@ -27,6 +27,7 @@ CELSIUS = 273.15
 # Messages of one kind: later firmware numbers the instances within one message, earlier firmware has one for each.
 AIRSPEED, BATTERY = ("ARSP", "ASP2"), ("BAT", "BAT2", "CURR", "CUR2")
 CONTROLLERS, RPM = ("ESC", *(f"ESC{i}" for i in range(1, 9))), ("RPM",)
+SIMULATION = ("SIM", "SIM2")
 BAROMETER, IMU, GPS = ("BARO", "BAR2", "BAR3"), ("IMU", "IMU2", "IMU3"), ("GPS", "GPS2")
 FIELDS = {
     **dict.fromkeys(AIRSPEED, ("Airspeed", "DiffPress", "Temp", "U", "H", "Pri")),
@@ -196,6 +197,8 @@ def _tables(path: Path) -> tuple[dict[tuple[str, int], Table], dict[str, float],
     dropped = log.columns("DSF").get("Dp", np.zeros(1))
     lost = int(np.nanmax(np.asarray(dropped, dtype=float))) if len(dropped) else 0
     notes = [f"The autopilot dropped {lost} messages."] if lost else []
+    if any(len(log.columns(name).get("TimeUS", ())) for name in SIMULATION):
+        notes.append("The flight is a simulation by ArduPilot; the truth in its SIM messages is not used.")
     return tables, {_text(name): float(value) for name, value in pairs}, notes
 
 

@@ -130,14 +130,14 @@ class OrdinaryFlight:
         progress: Progress,
         table: "Propeller | None" = None,
     ) -> Done:
-        from analysis.electrical.drag import drag_estimate
+        from analysis.electrical.drag import ThrustSource, drag_estimate
         from analysis.electrical.estimate import estimate
         from analysis.electrical.flight_table import flight_table
         from analysis.electrical.thrust_balance import motor_constants
         from analysis.ground.thrust_prior import stand_measurements
         from analysis.report.electrical_page import write_electrical_report
         from analysis.report.terminal import print_electrical_summary
-        from analysis.results.electrical import electrical_results
+        from analysis.results.electrical import ElectricalFlight, electrical_results
         from analysis.results.provenance import provenance_of_file
 
         recording = replace(recording, air_temperature_K=self.air_temperature_K)
@@ -150,18 +150,20 @@ class OrdinaryFlight:
         propeller = table or self._propeller(propulsion)
         if propeller is not None:
             propeller = propeller.with_beyond_zero_thrust(propulsion.beyond_zero_thrust)
-        constants = motor_constants(propulsion)
-        uncertainty = given.uncertainty if given else Uncertainty()
-        stand = stand_measurements(given) if given and self.propeller is None else ()
-        drag = drag_estimate(flight, found, flown.span_m, propeller, constants, uncertainty, stand=stand)
+        source = ThrustSource(
+            propeller,
+            motor_constants(propulsion),
+            given.uncertainty if given else Uncertainty(),
+            stand_measurements(given) if given and self.propeller is None else (),
+        )
+        drag = drag_estimate(flight, found, flown.span_m, source)
         battery_Wh = self._battery_Wh(given)
         battery_J = None if battery_Wh is None else battery_Wh * self.request.usable * JOULES_PER_WH
-        source = "given with the command" if self.weight_N is not None else "mass.weight of the aircraft file"
-        provenance = provenance_of_file(self.log, source, self.aircraft, self.command_line)
+        weighed = "given with the command" if self.weight_N is not None else "mass.weight of the aircraft file"
+        provenance = provenance_of_file(self.log, weighed, self.aircraft, self.command_line)
         name = propeller.name if propeller else ""
-        results = electrical_results(
-            self.log, flown, flight, found, battery_J, provenance, recording.parameters, drag, name
-        )
+        known = ElectricalFlight(flight, found, drag, name, battery_J, recording.parameters)
+        results = electrical_results(self.log, flown, known, provenance)
         progress("writing the report")
         replaced = write_electrical_report(results, flight, found, self.folder)
         page = self.folder / "report.html"

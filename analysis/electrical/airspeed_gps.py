@@ -34,6 +34,7 @@ def most_probable(
     mean: Array,
     sigma: Array,
     start: Array,
+    *,
     measured: tuple[Array, Array] | None = None,
 ) -> tuple[Array, Array]:
     """Maximum a posteriori parameters (m,), and the derivative (n + m + k, m) of whitened residuals and priors there.

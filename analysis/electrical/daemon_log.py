@@ -15,7 +15,7 @@ from analysis.autopilot_logs import recording
 from analysis.autopilot_logs.recording import Channel, FlightRecording
 from analysis.autopilot_logs.settings import READABLE
 from analysis.drag.method import MethodDescription, MethodEstimate
-from analysis.electrical.drag import DragEstimate, drag_estimate
+from analysis.electrical.drag import DragEstimate, DragWithheld, ThrustSource, drag_estimate
 from analysis.electrical.energy_balance import FlightConditions, drag_power
 from analysis.electrical.estimate import ElectricalEstimate, estimate
 from analysis.electrical.fit import derivatives
@@ -97,20 +97,12 @@ def whole_flight(log: Log, aircraft: Aircraft, propeller: Propeller) -> WholeFli
             flight, weight_N, geometry.wing_area_m2, geometry.span_m, str(log.path),
             most_windows=BESIDE_A_COMPLETE_LOG.most_windows, most_points=BESIDE_A_COMPLETE_LOG.most_points,
         )  # fmt: skip
-        drag: DragEstimate | str = drag_estimate(
-            flight,
-            electrical,
-            geometry.span_m,
-            propeller,
-            None,
-            aircraft.uncertainty,
-            BESIDE_A_COMPLETE_LOG.most_windows,
-            stand_measurements(aircraft),
-        )
+        source = ThrustSource(propeller, None, aircraft.uncertainty, stand_measurements(aircraft))
+        drag = drag_estimate(flight, electrical, geometry.span_m, source, BESIDE_A_COMPLETE_LOG.most_windows)
     except InputError as error:
-        drag = str(error).removeprefix(f"{log.path}: ")
-    if isinstance(drag, str):
-        return WholeFlight(electrical, MethodEstimate(WHOLE_FLIGHT, notes=(drag,)))
+        return WholeFlight(electrical, MethodEstimate(WHOLE_FLIGHT, notes=(str(error).removeprefix(f"{log.path}: "),)))
+    if isinstance(drag, DragWithheld):
+        return WholeFlight(electrical, MethodEstimate(WHOLE_FLIGHT, notes=(drag.sentence(),)))
     return WholeFlight(electrical, method_estimate(drag))
 
 

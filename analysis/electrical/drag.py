@@ -1,6 +1,7 @@
 """Power required and shaft power of level flight, where a propeller's table gives thrust."""
 
 from collections.abc import Callable, Sequence
+from enum import Enum, auto
 from typing import NamedTuple
 
 import numpy as np
@@ -27,10 +28,51 @@ from flight.propeller import Propeller
 Array = NDArray[np.float64]
 
 
-WITHHELD_DRAG = (
-    "Drag and shaft power are not known: they take the propeller's table (--propeller) and motor speed (ESC telemetry"
-    " or RPM messages) or the motor's constants (in an aircraft file, --aircraft)."
-)
+class DragLacks(Enum):
+    """Why drag is not known."""
+
+    PROPELLER = auto()
+    MOTOR_SPEED = auto()
+    POSSIBLE_EFFICIENCY = auto()
+
+
+class DragWithheld(NamedTuple):
+    """motor_efficiency : shaft power by the table over electrical power; None where it is not known"""
+
+    lacks: DragLacks = DragLacks.PROPELLER
+    motor_efficiency: float | None = None
+
+    def sentence(self) -> str:
+        """For the report."""
+        match self.lacks:
+            case DragLacks.PROPELLER:
+                return (
+                    "Drag and shaft power are not known: they take the propeller's table (--propeller) and motor speed"
+                    " (ESC telemetry or RPM messages) or the motor's constants (in an aircraft file, --aircraft)."
+                )
+            case DragLacks.MOTOR_SPEED:
+                return (
+                    "Drag and shaft power are not known: beside the propeller's table they take motor speed in the log"
+                    " (ESC telemetry or RPM messages), or the motor's constants (kv, resistance, no-load current) in an"
+                    " aircraft file (--aircraft)."
+                )
+            case DragLacks.POSSIBLE_EFFICIENCY:
+                return (
+                    "Drag is not known: by the propeller's table and motor speed the shaft takes"
+                    f" {100 * (self.motor_efficiency or 0.0):.0f} % of the electrical power, which no motor does; check"
+                    " the table, and the pole pairs that the speed was counted with."
+                )
+
+
+class ThrustSource(NamedTuple):
+    """What thrust follows from. motor: where motor speed is not measured; uncertainty: of the table; stand: thrust
+    measured at rest.
+    """
+
+    propeller: Propeller | None = None
+    motor: MotorConstants | None = None
+    uncertainty: Uncertainty = Uncertainty()
+    stand: Sequence[PriorMeasurement] = ()
 
 
 class DragEstimate(NamedTuple):
@@ -61,22 +103,16 @@ def drag_estimate(
     flight: FlightTable,
     electrical: ElectricalEstimate,
     span_m: float,
-    propeller: Propeller | None,
-    motor: MotorConstants | None,
-    uncertainty: Uncertainty = Uncertainty(),
+    source: ThrustSource,
     most_windows: int = WINDOWS.most,
-    stand: Sequence[PriorMeasurement] = (),
-) -> DragEstimate | str:
-    """The estimate, or a sentence that says what it would take. uncertainty: of thrust. stand: of thrust at rest."""
+) -> DragEstimate | DragWithheld:
+    """The estimate, or what it would take."""
     measured = bool(flight.table[recording.MOTOR][flight.flown].notna().mean() > FLIGHT.measured_share)
+    propeller, motor, uncertainty, stand = source
     if propeller is None:
-        return WITHHELD_DRAG
+        return DragWithheld()
     if not measured and motor is None:
-        return (
-            "Drag and shaft power are not known: beside the propeller's table they take motor speed in the log (ESC"
-            " telemetry or RPM messages), or the motor's constants (kv, resistance, no-load current) in an aircraft"
-            " file (--aircraft)."
-        )
+        return DragWithheld(DragLacks.MOTOR_SPEED)
     c, airspeed = electrical.conditions, electrical.airspeed
     samples = samples_of(flight, airspeed.scale, airspeed.zero_Pa)
     if samples.motor_revps is not None:
@@ -89,11 +125,7 @@ def drag_estimate(
     powered = balance.motor_W() > 0.2 * np.percentile(balance.motor_W(), 95)
     efficiency = float(np.sum(balance.shaft_W()[powered]) / np.sum(balance.motor_W()[powered]))
     if not THRUST.motor_efficiency[0] < efficiency < THRUST.motor_efficiency[1]:
-        return (
-            f"Drag is not known: by the propeller's table and motor speed the shaft takes {100 * efficiency:.0f} % of"
-            " the electrical power, which no motor does; check the table, and the pole pairs that the speed was counted"
-            " with."
-        )
+        return DragWithheld(DragLacks.POSSIBLE_EFFICIENCY, efficiency)
     mean, sigma = drag_prior(span_m, c.wing_area_m2)
     lift_mean, lift_sigma = lift_prior(span_m, c.wing_area_m2)
     thrust_sigma = uncertainty.thrust_scale_fraction, uncertainty.thrust_slope
@@ -106,7 +138,11 @@ def drag_estimate(
         (rows, values),
     )
     power_sigma = SHARED.current if measured else float(np.hypot(SHARED.current, SHARED.motor_constants))
-    shared = [*shared_errors(flight, balance, fit, airspeed, power_sigma, SHARED.updraft_share_for_drag)]
+    shared = [
+        *shared_errors(
+            flight, balance, fit, airspeed, power_sigma=power_sigma, updraft_share=SHARED.updraft_share_for_drag
+        )
+    ]
     V = electrical.V_mps
 
     def required(parameters: Array, given: FlightConditions) -> Array:

@@ -240,7 +240,7 @@ class EnergyBalance:
     def _drag_and_useful_W(self, parameters: Array, s: Samples, c: FlightConditions) -> tuple[Array, Array]:
         p = DragAndEfficiency.of(parameters)
         useful, idle = useful_power(s.V_mps, self._motor_power(c), parameters, c)
-        return drag_power(s.V_mps, s.load_factor, idle, p, c, s.load_variance), useful
+        return drag_power(s.V_mps, s.load_factor, idle, p, c, load_variance=s.load_variance), useful
 
     def _mean(self, values: Array) -> Array:
         return np.asarray(values[self._rows] @ self.windows.weight)
@@ -287,6 +287,7 @@ def drag_power(
     idle: Array | float,
     p: DragAndEfficiency,
     c: FlightConditions,
+    *,
     load_variance: Array | float = 0.0,
 ) -> Array:
     """Drag times airspeed [W]. load_variance: of the load factor about its mean, which induces drag as well."""

@@ -111,7 +111,7 @@ def most_probable_fit(
             of_force = by_angle(windows, mass_kg, balance.V_mps, angle_rad, angle_s) + white
             noise = of_both(air, of_drag, of_force)
         whiten = np.linalg.inv(np.linalg.cholesky(noise))
-        parameters, jacobian = most_probable(balance.residual, whiten, mean, sigma, parameters, measured)
+        parameters, jacobian = most_probable(balance.residual, whiten, mean, sigma, parameters, measured=measured)
         residual = balance.residual(parameters)
         of_drag = by_efficiency(windows, balance.useful_W(parameters), share) + white
         gust_mps, gust_s = _size_and_time(residual[:n], of_drag, airs, SIGMAS_MPS, unlikely)
@@ -197,6 +197,7 @@ def shared_errors(
     balance: EnergyBalance,
     fit: Fit,
     airspeed: AirspeedErrors,
+    *,
     power_sigma: float = SHARED.current,
     updraft_share: float = SHARED.updraft_share,
 ) -> Iterator[tuple[Array, FlightConditions]]:

@@ -93,7 +93,9 @@ class ThrustBalance(EnergyBalance):
         thrust_N, J = self._thrust(s, c)
         scale, slope = parameters[4:6]
         useful = thrust_N * (1 + scale + slope * (J - J_REFERENCE)) * s.V_mps
-        return drag_power(s.V_mps, s.load_factor, 0.0, aerodynamics(parameters), c, s.load_variance), useful
+        return drag_power(
+            s.V_mps, s.load_factor, 0.0, aerodynamics(parameters), c, load_variance=s.load_variance
+        ), useful
 
     def _thrust(self, s: Samples, c: FlightConditions) -> tuple[Array, Array]:
         """Thrust by the table and advance ratio, (n,) each; they do not depend on the parameters."""

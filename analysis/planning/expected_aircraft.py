@@ -107,7 +107,10 @@ def expected_aircraft(
         thrust, motor = _motor_thrust(aircraft, propeller, V, rho), "the motor of the aircraft file"
     else:
         top = fastest_mps or TRAINER.fastest_over_stall * stall_mps
-        thrust, motor = _assumed_thrust(aircraft, propeller, V, rho, A, top), f"a motor that gives {top:.0f} m/s"
+        thrust, motor = (
+            _assumed_thrust(aircraft, propeller, V, rho, A, fastest_mps=top),
+            f"a motor that gives {top:.0f} m/s",
+        )
     if fastest_mps is None:
         excess = thrust[-1] - _drag_N(aircraft, rho, A, V)
         can = np.flatnonzero(excess > 0)
@@ -146,7 +149,7 @@ def _motor_thrust(aircraft: Aircraft, propeller: Propeller, V: Array, rho: float
 
 
 def _assumed_thrust(
-    aircraft: Aircraft, propeller: Propeller, V: Array, rho: float, A: Array, fastest_mps: float
+    aircraft: Aircraft, propeller: Propeller, V: Array, rho: float, A: Array, *, fastest_mps: float
 ) -> Array:
     """Thrust [N] (throttles, speeds) of a motor whose speed is as the throttle, and that just gives `fastest_mps`."""
     needed = float(_drag_N(aircraft, rho, A, fastest_mps))

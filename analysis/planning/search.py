@@ -113,7 +113,9 @@ def plan_flight(aircraft: ExpectedAircraft, request: Request) -> FlightPlan:
             f" and landing take {base_seconds / 60:.1f}"
         )
     start = _covariances(base, request)
-    every = [_increment(piece, pairs[0], last, base, base_seconds, aircraft, request) for piece in found]
+    every = [
+        _increment(piece, pairs[0], last, (base, base_seconds), aircraft=aircraft, request=request) for piece in found
+    ]
     increments = [increment for piece, increment in zip(found, every, strict=True) if piece in pieces]
     for _ in range(4):  # pieces take more or less time beside others than alone
         counts = _exchanged(increments, left, start, asked)
@@ -175,23 +177,26 @@ def _increment(
     piece: Piece,
     pair: Piece,
     last: Sequence[Piece],
-    base: Expected,
-    base_seconds: float,
+    base: tuple[Expected, float],
+    *,
     aircraft: ExpectedAircraft,
     request: Request,
 ) -> _Increment:
-    """What one piece adds to the information of the base: a difference of two flights."""
+    """What one piece adds to the information of the base: a difference of two flights. base: that of one and its time
+    [s].
+    """
+    before, before_s = base
     flown = [*[pair] * SEARCH.fewest_run_pairs, *[piece] * REPEATED, *last]
     if piece.kind == "runs":
         found, seconds = _evaluated(flown, aircraft, request)
-        errors, polar = found.errors, _gain(found.noise, base.noise) / REPEATED
+        errors, polar = found.errors, _gain(found.noise, before.noise) / REPEATED
     else:
         history = _history(flown, aircraft, request)
         errors = sensor_error_covariance(
             history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma
         )
         seconds, polar = len(history.table) * PATH.step_s, np.zeros((3, 3))
-    return _Increment((seconds - base_seconds) / REPEATED, _gain(errors, base.errors) / REPEATED, polar)
+    return _Increment((seconds - before_s) / REPEATED, _gain(errors, before.errors) / REPEATED, polar)
 
 
 def _gain(after: Array, before: Array) -> Array:

@@ -59,7 +59,8 @@ def fly(
         throttle = maneuver.throttle if isinstance(maneuver, Run) else throttle_at(expected, V)
         counts.append(counts[-1] + len(path.V))
     V_path, bank, climb = (np.concatenate(parts) for parts in zip(*paths, strict=True))
-    return _history(V_path, bank, climb, expected, height_m, wind_mps, begins, np.array(counts) * PATH.step_s)
+    starts_s = np.array(counts) * PATH.step_s
+    return _history(Path(V_path, bank, climb), expected, height_m, wind_mps, begins=begins, starts_s=starts_s)
 
 
 def throttle_at(expected: ExpectedAircraft, V: float) -> float:
@@ -173,15 +174,9 @@ def _landing(expected: ExpectedAircraft, V: float, speed_mps: float, height_m: f
 
 
 def _history(
-    V: Array,
-    bank: Array,
-    climb: Array,
-    expected: ExpectedAircraft,
-    height_m: float,
-    wind_mps: float,
-    begins: str,
-    starts_s: Array,
+    path: Path, expected: ExpectedAircraft, height_m: float, wind_mps: float, *, begins: str, starts_s: Array
 ) -> TimeHistory:
+    V, bank, climb = path
     n = len(V)
     t = np.arange(n) * PATH.step_s
     smooth = np.ones(SMOOTHED) / SMOOTHED

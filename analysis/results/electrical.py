@@ -3,11 +3,12 @@
 from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.electrical.drag import WITHHELD_DRAG, DragEstimate
+from analysis.electrical.drag import DragEstimate, DragWithheld
 from analysis.electrical.estimate import ElectricalEstimate, FlownAircraft
 from analysis.electrical.flight_table import FlightTable
 from analysis.electrical.settings import FLIGHT
@@ -44,26 +45,25 @@ WITHHELD_CLIMB = (
 )
 
 
-def electrical_results(
-    log: Path,
-    aircraft: FlownAircraft,
-    flight: FlightTable,
-    estimate: ElectricalEstimate,
-    battery_J: float | None,
-    provenance: Provenance,
-    logged: Mapping[str, float] = {},
-    drag: DragEstimate | str = WITHHELD_DRAG,
-    propeller: str = "",
-) -> Results:
-    """The contents of `results.json`.
+class ElectricalFlight(NamedTuple):
+    """What is known of a flight.
 
-    battery_J: usable energy; None where it is not known. logged: the autopilot's parameters. drag: a sentence where it
-    is not known.
+    propeller : name of the table that drag follows from          battery_J : usable energy; None where it is not known
+    logged : the autopilot's parameters
     """
-    beside, known = (
-        _beside_the_curve(flight, estimate, battery_J, drag, propeller),
-        None if isinstance(drag, str) else drag,
-    )
+
+    flight: FlightTable
+    estimate: ElectricalEstimate
+    drag: DragEstimate | DragWithheld = DragWithheld()
+    propeller: str = ""
+    battery_J: float | None = None
+    logged: Mapping[str, float] = {}
+
+
+def electrical_results(log: Path, aircraft: FlownAircraft, found: ElectricalFlight, provenance: Provenance) -> Results:
+    """The contents of `results.json`."""
+    flight, estimate, drag, propeller, _, logged = found
+    beside, known = _beside_the_curve(found), None if isinstance(drag, DragWithheld) else drag
     parameters, withheld = typed_in(flight_values(estimate, beside.best_range_speed, logged, known))
     rows = flight.table[flight.flown]
     weight = ConditionResult(weight_N=aircraft.weight_N, air_density_kgpm3=estimate.conditions.rho)
@@ -130,9 +130,8 @@ def _thrust_basis(drag: DragEstimate, propeller: str) -> str:
     )
 
 
-def _beside_the_curve(
-    flight: FlightTable, estimate: ElectricalEstimate, battery_J: float | None, drag: DragEstimate | str, propeller: str
-) -> ElectricalResult:
+def _beside_the_curve(found: ElectricalFlight) -> ElectricalResult:
+    flight, estimate, drag, propeller, battery_J, _ = found
     V, power = estimate.V_mps, estimate.power_W
     covariance = estimate.noise + estimate.systematic
     draws = np.random.default_rng(0).multivariate_normal(power, covariance, DRAWS, method="eigh")
@@ -158,9 +157,11 @@ def _beside_the_curve(
         wind_mps=estimate.airspeed.wind_mps,
         wind_from_deg=estimate.airspeed.wind_from_deg,
         flown_s=float(flight.flown.sum() * FLIGHT.step_s),
-        withheld=[drag, WITHHELD_CLIMB] if isinstance(drag, str) else [WITHHELD_CLIMB],
-        shaft_power=[] if isinstance(drag, str) else _points(drag.V_mps, drag.shaft_W, NORMAL_95 * drag.shaft_error_W),
-        thrust_basis="" if isinstance(drag, str) else _thrust_basis(drag, propeller),
+        withheld=[drag.sentence(), WITHHELD_CLIMB] if isinstance(drag, DragWithheld) else [WITHHELD_CLIMB],
+        shaft_power=[]
+        if isinstance(drag, DragWithheld)
+        else _points(drag.V_mps, drag.shaft_W, NORMAL_95 * drag.shaft_error_W),
+        thrust_basis="" if isinstance(drag, DragWithheld) else _thrust_basis(drag, propeller),
     )
 
 

@@ -11,7 +11,7 @@ from analysis.airdata.air import Array
 from analysis.autopilot_logs import recording
 from analysis.autopilot_logs.recording import Channel, FlightRecording
 from analysis.electrical.airspeed_gps import airspeed_errors, one_way
-from analysis.electrical.drag import DragEstimate, drag_estimate
+from analysis.electrical.drag import DragEstimate, DragLacks, DragWithheld, ThrustSource, drag_estimate
 from analysis.electrical.energy_balance import FlightConditions
 from analysis.electrical.estimate import ElectricalEstimate, FlownAircraft, estimate
 from analysis.electrical.fit import derivatives, with_standard_error
@@ -19,7 +19,7 @@ from analysis.electrical.flight_table import FlightTable, flight_table
 from analysis.electrical.thrust_balance import PARAMETERS, MotorConstants
 from analysis.estimation.model import PriorMeasurement
 from analysis.performance.power_train import revps_for_thrust
-from analysis.results.electrical import _warnings, electrical_results
+from analysis.results.electrical import ElectricalFlight, _warnings, electrical_results
 from analysis.results.electrical_parameters import flight_values
 from analysis.schema import Provenance, SpeedInterval
 from flight.atmosphere import height_at, pressure_at, temperature_at
@@ -210,7 +210,7 @@ def test_the_electrical_power_of_level_flight_is_found(electrical: ElectricalEst
 def drag(request: pytest.FixtureRequest, truth: Truth, electrical: ElectricalEstimate, table: FlightTable) -> Iterator:
     measured = request.param == "measured speed"
     flight = table if measured else flight_table(flown(truth, motor=False), MASS_KG * g, AREA_M2)
-    yield drag_estimate(flight, electrical, SPAN_M, PROPELLER, None if measured else MOTOR), measured
+    yield drag_estimate(flight, electrical, SPAN_M, ThrustSource(PROPELLER, None if measured else MOTOR)), measured
 
 
 def test_power_required_and_shaft_power_are_found_by_the_propeller_s_table(
@@ -236,7 +236,7 @@ def test_thrust_on_a_stand_is_a_prior_of_the_table_s_errors(table: FlightTable, 
     stand = PriorMeasurement(
         name="stand", coefficients={"thrust_scale": 1, "thrust_slope": -0.5}, value=0.1, sigma=1e-3
     )
-    found = drag_estimate(table, electrical, SPAN_M, PROPELLER, None, stand=(stand,))
+    found = drag_estimate(table, electrical, SPAN_M, ThrustSource(PROPELLER, stand=(stand,)))
     assert isinstance(found, DragEstimate)
     row = np.array([{"thrust_scale": 1.0, "thrust_slope": -0.5}.get(name, 0.0) for name in PARAMETERS])
     assert row @ found.parameters == pytest.approx(0.1, abs=1e-3)
@@ -245,11 +245,13 @@ def test_thrust_on_a_stand_is_a_prior_of_the_table_s_errors(table: FlightTable, 
 
 def test_a_wrong_number_of_poles_is_found_by_the_efficiency(table: FlightTable, electrical: ElectricalEstimate) -> None:
     doubled = table._replace(table=table.table.assign(**{recording.MOTOR: 2 * table.table[recording.MOTOR]}))
-    said = drag_estimate(doubled, electrical, SPAN_M, PROPELLER, None)
-    assert isinstance(said, str) and "which no motor does" in said
-    share = float(said.partition("the shaft takes ")[2].split(" %")[0])
-    assert 4 * 70 < share < 2000, "by twice the speed, at the same airspeed: four times the power at least"
-    assert "--propeller" in str(drag_estimate(table, electrical, SPAN_M, None, None))
+    said = drag_estimate(doubled, electrical, SPAN_M, ThrustSource(PROPELLER))
+    assert isinstance(said, DragWithheld) and said.lacks is DragLacks.POSSIBLE_EFFICIENCY
+    assert said.motor_efficiency is not None
+    assert 4 * 0.7 < said.motor_efficiency < 20, (
+        "by twice the speed, at the same airspeed: four times the power at least"
+    )
+    assert drag_estimate(table, electrical, SPAN_M, ThrustSource()) == DragWithheld(DragLacks.PROPELLER)
 
 
 def test_standard_errors_add_what_the_flight_shares() -> None:
@@ -284,9 +286,8 @@ def test_the_results_are_those_of_the_estimate(
     found, _ = drag
     aircraft, battery_J = FlownAircraft("test", MASS_KG * g, AREA_M2, SPAN_M), 3.6e5
     provenance = cast(Provenance, None)
-    results = electrical_results(
-        Path("log"), aircraft, table, electrical, battery_J, provenance, {}, found, "apc-12x8e"
-    )
+    known = ElectricalFlight(table, electrical, found, "apc-12x8e", battery_J)
+    results = electrical_results(Path("log"), aircraft, known, provenance)
     beside = results.electrical
     assert beside is not None and beside.endurance_s is not None and beside.range_m is not None
     V, power = electrical.V_mps, electrical.power_W

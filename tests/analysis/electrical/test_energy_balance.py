@@ -106,10 +106,10 @@ def test_gusts_give_power_in_proportion_to_the_variance_of_lift_and_side_force(s
     parameters = np.array([*PARAMETERS, np.log(1 / side_slope), 0.0, np.log(1 / slope), 0.0])
     assert energy_balance.by_gusts_W(one, parameters, CONDITIONS) == pytest.approx(pull_W, rel=2e-3)
     p = DragAndEfficiency.of(PARAMETERS)
-    CL = lift_N / qS
+    CL, variance = lift_N / qS, np.var(lift_N / mg)
     induced_W = qS * V * np.mean(0.04 + 0.06 * (CL - 0.2) ** 2)
     without_K4 = energy_balance.DragAndEfficiency(**{**vars(p), "K4": 0.0})
-    assert drag_power(V, 1.0, 0.0, without_K4, CONDITIONS, np.var(lift_N / mg)) == pytest.approx(induced_W, rel=1e-3)
+    assert drag_power(V, 1.0, 0.0, without_K4, CONDITIONS, load_variance=variance) == pytest.approx(induced_W, rel=1e-3)
 
 
 def test_thrust_that_does_not_fall_with_speed_is_a_power_law() -> None:

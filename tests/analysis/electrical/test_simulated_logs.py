@@ -11,7 +11,7 @@ import pytest
 from analysis.autopilot_logs.ardupilot import read_ardupilot
 from analysis.autopilot_logs.px4 import read_px4
 from analysis.autopilot_logs.recording import MOTOR, FlightRecording
-from analysis.electrical.drag import DragEstimate, drag_estimate
+from analysis.electrical.drag import DragEstimate, DragLacks, DragWithheld, ThrustSource, drag_estimate
 from analysis.electrical.estimate import ElectricalEstimate, estimate
 from analysis.electrical.flight_table import FlightTable, flight_table
 from analysis.electrical.thrust_balance import motor_constants
@@ -93,7 +93,9 @@ def test_drag_by_propeller_table_and_motor_speed_or_constants(
 ) -> None:
     channels = {name: one for name, one in px4.channels.items() if not (without_speed and name == MOTOR)}
     table, electrical = analyzed(replace(px4, channels=channels))
-    found = drag_estimate(table, electrical, GEOMETRY.span_m, PROPELLER, motor_constants(AIRCRAFT.propulsion))
+    found = drag_estimate(
+        table, electrical, GEOMETRY.span_m, ThrustSource(PROPELLER, motor_constants(AIRCRAFT.propulsion))
+    )
     assert isinstance(found, DragEstimate) and found.measured_speed != without_speed
     truth = flown[0].power_required
     faster = np.sqrt(truth["density_kgpm3"].iloc[0] / electrical.conditions.rho)
@@ -107,11 +109,13 @@ def test_drag_by_propeller_table_and_motor_speed_or_constants(
 def test_what_drag_would_take(px4: FlightRecording) -> None:
     table, electrical = analyzed(px4)
     span_m, constants = GEOMETRY.span_m, motor_constants(AIRCRAFT.propulsion)
-    assert "--propeller" in str(drag_estimate(table, electrical, span_m, None, constants))
+    assert drag_estimate(table, electrical, span_m, ThrustSource(None, constants)) == DragWithheld(DragLacks.PROPELLER)
     without = table._replace(table=table.table.assign(**{MOTOR: np.nan}))
-    assert "ESC telemetry" in str(drag_estimate(without, electrical, span_m, PROPELLER, None))
+    assert drag_estimate(without, electrical, span_m, ThrustSource(PROPELLER)) == DragWithheld(DragLacks.MOTOR_SPEED)
     electrical_speed = table._replace(table=table.table.assign(**{MOTOR: 7 * table.table[MOTOR]}))
-    assert "pole pairs" in str(drag_estimate(electrical_speed, electrical, span_m, PROPELLER, None))
+    doubled = drag_estimate(electrical_speed, electrical, span_m, ThrustSource(PROPELLER))
+    assert isinstance(doubled, DragWithheld) and doubled.lacks is DragLacks.POSSIBLE_EFFICIENCY
+    assert "pole pairs" in doubled.sentence()
 
 
 def test_motor_speed_and_parameters_are_read(

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from analysis.electrical.airspeed_gps import AirspeedErrors
+from analysis.electrical.drag import DragWithheld
 from analysis.electrical.energy_balance import FlightConditions
 from analysis.electrical.settings import FLIGHT, SHARED
 from analysis.estimation.noise import NORMAL_95
 from analysis.polar import maximum_lift_to_drag
-from analysis.results.electrical import _beside_the_curve, _best_speed, _points, _polar, _warnings
+from analysis.results.electrical import ElectricalFlight, _beside_the_curve, _best_speed, _points, _polar, _warnings
 from analysis.results.electrical_parameters import flight_values
 from analysis.schema import SpeedInterval
 from flight.atmosphere import SEA_LEVEL_DENSITY
@@ -33,8 +34,8 @@ def estimate(*, share: float = 0.03, noise_W: float = 1e-6, wind_mps: float | No
     )  # fmt: skip
 
 
-def beside(drag="withheld", **of):
-    return _beside_the_curve(FLOWN, estimate(**of), BATTERY_J, drag, "apc-12x8e")
+def beside(drag=DragWithheld(), **of):
+    return _beside_the_curve(ElectricalFlight(FLOWN, estimate(**of), drag, "apc-12x8e", BATTERY_J))
 
 
 def test_endurance_is_energy_over_the_least_power_and_range_over_that_per_speed() -> None:
@@ -44,7 +45,7 @@ def test_endurance_is_energy_over_the_least_power_and_range_over_that_per_speed(
     for interval in (found.endurance_s, found.range_m):
         ends = interval.value / (1 + 1.96 * 0.03), interval.value / (1 - 1.96 * 0.03)
         assert (interval.lo, interval.hi) == pytest.approx(ends, rel=0.015)  # 400 draws
-    assert _beside_the_curve(FLOWN, estimate(), None, "withheld", "").endurance_s is None
+    assert _beside_the_curve(ElectricalFlight(FLOWN, estimate())).endurance_s is None
 
 
 def test_best_speeds_are_those_of_the_least_power_and_of_the_least_energy_per_meter() -> None:
