@@ -47,7 +47,7 @@ def test_a_list_gives_minutes_and_megabytes(log: Path) -> None:
     assert (name, date, time, mark, minutes, state) == (
         "log-0007.mcap",
         "1970-01-01",
-        "00:00:00",
+        "00:00",
         "?",
         "1.0",
         "complete",
