@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.constants import zero_Celsius
 
 from analysis.autopilot_logs import recording
-from analysis.autopilot_logs.dataflash import HUNDREDTH, DataflashLog
+from analysis.autopilot_logs.dataflash import DataflashLog
 from analysis.autopilot_logs.recording import (
     Battery,
     Channel,
@@ -23,7 +24,6 @@ from analysis.autopilot_logs.recording import (
 from analysis.autopilot_logs.settings import READABLE
 from flight.errors import InputError
 
-CELSIUS = 273.15
 # Messages of one kind: later firmware numbers the instances within one message, earlier firmware has one for each.
 AIRSPEED, BATTERY = ("ARSP", "ASP2"), ("BAT", "BAT2", "CURR", "CUR2")
 CONTROLLERS, RPM = ("ESC", *(f"ESC{i}" for i in range(1, 9))), ("RPM",)
@@ -158,14 +158,14 @@ def _airspeed(tables: dict[tuple[str, int], Table]) -> tuple[Channel | None, lis
 def _thermometers(tables: dict[tuple[str, int], Table], parameters: dict[str, float]) -> dict[str, Channel]:
     """Exactly 0 °C throughout is what firmware writes without a thermometer. BARO_GND_TEMP is what the user said."""
     shown = {
-        f"{kind} {instance}": channel(table["t_s"], np.asarray(table["Temp"], dtype=float) + CELSIUS)
+        f"{kind} {instance}": channel(table["t_s"], np.asarray(table["Temp"], dtype=float) + zero_Celsius)
         for (kind, instance), table in tables.items()
         if kind in (*AIRSPEED, *BAROMETER) and np.any(table["Temp"] != 0)
     }
     ground = parameters.get("BARO_GND_TEMP", 0.0)
     for table in _of(tables, BAROMETER)[:1]:
         if ground:
-            shown["BARO_GND_TEMP"] = channel(table["t_s"], np.full(len(table["t_s"]), ground + CELSIUS))
+            shown["BARO_GND_TEMP"] = channel(table["t_s"], np.full(len(table["t_s"]), ground + zero_Celsius))
     return shown
 
 
@@ -189,7 +189,7 @@ def _tables(path: Path) -> tuple[dict[tuple[str, int], Table], dict[str, float],
     tables = {key: table for kind in FIELDS for key, table in _instances(kind, log.columns(kind))}
     for (kind, _), table in tables.items():
         for name in log.whole_numbers(kind) & {"Volt", "Curr"}:  # firmware before 2015: in hundredths
-            table[name] = HUNDREDTH * table[name]
+            table[name] = 0.01 * table[name]
     if not tables:
         raise InputError(f"{path}: holds no message of airspeed, battery or barometer; is the log complete?")
     settings = log.columns("PARM")

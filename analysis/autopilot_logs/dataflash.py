@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-START, FORMAT_KIND = b"\xa3\x95", 0x80
+START, DEFINITION = b"\xa3\x95", ord(b"\x80")
 FORMAT = struct.Struct("<BB4s16s64s")
-HEADER_BYTES, HUNDREDTH = 3, 0.01
+HEADER_BYTES = struct.calcsize("2sB")  # START, number of the kind
 # Codes of packed fields, as NumPy types. Those of cCeE are in hundredths.
 PACKED = {"a": "(32,)<i2", "b": "i1", "B": "u1", "M": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4", "f": "<f4",
           "d": "<f8", "g": "<f2", "n": "S4", "N": "S16", "Z": "S64", "c": "<i2", "C": "<u2", "e": "<i4", "E": "<u4",
@@ -34,7 +34,7 @@ class DataflashLog:
         self._data = np.frombuffer(data, dtype=np.uint8)
         self._kinds: dict[int, _Kind] = {}
         lengths = [0] * 256
-        lengths[FORMAT_KIND] = HEADER_BYTES + FORMAT.size
+        lengths[DEFINITION] = HEADER_BYTES + FORMAT.size
         self._offsets = [array("Q") for _ in range(256)]
         at, find = 0, data.find
         while 0 <= (at := find(START, at)) <= len(data) - HEADER_BYTES:
@@ -44,7 +44,7 @@ class DataflashLog:
                 at += 1
                 continue
             self._offsets[number].append(at)
-            if number == FORMAT_KIND and (defined := self._define(data, at)) is not None:
+            if number == DEFINITION and (defined := self._define(data, at)) is not None:
                 lengths[defined] = HEADER_BYTES + self._kinds[defined].dtype.itemsize
             at += length
 
@@ -53,7 +53,7 @@ class DataflashLog:
         number, length, *texts = FORMAT.unpack_from(data, at + HEADER_BYTES)
         name, codes, listed = (text.rstrip(b"\0").decode("ascii", "replace") for text in texts)
         fields = tuple(listed.split(","))
-        known = number in self._kinds or number == FORMAT_KIND
+        known = number in self._kinds or number == DEFINITION
         named = len(set(fields)) == len(fields) == len(codes) and all(fields)
         if known or not named or not set(codes) <= set(PACKED):
             return None
@@ -84,5 +84,5 @@ class DataflashLog:
                 out[field] = rows[field]
             elif code != "a":
                 with np.errstate(invalid="ignore"):
-                    out[field] = rows[field].astype(np.float64) * (HUNDREDTH if code in "cCeE" else 1.0)
+                    out[field] = rows[field].astype(np.float64) * (0.01 if code in "cCeE" else 1.0)
         return out

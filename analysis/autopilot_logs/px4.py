@@ -2,12 +2,14 @@
 
 import contextlib
 import io
+from enum import IntEnum
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pyulog import ULog
+from scipy.constants import zero_Celsius
 
 from analysis.autopilot_logs import recording
 from analysis.autopilot_logs.recording import (
@@ -29,9 +31,6 @@ TOPICS = (
     "sensor_combined",
     "sensor_gps", "vehicle_acceleration", "vehicle_air_data", "vehicle_gps_position", "vehicle_status",
 )  # fmt: skip
-ROTARY_WING, FIXED_WING, ROVER = 1, 2, 3  # vehicle_status.vehicle_type
-MULTICOPTERS, ROVERS = (2, 3, 4, 13, 14, 15), (10, 11, 12)  # MAV_TYPE
-CELSIUS = 273.15
 AIRSPEED_TOPICS = (  # in order of preference
     ("airspeed_validated", ("indicated_airspeed_m_s",)),
     ("airspeed", ("indicated_airspeed_m_s",)),
@@ -134,6 +133,14 @@ def _line(error: Exception) -> str:
     return " ".join(str(error).split())[:120]
 
 
+class VehicleType(IntEnum):
+    """vehicle_status.vehicle_type"""
+
+    ROTARY_WING = 1
+    FIXED_WING = 2
+    ROVER = 3
+
+
 def _refuse_wingless(path: Path, topics: dict[str, list[_Topic]]) -> None:
     for status in topics.get("vehicle_status", []):
         kinds = status.values("vehicle_type") if status.has("vehicle_type") else np.empty(0)
@@ -143,9 +150,10 @@ def _refuse_wingless(path: Path, topics: dict[str, list[_Topic]]) -> None:
             else set()
         )
         vtol = status.has("is_vtol") and bool(status.values("is_vtol").any())
-        if mav & set(ROVERS) or (len(kinds) and (kinds == ROVER).all()):
+        multicopters, rovers = {2, 3, 4, 13, 14, 15}, {10, 11, 12}  # MAV_TYPE
+        if mav & rovers or (len(kinds) and (kinds == VehicleType.ROVER).all()):
             raise InputError(f"{path}: the log of a rover or boat; power required is that of a fixed wing")
-        if mav & set(MULTICOPTERS) or (len(kinds) and (kinds == ROTARY_WING).all()):
+        if mav & multicopters or (len(kinds) and (kinds == VehicleType.ROTARY_WING).all()):
             kind = "a multicopter, or of a VTOL that never flew on its wing" if vtol else "a multicopter"
             raise InputError(f"{path}: the log of {kind}; power required is that of a fixed wing")
 
@@ -177,7 +185,7 @@ def _on_the_wing(one: Channel, topics: dict[str, list[_Topic]]) -> Channel:
     for status in topics.get("vehicle_status", []):
         if status.has("vehicle_type"):
             latest = np.clip(np.searchsorted(status.t_s, one.t_s, side="right") - 1, 0, None)
-            winged = status.values("vehicle_type")[latest] != ROTARY_WING
+            winged = status.values("vehicle_type")[latest] != VehicleType.ROTARY_WING
             return Channel(one.t_s[winged], one.value[winged])
     return one
 
@@ -240,5 +248,5 @@ def _thermometers(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
         for one in topics.get(name, []):
             celsius = one.channel(field)
             if np.any(celsius.value != 0):  # no thermometer: exactly 0 throughout
-                found[f"{name} {one.instance}"] = Channel(celsius.t_s, celsius.value + CELSIUS)
+                found[f"{name} {one.instance}"] = Channel(celsius.t_s, celsius.value + zero_Celsius)
     return found

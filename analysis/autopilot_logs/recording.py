@@ -19,7 +19,6 @@ MOTOR = "motor_revps"
 OF_AIRSPEED, OF_BAROMETER = frozenset({AIRSPEED_PRESSURE}), frozenset({STATIC})
 OF_BATTERY = frozenset({VOLTAGE, CURRENT})
 GPS = ("gps_north_mps", "gps_east_mps", "gps_down_mps")
-SEA_LEVEL_DENSITY_KGPM3 = 1.225  # of indicated airspeed
 
 
 # By channel: the least and greatest possible value, and the greatest difference from the median of five samples.
@@ -78,7 +77,7 @@ def channel(t_s: ArrayLike, value: ArrayLike) -> Channel:
 def pressure_of_indicated_airspeed(speed_mps: ArrayLike) -> Array:
     """Differential pressure [Pa] that an autopilot showed as this indicated airspeed; negative below zero."""
     speed = np.asarray(speed_mps, dtype=float)
-    return np.asarray(np.sign(speed) * SEA_LEVEL_DENSITY_KGPM3 / 2 * speed**2)
+    return np.asarray(np.sign(speed) * 1.225 / 2 * speed**2)  # indicated airspeed is defined at sea level
 
 
 def without_clock_jumps(main: Channel, channels: Mapping[str, Channel]) -> tuple[dict[str, Channel], list[str]]:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from rich.console import Console
+from scipy.constants import hour
 
 from analysis.autopilot_logs.read import PX4
 from analysis.performance.request import Request
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from analysis.schema import Results
     from flight.propeller import Propeller
 
-JOULES_PER_WH = 3600.0
 NEEDED = ("/imu", "/probe/alpha", "/probe/airspeed", "/static", "/rpm")  # by drag
 ELECTRICAL = ("/probe/airspeed", "/static", "/battery")
 
@@ -158,7 +158,7 @@ class OrdinaryFlight:
         )
         drag = drag_estimate(flight, found, flown.span_m, source)
         battery_Wh = self._battery_Wh(given)
-        battery_J = None if battery_Wh is None else battery_Wh * self.request.usable * JOULES_PER_WH
+        battery_J = None if battery_Wh is None else battery_Wh * self.request.usable * hour
         weighed = "given with the command" if self.weight_N is not None else "mass.weight of the aircraft file"
         provenance = provenance_of_file(self.log, weighed, self.aircraft, self.command_line)
         name = propeller.name if propeller else ""

@@ -64,7 +64,6 @@ RESIDUALS_NOT_WHITE = (
 INNOVATIONS_NOT_WHITE = (
     "the model lacks something, process noise acts on other states too, or it is colored (give it a state of its own)"
 )
-DIFFERENCE_STEP = 1e-6  # of the state, relative to its largest value
 
 
 def hints_of(fit: Fit) -> tuple[Remark, ...]:
@@ -138,7 +137,8 @@ def unstable_growth(fit: Fit, segment_fit: SegmentFit) -> tuple[float, float, st
     def rates(x: Array) -> Array:
         return np.array([rate + np.zeros(len(at)) for rate in fit.model.evaluate_dynamics(x.T, u, values)])
 
-    steps = DIFFERENCE_STEP * np.maximum(np.abs(x).max(axis=0), DIFFERENCE_STEP)
+    share = 1e-6  # of the largest value of a state, for central differences
+    steps = share * np.maximum(np.abs(x).max(axis=0), share)
     with np.errstate(all="ignore"):
         A = np.stack(
             [(rates(x[at] + d) - rates(x[at] - d)) / (2 * d.max()) for d in np.diag(steps)], axis=1

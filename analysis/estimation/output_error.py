@@ -12,10 +12,12 @@ follows from the residuals afterwards.
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from analysis.estimation.array_function import SAMPLES
 from analysis.estimation.data import Band, Segment, band_matrix
 from analysis.estimation.fit import Finding, Fit, Remark, SegmentFit
 from analysis.estimation.hints import hints_of
@@ -34,7 +36,7 @@ from flight.errors import InputError
 
 Array = NDArray[np.float64]
 
-BLOCK = 4096  # samples
+BLOCK = SAMPLES
 
 
 @dataclass(frozen=True)
@@ -85,9 +87,6 @@ def summed(blocks: Iterable[Response], Z: Array, kept: NDArray[np.intp]) -> Sums
             gram[i] += S.T @ S
             product[i] += S.T @ e[:, i]
     return Sums(y, residuals, gram, product)
-
-
-LONG = 1_000_000  # elements of the sensitivities above which iterations do not keep them (8 MB)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -192,6 +191,7 @@ class OutputErrorLikelihood:
     known_R: Array | None = None
     tail_dof: float | None = None
     transforms: list[Array] | None = None
+    LARGEST_KEPT: ClassVar[int] = 1_000_000  # elements of the sensitivities that iterations keep (8 MB)
 
     def responses(self, theta: Array) -> list[Response]:
         """Of all segments, each with sensitivities to the unknowns of this segment only."""
@@ -214,7 +214,7 @@ class OutputErrorLikelihood:
         """Whether iterations should not keep the sensitivities; they need them with a diagonal R only."""
         elements = sum(Z.size * len(own) for Z, own in zip(self.problem.Z, self.problem.columns, strict=True))
         plain = self.noise == "diagonal" and self.known_R is None and self.tail_dof is None
-        return plain and self.transforms is None and elements > LONG
+        return plain and self.transforms is None and elements > self.LARGEST_KEPT
 
     def evaluate_in_blocks(self, theta: Array) -> Evaluation:
         """`evaluate` for an estimated diagonal R, without sensitivities in the segment fits."""

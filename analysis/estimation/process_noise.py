@@ -132,9 +132,6 @@ def intensity_of(fit: Fit, noise: ProcessNoise, negligible: Mapping[UnknownKey, 
     return Intensity(math.exp(ln_w), float(lo), float(hi), np.nan)
 
 
-DIFFERENCE = 1e-4  # of a state for its effect on prediction and outputs, relative to the state's rms
-
-
 def noise_from_predictions(
     model: Model,
     segments: Sequence[Segment],
@@ -170,7 +167,8 @@ def noise_from_predictions(
         errors.append(d**2)
         after.append(d[:, 1:] * d[:, :-1])
         rest.append((Z - y)[others] ** 2)
-        size = DIFFERENCE * (np.sqrt(np.nanmean(X**2, axis=1)) + DIFFERENCE)
+        share = 1e-4  # of a state's rms, for its effect on prediction and outputs
+        size = share * (np.sqrt(np.nanmean(X**2, axis=1)) + share)
         moved = [X + np.where(np.arange(len(X)) == j, size, 0.0)[:, None] for j in range(len(X))]
         Phi.append([np.nanmean(predicted(x[:, :-1]) - now, axis=1) / size[j] for j, x in enumerate(moved)])
         C.append([np.nanmean((observed(x) - y) ** 2, axis=1)[others] / size[j] ** 2 for j, x in enumerate(moved)])

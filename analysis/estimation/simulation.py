@@ -201,44 +201,38 @@ def _of_samples(records: Sequence[Record]) -> tuple[list[Any], list[Any]]:
     return elements[:-1], elements[-1:]
 
 
-RECURSION_BLOCK = 32  # samples
-
-
-def linear_recursion(A: Array, B: Array, initial: Array, lengths: list[int]) -> Array:
+def linear_recursion(A: Array, B: Array, initial: Array, lengths: list[int], *, block: int = 32) -> Array:
     """S (n, s, m) of S_(k+1) = A_k S_k + B_k in records of these lengths, one after another.
 
     The last step of each record is not used.
 
     A : (n, s, s)     B : (n, s, m)     initial : (records, s, m), S at each record's first sample
-    The solution of a block is linear in its first S: it is computed for all blocks together, then from block to block.
+    The solution of a block of samples is linear in its first S: it is computed for all blocks together, then from block
+    to block.
     """
     n, s, m = B.shape
     firsts, first_of_record, ends = [], [], []
     begin = 0
     for length in lengths:
-        within = range(begin, begin + length, RECURSION_BLOCK)
+        within = range(begin, begin + length, block)
         firsts += list(within)
         first_of_record += [True] + [False] * (len(within) - 1)
         begin += length
         ends += [begin] * len(within)
-    samples = np.array(firsts)[:, None] + np.arange(RECURSION_BLOCK)
+    samples = np.array(firsts)[:, None] + np.arange(block)
     used = samples < np.array(ends)[:, None]
     samples = np.minimum(samples, n - 1)  # a record's last block is filled up with samples that are not used
-    both = np.zeros(
-        (RECURSION_BLOCK + 1, len(firsts), s, s + m)
-    )  # the factor of the block's first S, and what is added to it
+    both = np.zeros((block + 1, len(firsts), s, s + m))  # the factor of the block's first S, and what is added to it
     both[0, :, range(s), range(s)] = 1.0
-    for k in range(RECURSION_BLOCK):
+    for k in range(block):
         np.matmul(A[samples[:, k]], both[k], out=both[k + 1])
         both[k + 1, :, :, s:] += B[samples[:, k]]
     factor, added = both[..., :s], both[..., s:]
     start = np.empty((len(firsts), s, m))
     records = iter(initial)
     for i, begins in enumerate(first_of_record):
-        start[i] = (
-            next(records) if begins else factor[RECURSION_BLOCK, i - 1] @ start[i - 1] + added[RECURSION_BLOCK, i - 1]
-        )
-    S = factor[:RECURSION_BLOCK] @ start + added[:RECURSION_BLOCK]
+        start[i] = next(records) if begins else factor[block, i - 1] @ start[i - 1] + added[block, i - 1]
+    S = factor[:block] @ start + added[:block]
     return np.asarray(S.transpose(1, 0, 2, 3)[used])
 
 

@@ -25,8 +25,6 @@ from flight.errors import InputError
 
 Array = NDArray[np.float64]
 
-DIFFERENCE_STEP = 1e-3  # in standard errors: step of the central differences of a user's function
-
 
 @dataclass(frozen=True)
 class Uncertainty:
@@ -124,7 +122,7 @@ def delta_method(uncertainty: Uncertainty, function: Callable[[NamedValues], Any
     def at(values: Array) -> Array:
         return np.atleast_1d(np.asarray(function(fit.shared(values)), dtype=float))
 
-    h = DIFFERENCE_STEP * np.sqrt(np.diag(uncertainty.covariance))
+    h = 1e-3 * np.sqrt(np.diag(uncertainty.covariance))  # of central differences: a thousandth of a standard error
     if not np.isfinite(h).all():
         raise InputError(f"the covariance of the estimate is not finite, the delta method needs it: {fit.verdict}")
     gradient = np.stack([(at(fit.values + d) - at(fit.values - d)) for d in np.diag(h)], axis=1)

@@ -30,8 +30,6 @@ from flight.propeller import Propeller
 
 Array = NDArray[np.float64]
 
-ITERATIONS = range(6)  # each changes the result by a tenth of the change before
-
 
 @dataclass(frozen=True)
 class PerformanceModel:
@@ -77,7 +75,7 @@ def level_thrust(parameters: SigmaPoints, V: Array, condition: Condition) -> Arr
     1/cos(alpha) makes it larger than drag; the weight that it carries reduces lift, and with it drag.
     """
     carried_N = np.zeros(1)
-    for _ in ITERATIONS:
+    for _ in range(6):  # each changes the result by a tenth of the change before
         CL = (condition.weight_N - carried_N) / _qS(V, condition)
         alpha = parameters["alpha_0"] + parameters["alpha_CL"] * CL
         thrust_N = drag(parameters, V, CL, condition) / np.cos(alpha)
@@ -91,7 +89,7 @@ def climb_angle(parameters: SigmaPoints, thrust_N: Array, V: Array, condition: C
     parameters : A0, A1, A2, alpha_0, alpha_CL     thrust_N : (2m + 1, k), along the propeller's axis
     """
     carried_N, sine = np.zeros(1), np.zeros(1)
-    for _ in ITERATIONS:
+    for _ in range(6):  # each changes the result by a tenth of the change before
         CL = (condition.weight_N * np.sqrt(1 - sine**2) - carried_N) / _qS(V, condition)
         alpha = parameters["alpha_0"] + parameters["alpha_CL"] * CL
         along_path_N, carried_N = thrust_N * np.cos(alpha), thrust_N * np.sin(alpha)

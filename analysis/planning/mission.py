@@ -10,6 +10,7 @@ The same plan as TOML, for `sim fly --plan`.
 
 import json
 from collections.abc import Sequence
+from enum import IntEnum
 from math import asin, atan2, cos, degrees, pi, radians, sin
 from typing import NamedTuple
 
@@ -20,13 +21,29 @@ from analysis.planning.search import KNOT_MPS, FlightPlan, Request
 from analysis.planning.settings import MANEUVERS, MARGINS, PATH
 from analysis.planning.time_history import climb_rate_mps
 
-EARTH_RADIUS_M = 6371000.0
-RELATIVE_ALT, MISSION_FRAME = 3, 2  # MAV_FRAME
-WAYPOINT, LOITER_TURNS, RETURN, TAKE_OFF, CHANGE_SPEED = 16, 18, 20, 22, 178  # MAV_CMD
-AIRSPEED, KEEP_THROTTLE = 0, -1  # parameters of CHANGE_SPEED
-FIRMWARE = {"px4": 12, "ardupilot": 3}  # MAV_AUTOPILOT
-FIXED_WING = 1  # MAV_TYPE
-TAKE_OFF_PITCH_DEG, ACCEPTED_M = 12.0, 30.0
+
+class Command(IntEnum):
+    """MAV_CMD"""
+
+    WAYPOINT = 16
+    LOITER_TURNS = 18
+    RETURN_TO_LAUNCH = 20
+    TAKE_OFF = 22
+    CHANGE_SPEED = 178
+
+
+class Frame(IntEnum):
+    """MAV_FRAME"""
+
+    MISSION = 2
+    GLOBAL_RELATIVE_ALTITUDE = 3
+
+
+class Autopilot(IntEnum):
+    """MAV_AUTOPILOT"""
+
+    ardupilot = 3
+    px4 = 12
 
 
 class Home(NamedTuple):
@@ -58,7 +75,7 @@ def qgroundcontrol_plan(plan: FlightPlan, home: Home, firmware: str) -> str:
                 "autoContinue": True,
                 "command": item.command,
                 "doJumpId": i,
-                "frame": RELATIVE_ALT if located else MISSION_FRAME,
+                "frame": Frame.GLOBAL_RELATIVE_ALTITUDE if located else Frame.MISSION,
                 "params": [*item.params, latitude, longitude, height_m if located else 0],
                 "type": "SimpleItem",
             }
@@ -70,12 +87,12 @@ def qgroundcontrol_plan(plan: FlightPlan, home: Home, firmware: str) -> str:
         "groundStation": "QGroundControl",
         "mission": {
             "cruiseSpeed": round(cruise_mps, 1),
-            "firmwareType": FIRMWARE[firmware],
+            "firmwareType": Autopilot[firmware],
             "globalPlanAltitudeMode": 1,
             "hoverSpeed": 5,
             "items": items,
             "plannedHomePosition": [home.latitude_deg, home.longitude_deg, 0],
-            "vehicleType": FIXED_WING,
+            "vehicleType": 1,  # MAV_TYPE_FIXED_WING
             "version": 2,
         },
         "rallyPoints": {"points": [], "version": 2},
@@ -87,13 +104,13 @@ def qgroundcontrol_plan(plan: FlightPlan, home: Home, firmware: str) -> str:
 def waypoint_file(plan: FlightPlan, home: Home) -> str:
     """The same mission in the plain-text format (QGC WPL 110), which Mission Planner and MAVProxy load."""
     rows: list[tuple[float, ...]] = [
-        (0, 1, 0, WAYPOINT, 0.0, 0.0, 0.0, 0.0, home.latitude_deg, home.longitude_deg, 0.0, 1)
+        (0, 1, 0, Command.WAYPOINT, 0.0, 0.0, 0.0, 0.0, home.latitude_deg, home.longitude_deg, 0.0, 1)
     ]
     for i, item in enumerate(_items(plan, home), start=1):
         latitude, longitude = item.place or (0.0, 0.0)
         located = item.place is not None
         height_m = plan.request.space.height_m if located else 0.0
-        frame = RELATIVE_ALT if located else MISSION_FRAME
+        frame = Frame.GLOBAL_RELATIVE_ALTITUDE if located else Frame.MISSION
         params = tuple(0.0 if value is None else float(value) for value in item.params)
         rows.append((i, 0, frame, item.command, *params, latitude, longitude, height_m, 1))
     lines = ["\t".join(f"{value:.8f}" if isinstance(value, float) else str(value) for value in row) for row in rows]
@@ -115,11 +132,13 @@ def _items(plan: FlightPlan, home: Home) -> list[_Item]:
     def change(wanted: float) -> None:
         nonlocal speed_mps
         if abs(wanted - speed_mps) > 0.05:
-            items.append(_Item(CHANGE_SPEED, (AIRSPEED, round(wanted, 2), KEEP_THROTTLE, 0)))
+            airspeed, keep_throttle = 0, -1
+            items.append(_Item(Command.CHANGE_SPEED, (airspeed, round(wanted, 2), keep_throttle, 0)))
             speed_mps = wanted
 
     def leg() -> None:
-        items.append(_Item(WAYPOINT, (0, ACCEPTED_M, 0, None), ends[0]))
+        accepted_m = 30.0
+        items.append(_Item(Command.WAYPOINT, (0, accepted_m, 0, None), ends[0]))
         ends.reverse()
 
     for piece in plan.pieces:
@@ -137,16 +156,17 @@ def _items(plan: FlightPlan, home: Home) -> list[_Item]:
                     change(wanted)
                     radius_m = maneuver.width_m / 2
                     turns = round(angle_rad / (2 * pi))
-                    items.append(_Item(LOITER_TURNS, (turns, 0, round(radius_m, 1), 1), center))
+                    items.append(_Item(Command.LOITER_TURNS, (turns, 0, round(radius_m, 1), 1), center))
                 case Hold() | Turn() | Porpoise() | TakeOff():
                     pass
-    first = _Item(TAKE_OFF, (TAKE_OFF_PITCH_DEG, 0, 0, None), _place(home, space.leg_m / 4, 0.0))
-    return [first, *items, _Item(RETURN, (0, 0, 0, 0))]
+    pitch_deg = 12.0
+    first = _Item(Command.TAKE_OFF, (pitch_deg, 0, 0, None), _place(home, space.leg_m / 4, 0.0))
+    return [first, *items, _Item(Command.RETURN_TO_LAUNCH, (0, 0, 0, 0))]
 
 
 def _place(home: Home, along_m: float, across_m: float) -> tuple[float, float]:
     """Latitude and longitude [deg] of a point along and to the right of the first leg (great circle)."""
-    distance = (along_m**2 + across_m**2) ** 0.5 / EARTH_RADIUS_M
+    distance = (along_m**2 + across_m**2) ** 0.5 / 6371000.0  # mean radius of the earth [m]
     bearing = home.heading_rad + atan2(across_m, along_m)
     latitude = radians(home.latitude_deg)
     there = asin(sin(latitude) * cos(distance) + cos(latitude) * sin(distance) * cos(bearing))

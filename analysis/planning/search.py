@@ -42,7 +42,6 @@ Array = NDArray[np.float64]
 
 KNOT_MPS = 0.514444
 BY_HAND = ("porpoise",)  # kinds of pieces that no autopilot's mission holds
-REPEATED = 2  # of a piece in the flight that its information is computed from
 
 
 @dataclass(frozen=True)
@@ -186,17 +185,18 @@ def _increment(
     [s].
     """
     before, before_s = base
-    flown = [*[pair] * SEARCH.fewest_run_pairs, *[piece] * REPEATED, *last]
+    repeated = 2  # of a piece in the flight that its information is computed from
+    flown = [*[pair] * SEARCH.fewest_run_pairs, *[piece] * repeated, *last]
     if piece.kind == "runs":
         found, seconds = _evaluated(flown, aircraft, request)
-        errors, polar = found.errors, _gain(found.noise, before.noise) / REPEATED
+        errors, polar = found.errors, _gain(found.noise, before.noise) / repeated
     else:
         history = _history(flown, aircraft, request)
         errors = sensor_error_covariance(
             history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma
         )
         seconds, polar = len(history.table) * PATH.step_s, np.zeros((3, 3))
-    return _Increment((seconds - before_s) / REPEATED, _gain(errors, before.errors) / REPEATED, polar)
+    return _Increment((seconds - before_s) / repeated, _gain(errors, before.errors) / repeated, polar)
 
 
 def _gain(after: Array, before: Array) -> Array:

@@ -22,8 +22,6 @@ from flight.units import GRAVITY_MPS2 as g
 
 Array = NDArray[np.float64]
 
-SMOOTHED = 5  # samples: an aircraft does not change its path at once
-
 
 class Path(NamedTuple):
     """Airspeed [m/s], bank and angle of climb [rad] of a maneuver, each (n,), PATH.step_s apart."""
@@ -179,8 +177,9 @@ def _history(
     V, bank, climb = path
     n = len(V)
     t = np.arange(n) * PATH.step_s
-    smooth = np.ones(SMOOTHED) / SMOOTHED
-    climb, bank = (np.convolve(np.pad(x, SMOOTHED // 2, mode="edge"), smooth, mode="valid") for x in (climb, bank))
+    samples = 5  # an aircraft does not change its path at once
+    smooth = np.ones(samples) / samples
+    climb, bank = (np.convolve(np.pad(x, samples // 2, mode="edge"), smooth, mode="valid") for x in (climb, bank))
     flown = np.maximum(V, 0.5 * expected.stall_mps)
     load = (flown * np.gradient(climb, PATH.step_s) / g + np.cos(climb)) / np.cos(bank)
     alpha = np.clip(expected.alpha_rad(flown, load), -0.2, 0.3) * np.minimum(V / flown, 1.0)

@@ -10,8 +10,6 @@ from analysis.report.figures import probe_calibration as figures
 from analysis.report.figures.style import Array, Figure
 from analysis.report.html_page import HtmlTable, html_figure, render_page
 
-DEG = float(np.degrees(1.0))
-
 
 def render(tunnel: TunnelData, calibration: ProbeCalibration, *, angle_scale_sigma: float) -> str:
     """The page as one HTML file. angle_scale_sigma: relative standard error of the angles of the tunnel itself."""
@@ -20,8 +18,8 @@ def render(tunnel: TunnelData, calibration: ProbeCalibration, *, angle_scale_sig
     alpha, beta, predicted_ratio = calibration.maps(C_alpha, C_beta)
     alpha_error_rad = alpha - tunnel.alpha_rad
     residuals = (
-        DEG * alpha_error_rad,
-        DEG * (beta - tunnel.beta_rad),
+        np.degrees(alpha_error_rad),
+        np.degrees(beta - tunnel.beta_rad),
         100 * (predicted_ratio / ratio - 1),
     )
     dependence = speed_dependence(tunnel, alpha_error_rad, tunnel.alpha_rad)
@@ -55,7 +53,7 @@ def slope_parts(calibration: ProbeCalibration, dependence: SpeedDependence, angl
 
 def _quality(calibration: ProbeCalibration, residuals: tuple[Array, Array, Array]) -> HtmlTable:
     surfaces = (calibration.alpha_rad, calibration.beta_rad, calibration.q_ratio)
-    quantities = (("alpha", "deg", DEG), ("beta", "deg", DEG), ("q_c/q", "%", 100.0))
+    quantities = (("alpha", "deg", np.degrees(1.0)), ("beta", "deg", np.degrees(1.0)), ("q_c/q", "%", 100.0))
     rows = [
         (
             name,
@@ -87,7 +85,7 @@ def speed_effect(dependence: SpeedDependence) -> str:
 def validity(calibration: ProbeCalibration) -> str:
     """Where the calibration holds, in a sentence."""
     within = [
-        f"{name} from {DEG * limits[0]:.0f} to {DEG * limits[1]:.0f} deg"
+        f"{name} from {np.degrees(limits[0]):.0f} to {np.degrees(limits[1]):.0f} deg"
         for name, limits in (("alpha", calibration.alpha_limits_rad), ("beta", calibration.beta_limits_rad))
         if limits is not None
     ]

@@ -8,7 +8,7 @@ import pandas as pd
 
 from analysis.estimation.fit import Convergence
 from analysis.estimation.noise import NORMAL_95
-from analysis.maneuvers.kinds import Maneuver
+from analysis.maneuvers.kinds import STEADY, Maneuver
 from analysis.report.figures.style import (
     BLUE,
     GRAY,
@@ -31,18 +31,17 @@ from analysis.trajectory.consistency import ANGLES, SPEED, Consistency
 from analysis.trajectory.reconstruction import Trajectory
 from flight.motion import body_from_earth
 
-SHADE_OPACITY = {"acceleration": 0.16, "deceleration": 0.16, "steady": 0.22}
 NOT_SHADED = ("standing", "flying")
 TIME_TITLE = "time since the start of the log, s"
-ROWS = (("V_mps", "speed, m/s", 1.0), ("height_m", "height, m", 1.0), ("n_revps", "motor, rpm", 60.0))
+ROWS = (("V_mps", "speed, m/s"), ("height_m", "height, m"), ("n_revps", "motor, rpm"))
 
 
 def timeline(table: pd.DataFrame, runs: Sequence[Maneuver], rejected: Sequence[RejectedResult] = ()) -> Figure:
     """Speed, height and motor speed of the whole flight; runs shaded by kind, rejected stretches outlined in gray."""
     figure = Figure(len(ROWS))
     t_s = table.index.to_numpy()
-    for i, (column, title, factor) in enumerate(ROWS, start=1):
-        x, y = thinned(t_s, table[column].to_numpy() * factor)
+    for i, (column, title) in enumerate(ROWS, start=1):
+        x, y = thinned(t_s, table[column].to_numpy() * (60 if column == "n_revps" else 1))
         figure.add_scatter(
             x=rounded(x), y=rounded(y), panel=i, mode="lines", line={"color": INK, "width": 1.8}, showlegend=False,
             name=title,
@@ -64,7 +63,7 @@ def _shades(runs: Sequence[Maneuver], rejected: Sequence[RejectedResult]) -> lis
     """Rectangles across all panels."""
     stretches: list[dict[str, object]] = [
         {"x0": run.start_s, "x1": run.end_s, "fillcolor": RUN_COLOR.get(run.kind, OTHER_RUN),
-         "opacity": SHADE_OPACITY.get(run.kind, 0.18), "line": {"width": 0}}
+         "opacity": 0.22 if run.kind == STEADY else 0.16, "line": {"width": 0}}
         for run in runs
     ] + [
         {"x0": stretch.start_s, "x1": stretch.end_s, "fillcolor": "rgba(0, 0, 0, 0.04)",

@@ -22,7 +22,7 @@ from analysis.report.figures.style import (
 )
 from analysis.schema import ElectricalFlight
 
-ROW_PX, MARGIN_PX = 24, 110
+ROW_PX = 24
 
 
 def column(rows: Sequence[Struct], name: str) -> Array:
@@ -97,7 +97,7 @@ def against_pool(flights: Sequence[PooledFlight], at: int) -> Figure:
         categoryorder="array", categoryarray=names[::-1], range=[-0.7, len(names) - 0.3], automargin=True,
         tickfont={"size": 14},
     )  # fmt: skip
-    figure = styled(figure, MARGIN_PX + ROW_PX * max(3, len(flights)), hover="closest")
+    figure = styled(figure, 110 + ROW_PX * max(3, len(flights)), hover="closest")
     figure.update_xaxis(zeroline=True, zerolinecolor=INK, zerolinewidth=2)
     return figure
 

@@ -13,7 +13,6 @@ from analysis.estimation.noise import NORMAL_95
 from analysis.report.figures.style import BLUE, INK, PALETTE, RED, SYMBOLS, Array, Figure, rounded, styled
 from analysis.report.settings import REPORT
 
-DEG = float(np.degrees(1.0))
 QUANTITIES = ("alpha, deg", "beta, deg", "q<sub>c</sub>/q, %")
 
 
@@ -26,7 +25,7 @@ def residual_maps(tunnel: TunnelData, residuals: tuple[Array, Array, Array]) -> 
         figure = Figure()
         end = float(np.percentile(np.abs(residual), REPORT.color_percentile))
         figure.add_scatter(
-            x=rounded(DEG * tunnel.alpha_rad + aside), y=rounded(DEG * tunnel.beta_rad), mode="markers",
+            x=rounded(np.degrees(tunnel.alpha_rad) + aside), y=rounded(np.degrees(tunnel.beta_rad)), mode="markers",
             showlegend=False, name=name, customdata=rounded(residual), hovertemplate="%{customdata}<extra></extra>",
             marker={"size": 5, "color": rounded(residual), "colorscale": "RdBu", "cmin": -end, "cmax": end,
                     "colorbar": {"thickness": 10, "tickfont": {"size": 13}}},
@@ -53,7 +52,7 @@ def sections(tunnel: TunnelData, calibration: ProbeCalibration) -> list[Figure]:
             at_speed = near & (speeds == speed)
             marker = {"size": 7, "color": PALETTE[k % len(PALETTE)], "symbol": SYMBOLS[k % len(SYMBOLS)]}
             figure.add_scatter(
-                x=rounded(DEG * angle[at_speed]), y=rounded(C[at_speed]), mode="markers", name=f"{speed} m/s",
+                x=rounded(np.degrees(angle[at_speed])), y=rounded(C[at_speed]), mode="markers", name=f"{speed} m/s",
                 marker=marker,
             )  # fmt: skip
         if near.any():
@@ -61,7 +60,7 @@ def sections(tunnel: TunnelData, calibration: ProbeCalibration) -> list[Figure]:
             zero = np.zeros_like(line)
             predicted = calibration.maps(line, zero)[0] if name == "alpha" else calibration.maps(zero, line)[1]
             figure.add_scatter(
-                x=rounded(DEG * predicted), y=rounded(line), mode="lines", name="calibration",
+                x=rounded(np.degrees(predicted)), y=rounded(line), mode="lines", name="calibration",
                 line={"color": INK, "width": 1.5},
             )  # fmt: skip
         figure.update_xaxis(title=f"{name}, deg")
@@ -73,7 +72,7 @@ def sections(tunnel: TunnelData, calibration: ProbeCalibration) -> list[Figure]:
 def by_speed(dependence: SpeedDependence) -> list[Figure]:
     """Residual of alpha at each tunnel speed: error of the slope with its 95 % interval, and offset at zero."""
     V = np.array([at.speed_mps for at in dependence.speeds])
-    offset = np.array([DEG * at.offset_rad for at in dependence.speeds])
+    offset = np.array([np.degrees(at.offset_rad) for at in dependence.speeds])
     slope = np.array([100 * at.slope for at in dependence.speeds])
     half_width = np.array([100 * NORMAL_95 * at.slope_error for at in dependence.speeds])
     bars = {"array": rounded(half_width), "thickness": 2, "color": BLUE} if len(V) else None
@@ -112,7 +111,7 @@ def polynomial_orders(calibration: ProbeCalibration) -> Figure:
     """Cross-validation error of each polynomial order that was tried; a diamond marks the chosen one."""
     figure = Figure()
     surfaces = (calibration.alpha_rad, calibration.beta_rad, calibration.q_ratio)
-    for name, surface, factor, color in zip(QUANTITIES, surfaces, (DEG, DEG, 100.0), PALETTE, strict=False):
+    for name, surface, factor, color in zip(QUANTITIES, surfaces, (*np.degrees([1, 1]), 100.0), PALETTE, strict=False):
         tried = factor * np.array(surface.tried_rms)
         orders = np.arange(1, len(tried) + 1)
         figure.add_scatter(x=orders, y=rounded(tried), name=name, line={"color": color, "width": 2})

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from msgspec import UNSET
+from scipy.constants import foot
 
 from analysis.report.answers import optimum_speed_text
 from analysis.report.html_page import HtmlTable
-from analysis.report.sections.summary import FEET_PER_SECOND
 from analysis.report.settings import REPORT
 from analysis.report.wording import every, listed_methods, meaning, short_name
 from analysis.schema import PitchRateResult, PowerPoint, Results
@@ -91,7 +91,7 @@ def _curve_table(results: Results) -> HtmlTable:
         [
             (
                 f"{p.speed_mps:.1f}",
-                f"{p.speed_mps * FEET_PER_SECOND:.0f}",
+                f"{p.speed_mps / foot:.0f}",
                 f"{p.power_W:.1f}",
                 f"{p.power_lo_W:.1f} to {p.power_hi_W:.1f}",
                 f"{p.power_W / FOOT_POUND_PER_SECOND_W:.1f}",

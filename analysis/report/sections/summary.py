@@ -3,13 +3,12 @@
 from typing import NamedTuple
 
 import numpy as np
+from scipy.constants import foot, kmh
 
 from analysis.report.answers import HeadlineAnswer, headline_answers
 from analysis.results.trust import reasons_not_to_trust
 from analysis.schema import CheckedBy, CurveStatus, PowerPoint, Results
 from flight.units import GRAVITY_MPS2
-
-FEET_PER_SECOND, KM_PER_HOUR = 1 / 0.3048, 3.6  # of 1 m/s
 
 
 class AnswerCard(NamedTuple):
@@ -52,7 +51,7 @@ def _card(answer: HeadlineAnswer) -> AnswerCard:
     if answer.speed_mps is None:
         return AnswerCard(answer.question, "", answer.remark, "", answer.note)
     shown = f"{answer.speed_mps:.1f}"
-    other_units = f"{float(shown) * KM_PER_HOUR:.0f} km/h · {float(shown) * FEET_PER_SECOND:.0f} ft/s"
+    other_units = f"{float(shown) / kmh:.0f} km/h · {float(shown) / foot:.0f} ft/s"
     return AnswerCard(answer.question, shown, answer.remark, other_units, answer.note)
 
 

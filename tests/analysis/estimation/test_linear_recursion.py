@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from analysis.estimation.simulation import RECURSION_BLOCK, linear_recursion
+from analysis.estimation.simulation import linear_recursion
+
+RECURSION_BLOCK = 32
 
 
 def by_a_loop(A, B, initial, lengths):
@@ -26,7 +28,7 @@ def test_it_gives_the_numbers_of_a_loop(lengths):
     n, s, m = sum(lengths), 3, 5
     A = 0.9 * np.linalg.qr(rng.standard_normal((n, s, s)))[0]
     B, initial = rng.standard_normal((n, s, m)), rng.standard_normal((len(lengths), s, m))
-    S = linear_recursion(A, B, initial, lengths)
+    S = linear_recursion(A, B, initial, lengths, block=RECURSION_BLOCK)
     assert S.shape == (n, s, m)
     assert S == pytest.approx(by_a_loop(A, B, initial, lengths), rel=1e-12, abs=1e-12)
 

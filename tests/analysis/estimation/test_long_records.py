@@ -24,7 +24,7 @@ def segments():
 
 def test_a_fit_in_blocks_is_that_of_the_whole_record(segments, monkeypatch):
     whole = fit_output_error(LINEAR, segments, start={"Mq": -1.0})
-    monkeypatch.setattr(output_error, "LONG", 0)
+    monkeypatch.setattr(output_error.OutputErrorLikelihood, "LARGEST_KEPT", 0)
     monkeypatch.setattr(long_records, "BLOCK", 64)
     in_blocks = fit_output_error(LINEAR, segments, start={"Mq": -1.0})
     assert in_blocks.iterations == whole.iterations
@@ -63,6 +63,6 @@ def test_blocks_of_a_response_join(segments):
 def test_a_response_that_is_not_finite_has_no_likelihood_in_blocks(segments, monkeypatch):
     from flight.errors import InputError
 
-    monkeypatch.setattr(output_error, "LONG", 0)
+    monkeypatch.setattr(output_error.OutputErrorLikelihood, "LARGEST_KEPT", 0)
     with pytest.raises(InputError, match="the response is not finite"):
         fit_output_error(LINEAR, segments, start={"Mq": 1e5})
