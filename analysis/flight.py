@@ -1,8 +1,14 @@
 """The record of a flight: what the analysis knows of it so far. Every step takes the record and returns a richer one.
 
-    Recorded ──synchronized──▶ Measured ──with_runs──▶ Flown ──reconstructed──▶ Reconstructed ──▶ `pipeline.Analysis`
+    recorded ▶ Recorded    log, aircraft, propeller, calibrations
+    synchronized ▶ Measured    air data at the center of gravity
+    with_runs ▶ Flown    maneuvers, weight and density, range of lift coefficients
+    reconstructed ▶ Reconstructed    trajectory, sensor errors
+    `drag.estimate.estimated` ▶ Estimated    drag by all methods
+    `pipeline.analyze` ▶ Analysis    results
 
-Part of the analysis is run again with other assumptions (`rerun`), on a record that is the same but for these.
+Part of the analysis is run again with other assumptions: `drag.rerun`, on the same record; and the trajectory, where
+the flight rejects the priors of its sensor errors (`reconstructed`).
 """
 
 import math
@@ -98,7 +104,7 @@ class Flown(Measured):
     flown_CL: tuple[float, float]
 
     @property
-    def flown(self) -> pd.DataFrame:
+    def rows_flown(self) -> pd.DataFrame:
         """The rows of the table in accelerations and decelerations; without any, in the maneuvers used instead."""
         return _rows_flown(self.table, self.maneuvers)
 

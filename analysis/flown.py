@@ -17,6 +17,8 @@ from flight.propeller import Propeller
 from flight.runs import DECELERATION
 from flight.units import GRAVITY_MPS2
 
+Array = NDArray[np.float64]
+
 LIFT_S, LARGEST_PERCENT = 0.5, 99.9
 LEAST_CL, LARGEST_CL = 0.05, 5.0  # of the slowest speed flown; no wing reaches the latter
 ROBUST_RANGE = (1.0, 99.0)  # percentiles of the flown lift coefficients that a curve is drawn over
@@ -63,8 +65,6 @@ def largest_lift(table: pd.DataFrame, condition: Condition) -> float:
     known = CL[aloft].dropna()
     return float(np.percentile(known, LARGEST_PERCENT)) if len(known) else -np.inf
 
-
-Array = NDArray[np.float64]
 
 NEARBY, LEAST_COVERED = 0.04, 0.5  # relative difference of speeds; share of the samples near a speed
 LARGEST_UNMENTIONED_SHARE, LARGEST_SHARE_OUTSIDE = 0.02, 0.7  # of the runs, outside the propeller table

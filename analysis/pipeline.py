@@ -46,16 +46,19 @@ def analyze(
     command_line: that started the analysis, for the report. by_likelihood: with the two maximum-likelihood methods.
     Raises InputError when the log lacks something that nothing can replace, or holds no run.
     """
-    flown = with_runs(synchronized(recorded(log, replacements, progress)), runs_file)
-    flight = estimated(reconstructed(flown), by_likelihood=by_likelihood)
-    flight, whole = _with_energy_of_whole_flight(flight)
+    read = recorded(log, replacements, progress)
+    measured = synchronized(read)
+    flown = with_runs(measured, runs_file)
+    path = reconstructed(flown)
+    flight = estimated(path, by_likelihood=by_likelihood)
+    flight, whole_flight_energy = _with_energy_of_whole_flight(flight)
     performance = _performance(flight, request)
     flight = replace(flight, notes=(*flight.notes, *request.notes(flight.aircraft)))
-    agreement = consistency(flight.trajectory)
-    results = assemble(flight, agreement, performance, whole.electrical, command_line)
+    consistent = consistency(flight.trajectory)
+    results = assemble(flight, consistent, performance, whole_flight_energy.electrical, command_line)
     advice = next_flight(flight.trajectory, flight.drag.main, flight.condition, flight.drag.flown_CL)
     with_advice = structs.replace(results, next_flight=list(advice.sentences), next_flight_lowers=advice.lowers)
-    return Analysis(**flight.known(), consistency=agreement, results=with_advice)
+    return Analysis(**flight.known(), consistency=consistent, results=with_advice)
 
 
 def _with_energy_of_whole_flight(flight: Estimated) -> tuple[Estimated, WholeFlight]:

@@ -80,7 +80,7 @@ def run(
 ) -> Campaign:
     """Analyze logs into folders below `output`, `jobs` at a time, or on the cluster of a scheduler.
 
-    `output` belongs to the caller (`flight_folders.exclusive`). Raises InputError when it cannot be written.
+    `output` belongs to the caller (`folders.exclusive`). Raises InputError when it cannot be written.
     """
     if scheduler is None:
         load_ahead(work.preload)

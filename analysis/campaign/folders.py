@@ -111,7 +111,7 @@ class LogFile(msgspec.Struct, frozen=True, kw_only=True):
 class Record(msgspec.Struct, frozen=True, kw_only=True):
     """inputs.json in a flight's folder."""
 
-    key: str  # digest of everything that the results depend on (`inputs.key`)
+    key: str  # digest of everything that the results depend on (`key`)
     log: LogFile
     runs_edited: bool  # the results use the folder's own runs.toml
     runs_digest: str | None  # of that file when the folder was written

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from analysis.schema import Results
     from flight.propeller import Propeller
 
-NEEDED = ("/imu", "/probe/alpha", "/probe/airspeed", "/static", "/rpm")  # by drag
+NEEDED_TOPICS = ("/imu", "/probe/alpha", "/probe/airspeed", "/static", "/rpm")  # by drag
 ELECTRICAL = ("/probe/airspeed", "/static", "/battery")
 
 Progress = Callable[[str], None]
@@ -38,7 +38,7 @@ class Done(NamedTuple):
 
 def lacks_drag_topics(log: Log) -> bool:
     """Whether a log of the daemon gives no drag, but electrical power."""
-    return not all(map(log.entries.get, NEEDED)) and all(map(log.entries.get, ELECTRICAL))
+    return not all(map(log.entries.get, NEEDED_TOPICS)) and all(map(log.entries.get, ELECTRICAL))
 
 
 def read_autopilot_log(log: Path, firmware: str) -> "FlightRecording":

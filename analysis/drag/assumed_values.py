@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 
 
 class Rerun(Protocol):
-    """Of the estimate of a flight for another aircraft and propeller: `rerun.EstimateRerun`."""
+    """Makes the estimate of a flight again for another aircraft and propeller, as `rerun.EstimateRerun` does."""
 
     def estimate(self, aircraft: Aircraft, propeller: Propeller, slope_sigma: float) -> DynamicEstimate: ...
 

@@ -47,9 +47,10 @@ def of_noise(fit: Fit) -> Array:
 
 
 def floor() -> Array:
-    """Covariance (3, 3) of A for a direction of lift that is known no better than FLOOR_RAD, which no residual shows.
+    """Covariance (3, 3) of A for a direction of lift that is known no better than `COVARIANCE.floor_rad`, which no
+    residual shows.
 
-    Lift tilted by that angle adds D = L tan(FLOOR_RAD), a C_D proportional to C_L: a variance of A1.
+    Lift tilted by that angle adds D = L tan(`COVARIANCE.floor_rad`), a C_D proportional to C_L: a variance of A1.
     """
     covariance = np.zeros((3, 3))
     covariance[1, 1] = np.tan(COVARIANCE.floor_rad) ** 2

@@ -60,10 +60,10 @@ def priors(aircraft: Aircraft, *, zeroed: bool) -> Priors:
 
 
 def segments_of(table: pd.DataFrame, runs: list[Maneuver], propeller: Propeller, *, block: int) -> list[Segment]:
-    """Inputs and outputs of `models.level_run`, means over `block` samples. table: from `air_data`.
+    """Inputs and outputs of `aircraft_models.level_run`, means over `block` samples. table: from `air_data`.
 
     Gaps in inputs are interpolated. Blocks without a sample of an output are left out, and so are runs of fewer than
-    SHORTEST blocks.
+    `CROSS_CHECK.fewest_blocks`.
     """
     step_s = float(table.index[1] - table.index[0])
     width = max(1, round(CROSS_CHECK.speed_smoothing_s / step_s))
@@ -192,7 +192,7 @@ def on_runs_alone(
 
 
 def spread(runs: list[Maneuver]) -> list[Maneuver]:
-    """MOST_RUNS of them at most, evenly over the flight, the first and the last among them."""
+    """`CROSS_CHECK.most_runs` of them at most, evenly over the flight, the first and the last among them."""
     if len(runs) <= CROSS_CHECK.most_runs:
         return runs
     return [runs[i] for i in np.linspace(0, len(runs) - 1, CROSS_CHECK.most_runs).round().astype(int)]

@@ -6,8 +6,8 @@ fitted at once, because their aerodynamics and sensor errors are the same.
 
 The uncertainty of the trajectory is propagated into the covariance of the polar. Each independent direction of the
 sensor errors' covariance is passed through trajectory and regression. The covariance of the state errors, which are not
-common to the runs, is propagated by the derivatives of the regression (`state_errors`). Without these the 95 % interval
-of one deceleration covered the truth in only 75 to 85 % of simulated flights, at its lowest speeds.
+common to the runs, is propagated by the derivatives of the regression (`covariance.noise_covariance`). Without these
+the 95 % interval of one deceleration covered the truth in only 75 to 85 % of simulated flights, at its lowest speeds.
 
 A gust near the stall raises the angle of attack above that of level flight, where drag is no longer a parabola of lift.
 Such samples are left out. With them, power at 1.1 V_stall was overestimated by 1.1 % at W20 = 15 kt (200 flights).
@@ -21,7 +21,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.drag import covariance as consider
+from analysis.drag import covariance
 from analysis.drag.covariance import noise_covariance
 from analysis.drag.forces import FlightForces
 from analysis.drag.joint_estimate import JointEstimate, joint_estimate
@@ -155,9 +155,9 @@ def estimate_polar(
     def values_of(forces: pd.DataFrame) -> Array:
         return _fitted(model, forces, level, runs).values
 
-    changes = consider.changes(values_of, fit.values, flight_forces)
-    by_density = consider.by_density(values_of, fit.values, flight_forces)
-    changes[consider.DENSITY] = consider.at_nominal_density(fit.values + by_density, aircraft) - fit.values
+    changes = covariance.changes(values_of, fit.values, flight_forces)
+    by_density = covariance.by_density(values_of, fit.values, flight_forces)
+    changes[covariance.DENSITY] = covariance.at_nominal_density(fit.values + by_density, aircraft) - fit.values
     rejected = rejected_assumptions(fit)
     changes |= {str(one.assumption): one.change for one in rejected}
     for by_error in changes.values():
@@ -166,7 +166,7 @@ def estimate_polar(
     joint = joint_estimate(fit, noise, prior_sigma, np.stack(by_sensor_errors, axis=1), trajectory)
     joint = joint.with_changes(changes)._replace(prior_measurements=model.prior_measurements)
     # Several flights are compared at one density.
-    joint = joint.with_density_error(by_density, consider.airspeed_scale_by_density(aircraft))
+    joint = joint.with_density_error(by_density, covariance.airspeed_scale_by_density(aircraft))
     values, noise, systematic = fit.values[:KEPT], noise[:KEPT, :KEPT], systematic[:KEPT, :KEPT]
     total = noise + systematic
     warnings = [one.warning for one in rejected]
@@ -236,7 +236,7 @@ def _airborne(flight_forces: FlightForces) -> NDArray[np.bool_]:
 
 
 def _within_level_flight(forces: pd.DataFrame, airborne: NDArray[np.bool_], runs: list[Maneuver]) -> NDArray[np.bool_]:
-    """Where the angle of attack is at most LEVEL_MARGIN_RAD above the largest one of level flight.
+    """Where the angle of attack is at most `REGRESSION.level_margin_rad` above the largest one of level flight.
 
     The latter follows from a straight line fitted to alpha over CL of this flight, at the largest lift coefficient that
     level flight requires at the speeds of the flight or of the runs.

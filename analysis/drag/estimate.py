@@ -30,7 +30,8 @@ from flight.errors import InputError
 class DragEstimates:
     """All estimates of drag from one flight.
 
-    main : the polar of the power curve, valid over the lift coefficients flown_CL
+    main : the polar of the power curve, valid over the lift coefficients flown_CL, which are others than those of
+        `Reconstructed` where there was no run
     methods, one_by_one : by all other methods; from each acceleration and deceleration alone
     cross_check : None where the flight has no run for it, or it failed
     cross_check_differs : it leaves the simultaneous 95 % band of the difference from the power curve; False for filter
@@ -70,14 +71,12 @@ def estimate(flight: Reconstructed, *, by_likelihood: bool = False) -> DragEstim
     by_likelihood: the two maximum-likelihood methods are applied, too.
     Raises InputError, beginning with the log's name, when the maneuvers do not determine a physical polar.
     """
-    runs, trajectory, aircraft, propeller = (
-        flight.maneuvers.level_runs, flight.trajectory, flight.aircraft, flight.propeller
-    )  # fmt: skip
+    runs, trajectory, aircraft = flight.maneuvers.level_runs, flight.trajectory, flight.aircraft
     assumptions = _uncertainty_by_assumptions(flight)
     by_runs = _by_runs(flight, assumptions) if runs else None
     flight.progress("applying all other methods")
     others = every_method(
-        trajectory, flight.maneuvers.maneuvers, aircraft, propeller, flight.condition,
+        trajectory, flight.maneuvers.maneuvers, aircraft, flight.propeller, flight.condition,
         dynamic=by_runs, dynamic_CL=flight.flown_CL,
     )  # fmt: skip
     by_source = LikelihoodEstimates([], None, {})

@@ -149,7 +149,7 @@ def _outer(x: Array) -> Array:
 
 
 def _missing_term(CL: Array, A: Array) -> Array:
-    """Covariance (3, 3) of a fit of A0 and A2 alone to a polar that has a CL_minD, of CL_MIN_DRAG_SIGMA.
+    """Covariance (3, 3) of a fit of A0 and A2 alone to a polar that has a CL_minD, of `REGRESSION.CL_minD_sigma`.
 
     (3.36): CL_minD adds -2 K CL_minD CL to C_D; the fit takes it for a change of A0 and A2, and lacks it in A1.
     """

@@ -27,7 +27,8 @@ Array = NDArray[np.float64]
 class EstimateRerun(NamedTuple):
     """Runs the analysis of a flight again, from the channels to the polar.
 
-    slope_sigma, an argument of both methods: prior standard deviation of the slope of angle of attack by upwash
+    slope_sigma, an argument of `estimate` and `values`: prior standard deviation of the slope of angle of attack by
+    upwash
     """
 
     flight: Reconstructed
@@ -40,11 +41,11 @@ class EstimateRerun(NamedTuple):
         return self._without_runs(trajectory, aircraft, propeller)
 
     def values(self, aircraft: Aircraft, propeller: Propeller, slope_sigma: float) -> Array:
-        """The `values` (5,) of `estimate` alone."""
+        """A0, A1, A2 and the two corrections of thrust (5,), without their covariance."""
         return self._values(self._trajectory(aircraft, slope_sigma), aircraft, propeller)
 
     def values_with_air(self, air: pd.DataFrame) -> Array:
-        """The `values` (5,) by other air data than the flight's, or by these."""
+        """The same by other air data; by the flight's own table the trajectory is not reconstructed again."""
         flight, trajectory = self.flight, self.flight.trajectory
         if air is not flight.table:
             flight.progress("repeating the estimate with other air data")
@@ -52,7 +53,7 @@ class EstimateRerun(NamedTuple):
         return self._values(trajectory, flight.aircraft, flight.propeller)
 
     def _values(self, trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) -> Array:
-        """Without the work for their covariance where the flight has runs."""
+        """Of a flight without runs the whole estimate is made all the same."""
         if runs := self.flight.maneuvers.level_runs:
             return dynamic.estimate_values(trajectory, runs, aircraft, propeller)
         return self._without_runs(trajectory, aircraft, propeller).values
@@ -65,9 +66,9 @@ class EstimateRerun(NamedTuple):
     def _trajectory(self, aircraft: Aircraft, slope_sigma: float) -> Trajectory:
         """It does not depend on the propeller, and is the flight's own where nothing has changed."""
         flight = self.flight
-        flight.progress("repeating the estimate with other values for what the aircraft file lacks")
         if aircraft is flight.aircraft and slope_sigma == upwash_slope_sigma(flight.aircraft):
             return flight.trajectory
+        flight.progress("repeating the estimate with other values for what the aircraft file lacks")
         data = flight.data
         if aircraft is not flight.aircraft:
             data = flight_data(flight.log, aircraft, flight.propeller, flight.contents.calibrations)

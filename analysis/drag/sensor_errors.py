@@ -66,8 +66,8 @@ def estimate_errors(
 ) -> dict[str, ErrorEstimate]:
     """Every error of `error_prior_sigma`, from the trajectory and the forces along it. rows: the blocks of the runs.
 
-    The trajectory has a tight prior on the air-data lag. It is replaced by LAG_SIGMA_S here, so that a larger lag is
-    found and is not mistaken for a thrust error.
+    The trajectory has a tight prior on the air-data lag. It is replaced by `COMPARISON.lag_sigma_s` here, so that a
+    larger lag is found and is not mistaken for a thrust error.
     """
     sensor_errors, covariance = _with_lag_prior(trajectory, COMPARISON.lag_sigma_s)
     states = trajectory.states.to_numpy() + trajectory.state_sensitivity @ (sensor_errors - trajectory.sensor_errors)

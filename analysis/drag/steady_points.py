@@ -127,7 +127,7 @@ def mean_gust_mps(gust_mps: float, gust_s: float, seconds: float) -> float:
 
 
 def _error_of_mean(x: Array, step_s: float) -> float:
-    """Standard error of the mean of a colored record, with Bartlett's window over CORRELATION_S."""
+    """Standard error of the mean of a colored record, with Bartlett's window over `STEADY_POINTS.correlation_s`."""
     e, n = x - x.mean(), len(x)
     window = min(n - 1, round(STEADY_POINTS.correlation_s / step_s))
     lags = np.arange(1, window + 1)

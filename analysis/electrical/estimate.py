@@ -26,6 +26,8 @@ from flight.aircraft import Aircraft
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2 as g
 
+Array = NDArray[np.float64]
+
 
 @dataclass(frozen=True)
 class FlownAircraft:
@@ -62,9 +64,6 @@ def flown_aircraft(
             f" {aspect_ratio:.2g}, which no aircraft has; check both"
         )
     return flown
-
-
-Array = NDArray[np.float64]
 
 
 class ElectricalEstimate(NamedTuple):

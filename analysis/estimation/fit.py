@@ -19,6 +19,8 @@ from analysis.estimation.settings import VERDICT
 from analysis.estimation.simulation import InputRule, Integrator, Response
 from flight.errors import InputError
 
+Array = NDArray[np.float64]
+
 FORMAT = "flightpower fit 1"
 
 
@@ -93,9 +95,6 @@ def load_summary(file: Path) -> FitSummary:
     if summary.format != FORMAT:
         raise InputError(f"{file}: not a saved fit: its format is {summary.format!r}, expected {FORMAT!r}")
     return summary
-
-
-Array = NDArray[np.float64]
 
 
 class FitStatus(enum.StrEnum):

@@ -11,7 +11,7 @@ import numpy as np
 
 from analysis.log_checks.settings import STRUCTURE
 from analysis.log_checks.units import check_units
-from analysis.signals.channels import COLUMNS, NEEDED, TOPICS, is_good, times_ns, values
+from analysis.signals.channels import COLUMNS, NEEDED_TOPICS, TOPICS, is_good, times_ns, values
 from flight.errors import InputError
 from flight.log_entries import NO_ENTRIES, STATUSES
 from flight.log_reader import FORMAT_PAGE, Log, other_encoding
@@ -44,7 +44,7 @@ def check_lacking(log: Log) -> None:
     For a log that gives electrical power instead: one that really lacks the topic.
     """
     check_decodable(log)
-    for topic in NEEDED:
+    for topic in NEEDED_TOPICS:
         if not log.entries.get(topic) and _match(log, topic):
             raise _no_topic(log, topic)
 
@@ -54,7 +54,7 @@ def check_messages(log: Log) -> None:
     check_decodable(log)
     for topic in TOPICS:
         entries = log.entries.get(topic, NO_ENTRIES)
-        if topic in NEEDED and not entries:
+        if topic in NEEDED_TOPICS and not entries:
             raise _no_topic(log, topic)
         if entries:
             _check_fields(log, topic)
@@ -72,7 +72,7 @@ def _check_fields(log: Log, topic: str) -> None:
     if misnamed:
         field, match = misnamed[0]
         raise InputError(f"{log.path}: {topic}: {field} has no value, but there is an unknown field {match}: rename it")
-    if (unknown and good.any() and len(empty) == len(used)) or (topic in NEEDED and empty):
+    if (unknown and good.any() and len(empty) == len(used)) or (topic in NEEDED_TOPICS and empty):
         left_out = [field for field in empty if good.any() and field not in log.fields.get(topic, frozenset(empty))]
         if left_out and not unknown:
             words = "is missing; it is" if len(left_out) == 1 else "are missing; they are"

@@ -15,7 +15,7 @@ from flight.units import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
 
-NEEDED = ("V_mps", "alpha_rad", "ax_mps2", "az_mps2", "q_radps", "thrust_N", "rho")
+NEEDED_COLUMNS = ("V_mps", "alpha_rad", "ax_mps2", "az_mps2", "q_radps", "thrust_N", "rho")
 
 
 def too_low(data: pd.DataFrame) -> Rejection | None:
@@ -31,7 +31,7 @@ def without_data(data: pd.DataFrame) -> Rejection | None:
 
 def missing_share(data: pd.DataFrame) -> tuple[str, float]:
     """The first needed quantity that is missing for longer than allowed, or else the first, and its share of time."""
-    shares = [(quantity(name), float(data[name].isna().mean())) for name in NEEDED]
+    shares = [(quantity(name), float(data[name].isna().mean())) for name in NEEDED_COLUMNS]
     return next((one for one in shares if missing_data(*one)), shares[0])
 
 
@@ -57,7 +57,7 @@ def notes(data: pd.DataFrame, bank: Array) -> tuple[str, ...]:
     if rms > NOTED.light_turbulence:
         word = "rough" if rms > NOTED.rough_turbulence else "light"
         remarks.append(f"{word} turbulence: the load factor varies by {rms:.2f} rms")
-    for name in NEEDED:
+    for name in NEEDED_COLUMNS:
         missing = float(data[name].isna().mean())
         if missing > NOTED.gap_share:
             remarks.append(

@@ -71,7 +71,7 @@ def compute(request: Request, flight: Estimated) -> PerformanceResult | None:
     aircraft, drag = flight.aircraft, flight.drag
     if request.battery_energy_Wh(aircraft) is None:
         return None
-    flown = flight.flown
+    flown = flight.rows_flown
     at = FlownCondition(flight.condition, float(flown["static_Pa"].mean()), float(flown["temperature_K"].mean()))
     data = power_train_data(flight.trajectory, aircraft, flight.propeller)
     model = performance_model(data, drag.main, aircraft, flight.propeller, drag.flown_CL)

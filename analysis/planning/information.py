@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.drag import covariance as consider
+from analysis.drag import covariance
 from analysis.drag.covariance import STATE_STEP
 from analysis.drag.forces import FlightForces
 from analysis.estimation.noise import NORMAL_95
@@ -292,10 +292,14 @@ def expected(
         shared[:, j] = (moved - fit)[:3] / sigma
     systematic = shared @ trajectory.covariance @ shared.T
     for change in (
-        np.linalg.solve(*normal(consider.without_updraft(along, aircraft.aircraft))) - fit,
-        consider.at_nominal_weight(values(states, errors, consider.forces_with_more_weight(forces)), aircraft.aircraft)
+        np.linalg.solve(*normal(covariance.without_updraft(along, aircraft.aircraft))) - fit,
+        covariance.at_nominal_weight(
+            values(states, errors, covariance.forces_with_more_weight(forces)), aircraft.aircraft
+        )
         - fit,
-        consider.at_nominal_density(values(states, errors, consider.forces_in_denser_air(forces)), aircraft.aircraft)
+        covariance.at_nominal_density(
+            values(states, errors, covariance.forces_in_denser_air(forces)), aircraft.aircraft
+        )
         - fit,
     ):
         systematic += np.outer(change[:3], change[:3])

@@ -67,7 +67,7 @@ class Pool(JointPool):
             software_version=version("flightpower"),
             aircraft=self.flights[0].aircraft,
             installation=self.flights[0].installation,
-            test=_test(self.condition),
+            test=_condition_result(self.condition),
             drag_polar=_coefficients(self.polar.A),
             polar_covariance=self.polar.covariance.tolist(),
             parameters=[
@@ -122,7 +122,7 @@ def pool(flights: Sequence[FlightStatistics]) -> Pool:
     )
 
 
-def _test(condition: Condition) -> ConditionResult:
+def _condition_result(condition: Condition) -> ConditionResult:
     return ConditionResult(weight_N=condition.weight_N, air_density_kgpm3=condition.rho)
 
 
@@ -210,7 +210,7 @@ def _flights(pooled: JointPool) -> list[PooledFlight]:
             PooledFlight(
                 log=flight.name,
                 installation=flight.installation,
-                test=_test(flight.condition),
+                test=_condition_result(flight.condition),
                 drag_polar=_coefficients(flight.values[:_N_POLAR]),
                 half_width_percent=pooled.half_widths_percent([int(j == i) for j in range(n)], V).tolist(),
                 half_width_without_percent=without[i].tolist() if n > 1 else None,

@@ -65,7 +65,7 @@ def render(
 ) -> str:
     """The page as one HTML file.
 
-    figures: by name (`report_figures.figures_by_name`); run_fits: one for each run. replaced: what the report replaces.
+    figures: by name (`figures_by_name`); run_fits: one for each run. replaced: what the report replaces.
     """
     return render_page(
         "report.html",

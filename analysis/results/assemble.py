@@ -39,7 +39,7 @@ def assemble(
     electrical: None where the log does not determine the electrical curve. command_line: that started the analysis.
     """
     aircraft, propeller, drag = flight.aircraft, flight.propeller, flight.drag
-    condition, maneuvers, flown, trajectory = flight.condition, flight.maneuvers, flight.flown, flight.trajectory
+    condition, maneuvers, flown, trajectory = flight.condition, flight.maneuvers, flight.rows_flown, flight.trajectory
     polar, flown_CL = drag.main.polar, drag.flown_CL
     standard = Condition(aircraft.mass.standard_weight_N, SEA_LEVEL_DENSITY, aircraft.geometry.wing_area_m2)
     power_required = power_curves.power_curve(polar, condition, flown_CL, (flown, condition))
@@ -102,5 +102,5 @@ def _pooling(flight: Estimated) -> PoolingStatistics | None:
         flight.drag.main, flight.drag.flown_CL, flight.aircraft, flight.propeller, flight.contents.calibrations
     )
     return statistics and msgspec.structs.replace(
-        statistics, start_unix_s=start_unix_s(flight.log), battery_V=mean_battery_V(flight.flown)
+        statistics, start_unix_s=start_unix_s(flight.log), battery_V=mean_battery_V(flight.rows_flown)
     )

@@ -161,7 +161,7 @@ COLUMNS = {
     "battery_A": ("/battery", "current_A"),
 }
 TOPICS = tuple(dict.fromkeys(topic for topic, _ in COLUMNS.values()))
-NEEDED = ("/imu", "/probe/alpha", "/probe/airspeed", "/static", "/rpm")
+NEEDED_TOPICS = ("/imu", "/probe/alpha", "/probe/airspeed", "/static", "/rpm")
 
 
 class Channels(NamedTuple):

@@ -30,6 +30,8 @@ from analysis.trajectory.settings import CONSISTENCY, GUSTS, PRIOR_CHECK, SHOWN,
 from analysis.trajectory.smoother import StatesGivenErrors
 from flight.errors import InputError
 
+Array = NDArray[np.float64]
+
 # Title, factor and unit for the reader.
 TITLES: dict[str, tuple[str, float, str]] = {
     "alpha_bias": ("offset of angle of attack", math.degrees(1.0), "deg"),
@@ -219,8 +221,6 @@ def heading_notes(trajectory: Trajectory, *, calibrated: bool) -> list[str]:
         notes.append("A magnetometer was recorded, but not its calibration; `analyze --magnetometer` takes one.")
     return [" ".join(notes)]
 
-
-Array = NDArray[np.float64]
 
 MISFIT = {
     "V": "airspeed",

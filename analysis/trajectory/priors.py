@@ -19,6 +19,8 @@ from analysis.trajectory.settings import PRIORS, PROCESS, SENSORS
 from flight.aerodynamics import lift_slope
 from flight.aircraft import Aircraft, Uncertainty
 
+Array = NDArray[np.float64]
+
 # Standard deviations of one sample where the log has no rest.
 BENCH_SIGMA = {
     "p_radps": 0.005, "q_radps": 0.005, "r_radps": 0.005, "ax_mps2": 0.06, "ay_mps2": 0.06, "az_mps2": 0.06,
@@ -49,8 +51,6 @@ def zeros_at_rest(table: pd.DataFrame, rest: list[slice], noise: dict[str, float
     errors = {name: mean_at_rest(table[channel], rest, step_s)[1] for name, channel in ZEROS.items()}
     return {name: float(np.fmax(errors[name], noise[ZEROS[name]] / np.sqrt(samples))) for name in ZEROS}
 
-
-Array = NDArray[np.float64]
 
 CHANGE_OF_ZERO = "change_of_zero"  # between rest and flight, among what the aircraft file states; no sensor error
 

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from analysis.report.settings import REPORT
 from analysis.schema import PowerPoint
 
+Array = NDArray[np.float64]
+
 Json = dict[str, Any]
 
 
@@ -72,8 +74,6 @@ def _axis(name: str, panel: int) -> str:
     """ "y", "y2", "y3": Plotly numbers axes from the second on."""
     return name if panel == 1 else f"{name}{panel}"
 
-
-Array = NDArray[np.float64]
 
 INK, GRID, PAPER, GRAY = "#000000", "#c9d1d8", "#ffffff", "#5b6b78"
 BLUE, RED, GREEN, ORANGE = "#004a99", "#c22a1a", "#00693e", "#c64b00"
