@@ -73,3 +73,20 @@ def test_architecture_lists_the_folders_and_files_of_analysis() -> None:
     folders = {f"{path.name}/" for path in (ROOT / "analysis").iterdir() if (path / "__init__.py").exists()}
     files = {path.name for path in (ROOT / "analysis").glob("*.py")} - {"__init__.py"}
     assert sorted(listed) == sorted(folders | files)
+
+
+def test_a_folder_of_analysis_imports_only_folders_below_it_in_the_table() -> None:
+    text = (ROOT / "docs" / "architecture.md").read_text("utf-8")
+    section = text.split("## The folders of `analysis/`")[1].split("\n## ")[0]
+    rows = [
+        name.rstrip("/").removesuffix(".py") for name in re.findall(r"^\| `([^`]+)` \|", section, flags=re.MULTILINE)
+    ]
+    upwards = []
+    for path in (ROOT / "analysis").rglob("*.py"):
+        room = path.relative_to(ROOT / "analysis").parts[0].removesuffix(".py")
+        for imported in re.findall(
+            r"^ *from analysis[. ](?:import )?(\w+)", path.read_text("utf-8"), flags=re.MULTILINE
+        ):
+            if room in rows and imported in rows and rows.index(imported) < rows.index(room):
+                upwards.append(f"{path.relative_to(ROOT)} imports {imported}")
+    assert upwards == []
