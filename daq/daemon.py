@@ -9,7 +9,7 @@ from typing import NamedTuple, Protocol
 from daq.arm_switch import ArmSwitch
 from daq.attachments import Attachments, load_attachments, write_attachments
 from daq.background_recovery import BackgroundRecovery, Recovery
-from daq.bus import IN_USE, Buses
+from daq.bus import Buses
 from daq.bus_recording import BusRecording
 from daq.clock import Clock
 from daq.config import EscCounterConfig, SensorConfig, Tray
@@ -22,7 +22,7 @@ from daq.plausibility import Plausibility
 from daq.recorder import Recorder
 from daq.recording_status import RecordingState, RecordingStatus
 from daq.sampling_loop import Cycle, StopFlag, cycles
-from daq.sensor_supervisor import SensorSupervisor
+from daq.sensor_supervisor import SensorSupervisor, cause_of
 from daq.sensors import Sample
 from flight.aircraft import Aircraft
 from flight.errors import InputError
@@ -99,12 +99,14 @@ def sensor_supervisors(
 
 def open_devices(supervisors: list[SensorSupervisor], now_ns: int) -> None:
     """Open the buses and ports. Raises NoDeviceOpened when none can be opened, DeviceInUse if they are in use."""
-    causes = [supervisor.open(now_ns) for supervisor in supervisors]
-    if all(causes):
-        for cause in causes:
-            if IN_USE in cause:
-                raise DeviceInUse(cause)
-        raise NoDeviceOpened(f"none of the tray's buses and ports can be opened: {'; '.join(sorted(set(causes)))}")
+    errors = [error for supervisor in supervisors if (error := supervisor.open(now_ns)) is not None]
+    if len(errors) < len(supervisors):
+        return
+    for error in errors:
+        if error.errno == errno.EBUSY:
+            raise DeviceInUse(cause_of(error))
+    causes = sorted({cause_of(error) for error in errors})
+    raise NoDeviceOpened(f"none of the tray's buses and ports can be opened: {'; '.join(causes)}")
 
 
 def check_configuration(tray: Tray, buses: Buses) -> None:

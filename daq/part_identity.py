@@ -3,8 +3,9 @@
 Serial lines are opened again for this and read for a few seconds, independently of the sampling loop.
 """
 
+import errno
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -31,12 +32,20 @@ COUNTER_S = 1.0
 AUTOPILOT_S = 2.5  # a heartbeat is sent once a second
 
 
-def identify(table: SensorConfig, buses: Buses, clock: Clock) -> str:
-    """One line: the part and its place. For a part that does not answer, the error."""
+class PartIdentity(NamedTuple):
+    """One line: the part and its place; for a part that does not answer, the error."""
+
+    text: str
+    in_use: bool = False  # by another program
+
+
+def identify(table: SensorConfig, buses: Buses, clock: Clock) -> PartIdentity:
+    """Which part answers. Raises nothing for a part that does not."""
     try:
-        return f"{_identify(table, buses, clock)}, {_place(table)}"
+        return PartIdentity(f"{_identify(table, buses, clock)}, {_place(table)}")
     except OSError as error:
-        return f"{_driver(table)}, {_place(table)}: {error.strerror or error}"
+        text = f"{_driver(table)}, {_place(table)}: {error.strerror or error}"
+        return PartIdentity(text, in_use=error.errno == errno.EBUSY)
 
 
 def _identify(table: SensorConfig, buses: Buses, clock: Clock) -> str:

@@ -53,14 +53,14 @@ class SensorSupervisor:
         self._absence = Status.STARTING
         self._failures = 0
 
-    def open(self, now_ns: int) -> str:
-        """Try to open the bus or port. Returns the cause of failure, or an empty string."""
+    def open(self, now_ns: int) -> OSError | None:
+        """Try to open the bus or port. Returns the error where that fails."""
         try:
             self._begin()
         except OSError as error:
             self._fail(now_ns, status_of(error), cause_of(error))
-            return cause_of(error)
-        return ""
+            return error
+        return None
 
     def read(self, now_ns: int) -> list[Sample]:
         """This tick's messages. A failed sensor gives messages without values, whose status names the failure."""

@@ -9,14 +9,14 @@ from typing import NamedTuple
 
 import msgspec
 
-from daq.bus import IN_USE, Buses
+from daq.bus import Buses
 from daq.clock import Clock
 from daq.computer_check import card_check, supply_check
 from daq.config import Tray
 from daq.daemon import STOP_SERVICE
 from daq.disk_space import free_bytes
 from daq.dry_run import DryRun, dry_run
-from daq.part_identity import identify
+from daq.part_identity import PartIdentity, identify
 from daq.rest_check import OPEN_SKY, barometer_comparison, height_comparison, is_finite, rest_problem
 from daq.sensor_health import GOOD_STATUSES
 from flight.messages import Message, Status
@@ -108,7 +108,7 @@ def check_tray(tray: Tray, *, buses: Buses, clock: Clock, seconds: float, thread
     for topic, _, message, _ in readings.samples:
         if topic in messages:
             messages[topic].append(message)
-    identities: dict[str, str] = {}
+    identities: dict[str, PartIdentity] = {}
     for table in tray.sensors:
         identities |= dict.fromkeys(table.topics, identify(table, buses, clock))
     lines = [check_topic(topic, these, seconds, identities[topic], readings.slow) for topic, these in messages.items()]
@@ -141,7 +141,11 @@ def system_checks(tray: Tray, readings: DryRun, free_s: float) -> list[SystemChe
 
 
 def check_topic(
-    topic: str, messages: list[Message], seconds: float, identity: str = "", slow: Sequence[str] = ()
+    topic: str,
+    messages: list[Message],
+    seconds: float,
+    part: PartIdentity = PartIdentity(""),
+    slow: Sequence[str] = (),
 ) -> TopicCheck:
     """Judge a topic from the messages of `seconds`. slow: what to do about buses that are too slow."""
     statuses = Counter(message.status for message in messages)
@@ -160,7 +164,7 @@ def check_topic(
         advice = "; ".join(slow)
     if topic == "/gps" and not ok and any(getattr(message, "fix_type", None) is not None for message in messages):
         advice = NO_FIX
-    if not ok and IN_USE in identity:
+    if not ok and part.in_use:
         advice = STOP_PROGRAM
     if topic == "/rpm" and set(bad) <= {Status.NO_DATA} and not good:
         ok, advice = None, MOTOR_STOPPED
@@ -168,7 +172,7 @@ def check_topic(
         ok, advice = False, problem
     values = [_value(good, *shown) for shown in SHOWN_FIELDS[topic]]
     bus_errors = sum(statuses[status] for status in BUS_ERRORS)
-    return TopicCheck(topic, identity, ok, len(good) / seconds, values, bus_errors, trouble, advice)
+    return TopicCheck(topic, part.text, ok, len(good) / seconds, values, bus_errors, trouble, advice)
 
 
 def _value(messages: list[Message], field: str, factor: float, unit: str) -> str:

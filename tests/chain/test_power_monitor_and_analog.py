@@ -142,7 +142,7 @@ def test_the_daemon_records_battery_and_analog_inputs(tmp_path):
     clock = SimulatedClock(start_ns=3_000_000_000)
     truth = AnalyticSensorTruth(voltage_V=constant(11.1), current_A=constant(30.0))
     fake, tray = FakeTray(truth, clock), parse_tray(TRAY, "tray.toml", tmp_path)
-    names = [identify(table, fake, clock) for table in tray.sensors]
+    names = [identify(table, fake, clock).text for table in tray.sensors]
     assert names[0].startswith("INA226, 0x40 on") and names[1].startswith("ADS1115 (answers")
     log = read_log(record(tray, buses=fake, clock=clock, until_ns=clock.now_ns() + 4 * 10**9).path)
     battery = [e.message for e in log.entries["/battery"] if e.message.status is Status.OK]

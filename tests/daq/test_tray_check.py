@@ -1,7 +1,9 @@
 """`daq check`: a good tray is fit, and every red line says what to do."""
 
+import errno
 import json
 import math
+import os
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,7 +13,6 @@ from scripted_parts import HandClock, ScriptedPort
 from test_daemon import EXAMPLE, NoBuses, SteadySensorTruth, default_tray
 
 from daq import tray_check
-from daq.bus import IN_USE
 from daq.computer_check import card_check, card_speed, supply_check
 from daq.config import parse_tray
 from daq.daemon import OWN_TOPICS
@@ -185,7 +186,7 @@ def asked(driver: str, port, extra="", **options):
     fake = FakeTray(SteadySensorTruth(), clock, variant=TrayVariant(**options))
     clock.advance_ns(2 * 10**9)
     table = parse_tray(f'[[sensors]]\ndriver="{driver}"\n{port}\n{extra}', "tray.toml", Path()).sensors[0]
-    return identify(table, fake, clock)
+    return identify(table, fake, clock).text
 
 
 def test_a_counter_that_speaks_the_other_variant_is_told():
@@ -234,7 +235,7 @@ def test_a_barometer_says_its_own_coefficient_and_checksum(driver: str, part: st
     table = parse_tray(f'[[sensors]]\ndriver="{driver}"\nbus="/dev/i2c-1"\n', "tray.toml", Path()).sensors[0]
     barometer = getattr(fake, part)
     crc = barometer.prom[barometer.part.crc_in_word] >> barometer.part.crc_shift & 0xF
-    said = identify(table, fake, clock)
+    said = identify(table, fake, clock).text
     assert said.startswith(f"{driver.upper()} with C1 {barometer.prom[1]}, CRC 0x{crc:x}, ")
 
 
@@ -302,8 +303,15 @@ STOP_PROGRAM = tray_check.STOP_PROGRAM
 
 def test_a_line_that_is_in_use_is_not_a_matter_of_wiring():
     message = Gps(status=Status.NO_REPLY)
-    assert tray_check.check_topic("/gps", [message] * 10, 1.0, f"ublox, /dev/ttyAMA0: {IN_USE}").advice == STOP_PROGRAM
-    assert tray_check.check_topic("/gps", [message] * 10, 1.0, "ublox, /dev/ttyAMA0").advice != STOP_PROGRAM
+    for number in (errno.EBUSY, errno.ENOENT):
+
+        def port(device, baud, number=number):
+            raise OSError(number, os.strerror(number), device)
+
+        table = parse_tray('[[sensors]]\ndriver="ublox"\nport="/dev/ttyAMA0"\n', "tray.toml", Path()).sensors[0]
+        part = identify(table, SimpleNamespace(port=port), HandClock())
+        advice = tray_check.check_topic("/gps", [message] * 10, 1.0, part).advice
+        assert (advice == STOP_PROGRAM) is (number == errno.EBUSY)
 
 
 @pytest.mark.parametrize(("topic", "said"), [("/gps", tray_check.NO_FIX), ("/rpm", tray_check.MOTOR_STOPPED)])
