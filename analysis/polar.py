@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
-DRAWS = 4000
 
 
 class Condition(NamedTuple):
@@ -97,7 +96,7 @@ def optimum_speed(
 
     Draws without such a speed (the curve has no minimum) count as speed 0.
     """
-    draws = np.random.default_rng(seed).multivariate_normal(polar.A, polar.covariance, DRAWS, method="eigh")
+    draws = np.random.default_rng(seed).multivariate_normal(polar.A, polar.covariance, 4000, method="eigh")
     CL = np.array([lift_of(A) for A in draws])
     speed = np.where(np.isfinite(CL), speed_at(np.where(CL > 0, CL, np.nan), condition), 0.0)
     lo, hi = np.nanpercentile(speed, [2.5, 97.5])

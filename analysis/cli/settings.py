@@ -7,7 +7,7 @@ from flight.settings import Settings, setting
 
 @dataclass(frozen=True)
 class Calibrations(Settings):
-    """When a calibration on the ground gets a note, and what its references are."""
+    """When a calibration on the ground gets a note."""
 
     flattest_directions: float = setting(
         0.25, "1", "spread of the magnetometer's directions across their flattest plane; 0.58 is uniform"
@@ -15,9 +15,6 @@ class Calibrations(Settings):
     largest_misfit: float = setting(
         2.0, "1", "rms of the residuals over the noise, beyond which the model of the line is doubted"
     )
-    water_kgpm3: float = setting(998.2, "kg/m^3", "density of a water column at 20 degC")
-    highest_pressure_Pa: float = setting(20e3, "Pa", "far above the ranges of differential transducers for airspeed")
-    wing_loading_Npm2: float = setting(60.0, "N/m^2", "typical; recognizes flight in an autopilot's log")
 
 
 @dataclass(frozen=True)

@@ -96,11 +96,11 @@ def segments_of(table: pd.DataFrame, runs: list[Maneuver], propeller: Propeller,
 
 def _propulsion(V_ref: Array, n: Array, rho: Array, propeller: Propeller) -> dict[str, Array]:
     """Thrust of the table at V_ref, its slope over speed, and the advance ratio, each (n,)."""
+    step_mps = 0.3
     thrust_N, faster_N, slower_N = (
-        np.asarray(propeller.thrust_and_power(V, n, rho)[0])
-        for V in (V_ref, V_ref + CROSS_CHECK.speed_step_mps, V_ref - CROSS_CHECK.speed_step_mps)
+        np.asarray(propeller.thrust_and_power(V, n, rho)[0]) for V in (V_ref, V_ref + step_mps, V_ref - step_mps)
     )
-    slope = (faster_N - slower_N) / (2 * CROSS_CHECK.speed_step_mps)
+    slope = (faster_N - slower_N) / (2 * step_mps)
     return {"thrust": thrust_N, "thrust_per_speed": slope, "J": V_ref / (n * propeller.diameter_m)}
 
 

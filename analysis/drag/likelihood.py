@@ -177,7 +177,7 @@ def _method_estimate(
             fit.model,
             segments,
             start=_values(fit),
-            options=FitOptions(max_iterations=LIKELIHOOD.steps_more),
+            options=FitOptions(max_iterations=3),  # the step is one standard deviation; R changes with it,
         )
         return np.asarray(polar_of(once_more.shared()) - derived.value)
 

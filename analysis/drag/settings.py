@@ -87,7 +87,6 @@ class CrossCheckSettings(Settings):
     """Output error and filter error on the runs alone."""
 
     speed_smoothing_s: float = setting(0.5, "s", "of the speed at which thrust is read from the table")
-    speed_step_mps: float = setting(0.3, "m/s", "for the slope of thrust over speed")
     least_speed_mps: float = setting(5.0, "m/s", "times the speed scale of the aircraft")
     fewest_blocks: int = setting(12, "blocks", "of a run")
     V_bias_mps: float = setting(0.15, "m/s", "prior of a constant error of airspeed")
@@ -115,9 +114,6 @@ class LikelihoodSettings(Settings):
     """The two maximum-likelihood methods of the source."""
 
     smoothing_s: float = setting(1.24, "s", "window of the Savitzky-Golay filter of the pitch rate, of degree 3")
-    steps_more: int = setting(
-        3, "steps", "from an estimate to that with another input, by one standard deviation; R changes with it"
-    )
 
 
 REGRESSION = Regression()

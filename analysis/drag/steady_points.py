@@ -187,9 +187,6 @@ PIW_VIW_THREE = steady_method(
 PIW_VIW_TWO = steady_method("piw-viw-two-term", "PIW-VIW, two terms", "(2.1)-(2.6)", TWO_TERM, _piw_viw_regression)
 
 
-GAMMA = 1.4  # ratio of specific heats of air
-
-
 def _w_delta_regression(points: SteadyMeans, qS_over_delta_N: Array) -> tuple[Array, Array]:
     """D/delta = A0 (q S/delta) + A2 (W/delta)^2 / (q S/delta)."""
     delta = points.static_Pa / SEA_LEVEL_PRESSURE_PA
@@ -200,8 +197,9 @@ def _w_delta_regression(points: SteadyMeans, qS_over_delta_N: Array) -> tuple[Ar
 
 def mach_form(points: SteadyMeans, aircraft: Aircraft) -> tuple[Array, Array]:
     """(2.11): over Mach number."""
-    M = points.V / np.sqrt(GAMMA * GAS_CONSTANT_AIR * points.temperature_K)
-    return _w_delta_regression(points, GAMMA * SEA_LEVEL_PRESSURE_PA * M**2 * aircraft.geometry.wing_area_m2 / 2)
+    gamma = 1.4  # ratio of specific heats of air
+    M = points.V / np.sqrt(gamma * GAS_CONSTANT_AIR * points.temperature_K)
+    return _w_delta_regression(points, gamma * SEA_LEVEL_PRESSURE_PA * M**2 * aircraft.geometry.wing_area_m2 / 2)
 
 
 def speed_form(points: SteadyMeans, aircraft: Aircraft) -> tuple[Array, Array]:

@@ -18,7 +18,6 @@ from analysis.estimation.fit import Fit
 from analysis.estimation.model import Model, NamedValues
 from analysis.estimation.output_error import fit_output_error
 from analysis.estimation.problem import as_segments, inputs_of, measurements_of
-from analysis.estimation.settings import COMPUTATION
 from analysis.estimation.simulation import InputRule
 from flight.errors import InputError
 
@@ -126,7 +125,7 @@ def _mean_name(name: str) -> str:
 def _filtered(model: Model, segment: Segment, smoothing_s: float) -> Segment:
     """A segment of `regression_of(model)`; it loses half the kernel's length at each end."""
     h = segment.step_s
-    half = int(np.ceil(COMPUTATION.kernel_half_length * smoothing_s / h))
+    half = int(np.ceil(4 * smoothing_s / h))  # 6e-5 of the Gaussian kernel's area is beyond
     if smoothing_s <= 0 or len(segment) <= 2 * half + 1:
         raise InputError(
             f"segment {segment.name}: {len(segment)} samples are too few for smoothing over {smoothing_s:g} s;"

@@ -112,11 +112,7 @@ def fit_filter_error(
             values |= {n.name: guess[n.key] for n in free_noise if n.prior_information == 0}
         optimum = fitted(values)
     else:
-        small = {
-            str(intensity_key(noise.state)): logarithm(noise.start * FILTER_ERROR.smaller_start)
-            for noise in noises
-            if noise.free
-        }
+        small = {str(intensity_key(noise.state)): logarithm(0.01 * noise.start) for noise in noises if noise.free}
         optimum = _best(fitted, start or {}, values_by, small)
     fit = make_fit(optimum.likelihood, optimum.point, optimum.iterations, optimum.stop)
     fit = replace(fit, integrator=options.integrator, inputs=options.inputs)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.estimation.fit import Finding, Fit, FitStatus, Remark, SegmentFit
-from analysis.estimation.settings import COMPUTATION, VERDICT
+from analysis.estimation.settings import VERDICT
 
 Array = NDArray[np.float64]
 
@@ -130,7 +130,7 @@ def unstable_growth(fit: Fit, segment_fit: SegmentFit) -> tuple[float, float, st
     segment, x = segment_fit.segment, segment_fit.response.x
     if not fit.model.states:
         return 0.0, 0.0, segment.name
-    at = np.linspace(0, len(segment) - 1, min(COMPUTATION.stability_samples, len(segment))).astype(int)
+    at = np.linspace(0, len(segment) - 1, min(20, len(segment))).astype(int)
     known = [fit.parameters.get(q.name) or fit.parameters[f"{q.name}[{segment.name}]"] for q in fit.model.parameters]
     values, u = [estimate.value for estimate in known], [segment.u[name][at] for name in fit.model.inputs]
 

@@ -11,7 +11,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.estimation.settings import COMPUTATION
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
@@ -42,7 +41,7 @@ def noise_covariance_of(residuals: Array, scale: Array, kind: NoiseKind, tail_do
 
     Raises InputError when a full R has too few complete samples.
     """
-    floor = (COMPUTATION.smallest_residual * scale) ** 2
+    floor = (1e-9 * scale) ** 2  # smaller residuals are rounding errors
     if kind == "full":
         complete = residuals[np.isfinite(residuals).all(axis=1)]
         if len(complete) <= residuals.shape[1]:
@@ -55,7 +54,7 @@ def noise_covariance_of(residuals: Array, scale: Array, kind: NoiseKind, tail_do
         return R
     variance = np.nanmean(residuals**2, axis=0)
     if tail_dof is not None:
-        for _ in range(COMPUTATION.scale_iterations):  # maximum-likelihood condition: mean of weight e^2 = 1
+        for _ in range(30):  # a digit each; maximum-likelihood condition: mean of weight e^2 = 1
             variance = np.maximum(variance, floor)
             weight = (tail_dof + 1) / (tail_dof + residuals**2 / variance)
             variance = np.nanmean(weight * residuals**2, axis=0)

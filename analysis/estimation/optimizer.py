@@ -80,7 +80,7 @@ class _EigenSystem(NamedTuple):
 
     @property
     def identifiable(self) -> NDArray[np.bool_]:
-        return self.values > SEARCH.singular
+        return self.values > 1e-11  # smaller ones are rounding errors
 
     def step(self, g: Array, damping: float) -> Array:
         """Levenberg-Marquardt step; zero along directions that are not identifiable."""
@@ -123,7 +123,7 @@ def maximize(
             return point, iteration, Stop.OPTIMUM
         eigen = _step_matrix(likelihood, point, correction, moving, length < SEARCH.near * np.sqrt(values))
         gain = point.gradient[moving] @ eigen.step(point.gradient[moving], 0.0)
-        if gain < SEARCH.rounding * abs(point.cost):
+        if gain < 1e-13 * abs(point.cost):  # hidden by the rounding errors of the cost
             return point, iteration, Stop.OPTIMUM
         new, damping = _improve(likelihood, point, eigen, moving, damping)
         if new is None or new.cost == point.cost:  # rounding errors dominate, or the gradient is wrong
@@ -158,8 +158,8 @@ def _secant(correction: Array, step: Array, change: Array, curvature: Array, inf
     scale = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
     for before in (correction, zero):
         missing = change - (curvature + before) @ step
-        product = missing @ step
-        if abs(product) <= SEARCH.smallest_product * np.linalg.norm(missing / scale) * np.linalg.norm(step * scale):
+        product = missing @ step  # below 1e-8 of the norms it is rounding
+        if abs(product) <= 1e-8 * np.linalg.norm(missing / scale) * np.linalg.norm(step * scale):
             return before
         updated: Array = before + np.outer(missing, missing) / product
         if _convex(curvature + updated, information) is not None:
@@ -188,23 +188,27 @@ def _step_matrix(
     return convex or _EigenSystem.of(information)
 
 
+LARGEST_DAMPING = 1e8  # of the information: a step is then rounding error
+
+
 def _improve(
     likelihood: Likelihood, point: Evaluation, eigen: _EigenSystem, moving: NDArray[np.intp], damping: float
 ) -> tuple[Evaluation | None, float]:
     """A point whose cost is not larger, and the damping for the next step. None if no step gives one."""
     problem = likelihood.problem
     largest = problem.largest_step[moving]
-    while damping <= SEARCH.largest_damping:
+    first = 1e-3  # of the information: hardly shortens a step
+    while damping <= LARGEST_DAMPING:
         step = eigen.step(point.gradient[moving], damping)
-        for halving in range(SEARCH.halvings + 1):
+        for halving in range(4):
             theta = point.theta.copy()
             theta[moving] += _limited(step, largest) / 2**halving
             new = likelihood.evaluate(np.clip(theta, problem.lower, problem.upper))
             if new.cost <= point.cost:
                 if halving == 0:
-                    damping = damping / 10 if damping > SEARCH.first_damping else 0.0
+                    damping = damping / 10 if damping > first else 0.0
                 return new, damping
-        damping = max(10 * damping, SEARCH.first_damping)
+        damping = max(10 * damping, first)
     return None, damping
 
 

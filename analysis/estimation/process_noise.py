@@ -101,12 +101,13 @@ def noise_unknowns(model: Model, segments: tuple[Segment, ...], noises: tuple[Pr
     for output in model.outputs:
         signals = [segment.z[output] for segment in segments if output in segment.z]
         scale = math.sqrt(np.nanmean(np.square(np.concatenate(signals)))) if _any_finite(signals) else 0.0
-        lowest = FILTER_ERROR.smallest_noise * (scale or 1.0)
+        least, largest = FILTER_ERROR.noise_range
+        lowest = least * (scale or 1.0)
         # A sample minus the mean of its neighbors has 3/2 of the variance of white noise.
         differences = np.concatenate([z[1:-1] - (z[:-2] + z[2:]) / 2 for z in signals] or [np.array([])])
         differences = differences[np.isfinite(differences)]
         sigma = math.sqrt(np.mean(differences**2) / 1.5) if len(differences) else 0.01 * scale
-        upper = logarithm(FILTER_ERROR.largest_noise * max(scale, sigma, 2 * lowest))
+        upper = logarithm(largest * max(scale, sigma, 2 * lowest))
         first = logarithm(max(sigma, 2 * lowest))
         unknowns.append(
             Unknown(noise_key(output), "", first, logarithm(lowest), upper, largest_step=FILTER_ERROR.largest_step)

@@ -22,15 +22,9 @@ class Search(Settings):
         1e-2, "1", "least ratio of the smallest eigenvalues of curvature and information: further from the optimum the"
         " curvature may be indefinite",
     )  # fmt: skip
-    halvings: int = setting(3, "1", "of a step before the damping is increased")
     secant_length: float = setting(
         0.3, "standard errors", "secants of longer steps led away from the optimum of unstable aircraft"
     )
-    first_damping: float = setting(1e-3, "1", "a thousandth of the information: hardly shortens a step")
-    largest_damping: float = setting(1e8, "1", "beyond it a step is rounding error")
-    rounding: float = setting(1e-13, "1", "share of the cost that its rounding errors hide")
-    singular: float = setting(1e-11, "1", "eigenvalues of the scaled information matrix below this are rounding errors")
-    smallest_product: float = setting(1e-8, "1", "of a secant's terms, relative to their norms: below it is rounding")
 
 
 @dataclass(frozen=True)
@@ -41,12 +35,13 @@ class FilterError(Settings):
         1e-3, "standard errors", "with noise parameters convergence is linear, a factor of 3 to 4 per step"
     )
     intensity_range: float = setting(1e3, "1", "factor of the bounds of an intensity about its start")
-    smallest_noise: float = setting(
-        1e-4, "1", "share of an output's rms: with less, a few outputs determine the state and there is no optimum"
+    noise_range: tuple[float, float] = setting(
+        (1e-4, 10.0),
+        "1",
+        "least and largest noise over an output's rms: with less, a few outputs determine the state and there is no"
+        " optimum",
     )
-    largest_noise: float = setting(10.0, "1", "in rms of the output")
     largest_step: float = setting(2.0, "1", "of the logarithm of a noise in one iteration")
-    smaller_start: float = setting(0.01, "1", "factor of the starting intensities in further attempts")
     negligible: float = setting(0.01, "1", "information about ln w or ln v, whose standard error is then 10")
     near_gain: float = setting(1.0, "1", "expected decrease of the cost below which a fit is near the optimum")
     tried_again: float = setting(
@@ -78,18 +73,11 @@ class VerdictLimits(Settings):
 
 @dataclass(frozen=True)
 class Computation(Settings):
-    """Data, filters and iterations."""
+    """Time steps, starting values and the choice of terms."""
 
     uniformity: float = setting(0.01, "1", "of a time step; the error of RK4 over a step is far larger than its effect")
-    smallest_residual: float = setting(1e-9, "1", "share of an output's rms: smaller residuals are rounding errors")
-    scale_iterations: int = setting(30, "1", "for the scale of t noise; each gains about one digit")
-    newton_steps: int = setting(3, "1", "of the implicit rule: its error is squared in each")
-    kernel_half_length: float = setting(4.0, "sigma", "6e-5 of a Gaussian kernel's area is beyond")
     smoothing: float = setting(1.5, "samples", "low-pass filter of equation error for starting values in light noise")
-    color_corrections: int = setting(2, "1", "a third iteration changes standard errors by less than 1 %")
-    stability_samples: int = setting(20, "1", "of a segment, at which the eigenvalues are computed")
     false_terms: float = setting(0.01, "1", "probability that stepwise regression takes a term that is not there")
-    dependent: float = setting(1e-10, "1", "share of a candidate's square that the chosen terms leave")
 
 
 SEARCH, FILTER_ERROR, VERDICT, COMPUTATION = Search(), FilterError(), VerdictLimits(), Computation()

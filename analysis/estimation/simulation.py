@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from analysis.estimation.array_function import ArrayFunction
 from analysis.estimation.data import delayed
 from analysis.estimation.model import Model, check_symbols, has_branches, not_differentiable
-from analysis.estimation.settings import COMPUTATION
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
@@ -71,7 +70,7 @@ def trapezoidal(f: Derivative, x: Any, u: InputAt, h: Any) -> Any:
     error = x + h / 2 * (now + rate) - y
     newton = y - ca.solve(ca.jacobian(error, y), error)
     x_next = x
-    for _ in range(COMPUTATION.newton_steps):
+    for _ in range(3):  # each squares the error
         x_next = ca.substitute(newton, y, x_next)
     return x_next
 

@@ -18,6 +18,8 @@ from flight.errors import InputError
 
 Array = NDArray[np.float64]
 
+DEPENDENT = 1e-10  # share of a candidate's square that the chosen terms leave: smaller is rounding
+
 
 class Selection(NamedTuple):
     """The chosen terms of z = constant + sum of coefficient times term.
@@ -101,7 +103,7 @@ def orthogonal_functions(
     errors = [float(residual @ residual) / n]
     for _ in range(min(X.shape[1], n - 2)):
         square = (left**2).sum(axis=0)
-        usable = square > COMPUTATION.dependent * size
+        usable = square > DEPENDENT * size
         usable[order] = False
         if not usable.any():
             break
@@ -134,7 +136,7 @@ def _partial_F(X: Array, z: Array, chosen: list[int]) -> Array:
     Q = np.linalg.qr(np.column_stack([np.ones(n), X[:, chosen]]))[0]
     left, residual = X - Q @ (Q.T @ X), z - Q @ (Q.T @ z)
     square = (left**2).sum(axis=0)
-    usable = square > COMPUTATION.dependent * ((X - X.mean(axis=0)) ** 2).sum(axis=0)
+    usable = square > DEPENDENT * ((X - X.mean(axis=0)) ** 2).sum(axis=0)
     usable[chosen] = False
     gain = np.where(usable, (left.T @ residual) ** 2 / np.where(usable, square, 1.0), 0.0)
     dof = n - len(chosen) - 2

@@ -7,6 +7,7 @@ import msgspec
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from scipy.constants import foot, minute
 
 from analysis.drag.dynamic import POLAR, DynamicEstimate
 from analysis.drag.estimate import Estimated
@@ -14,6 +15,7 @@ from analysis.drag.forces import FlightForces
 from analysis.ground.thrust_prior import THRUST
 from analysis.performance.climb import (
     NOT_KNOWN,
+    SPEEDS,
     FullThrottlePerformance,
     available_result,
     ceilings_m,
@@ -137,7 +139,7 @@ def flight_performance(
     full, available = as_flown.full_throttle, msgspec.structs.replace(NOT_KNOWN, reason=model.full_throttle.reason)
     if full is not None:
         fastest_mps = float(speed_at(model.flown_CL[0], condition))
-        ceilings = ceilings_m(model, condition, (PERFORMANCE.service_climb_mps, 0.0))
+        ceilings = ceilings_m(model, condition, (100 * foot / minute, 0.0))
         available = available_result(full, ceilings, model.full_throttle.basis, fastest_mps)
     whole_speeds = level_flight(model, condition, _whole_speeds(as_flown.level_flight.V))
     return PerformanceResult(
@@ -157,7 +159,7 @@ def flight_performance(
 
 
 def performance_at(
-    model: PerformanceModel, titled: TitledCondition, energy_J: float, speeds: int = PERFORMANCE.speeds
+    model: PerformanceModel, titled: TitledCondition, energy_J: float, speeds: int = SPEEDS
 ) -> ConditionPerformance:
     """Performance at one weight and density, at `speeds` speeds of the flown lift coefficients."""
     condition = titled.condition
@@ -214,9 +216,9 @@ def _flown_speeds(model: PerformanceModel, condition: Condition, speeds: int) ->
 
 
 def _whole_speeds(V: Array) -> Array:
-    """Whole speeds within V [m/s], at most as many as the table for the field has rows."""
+    """Whole speeds within V [m/s], at most ten, so that the table for the field fits on a card."""
     slowest, fastest = np.ceil(V[0]), np.floor(V[-1])
-    step = max(1.0, np.ceil((fastest - slowest + 1) / PERFORMANCE.field_table_rows))
+    step = max(1.0, np.ceil((fastest - slowest + 1) / 10))
     return np.arange(slowest, fastest + 0.5, step)
 
 
@@ -244,7 +246,7 @@ def _cost(as_flown: PerformanceCase, case: PerformanceCase) -> str:
 
 def _power_train(model: PerformanceModel, condition: Condition) -> PowerTrainResult:
     """Losses and measured efficiencies, and the efficiencies of level flight as flown."""
-    flight = level_flight(model, condition, _flown_speeds(model, condition, PERFORMANCE.efficiency_speeds))
+    flight = level_flight(model, condition, _flown_speeds(model, condition, 31))
     train = model.power_train
     return PowerTrainResult(
         measured=train.measured,

@@ -23,6 +23,8 @@ from flight.propeller import Propeller
 
 Array = NDArray[np.float64]
 
+SPEEDS = 121  # points of a curve: the best one is found to 1e-5 by a parabola through three
+
 
 @dataclass(frozen=True)
 class FullThrottlePerformance:
@@ -47,7 +49,7 @@ class FullThrottlePerformance:
 
 
 def full_throttle_performance(
-    model: PerformanceModel, condition: Condition, speeds: int = PERFORMANCE.speeds
+    model: PerformanceModel, condition: Condition, speeds: int = SPEEDS
 ) -> FullThrottlePerformance:
     """Power available, climb and highest level speed, of a model whose full throttle is known."""
     smallest_CL, largest_CL = model.flown_CL
@@ -113,11 +115,11 @@ def ceilings_m(model: PerformanceModel, condition: Condition, climbs_mps: tuple[
     NaN above the troposphere and below sea level. The climb is the best over the lift coefficients flown; the motor's
     voltage is that of the flight. condition: its weight counts, its density does not.
     """
-    heights_m = np.linspace(0.0, ASKED.highest_m, PERFORMANCE.ceiling_heights)
+    heights_m = np.linspace(0.0, ASKED.highest_m, 23)  # 500 m apart: climb is linear between
     rho = density(pressure_at(heights_m), temperature_at(heights_m))[:, None]
     smallest_CL, largest_CL = model.flown_CL
     conditions = condition._replace(rho=rho)
-    V = speed_at(np.linspace(largest_CL, smallest_CL, PERFORMANCE.ceiling_speeds), conditions)
+    V = speed_at(np.linspace(largest_CL, smallest_CL, 25), conditions)
     n_points = len(model.sigma_points["A0"])
     best = np.empty((n_points, len(heights_m)))
     for i in range(n_points):
@@ -141,7 +143,7 @@ def available_result(
     """
     maximum = full.maximum_speed.interval_if_known()
     service, absolute = (ceiling.interval_if_known() for ceiling in ceilings)
-    end = max(PERFORMANCE.drawn_beyond_highest * maximum.value, fastest_mps) if maximum else np.inf
+    end = max(1.03 * maximum.value, fastest_mps) if maximum else np.inf
     drawn = [i for i, v in enumerate(full.V) if np.isfinite(full.power.standard_error[i]) and v <= end]
     return AvailableResult(
         reason="",

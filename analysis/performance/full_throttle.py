@@ -21,7 +21,7 @@ from analysis.estimation.model import Model, Parameter
 from analysis.estimation.output_error import fit_output_error
 from analysis.performance.power_train import torque_constant
 from analysis.performance.propagation import ParameterVector
-from analysis.performance.settings import FULL_THROTTLE
+from analysis.performance.settings import FULL_THROTTLE, POWER_TRAIN
 from analysis.signals.smoothing import stretches
 from flight.complete_aircraft import CompletePropulsion
 from flight.propeller import Propeller
@@ -68,7 +68,7 @@ def fit_full_throttle(data: pd.DataFrame, propulsion: CompletePropulsion, propel
             output_function=lambda x, u, p: (p.unloaded_revps * u.throttle - p.revps_per_Nm * u.torque,),
             parameters=(
                 Parameter(name="unloaded_revps", start=unloaded, unit="rev/s"),
-                Parameter(name="revps_per_Nm", start=slope, prior_sigma=FULL_THROTTLE.slope_sigma_share * slope + 1e-3),
+                Parameter(name="revps_per_Nm", start=slope, prior_sigma=POWER_TRAIN.loss_sigma_share * slope + 1e-3),
             ),
         ),
         segments,

@@ -11,7 +11,10 @@ class PowerTrain(Settings):
 
     shaft_scale_sigma: float = setting(0.05, "1", "two sources of one propeller differ by 10 % in power coefficient")
     loss_sigma_share: float = setting(
-        0.5, "1", "a motor's constants leave out the speed controller and half of the iron and bearing losses"
+        0.5,
+        "1",
+        "a motor's constants leave out the speed controller and half of the iron and bearing losses; of its losses,"
+        " and of its loss of speed by torque",
     )
     meter_scale_sigma: float = setting(
         0.02, "1", "current sensors are set up to a few per cent, and nothing on board measures it better"
@@ -19,9 +22,13 @@ class PowerTrain(Settings):
     smoothing_s: float = setting(1.0, "s", "motor speed is averaged over this before it is differentiated")
     slow_per_s: float = setting(0.04, "1/s", "largest relative change of motor speed that counts as slow")
     shortest_s: float = setting(3.0, "s", "a slow stretch that is shorter is left out")
-    needed_s: float = setting(10.0, "s", "of slow flight in all; with less the losses stay those assumed")
     point_s: float = setting(5.0, "s", "each measured efficiency is a mean over this")
     slowest_revps: float = setting(10.0, "rev/s", "below this a motor does not drive its propeller")
+
+    @property
+    def needed_s(self) -> float:
+        """Of slow flight in all, two points of efficiency; with less the losses stay those assumed."""
+        return 2 * self.point_s
 
 
 @dataclass(frozen=True)
@@ -39,31 +46,25 @@ class AssumedMotor(Settings):
 
 @dataclass(frozen=True)
 class FullThrottleFlown(Settings):
-    """What counts as full throttle in the flight, and the prior of the motor's loss of speed by torque."""
+    """What counts as full throttle in the flight."""
 
     least: float = setting(0.97, "1", "of the stick's travel; less is not full throttle")
     steady: float = setting(0.005, "1", "a controller holds full throttle within this of the flight's largest")
     settling_s: float = setting(0.6, "s", "after the stick moves: ramp of the speed controller, inertia of the motor")
     shortest_s: float = setting(1.0, "s", "a settled stretch that is shorter is left out")
-    needed_s: float = setting(2.0, "s", "of settled full throttle in all; with less it is not known")
-    slope_sigma_share: float = setting(
-        0.5, "1", "prior of the loss of speed by torque, as a share of that by the aircraft file's resistances"
-    )
+
+    @property
+    def needed_s(self) -> float:
+        """Of settled full throttle in all, two stretches; with less it is not known."""
+        return 2 * self.shortest_s
 
 
 @dataclass(frozen=True)
 class Performance(Settings):
     """Level flight, climb and ceilings."""
 
-    speeds: int = setting(121, "1", "points of a curve: the best one is found to 1e-5 by a parabola through three")
-    efficiency_speeds: int = setting(31, "1", "points of the curves of efficiency that are drawn")
-    field_table_rows: int = setting(10, "1", "at most, so that the table fits on a card")
     fewest_blocks: int = setting(20, "1", "blocks, to fit angle of attack over lift; else thrust is along the path")
     fastest_sought: float = setting(1.35, "1", "highest level speed is sought to this times the fastest speed flown")
-    drawn_beyond_highest: float = setting(1.03, "1", "power available is drawn to this times the highest level speed")
-    service_climb_mps: float = setting(0.508, "m/s", "100 ft/min, by which a service ceiling is defined")
-    ceiling_heights: int = setting(23, "1", "of the troposphere, 500 m apart: between them climb is linear")
-    ceiling_speeds: int = setting(25, "1", "at each height, over the lift coefficients flown")
     same_share: float = setting(0.005, "1", "weights, and densities, that are closer count as equal")
 
 

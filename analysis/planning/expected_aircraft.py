@@ -14,8 +14,6 @@ from flight.propeller_files import load_propeller
 
 Array = NDArray[np.float64]
 
-SPEEDS, THROTTLES = 24, 21
-
 
 @dataclass(frozen=True)
 class ExpectedAircraft:
@@ -58,8 +56,9 @@ class ExpectedAircraft:
 
     def thrust_N(self, throttle: float, V: float) -> float:
         """Thrust [N] at a throttle from 0 to 1."""
-        row = throttle * (THROTTLES - 1)
-        i = min(int(row), THROTTLES - 2)
+        last = len(self._grid_thrust_N) - 1
+        row = throttle * last
+        i = min(int(row), last - 1)
         below, above = (np.interp(V, self._grid_V, self._grid_thrust_N[k]) for k in (i, i + 1))
         return float(below + (row - i) * (above - below))
 
@@ -102,7 +101,7 @@ def expected_aircraft(
         stall_basis = f"assumed from a largest lift coefficient of {TRAINER.largest_CL}"
     else:
         stall_basis = "as given"
-    V = np.linspace(0.8 * stall_mps, 4.5 * stall_mps, SPEEDS)
+    V = np.linspace(0.8 * stall_mps, 4.5 * stall_mps, 24)
     if aircraft.has(*(f"propulsion.{key}" for key in MOTOR)):
         thrust, motor = _motor_thrust(aircraft, propeller, V, rho), "the motor of the aircraft file"
     else:
@@ -136,8 +135,8 @@ def _motor_thrust(aircraft: Aircraft, propeller: Propeller, V: Array, rho: float
     p = aircraft.propulsion
     assert p.motor_kv_rpm_per_volt and p.motor_resistance_ohm and p.battery_voltage_V
     k = 60 / (2 * np.pi * p.motor_kv_rpm_per_volt)
-    throttle = np.linspace(0.0, 1.0, THROTTLES)[:, None]
-    low, high = np.full((THROTTLES, len(V)), 3.0), np.full((THROTTLES, len(V)), 400.0)
+    throttle = np.linspace(0.0, 1.0, 21)[:, None]
+    low, high = np.full((len(throttle), len(V)), 3.0), np.full((len(throttle), len(V)), 400.0)
     resistance = p.motor_resistance_ohm + throttle**2 * (p.battery_resistance_ohm or 0.0)
     for _ in range(30):
         n = (low + high) / 2
@@ -157,5 +156,5 @@ def _assumed_thrust(
     for _ in range(40):
         n = (low + high) / 2
         low, high = (n, high) if propeller.thrust_and_power(fastest_mps, n, rho)[0] < needed else (low, n)
-    n_of_throttle = np.maximum(low * np.linspace(0.0, 1.0, THROTTLES), 5.0)[:, None]
+    n_of_throttle = np.maximum(low * np.linspace(0.0, 1.0, 21), 5.0)[:, None]
     return np.asarray(propeller.thrust_and_power(V, n_of_throttle, rho)[0])

@@ -255,7 +255,7 @@ def expected(
     prior = np.diag([0, 0, 0, stated.thrust_scale_fraction**-2, stated.thrust_slope**-2, 1.0])
     prior[3:5, 3:5] += stand_information(aircraft.aircraft)
 
-    residual_mps2 = float(np.interp(gust_mps, NOISE.gusts_mps, NOISE.residuals_mps2))
+    residual_mps2 = float(np.interp(gust_mps, *np.transpose(NOISE.residuals_in_gusts)))
 
     def regression(f: pd.DataFrame) -> tuple[Array, Array]:
         """Regressors (n, 6) and drag over mass (n,) inside the runs, over the residuals' size."""

@@ -18,8 +18,9 @@ from analysis.planning.expected_aircraft import ExpectedAircraft
 from analysis.planning.information import QUESTION_TITLES
 from analysis.planning.pieces import Hold, Land, Maneuver, Porpoise, Run, Stand, TakeOff, Turn, slowest_mps
 from analysis.planning.search import KNOT_MPS, FlightPlan, Request
-from analysis.planning.settings import MANEUVERS, MARGINS, PATH
+from analysis.planning.settings import MARGINS, PATH
 from analysis.planning.time_history import climb_rate_mps
+from flight.runs import AIRCRAFT_SIZE
 
 
 class Command(IntEnum):
@@ -249,12 +250,12 @@ def _segments(maneuver: Maneuver, aircraft: ExpectedAircraft, height_m: float) -
                     "kind": "porpoise",
                     "duration": f"{maneuver.duration_s:.1f} s",
                     "speed": f"{maneuver.speed_mps:.2f} m/s",
-                    "elevator": f"{MANEUVERS.first_elevator_deg:g} deg",
+                    "elevator": "8 deg",  # at first; the simulator's pilot adapts to the load asked
                     "load": round(maneuver.load, 3),
                     "first_period": f"{maneuver.first_period_s:g} s",
                     "last_period": f"{maneuver.last_period_s:g} s",
                 }
             ]
         case Land(speed_mps):
-            return [climb(min(PATH.approach_height_m, height_m), speed_mps), {"kind": "land"}]
+            return [climb(min(AIRCRAFT_SIZE.least_height_m, height_m), speed_mps), {"kind": "land"}]
     raise AssertionError(maneuver)

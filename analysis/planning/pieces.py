@@ -115,12 +115,12 @@ def slowest_mps(expected: ExpectedAircraft, wind_kt: float) -> float:
 
 def before(expected: ExpectedAircraft) -> tuple[Maneuver, ...]:
     """What every flight begins with."""
-    return Stand(MANEUVERS.stand_before_s), TakeOff(MARGINS.cruise * expected.stall_mps)
+    return Stand(MANEUVERS.stand_s[0]), TakeOff(MARGINS.cruise * expected.stall_mps)
 
 
 def after(expected: ExpectedAircraft) -> tuple[Maneuver, ...]:
     """What every flight ends with."""
-    return Land(MARGINS.cruise * expected.stall_mps), Stand(MANEUVERS.stand_after_s)
+    return Land(MARGINS.cruise * expected.stall_mps), Stand(MANEUVERS.stand_s[1])
 
 
 def run_pairs(expected: ExpectedAircraft, space: Space, wind_kt: float) -> Iterator[Piece]:

@@ -58,7 +58,7 @@ class Request:
 
     @property
     def gust_mps(self) -> float:
-        return max(SOLVER.least_gust_mps, NOISE.vertical_over_W20 * self.wind_kt * KNOT_MPS)
+        return max(SOLVER.least_gust_mps, 0.1 * self.wind_kt * KNOT_MPS)  # of W20 (MIL-F-8785C sec. 3.7.3.4)
 
 
 class Contribution(NamedTuple):

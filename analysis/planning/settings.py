@@ -40,14 +40,14 @@ MARGINS = Margins()
 class Maneuvers(Settings):
     """How the pieces are flown."""
 
-    stand_before_s: float = setting(90.0, "s", "zeros and noise of all sensors, before")
-    stand_after_s: float = setting(30.0, "s", "their drift, after")
+    stand_s: tuple[float, float] = setting(
+        (90.0, 30.0), "s", "before, zeros and noise of all sensors; after, their drift"
+    )
     acceleration_throttle: float = setting(0.87, "1", "thrust that a battery half empty still gives")
     deceleration_throttle: float = setting(0.495, "1", "the propeller still pulls, where its table is best known")
     deceleration_ramp_s: float = setting(2.5, "s", "no faster than a pilot holds height")
     bank_rad: float = setting(0.6, "rad", "34°: load factor 1.2")
     steep_bank_rad: float = setting(0.8, "rad", "46°: load factor 1.4, where there is little room")
-    first_elevator_deg: float = setting(8.0, "deg", "of the simulator's pilot, who then adapts to the load asked")
 
 
 MANEUVERS = Maneuvers()
@@ -58,8 +58,7 @@ class PlannedPath(Settings):
     """Kinematics of a plan flown as written."""
 
     step_s: float = setting(0.04, "s", "that of the logger")
-    take_off_s: float = setting(12.0, "s", "from standing to the height of the approach")
-    approach_height_m: float = setting(20.0, "m", "where climb begins and descent ends")
+    take_off_s: float = setting(12.0, "s", "from standing to the least height at which anything is measured")
     climb_mps: float = setting(3.0, "m/s", "comfortable for a trainer")
     climb_over_stall: float = setting(0.3, "1", "of smaller aircraft, over their stall speed")
     speed_lag_s: float = setting(2.0, "s", "of a pilot who changes speed")
@@ -75,10 +74,10 @@ PATH = PlannedPath()
 class ExpectedNoise(Settings):
     """What a flight leaves uncertain, before it is flown."""
 
-    vertical_over_W20: float = setting(0.1, "1", "sigma_w over the wind at 20 ft (MIL-F-8785C sec. 3.7.3.4)")
-    gusts_mps: tuple[float, ...] = setting((0.0, 0.15, 0.75), "m/s", "1 sigma, of the flights of residuals_mps2")
-    residuals_mps2: tuple[float, ...] = setting(
-        (0.029, 0.040, 0.060), "m/s²", "of drag over mass, means over 0.2 s, in simulated flights in these gusts"
+    residuals_in_gusts: tuple[tuple[float, float], ...] = setting(
+        ((0.0, 0.029), (0.15, 0.040), (0.75, 0.060)),
+        "m/s, m/s²",
+        "gusts, 1 sigma, and residuals of drag over mass, means over 0.2 s, in simulated flights in them",
     )
     rest_share: float = setting(
         0.8, "1", "of the residuals; errors of the states make the rest. White noise of it has the same effect"

@@ -18,6 +18,7 @@ from analysis.signals.channels import SPEED_SCALE, speed_scale
 from analysis.trajectory import dryden
 from analysis.trajectory.priors import BENCH_SIGMA
 from flight import motion
+from flight.runs import AIRCRAFT_SIZE
 from flight.units import GRAVITY_MPS2 as g
 
 Array = NDArray[np.float64]
@@ -154,9 +155,9 @@ def climb_rate_mps(expected: ExpectedAircraft) -> float:
 def _take_off(expected: ExpectedAircraft, speed_mps: float, height_m: float) -> Path:
     s = (np.arange(_steps(PATH.take_off_s)) + 1) * PATH.step_s / PATH.take_off_s
     V = speed_mps * (10 * s**3 - 15 * s**4 + 6 * s**5)
-    rise = 30 * s**2 * (1 - s) ** 2 * min(PATH.approach_height_m, height_m) / PATH.take_off_s
+    rise = 30 * s**2 * (1 - s) ** 2 * min(AIRCRAFT_SIZE.least_height_m, height_m) / PATH.take_off_s
     up = np.full(
-        _steps(max(height_m - PATH.approach_height_m, 0.0) / climb_rate_mps(expected)), climb_rate_mps(expected)
+        _steps(max(height_m - AIRCRAFT_SIZE.least_height_m, 0.0) / climb_rate_mps(expected)), climb_rate_mps(expected)
     )
     V = np.concatenate([V, np.full(len(up) + _steps(5.0), speed_mps)])
     rate = np.concatenate([rise, up, np.zeros(_steps(5.0))])

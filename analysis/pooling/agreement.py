@@ -21,7 +21,7 @@ from analysis.pooling.settings import POOLING
 Array = NDArray[np.float64]
 
 _N_POLAR = len(POLAR)
-POLAR_PART, INSTALLATION_PART = slice(0, _N_POLAR), slice(M - len(INSTALLATION_ERRORS), M)
+POLAR_PART, INSTALLATION_PART = slice(_N_POLAR), slice(-len(INSTALLATION_ERRORS), None)
 
 
 class Difference(NamedTuple):

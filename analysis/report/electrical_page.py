@@ -13,7 +13,6 @@ from analysis.report.figures import electrical as figures
 from analysis.report.html_page import HtmlTable, html_figure, render_page
 from analysis.report.sections.flight import electrical_facts
 from analysis.report.sections.performance import autopilot_section
-from analysis.report.settings import REPORT
 from analysis.report.wording import every
 from analysis.results.files import to_csv, to_json
 from analysis.results.previous import replaced
@@ -108,7 +107,7 @@ def curve_table(results: Results) -> HtmlTable:
         ("speed, m/s", "power, W", "95 % interval, W"),
         [
             (f"{p.speed_mps:.1f}", f"{p.power_W:.0f}", f"{p.power_lo_W:.0f} to {p.power_hi_W:.0f}")
-            for p in every(results.electrical_power, REPORT.page_rows)
+            for p in every(results.electrical_power)
         ],
         numbers=True,
     )
@@ -128,7 +127,7 @@ def _drag_table(results: Results) -> HtmlTable | None:
                 f"{p.power_W / p.speed_mps:.2f}",
                 f"{shaft[p.speed_mps].power_W:.0f}" if p.speed_mps in shaft else "",
             )
-            for p in every(required, REPORT.page_rows)
+            for p in every(required)
         ],
         numbers=True,
     )  # fmt: skip

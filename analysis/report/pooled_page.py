@@ -21,7 +21,6 @@ from analysis.pooling.settings import POOLING
 from analysis.report.answers import HeadlineAnswer
 from analysis.report.figures import pooled as figures
 from analysis.report.html_page import HtmlTable, html_figure, render_page
-from analysis.report.settings import REPORT
 from analysis.report.wording import every, meaning
 from analysis.schema import ConditionResult, ElectricalFlight
 from flight.units import GRAVITY_MPS2
@@ -61,7 +60,7 @@ def render_pooled(pooled: PooledResults) -> str:
         answers=pooled_answers(pooled),
         figures={name: html_figure(figure, name) for name, figure in drawn.items()},
         warnings=pooled_warnings(pooled),
-        curve=curve_table(pooled, REPORT.page_rows),
+        curve=curve_table(pooled),
         one_more=(
             f"One flight more: another one like {more.like}, the flight that contributed most. The best flight alone"
             f" is {best.log}."
@@ -115,7 +114,7 @@ def render_comparison(comparison: ComparisonResults) -> str:
         text=comparison.text,
         answers=comparison_answers(comparison),
         figures={"difference": html_figure(figure, "difference")},
-        differences=differences_table(comparison.differences, REPORT.page_rows),
+        differences=differences_table(comparison.differences),
         sides=HtmlTable(
             ("", "aircraft", "propeller", "installation", "flights"),
             [_side("A", comparison.a), _side("B", comparison.b)],
@@ -190,7 +189,7 @@ def comparison_answers(comparison: ComparisonResults) -> list[HeadlineAnswer]:
     ]
 
 
-def curve_table(pooled: PooledResults, rows: int) -> HtmlTable:
+def curve_table(pooled: PooledResults, rows: int = 12) -> HtmlTable:
     """About `rows` points of the pooled curve."""
     return HtmlTable(
         ("speed, m/s", "power, W", "95 % interval, W", "± %"),
@@ -207,7 +206,7 @@ def curve_table(pooled: PooledResults, rows: int) -> HtmlTable:
     )
 
 
-def differences_table(rows: Sequence[PowerDifference], most: int) -> HtmlTable:
+def differences_table(rows: Sequence[PowerDifference], most: int = 12) -> HtmlTable:
     """About `most` rows of a comparison."""
     return HtmlTable(
         ("speed, m/s", "A, W", "B, W", "B minus A, %", "95 % interval, %"),

@@ -19,7 +19,6 @@ from analysis.report.pooled_page import (
     pooled_answers,
     pooled_warnings,
 )
-from analysis.report.settings import REPORT
 from analysis.report.wording import every
 from analysis.schema import Results
 
@@ -30,7 +29,7 @@ def print_summary(results: Results, page: Path, console: Console) -> None:
         ("speed, m/s", "power, W", "95 % interval, W"),
         [
             (f"{point.speed_mps:.1f}", f"{point.power_W:.1f}", f"{point.power_lo_W:.1f} to {point.power_hi_W:.1f}")
-            for point in every(results.power_required, REPORT.terminal_rows)
+            for point in every(results.power_required, 8)
         ],
     )
     _print_table(console, f"{results.aircraft.title}: power required", curve)
@@ -50,7 +49,7 @@ def print_electrical_summary(results: Results, page: Path, console: Console, rep
 
 def print_pooled(pooled: PooledResults, page: Path, console: Console) -> None:
     """Print the curve, the answers, warnings, and where the page is."""
-    _print_table(console, f"{pooled.aircraft.title}: power required", curve_table(pooled, REPORT.terminal_rows))
+    _print_table(console, f"{pooled.aircraft.title}: power required", curve_table(pooled, 8))
     _print_answers(console, pooled_answers(pooled))
     _print_notes(console, [*pooled_warnings(pooled), *pooled.left_out])
     _print_page(console, page)
@@ -59,7 +58,7 @@ def print_pooled(pooled: PooledResults, page: Path, console: Console) -> None:
 def print_comparison(comparison: ComparisonResults, page: Path | None, console: Console) -> None:
     """Print the difference, the answers, and where the page is."""
     title = f"A: {comparison.a.name}, B: {comparison.b.name}"
-    _print_table(console, title, differences_table(comparison.differences, REPORT.terminal_rows))
+    _print_table(console, title, differences_table(comparison.differences, 8))
     _print_answers(console, comparison_answers(comparison))
     console.print(escape(comparison.text), highlight=False)
     if page:

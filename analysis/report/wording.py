@@ -9,8 +9,8 @@ from analysis.schema import MethodResult, Results
 T = TypeVar("T")
 
 
-def every(points: Sequence[T], rows: int) -> Sequence[T]:
-    """About so many points of a curve, for a table."""
+def every(points: Sequence[T], rows: int = 12) -> Sequence[T]:
+    """About so many points of a curve, for a table of a page."""
     return points[:: max(1, len(points) // rows)]
 
 

@@ -34,7 +34,6 @@ from flight.atmosphere import SEA_LEVEL_DENSITY
 
 Array = NDArray[np.float64]
 
-DRAWS = 400  # of the curve, for the intervals of its best speeds
 UNKNOWN = SpeedInterval(speed_mps=None, lo_mps=None, hi_mps=None, inside_flown_range=False)
 LARGE_SCALE = 0.03
 LARGE_HALF_WIDTH = 0.3
@@ -134,7 +133,7 @@ def _beside_the_curve(found: ElectricalFlight) -> ElectricalResult:
     flight, estimate, drag, propeller, battery_J, _ = found
     V, power = estimate.V_mps, estimate.power_W
     covariance = estimate.noise + estimate.systematic
-    draws = np.random.default_rng(0).multivariate_normal(power, covariance, DRAWS, method="eigh")
+    draws = np.random.default_rng(0).multivariate_normal(power, covariance, 400, method="eigh")
     draws = np.maximum(draws, 0.1 * power)
     endurance = range_m = None
     if battery_J is not None:

@@ -107,10 +107,10 @@ def static_thrust(estimate: DynamicEstimate) -> ParameterResult:
 
 
 def track(trajectory: Trajectory) -> Track:
-    """North and east of the start by the integral of the reconstructed velocity, thinned."""
+    """North and east of the start by the integral of the reconstructed velocity, thinned to 600 points, for a map."""
     t_s = trajectory.states.index.to_numpy()
     place = [_integral(trajectory.states[name].to_numpy(), t_s) for name in ("v_north", "v_east")]
-    every = slice(None, None, -(-len(t_s) // RESULTS.track_points))
+    every = slice(None, None, -(-len(t_s) // 600))
     north, east = (np.round(values[every], 1).tolist() for values in place)
     return Track(t_s=np.round(t_s[every], 1).tolist(), north_m=north, east_m=east)
 

@@ -11,7 +11,6 @@ class ResultsSettings(Settings):
 
     curve_points: int = setting(61, "1", "of each curve: smooth when drawn, and linear between two points to 0.1 %")
     longest_lag_s: float = setting(4.0, "s", "of autocorrelations: the gusts of a run are shorter")
-    track_points: int = setting(600, "1", "of the path over the ground: what a map shows")
     clock_set_unix_s: float = setting(1.5e9, "s", "2017: an earlier time is that of a clock without battery")
     widest_share: float = setting(
         0.4, "1", "half width of an interval over its value beyond which a value for an autopilot is withheld"

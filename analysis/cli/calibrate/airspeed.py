@@ -9,7 +9,6 @@ from analysis.autopilot_logs.read import firmware_of
 from analysis.cli.calibrate.runner import Calibrated, OptionalFile, calibration
 from analysis.cli.electrical import refuse_daemon_options
 from analysis.cli.options import AircraftOption, ProbeOption
-from analysis.cli.settings import CALIBRATIONS
 from analysis.estimation.noise import NORMAL_95
 from flight.errors import InputError
 
@@ -71,7 +70,8 @@ def autopilot_airspeed(log: Path, firmware: str) -> "AirspeedCalibration":
     from analysis.electrical.flight_table import flight_table
     from analysis.trajectory.consistency import AirspeedCalibration, notes_on, why_not_determined
 
-    flight = flight_table(read_autopilot_log(log, firmware), CALIBRATIONS.wing_loading_Npm2, 1.0)  # their ratio counts
+    typical_N, area_m2 = 60.0, 1.0  # their ratio recognizes flight
+    flight = flight_table(read_autopilot_log(log, firmware), typical_N, area_m2)
     found = airspeed_errors(flight)
     if found.wind_mps is None or found.wind_from_deg is None:
         raise InputError(f"{log}: no GPS velocity in flight: neither scale nor wind can be determined")

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from analysis.autopilot_logs.settings import READABLE
 from analysis.cli.calibrate.runner import Calibrated, CalibrationFile, LogFile, calibration
-from analysis.cli.settings import CALIBRATIONS
 from flight.command_line import quantity
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2, to_si
@@ -91,14 +91,15 @@ def pressures_Pa(text: str) -> list[float]:
         raise InputError(f"--pressures {text!r}: the unit is missing; give a list such as {EXAMPLE}")
     factor = _unit_Pa(unit, text)
     values = [factor * number for number in numbers]
-    highest = CALIBRATIONS.highest_pressure_Pa
+    highest = READABLE.pitot_Pa[1]
     if not all(math.isfinite(value) and abs(value) <= highest for value in values):
         raise InputError(f"--pressures {text!r}: not within {highest:g} Pa; give a list such as {EXAMPLE}")
     return [value for value in values if value]
 
 
 def _unit_Pa(unit: str, text: str) -> float:
-    for of, factor in (("Pa", 1.0), ("m", CALIBRATIONS.water_kgpm3 * GRAVITY_MPS2)):
+    water_kgpm3 = 998.2  # at 20 degC
+    for of, factor in (("Pa", 1.0), ("m", water_kgpm3 * GRAVITY_MPS2)):
         try:
             return factor * to_si(f"1 {unit}", of, "")
         except InputError:

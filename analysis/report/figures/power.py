@@ -25,7 +25,6 @@ from analysis.report.figures.style import (
     styled,
     translucent,
 )
-from analysis.report.settings import REPORT
 from analysis.report.wording import capitalized_title, listed_methods
 from analysis.schema import Interval, MethodResult, PerformanceResult, PowerPoint, Results, SpeedInterval
 from flight.units import GRAVITY_MPS2
@@ -133,7 +132,7 @@ def interval_parts(results: Results) -> Figure:
 
 def drag_polar(polar: Polar, flown_CL: tuple[float, float]) -> Figure:
     """The drag polar over the flown lift coefficients, with its 95 % interval."""
-    CL = np.linspace(*flown_CL, REPORT.polar_points)
+    CL = np.linspace(*flown_CL, 60)
     powers = np.stack([np.ones_like(CL), CL, CL**2], axis=1)
     CD = powers @ polar.A
     half_width = NORMAL_95 * np.sqrt(np.einsum("ni,ij,nj->n", powers, polar.covariance, powers))
@@ -181,7 +180,8 @@ def every_method(results: Results) -> Figure:
 def _add_interval_bars(figure: Figure, method: MethodResult, color: str, offset: float) -> None:
     """The interval of a method at a few speeds. offset: 0 to 1, shifts the bars so that methods do not overlap."""
     V, P, lo, hi = curve_arrays(method.power_required)
-    at = V[0] + (V[-1] - V[0]) * (np.arange(REPORT.intervals_shown) + offset) / REPORT.intervals_shown
+    bars = 4  # more of each method would overlap
+    at = V[0] + (V[-1] - V[0]) * (np.arange(bars) + offset) / bars
     value, low, high = (np.interp(at, V, values) for values in (P, lo, hi))
     figure.add_scatter(
         x=rounded(at),

@@ -11,7 +11,6 @@ from analysis.airdata.probe import ProbeCalibration
 from analysis.airdata.probe_calibration import SpeedDependence, TunnelData
 from analysis.estimation.noise import NORMAL_95
 from analysis.report.figures.style import BLUE, INK, PALETTE, RED, SYMBOLS, Array, Figure, rounded, styled
-from analysis.report.settings import REPORT
 
 QUANTITIES = ("alpha, deg", "beta, deg", "q<sub>c</sub>/q, %")
 
@@ -23,7 +22,7 @@ def residual_maps(tunnel: TunnelData, residuals: tuple[Array, Array, Array]) -> 
     aside = np.interp(tunnel.speed_mps, speeds, np.linspace(-0.9, 0.9, len(speeds))) if len(speeds) > 1 else 0.0
     for name, residual in zip(QUANTITIES, residuals, strict=True):
         figure = Figure()
-        end = float(np.percentile(np.abs(residual), REPORT.color_percentile))
+        end = float(np.percentile(np.abs(residual), 99))  # of the color scale: outliers saturate
         figure.add_scatter(
             x=rounded(np.degrees(tunnel.alpha_rad) + aside), y=rounded(np.degrees(tunnel.beta_rad)), mode="markers",
             showlegend=False, name=name, customdata=rounded(residual), hovertemplate="%{customdata}<extra></extra>",
@@ -46,7 +45,7 @@ def sections(tunnel: TunnelData, calibration: ProbeCalibration) -> list[Figure]:
         (tunnel.beta_rad, tunnel.alpha_rad, tunnel.dp_beta_Pa, "beta"),
     ):
         figure = Figure()
-        near = np.abs(other) <= REPORT.section_rad
+        near = np.abs(other) <= np.radians(1)
         C = dp / tunnel.q_c_Pa
         for k, speed in enumerate(np.unique(speeds)):
             at_speed = near & (speeds == speed)

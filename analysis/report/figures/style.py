@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.report.settings import REPORT
 from analysis.schema import PowerPoint
 
 Array = NDArray[np.float64]
@@ -119,10 +118,11 @@ def styled(figure: Figure, height_px: int, *, hover: str = "x unified") -> Figur
     return figure
 
 
-def thinned(x: Array, y: Array, points: int = REPORT.points_drawn) -> tuple[Array, Array]:
+def thinned(x: Array, y: Array, points: int = 1200) -> tuple[Array, Array]:
     """At most so many points of a time history: the least and the greatest value of each stretch, in order of time.
 
-    A stretch without a value keeps its first point, so that a gap stays one.
+    points: more than the default do not show on a screen. A stretch without a value keeps its first point, so that a gap
+    stays one.
     """
     if len(x) <= points:
         return x, y
@@ -138,11 +138,11 @@ def thinned(x: Array, y: Array, points: int = REPORT.points_drawn) -> tuple[Arra
 
 
 def rounded(values: Array) -> Array:
-    """Values to some significant digits of their range; NaN stays."""
+    """Values to five significant digits of their range, enough to zoom a little; NaN stays."""
     finite = values[np.isfinite(values)]
     span = float(np.ptp(finite)) if len(finite) else 0.0
     largest = float(np.max(np.abs(finite), initial=0.0))
-    decimals = REPORT.significant_digits - 1 - int(np.floor(np.log10(span or largest or 1.0)))
+    decimals = 4 - int(np.floor(np.log10(span or largest or 1.0)))
     return np.asarray(np.round(values.astype(float), max(decimals, 0)))
 
 

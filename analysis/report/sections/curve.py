@@ -96,7 +96,7 @@ def _curve_table(results: Results) -> HtmlTable:
                 f"{p.power_lo_W:.1f} to {p.power_hi_W:.1f}",
                 f"{p.power_W / FOOT_POUND_PER_SECOND_W:.1f}",
             )
-            for p in every(results.power_required, REPORT.page_rows)
+            for p in every(results.power_required)
         ],
         numbers=True,
     )

@@ -6,8 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from analysis.estimation.optimizer import Evaluation, Stop, _EigenSystem, _improve, maximize
-from analysis.estimation.settings import SEARCH
+from analysis.estimation.optimizer import LARGEST_DAMPING, Evaluation, Stop, _EigenSystem, _improve, maximize
 
 CURVATURE = 4.0  # of the cost: a standard error of 0.5
 
@@ -93,7 +92,7 @@ def test_a_whole_step_that_succeeds_is_followed_by_less_damping(damping: float, 
     assert next_damping == pytest.approx(then)
     uphill = at._replace(gradient=-at.gradient)
     none, most = _improve(parabola, uphill, _EigenSystem.of(at.information), moving, damping)
-    assert none is None and most > SEARCH.largest_damping
+    assert none is None and most > LARGEST_DAMPING
 
 
 @pytest.mark.parametrize("most", [1, 4])
