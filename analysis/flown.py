@@ -10,6 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.polar import Condition
+from analysis.settings import FLOWN
 from analysis.signals.channels import least_height_m, speed_scale_of
 from flight.aircraft import Aircraft
 from flight.errors import InputError
@@ -18,10 +19,6 @@ from flight.runs import DECELERATION
 from flight.units import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
-
-LIFT_S, LARGEST_PERCENT = 0.5, 99.9
-LEAST_CL, LARGEST_CL = 0.05, 5.0  # of the slowest speed flown; no wing reaches the latter
-ROBUST_RANGE = (1.0, 99.0)  # percentiles of the flown lift coefficients that a curve is drawn over
 
 
 def flown_condition(flown: pd.DataFrame, aircraft: Aircraft) -> Condition:
@@ -36,14 +33,14 @@ def flown_lift(flown: pd.DataFrame, aircraft: Aircraft) -> tuple[float, float]:
     """
     V = flown["V_mps"].rolling(round(speed_scale_of(flown) ** -4), center=True, min_periods=1).mean()
     CL = 2 * aircraft.mass.weight_N / (flown["rho"] * V**2 * aircraft.geometry.wing_area_m2)
-    low, high = np.percentile(CL.dropna(), ROBUST_RANGE)
+    low, high = np.percentile(CL.dropna(), FLOWN.robust_percentiles)
     return float(low), float(high)
 
 
 def check_lift(flown_CL: tuple[float, float], condition: Condition, log: str) -> None:
     """Raises InputError if no wing could carry the weight at the speeds flown. flown_CL: of `flown_lift`."""
     largest = flown_CL[1]
-    if not LEAST_CL < largest < LARGEST_CL:
+    if not FLOWN.possible_CL[0] < largest < FLOWN.possible_CL[1]:
         raise InputError(
             f"{log}: a weight of {condition.weight_N:.3g} N and a wing area of {condition.wing_area_m2:.3g} m^2 need a"
             f" lift coefficient of {largest:.2g} at the slowest speed flown; a wing has 0.5 to 2: check"
@@ -58,27 +55,24 @@ def largest_lift(table: pd.DataFrame, condition: Condition) -> float:
     """
     aloft = table["flying"] & (table["height_m"] > least_height_m(table))
     step_s = float(table.index[1] - table.index[0])
+    rows = round(0.5 / step_s)
     force_N = -condition.weight_N / GRAVITY_MPS2 * table["az_mps2"]
-    CL = force_N.rolling(round(LIFT_S / step_s), center=True).mean() / (
-        table["qbar_Pa"].rolling(round(LIFT_S / step_s), center=True).mean() * condition.wing_area_m2
+    CL = force_N.rolling(rows, center=True).mean() / (
+        table["qbar_Pa"].rolling(rows, center=True).mean() * condition.wing_area_m2
     )
     known = CL[aloft].dropna()
-    return float(np.percentile(known, LARGEST_PERCENT)) if len(known) else -np.inf
-
-
-NEARBY, LEAST_COVERED = 0.04, 0.5  # relative difference of speeds; share of the samples near a speed
-LARGEST_UNMENTIONED_SHARE, LARGEST_SHARE_OUTSIDE = 0.02, 0.7  # of the runs, outside the propeller table
+    return float(np.percentile(known, 99.9)) if len(known) else -np.inf
 
 
 def thrust_known(flown: pd.DataFrame, V: Array) -> NDArray[np.bool_]:
-    """Speeds V (k,) near which the propeller table covers at least LEAST_COVERED of the samples flown.
+    """Speeds V (k,) near which the propeller table covers at least FLOWN.least_covered of the samples flown.
 
     flown : rows of the runs, columns V_mps and propeller_covered. A speed without samples nearby counts as known; it is
     an extrapolation for another reason.
     """
     speed, covered = flown["V_mps"].to_numpy(), flown["propeller_covered"].to_numpy(dtype=float)
-    near = np.abs(speed / V[:, None] - 1) < NEARBY
-    return np.asarray((near @ covered >= LEAST_COVERED * near.sum(axis=1)) | ~near.any(axis=1))
+    near = np.abs(speed / V[:, None] - 1) < FLOWN.nearby
+    return np.asarray((near @ covered >= FLOWN.least_covered * near.sum(axis=1)) | ~near.any(axis=1))
 
 
 def thrust_coverage(
@@ -91,7 +85,7 @@ def thrust_coverage(
     Raises InputError where most of them do.
     """
     outside = 1 - float(flown["propeller_covered"].mean())
-    if outside <= LARGEST_UNMENTIONED_SHARE:
+    if outside <= FLOWN.unmentioned_share:
         return []
     largest_J = max(row.J[-1] for row in propeller.rows)
     if (flown["J"][~flown["propeller_covered"]] > largest_J).mean() > 0.5:
@@ -102,7 +96,7 @@ def thrust_coverage(
         rpm = propeller.rows[0].rpm, propeller.rows[-1].rpm
         range_text = f"goes from {rpm[0]:.0f} to {rpm[1]:.0f} rpm (flown: {low:.0f} to {high:.0f})"
     text = f"propeller {propeller.name}: {100 * outside:.0f} % of the runs lie outside its table, which {range_text}"
-    if outside > LARGEST_SHARE_OUTSIDE:
+    if outside > FLOWN.largest_share_outside:
         if kinds == {DECELERATION} and runs_file:
             raise InputError(f"{runs_file}: keeps decelerations only, and {text}; keep an acceleration as well")
         if kinds == {DECELERATION}:

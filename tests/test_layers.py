@@ -128,6 +128,7 @@ def test_the_root_of_analysis_holds_the_pipeline_and_what_every_folder_uses() ->
         "log_contents.py",
         "flown.py",
         "polar.py",
+        "settings.py",
         "files.py",
         "schema.py",
     }

@@ -25,6 +25,7 @@ from analysis.ground.thrust_prior import stand_measurements
 from analysis.maneuvers.kinds import Maneuver
 from analysis.polar import Condition, Polar, power_required, speed_at
 from analysis.schema import CheckedBy
+from analysis.settings import CURVES
 from analysis.signals.channels import speed_scale_of
 from analysis.signals.smoothing import without_gaps
 from analysis.trajectory.priors import upwash_slope_sigma
@@ -152,9 +153,7 @@ def _sample_noise(signal: Array) -> float:
     return float(np.sqrt(np.nanmean((signal[1:-1] - (signal[:-2] + signal[2:]) / 2) ** 2) / 1.5))
 
 
-SPEEDS = 61  # at which the polars are compared
 # One test over all speeds: a difference of two parabolas has three coefficients (Scheffe 1953, Biometrika 40, 87).
-SIMULTANEOUS_95 = float(np.sqrt(special.chdtri(3, 1 - 0.95)))
 
 
 class CrossCheck(NamedTuple):
@@ -225,9 +224,10 @@ def disagreement(polar: Polar, check: CrossCheck, condition: Condition, flown_CL
     if not check.converged:
         left_out = f"The cross-check by {check.by} did not converge and is left out: {check.verdict}."
         return Disagreement(False, [left_out])
-    V = np.linspace(speed_at(flown_CL[1], condition), speed_at(flown_CL[0], condition), SPEEDS)
+    V = np.linspace(speed_at(flown_CL[1], condition), speed_at(flown_CL[0], condition), CURVES.points)
     (power, error), (other, other_error) = (power_required(V, p, condition) for p in (polar, check.polar))
-    excess = np.abs(other - power) / (SIMULTANEOUS_95 * np.hypot(error, CROSS_CHECK.excess * other_error))
+    simultaneous_95 = float(np.sqrt(special.chdtri(3, 1 - 0.95)))
+    excess = np.abs(other - power) / (simultaneous_95 * np.hypot(error, CROSS_CHECK.excess * other_error))
     worst = int(np.argmax(excess))
     if excess[worst] <= 1:
         return Disagreement(False, [])

@@ -32,11 +32,11 @@ from analysis.estimation.model import NamedValues
 from analysis.estimation.output_error import fit_output_error
 from analysis.estimation.problem import FitOptions
 from analysis.flight import Reconstructed
-from analysis.flown import ROBUST_RANGE
 from analysis.ground.thrust_prior import J_REFERENCE
 from analysis.maneuvers.kinds import LEVEL_RUNS, Maneuver
 from analysis.polar import Polar
 from analysis.schema import Cause, PitchRateResult
+from analysis.settings import FLOWN
 from analysis.signals.smoothing import without_gaps
 from analysis.trajectory.equations import SENSOR_ERRORS, STATES
 from flight.aerodynamics import stability_axes
@@ -56,7 +56,6 @@ AS_MEASURED_FIT, CLQ_FIT = "two-state, rate as measured", "two-state with C_Lq"
 METHODS = (TWO_STATE, FORCE_MODELS)
 # The source has no errors of thrust among its parameters (Table 3.1).
 TABLE_AS_IT_IS = {"thrust_scale": {"free": False}, "thrust_slope": {"free": False}}
-WITHOUT_PRIOR = {"CLq": {"free": True, "start": 0.0, "prior_sigma": np.inf}}
 
 
 @dataclass(frozen=True)
@@ -88,8 +87,9 @@ def estimate(flight: Reconstructed, wanted: tuple[MethodDescription, ...] = METH
         start = aircraft_models.starting_values(aircraft, data.segments)
         fits[TWO_STATE.name] = fit_output_error(two_state, data.segments, start=start)
         fits[AS_MEASURED_FIT] = fit_output_error(two_state, data.rate_as_measured, start=start)
+        without_prior = {"free": True, "start": 0.0, "prior_sigma": np.inf}
         fits[CLQ_FIT] = fit_output_error(
-            two_state.changed(**WITHOUT_PRIOR), data.rate_as_measured, start=_values(fits[AS_MEASURED_FIT])
+            two_state.changed(CLq=without_prior), data.rate_as_measured, start=_values(fits[AS_MEASURED_FIT])
         )
         pitch_rate = pitch_rate_of(flight.table, level, fits[CLQ_FIT])
         if FORCE_MODELS in wanted:
@@ -208,7 +208,7 @@ def _alpha_and_elevator(segments: list[Segment]) -> tuple[Array, Array]:
     elevator = np.concatenate([segment.u["elevator"] for segment in segments])
     known = np.isfinite(alpha)
     slope, offset = np.polyfit(alpha[known], elevator[known], 1)
-    low, high = np.percentile(alpha[known], ROBUST_RANGE)
+    low, high = np.percentile(alpha[known], FLOWN.robust_percentiles)
     grid = np.linspace(low, high, 31)
     return grid, offset + slope * grid
 

@@ -17,10 +17,10 @@ from analysis.drag.method_inputs import MethodInputs
 from analysis.drag.regression import PolarRegression
 from analysis.drag.sensor_errors import CAUSES, error_prior_sigma
 from analysis.drag.settings import REGRESSION
-from analysis.flown import ROBUST_RANGE
 from analysis.maneuvers.kinds import Maneuver
 from analysis.polar import Polar
 from analysis.schema import Cause
+from analysis.settings import FLOWN
 from flight.aircraft import Aircraft
 from flight.errors import InputError
 
@@ -129,7 +129,7 @@ def _estimate(method: Method, inputs: MethodInputs, runs: list[Maneuver]) -> Met
     }
     points = method.points(inputs.nominal, runs, inputs.aircraft) if method.points else []
     CL = regression.CL
-    low, high = (CL.min(), CL.max()) if points else np.percentile(CL, ROBUST_RANGE)
+    low, high = (CL.min(), CL.max()) if points else np.percentile(CL, FLOWN.robust_percentiles)
     return MethodEstimate(
         method,
         Polar(A, noise + systematic),
@@ -165,6 +165,6 @@ def _notes(A: Array, table: pd.DataFrame, runs: list[Maneuver]) -> tuple[str, ..
         notes.append("drag does not increase with lift in this fit: the range of lift coefficients flown is too narrow")
     covered = pd.concat([table.loc[run.start_s : run.end_s, "covered"] for run in runs])
     outside = 1 - float(covered.mean())
-    if outside > REGRESSION.unmentioned_share:
+    if outside > FLOWN.unmentioned_share:
         notes.append(f"{100 * outside:.0f} % of its data lie outside the propeller table")
     return tuple(notes)

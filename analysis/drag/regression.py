@@ -45,11 +45,9 @@ def run_data(table: pd.DataFrame, runs: list[Maneuver], columns: tuple[str, ...]
     return found
 
 
-THREE_TERM: Array = np.eye(3)
-TWO_TERM: Array = np.eye(3)[:, [0, 2]]  # A1 = 0: least drag at zero lift
-
-
 COEFFICIENTS = ("A0", "A1", "A2")
+THREE_TERM: Array = np.eye(len(COEFFICIENTS))
+TWO_TERM: Array = THREE_TERM[:, [0, 2]]  # A1 = 0: least drag at zero lift
 # The same regression as a model, for the covariance by colored residuals; it is compiled once for all methods.
 POLAR_FIT = Model(
     name="polar",

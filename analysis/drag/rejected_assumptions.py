@@ -17,9 +17,9 @@ from analysis.estimation.data import Segment
 from analysis.estimation.fit import Fit
 from analysis.estimation.model import Model, NamedValues, Parameter
 from analysis.estimation.output_error import fit_output_error
-from analysis.flown import ROBUST_RANGE
 from analysis.ground.settings import STAND_LIMITS
 from analysis.ground.thrust_prior import STAND
+from analysis.settings import FLOWN
 
 Array = NDArray[np.float64]
 
@@ -92,7 +92,7 @@ def _shape_rejected(fit: Fit) -> list[RejectedAssumption]:
     i = with_quartic.names.index("A4")
     error = float(np.sqrt(covariance.of_noise(with_quartic)[i, i]))
     quartic = float(with_quartic.values[i])
-    low, high = np.percentile(np.concatenate([segment.u["CL"] for segment in _segments(fit)]), ROBUST_RANGE)
+    low, high = np.percentile(np.concatenate([segment.u["CL"] for segment in _segments(fit)]), FLOWN.robust_percentiles)
     CL = np.array([low, (low + high) / 2, high])
     powers = np.vander(CL, 3, increasing=True)
     values = np.delete(with_quartic.values, i)

@@ -17,9 +17,6 @@ class Regression(Settings):
     level_margin_rad: float = setting(
         np.radians(1.0), "rad", "above the largest angle of attack of level flight, for turns and heave"
     )
-    unmentioned_share: float = setting(
-        0.02, "1", "of the runs' data that may be left out, or lie outside the propeller's table, without a note"
-    )
     CL_minD_sigma: float = setting(0.2, "1", "prior of the lift coefficient of least drag, where a method has none")
     largest_gust_mps: float = setting(
         0.4, "m/s", "vertical, 1 sigma, for the energy method: W20 = 3 kt makes 0.15, 15 kt 0.8"

@@ -15,7 +15,6 @@ from analysis.drag.forces import FlightForces
 from analysis.ground.thrust_prior import THRUST
 from analysis.performance.climb import (
     NOT_KNOWN,
-    SPEEDS,
     FullThrottlePerformance,
     available_result,
     ceilings_m,
@@ -42,6 +41,7 @@ from analysis.performance.request import (
 from analysis.performance.settings import PERFORMANCE
 from analysis.polar import Condition, speed_at
 from analysis.schema import FieldRow, PerformanceCase, PerformanceResult, PowerTrainResult
+from analysis.settings import CURVES
 from analysis.signals.channels import SPEED_SCALE
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
@@ -159,7 +159,7 @@ def flight_performance(
 
 
 def performance_at(
-    model: PerformanceModel, titled: TitledCondition, energy_J: float, speeds: int = SPEEDS
+    model: PerformanceModel, titled: TitledCondition, energy_J: float, speeds: int = CURVES.fine_points
 ) -> ConditionPerformance:
     """Performance at one weight and density, at `speeds` speeds of the flown lift coefficients."""
     condition = titled.condition

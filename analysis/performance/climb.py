@@ -18,12 +18,11 @@ from analysis.performance.propagation import SigmaPoints, UncertainValue, from_s
 from analysis.performance.settings import ASKED, PERFORMANCE
 from analysis.polar import Condition, speed_at
 from analysis.schema import AvailableResult, Interval, PowerPoint
+from analysis.settings import CURVES
 from flight.atmosphere import density, pressure_at, temperature_at
 from flight.propeller import Propeller
 
 Array = NDArray[np.float64]
-
-SPEEDS = 121  # points of a curve: the best one is found to 1e-5 by a parabola through three
 
 
 @dataclass(frozen=True)
@@ -49,7 +48,7 @@ class FullThrottlePerformance:
 
 
 def full_throttle_performance(
-    model: PerformanceModel, condition: Condition, speeds: int = SPEEDS
+    model: PerformanceModel, condition: Condition, speeds: int = CURVES.fine_points
 ) -> FullThrottlePerformance:
     """Power available, climb and highest level speed, of a model whose full throttle is known."""
     smallest_CL, largest_CL = model.flown_CL

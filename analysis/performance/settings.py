@@ -13,8 +13,8 @@ class PowerTrain(Settings):
     loss_sigma_share: float = setting(
         0.5,
         "1",
-        "a motor's constants leave out the speed controller and half of the iron and bearing losses; of its losses,"
-        " and of its loss of speed by torque",
+        "of the losses, and of the loss of speed by torque: a motor's constants leave out the speed controller and half"
+        " of the iron and bearing losses",
     )
     meter_scale_sigma: float = setting(
         0.02, "1", "current sensors are set up to a few per cent, and nothing on board measures it better"

@@ -14,6 +14,7 @@ from analysis.pooling.agreement import INSTALLATION_PART, Difference, Test, diff
 from analysis.pooling.flight_statistics import POLAR, FlightStatistics
 from analysis.pooling.joint import FlightStack, PooledEstimate, Prior, pooled_estimate, without_each
 from analysis.pooling.settings import POOLING
+from analysis.settings import CURVES
 
 Array = NDArray[np.float64]
 
@@ -38,9 +39,9 @@ class JointPool:
 
     @cached_property
     def curve_speeds_mps(self) -> Array:
-        """Speeds (`POOLING.curve_points`,) of the curve [m/s]."""
+        """Speeds (`CURVES.points`,) of the curve [m/s]."""
         low, high = self.flown_CL
-        return np.linspace(speed_at(high, self.condition), speed_at(low, self.condition), POOLING.curve_points)
+        return np.linspace(speed_at(high, self.condition), speed_at(low, self.condition), CURVES.points)
 
     @cached_property
     def speeds_mps(self) -> Array:

@@ -27,7 +27,6 @@ class Pooling(Settings):
         2.5, "standard deviations", "a difference this large is named as likely cause: 1 % of the draws of a parameter"
     )
     fewest_for_trend: int = setting(4, "flights", "a line through fewer leaves less than two degrees of freedom")
-    curve_points: int = setting(61, "points", "a smooth curve on the page")
     compared_speeds: int = setting(7, "speeds", "the curves have three parameters; more speeds show no more of them")
 
 

@@ -19,7 +19,6 @@ from analysis.polar import (
     power_required,
     speed_at,
 )
-from analysis.results.settings import RESULTS
 from analysis.schema import (
     DragPolar,
     Interval,
@@ -29,6 +28,7 @@ from analysis.schema import (
     SpeedInterval,
     SpeedReason,
 )
+from analysis.settings import CURVES
 from flight.aircraft import Aircraft
 
 Array = NDArray[np.float64]
@@ -44,7 +44,7 @@ def power_curve(
 
     flown: rows of the runs and their condition; marks points that depend on the propeller table's linear extrapolation.
     """
-    V = np.linspace(speed_at(flown_CL[1], condition), speed_at(flown_CL[0], condition), RESULTS.curve_points)
+    V = np.linspace(speed_at(flown_CL[1], condition), speed_at(flown_CL[0], condition), CURVES.points)
     power, error = power_required(V, polar, condition)
     half = NORMAL_95 * error
     known = np.ones(len(V), dtype=bool)
@@ -120,7 +120,7 @@ def drag_polar(polar: Polar, aircraft: Aircraft) -> DragPolar:
 
 def two_term_polar(polar: Polar, flown_CL: tuple[float, float]) -> tuple[Interval, Interval]:
     """C_D0 and B of the nearest C_D = C_D0 + B C_L^2 over the lift coefficients flown."""
-    CL = np.linspace(*flown_CL, RESULTS.curve_points)
+    CL = np.linspace(*flown_CL, CURVES.points)
     terms = np.stack([np.ones_like(CL), CL, CL**2], axis=1)
     nearest = np.linalg.pinv(terms[:, [0, 2]]) @ terms
     values, errors = nearest @ polar.A, np.sqrt(np.diag(nearest @ polar.covariance @ nearest.T))

@@ -9,7 +9,6 @@ from flight.settings import Settings, setting
 class ResultsSettings(Settings):
     """Lengths of what is written, and limits of what follows."""
 
-    curve_points: int = setting(61, "1", "of each curve: smooth when drawn, and linear between two points to 0.1 %")
     longest_lag_s: float = setting(4.0, "s", "of autocorrelations: the gusts of a run are shorter")
     clock_set_unix_s: float = setting(1.5e9, "s", "2017: an earlier time is that of a clock without battery")
     widest_share: float = setting(

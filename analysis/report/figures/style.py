@@ -121,8 +121,8 @@ def styled(figure: Figure, height_px: int, *, hover: str = "x unified") -> Figur
 def thinned(x: Array, y: Array, points: int = 1200) -> tuple[Array, Array]:
     """At most so many points of a time history: the least and the greatest value of each stretch, in order of time.
 
-    points: more than the default do not show on a screen. A stretch without a value keeps its first point, so that a gap
-    stays one.
+    points: more than the default do not show on a screen. A stretch without a value keeps its first point, so that a
+    gap stays one.
     """
     if len(x) <= points:
         return x, y

@@ -1,0 +1,38 @@
+"""What several rooms need: points of curves, and what counts as flown."""
+
+from dataclasses import dataclass
+
+from flight.settings import Settings, setting
+
+
+@dataclass(frozen=True)
+class Curves(Settings):
+    """How finely a curve over speed is computed, stored and drawn."""
+
+    points: int = setting(61, "1", "smooth when drawn, and linear between two points to 0.1 %")
+
+    @property
+    def fine_points(self) -> int:
+        """Of a curve whose best point is found by a parabola through three: to 1e-5 of its speed."""
+        return 2 * self.points - 1
+
+
+@dataclass(frozen=True)
+class Flown(Settings):
+    """Speeds and lift coefficients that count as flown, and how much of them a propeller's table has to cover."""
+
+    robust_percentiles: tuple[float, float] = setting(
+        (1.0, 99.0), "%", "of the lift coefficients flown, between which a curve holds: without take-off and outliers"
+    )
+    possible_CL: tuple[float, float] = setting(
+        (0.05, 5.0), "1", "of the slowest speed flown; no wing reaches the latter: a wrong weight, area or unit"
+    )
+    nearby: float = setting(0.04, "1", "relative difference of speeds that count as the same speed flown")
+    least_covered: float = setting(0.5, "1", "of the samples near a speed, at which thrust counts as known there")
+    unmentioned_share: float = setting(0.02, "1", "of the runs, outside the propeller's table, without a note")
+    largest_share_outside: float = setting(
+        0.7, "1", "of the runs, outside the propeller's table: beyond it the table is that of another propeller"
+    )
+
+
+CURVES, FLOWN = Curves(), Flown()
