@@ -166,6 +166,14 @@ def _seconds_option(least: float, text: str) -> Any:
     return typer.Option(parser=parser, metavar="TIME", help=text)
 
 
+def drivers_line() -> str:
+    """The drivers that a tray file may name, those of other packages with the package."""
+    from daq.config import installed_drivers
+
+    drivers = installed_drivers().items()
+    return f"drivers: {', '.join(f'{name} ({package})' if package else name for name, package in drivers)}"
+
+
 @app.command(short_help="Take the still-air zero of pressures and gyroscopes.")
 def zero(
     config: TrayOption,
@@ -247,6 +255,7 @@ def check(
         for fact in report.facts:
             mark = "[green]ok " if fact.ok else "[bold red]BAD"
             console.print(f" {mark}[/] {escape(fact.text)}", highlight=False)
+        console.print(f"     {escape(drivers_line())}", highlight=False)
         console.print("[bold green]fit to fly" if report.fit else "[bold red]not fit to fly")
     if not report.fit:
         raise typer.Exit(ExitCode.FAILURE)
@@ -357,6 +366,7 @@ def config(
         check_places(tray, str(check))
         check_drivers(tray, load_attachments(tray).aircraft)
         typer.echo(f"{check}: {len(tray.sensors)} sensors at {tray.rate_Hz:g} Hz")
+        typer.echo(drivers_line())
     elif example:
         typer.echo(resources.files("daq").joinpath("tray.example.toml").read_text("utf-8"), nl=False)
     else:

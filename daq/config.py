@@ -5,18 +5,23 @@ More than 350 lines: one struct for each part that the file may name, and their 
 
 import re
 import socket
+from functools import reduce
+from importlib import metadata
+from operator import or_
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal, get_args
+from typing import Annotated, Any, ClassVar, Literal, cast, get_args
 
 import msgspec
 from msgspec import Meta
 
-from daq.sensors import honeywell, ms45xxdo
+from daq.bus import Buses
+from daq.sensors import Sensor, honeywell, ms45xxdo
 from daq.sensors.ads1115 import FULL_SCALE_V
 from daq.sensors.axes import Axes, parse_axes
 from daq.sensors.bridge import TransferFunction
 from flight.errors import InputError
 from flight.files import read_text
+from flight.messages import TYPE_OF_TOPIC
 
 Address = Annotated[int, Meta(ge=0x03, le=0x77)]
 ZERO_FILE = "zero.json"
@@ -41,8 +46,12 @@ def _check_udp(port: str) -> None:
         raise ValueError(f"{port!r}: a port is a number from 1 to {LARGEST_PORT}")
 
 
-class _SensorConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, tag_field="driver"):
-    """Base of all sensor tables. topics: the topics that the sensor writes."""
+class SensorTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, tag_field="driver"):
+    """Base of all sensor tables. topics: the topics that the sensor writes.
+
+    Drivers of other packages derive theirs from `BusSensorTable` or `PortSensorTable`, with a tag that is the name of
+    the driver, and with `make_driver`.
+    """
 
     @property
     def topics(self) -> tuple[str, ...]:
@@ -58,10 +67,28 @@ class _SensorConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
         """The bus or port that the sensor is connected to."""
         raise NotImplementedError
 
+    @property
+    def driver(self) -> str:
+        """Name of the driver in the tray file."""
+        return str(self.__struct_config__.tag)
+
+    def make_driver(self, buses: Buses, period_s: float) -> Sensor:
+        """A new driver on the opened bus or port, for drivers of other packages. period_s: of the ticks.
+
+        Raises OSError if bus or port cannot be opened.
+        """
+        raise NotImplementedError
+
+    def identify(self, buses: Buses) -> str:
+        """The part that answers, for `daq check`; of drivers of other packages. Raises OSError if none does."""
+        return self.driver
+
     blocking: ClassVar[bool] = False  # whether a read waits for the sensor's answer
 
 
-class _BusSensorConfig(_SensorConfig, frozen=True):
+class BusSensorTable(SensorTable, frozen=True):
+    """A sensor on an I2C bus; give it an `address`."""
+
     bus: str
     blocking: ClassVar[bool] = True
 
@@ -70,7 +97,9 @@ class _BusSensorConfig(_SensorConfig, frozen=True):
         return self.bus
 
 
-class _PortSensorConfig(_SensorConfig, frozen=True):
+class PortSensorTable(SensorTable, frozen=True):
+    """A sensor on a serial line or UDP port."""
+
     port: str  # a serial device, or udp:HOST:PORT
     baud: Baud
 
@@ -85,7 +114,7 @@ class _PortSensorConfig(_SensorConfig, frozen=True):
 LOWEST_FIFO_RATE_HZ = 6.0  # the MPU-9250's FIFO is full after 36 samples of 14 bytes, at 200 Hz
 
 
-class Mpu9250Config(_BusSensorConfig, frozen=True, tag="mpu9250"):
+class Mpu9250Config(BusSensorTable, frozen=True, tag="mpu9250"):
     address: Address = 0x68
     range_g: Literal[2, 4, 8, 16] = 8
     range_dps: Literal[250, 500, 1000, 2000] = 500
@@ -101,7 +130,7 @@ class Mpu9250Config(_BusSensorConfig, frozen=True, tag="mpu9250"):
         return parse_axes(self.axes)
 
 
-class Ak8963Config(_BusSensorConfig, frozen=True, tag="ak8963"):
+class Ak8963Config(BusSensorTable, frozen=True, tag="ak8963"):
     axes: tuple[str, str, str] = ("x", "y", "z")  # of the MPU9250 that contains it
     address: ClassVar[int] = 0x0C
     topics: ClassVar[tuple[str, ...]] = ("/mag",)
@@ -114,7 +143,7 @@ class Ak8963Config(_BusSensorConfig, frozen=True, tag="ak8963"):
         return parse_axes(self.axes)
 
 
-class _BarometerConfig(_BusSensorConfig, frozen=True):
+class _BarometerConfig(BusSensorTable, frozen=True):
     address: Literal[0x76, 0x77]
     measures: Literal["baro", "static"]
 
@@ -133,7 +162,7 @@ class Ms5805Config(_BarometerConfig, frozen=True, tag="ms5805"):
     measures: Literal["baro", "static"] = "static"
 
 
-class _TransducerConfig(_BusSensorConfig, frozen=True):
+class _TransducerConfig(BusSensorTable, frozen=True):
     part: str
     measures: Literal["alpha", "beta", "airspeed"]
     reversed_ports: bool = False
@@ -167,26 +196,26 @@ class HoneywellConfig(_TransducerConfig, frozen=True, tag="honeywell"):
         return honeywell.decode_part(self.part)
 
 
-class UBloxConfig(_PortSensorConfig, frozen=True, tag="ublox"):
+class UBloxConfig(PortSensorTable, frozen=True, tag="ublox"):
     baud: Baud = 38400
     rate_Hz: Annotated[float, Meta(ge=1, le=10)] = 10.0
     topics: ClassVar[tuple[str, ...]] = ("/gps",)
 
 
-class UBloxDdcConfig(_BusSensorConfig, frozen=True, tag="ublox_ddc"):
+class UBloxDdcConfig(BusSensorTable, frozen=True, tag="ublox_ddc"):
     address: Address = 0x42
     rate_Hz: Annotated[float, Meta(ge=1, le=10)] = 5.0
     topics: ClassVar[tuple[str, ...]] = ("/gps",)
 
 
-class EscCounterConfig(_PortSensorConfig, frozen=True, tag="esc_counter"):
+class EscCounterConfig(PortSensorTable, frozen=True, tag="esc_counter"):
     baud: Baud = 115200
     framed: bool = False
     pole_pairs: Annotated[int, Meta(ge=1, le=50)] | None = None
     topics: ClassVar[tuple[str, ...]] = ("/rpm",)
 
 
-class AutopilotConfig(_PortSensorConfig, frozen=True, tag="autopilot"):
+class AutopilotConfig(PortSensorTable, frozen=True, tag="autopilot"):
     baud: Baud = 57600
     rpm: bool = False  # take motor speed from its RPM or RAW_RPM
     battery: bool = True  # take the battery from it; false where a power monitor measures
@@ -200,7 +229,7 @@ class AutopilotConfig(_PortSensorConfig, frozen=True, tag="autopilot"):
         return "autopilot"
 
 
-class _PowerMonitorConfig(_BusSensorConfig, frozen=True):
+class _PowerMonitorConfig(BusSensorTable, frozen=True):
     shunt_ohm: Annotated[float, Meta(gt=0, le=1)]  # 0.0005 for 0.5 milliohm
     address: Annotated[int, Meta(ge=0x40, le=0x4F)] = 0x40
     topics: ClassVar[tuple[str, ...]] = ("/battery",)
@@ -214,7 +243,7 @@ class Ina228Config(_PowerMonitorConfig, frozen=True, tag="ina228"):
     """Up to 85 V and 164 mV at the shunt."""
 
 
-class Ads1115Config(_BusSensorConfig, frozen=True, tag="ads1115"):
+class Ads1115Config(BusSensorTable, frozen=True, tag="ads1115"):
     address: Annotated[int, Meta(ge=0x48, le=0x4B)] = 0x48
     inputs: Annotated[tuple[Annotated[int, Meta(ge=0, le=3)], ...], Meta(min_length=1, max_length=4)] = (0, 1, 2, 3)
     full_scale_V: float = 4.096
@@ -227,7 +256,7 @@ class Ads1115Config(_BusSensorConfig, frozen=True, tag="ads1115"):
             raise ValueError("inputs: each at most once")
 
 
-class Navio2Config(_SensorConfig, frozen=True, tag="navio2"):
+class Navio2Config(SensorTable, frozen=True, tag="navio2"):
     port: str = "rcio:/sys/kernel/rcio/rcin"
     topics: ClassVar[tuple[str, ...]] = ("/controls",)
 
@@ -253,6 +282,31 @@ SensorConfig = (
 
 
 DRIVERS = tuple(str(table.__struct_config__.tag) for table in get_args(SensorConfig))
+DRIVER_GROUP = "flightpower.drivers"  # entry points of other packages: name of the driver, and its table
+
+
+def installed_drivers() -> dict[str, str]:
+    """The drivers that a tray file may name, each with the package that brings it; empty for those of this one."""
+    others = {point.name: _package(point) for point in metadata.entry_points(group=DRIVER_GROUP)}
+    return others | dict.fromkeys(DRIVERS, "")
+
+
+def load_driver(point: metadata.EntryPoint) -> type[SensorTable]:
+    """The sensor table of an entry point. Raises InputError if it cannot be loaded or is none."""
+    failed = f"driver {point.name} of {_package(point)}"
+    try:
+        table = point.load()
+    except Exception as error:  # of another package: anything may be wrong with it
+        raise InputError(f"{failed} cannot be loaded ({type(error).__name__}: {error})") from None
+    if not (isinstance(table, type) and issubclass(table, SensorTable)):
+        raise InputError(f"{failed}: {point.value} is no sensor table (daq.config.BusSensorTable or PortSensorTable)")
+    if table.__struct_config__.tag != point.name:
+        raise InputError(f"{failed}: {point.value} has the tag {table.__struct_config__.tag!r}, not its name")
+    return table
+
+
+def _package(point: metadata.EntryPoint) -> str:
+    return f"{point.dist.name} {point.dist.version}" if point.dist else "an unknown package"
 
 
 class FilesConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -349,7 +403,8 @@ def check_places(tray: Tray, where: str) -> None:
 def parse_tray(text: str, where: str, folder: Path) -> Tray:
     """Parse a tray file's text. where: its name in errors. folder: base of relative paths."""
     try:
-        file = msgspec.toml.decode(text, type=TrayFile)
+        document = msgspec.toml.decode(text)
+        file = msgspec.convert(document, _tray_type(document), str_keys=True)
     except msgspec.ValidationError as error:
         raise InputError(f"{where}: {_with_key(error)}") from None
     except msgspec.DecodeError as error:
@@ -365,13 +420,30 @@ def parse_tray(text: str, where: str, folder: Path) -> Tray:
     return Tray(**(msgspec.structs.asdict(file) | resolved), text=text, zero=str(folder / ZERO_FILE))
 
 
+def _tray_type(document: Any) -> type[TrayFile]:
+    """TrayFile, with the tables of the drivers of other packages that the document names."""
+    sensors = document.get("sensors") if isinstance(document, dict) else None
+    tables = sensors if isinstance(sensors, list) else []
+    names = {name for table in tables if isinstance(table, dict) and isinstance(name := table.get("driver"), str)}
+    if names <= set(DRIVERS):
+        return TrayFile
+    points = {point.name: point for point in metadata.entry_points(group=DRIVER_GROUP)}
+    others = [load_driver(points[name]) for name in sorted(names & points.keys() - set(DRIVERS))]
+    union: Any = reduce(or_, others, SensorConfig)
+    field = ("sensors", Annotated[tuple[union, ...], Meta(min_length=1)])
+    extended: Any = msgspec.defstruct(
+        "TrayFile", [field], bases=(TrayFile,), frozen=True, forbid_unknown_fields=True, kw_only=True
+    )
+    return cast(type[TrayFile], extended)
+
+
 def _with_key(error: msgspec.ValidationError) -> str:
     """Turn msgspec's "what - at `$.sensors[2].range_g`" into "sensors[2].range_g: what"."""
     what, _, key = str(error).partition(" - at `$.")
     if number := re.fullmatch(r"Invalid enum value (\d+)", what):
         what = f"{number[1]} (0x{int(number[1]):02x}) is not one of the permitted values; see `daq config --example`"
     if key.endswith(".driver`"):
-        what += f"; the drivers are {', '.join(DRIVERS)}"
+        what += f"; the drivers are {', '.join(installed_drivers())}"
     if what.startswith("Object contains unknown field"):
         what += "; `daq config --example` shows every key"
     return f"{key.rstrip('`')}: {what}" if key else what
@@ -390,17 +462,17 @@ def _reject_conflicts(tray: TrayFile, where: str) -> None:
     labels: dict[tuple[str, int], str] = {}
     topics: dict[str, str] = {}
     for i, sensor in enumerate(tray.sensors):
-        label = f"sensors[{i}] ({_driver(sensor)})"
-        place = (sensor.device, sensor.address if isinstance(sensor, _BusSensorConfig) else 0)
+        label = f"sensors[{i}] ({sensor.driver})"
+        place = (sensor.device, getattr(sensor, "address", 0) if isinstance(sensor, BusSensorTable) else 0)
         if place in labels:
             at = (
                 f"address 0x{place[1]:02x} of {sensor.device}"
-                if isinstance(sensor, _BusSensorConfig)
+                if isinstance(sensor, BusSensorTable)
                 else f"port {sensor.device}"
             )
             raise InputError(f"{where}: {labels[place]} and {label} are both on {at}; change one of them")
         labels[place] = label
-        if isinstance(sensor, _BusSensorConfig) and sensor.bus.startswith(("udp:", "rcio:")):
+        if isinstance(sensor, BusSensorTable) and sensor.bus.startswith(("udp:", "rcio:")):
             raise InputError(f"{where}: {label}: {sensor.bus} is no I2C bus, such as /dev/i2c-1")
         if isinstance(sensor, Mpu9250Config) and sensor.sampling == "fifo" and tray.rate_Hz < LOWEST_FIFO_RATE_HZ:
             raise InputError(
@@ -408,6 +480,8 @@ def _reject_conflicts(tray: TrayFile, where: str) -> None:
                 f'use "single", or {LOWEST_FIFO_RATE_HZ:g} Hz or more'
             )
         for topic in sensor.topics:
+            if topic not in TYPE_OF_TOPIC:
+                raise InputError(f"{where}: {label} would write {topic}, which is no topic of a log")
             if topic in topics:
                 raise InputError(f"{where}: {topics[topic]} and {label} would both write {topic}")
             topics[topic] = label
@@ -418,7 +492,3 @@ def _reject_conflicts(tray: TrayFile, where: str) -> None:
         raise InputError(f"{where}: arm: no sensor writes /controls, which the switch is read from")
     if tray.telemetry is not None and tray.telemetry.to in {sensor.device for sensor in tray.sensors}:
         raise InputError(f"{where}: telemetry.to: {tray.telemetry.to} is already used by a sensor")
-
-
-def _driver(sensor: SensorConfig) -> str:
-    return str(type(sensor).__struct_config__.tag)

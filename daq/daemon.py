@@ -12,7 +12,7 @@ from daq.background_recovery import BackgroundRecovery, Recovery
 from daq.bus import Buses
 from daq.bus_recording import BusRecording
 from daq.clock import Clock
-from daq.config import EscCounterConfig, SensorConfig, Tray
+from daq.config import EscCounterConfig, SensorTable, Tray
 from daq.disk_space import DiskSpace
 from daq.driver_factory import DriverFactory, driver_factory
 from daq.log_files import FileLimits, LogFiles
@@ -78,7 +78,7 @@ def sensor_supervisors(
     Raises InputError when the configuration is incomplete.
     """
 
-    def make(table: SensorConfig) -> DriverFactory:
+    def make(table: SensorTable) -> DriverFactory:
         if bus_recording is None:
             return driver_factory(table, tray, buses, aircraft)
         recording = bus_recording.sensor(table.name)

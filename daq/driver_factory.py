@@ -5,7 +5,7 @@ from typing import NoReturn
 
 from daq import config
 from daq.bus import Buses
-from daq.config import SensorConfig, Tray
+from daq.config import SensorTable, Tray
 from daq.sensors import Sensor
 from daq.sensors.ads1115 import ADS1115Driver
 from daq.sensors.ak8963 import AK8963Driver
@@ -38,7 +38,7 @@ def check_drivers(tray: Tray, aircraft: Aircraft | None) -> None:
         driver_factory(table, tray, _NoBuses(), aircraft)
 
 
-def driver_factory(table: SensorConfig, tray: Tray, buses: Buses, aircraft: Aircraft | None) -> DriverFactory:
+def driver_factory(table: SensorTable, tray: Tray, buses: Buses, aircraft: Aircraft | None) -> DriverFactory:
     """A function that opens the sensor's bus or port and returns a new driver on it. That function raises OSError.
 
     Raises InputError when the configuration lacks something that the driver needs.
@@ -115,3 +115,4 @@ def driver_factory(table: SensorConfig, tray: Tray, buses: Buses, aircraft: Airc
                 full_scale_V=table.full_scale_V,
                 period_s=period_s,
             )
+    return lambda: table.make_driver(buses, period_s)

@@ -12,7 +12,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from daq import config
 from daq.bus import Buses, BytePort, I2CBus
 from daq.clock import Clock
-from daq.config import SensorConfig
+from daq.config import SensorTable
+from daq.sensors import SensorFailure
 from daq.sensors.ads1115 import CONFIG as ADS1115_CONFIG
 from daq.sensors.autopilot import OUR_COMPONENT, OUR_SYSTEM, is_autopilot
 from daq.sensors.esc_counter import FramedParser, LegacyParser
@@ -39,16 +40,18 @@ class PartIdentity(NamedTuple):
     in_use: bool = False  # by another program
 
 
-def identify(table: SensorConfig, buses: Buses, clock: Clock) -> PartIdentity:
+def identify(table: SensorTable, buses: Buses, clock: Clock) -> PartIdentity:
     """Which part answers. Raises nothing for a part that does not."""
     try:
         return PartIdentity(f"{_identify(table, buses, clock)}, {_place(table)}")
+    except SensorFailure as failure:
+        return PartIdentity(f"{table.driver}, {_place(table)}: {failure}")
     except OSError as error:
-        text = f"{_driver(table)}, {_place(table)}: {error.strerror or error}"
+        text = f"{table.driver}, {_place(table)}: {error.strerror or error}"
         return PartIdentity(text, in_use=error.errno == errno.EBUSY)
 
 
-def _identify(table: SensorConfig, buses: Buses, clock: Clock) -> str:
+def _identify(table: SensorTable, buses: Buses, clock: Clock) -> str:
     match table:
         case config.Mpu9250Config():
             code = buses.i2c(table.bus).write_read(table.address, bytes([MPU_WHO_AM_I]), 1)[0]
@@ -80,7 +83,7 @@ def _identify(table: SensorConfig, buses: Buses, clock: Clock) -> str:
         case config.Ads1115Config():
             buses.i2c(table.bus).write_read(table.address, bytes([ADS1115_CONFIG]), 2)
             return "ADS1115 (answers; the part has no identity register)"
-    return _driver(table)
+    return table.identify(buses)
 
 
 def _prom(bus: I2CBus, address: int) -> list[int]:
@@ -172,10 +175,6 @@ def _enum_name(enum: str, number: int) -> str:
     return entry.name.removeprefix(f"{enum}_").replace("_", " ").lower() if entry else f"{enum} {number}"
 
 
-def _place(table: SensorConfig) -> str:
+def _place(table: SensorTable) -> str:
     address = getattr(table, "address", None)
     return f"0x{address:02x} on {table.device}" if address is not None else table.device
-
-
-def _driver(table: SensorConfig) -> str:
-    return str(type(table).__struct_config__.tag)
