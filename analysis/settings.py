@@ -1,8 +1,23 @@
-"""What several rooms need: points of curves, and what counts as flown."""
+"""What several folders assume alike: what is significant or negligible, points of curves, what counts as flown."""
 
 from dataclasses import dataclass
 
 from flight.settings import Settings, setting
+
+
+@dataclass(frozen=True)
+class Evidence(Settings):
+    """When data contradict an assumption, and what is too small or too costly to matter."""
+
+    contradiction: float = setting(
+        2.5,
+        "1",
+        "prior standard deviations beyond which a value contradicts its prior: 1 % of the draws of a parameter",
+    )
+    false_alarms: float = setting(0.05, "1", "level of a test whose result is shown with its probability")
+    rare_false_alarms: float = setting(0.001, "1", "level of a test that is made in every analysis, for a warning")
+    negligible: float = setting(0.005, "1", "relative change of drag, thrust, weight or density that matters to nobody")
+    most_repetitions: int = setting(200, "1", "more additional runs or flights than this are no advice")
 
 
 @dataclass(frozen=True)
@@ -35,4 +50,4 @@ class Flown(Settings):
     )
 
 
-CURVES, FLOWN = Curves(), Flown()
+EVIDENCE, CURVES, FLOWN = Evidence(), Curves(), Flown()

@@ -14,16 +14,22 @@ docs/assumptions.md is made from these records. A value that follows from anothe
 aircraft's size is computed, and is no setting.
 """
 
-from collections.abc import Iterator
-from dataclasses import field, fields
+from collections.abc import Iterator, Mapping
+from dataclasses import MISSING, field, fields
 from typing import Any, NamedTuple, TypeVar
 
 T = TypeVar("T")
 
 
 def setting(value: T, unit: str, reason: str) -> T:
-    """The default of a field of `Settings`. unit: "1" for a ratio; reason: why this value, or its source."""
-    return field(default=value, metadata={"unit": unit, "reason": reason})
+    """The default of a field of `Settings`. unit: "1" for a ratio; reason: why this value, or its source.
+
+    A table of like numbers is one setting, a mapping.
+    """
+    said = {"unit": unit, "reason": reason}
+    if isinstance(value, Mapping):  # dataclasses refuse it as a default, since it could be changed
+        return field(default_factory=lambda: value, metadata=said)
+    return field(default=value, metadata=said)
 
 
 class Described(NamedTuple):
@@ -42,4 +48,5 @@ class Settings:
     def described(cls) -> Iterator[Described]:
         """All settings of the record with their defaults."""
         for one in fields(cls):  # type: ignore[arg-type]
-            yield Described(one.name, one.default, one.metadata["unit"], one.metadata["reason"])
+            value = one.default if one.default_factory is MISSING else one.default_factory()
+            yield Described(one.name, value, one.metadata["unit"], one.metadata["reason"])

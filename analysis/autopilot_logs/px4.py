@@ -197,7 +197,7 @@ def _static(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
     for one in topics.get("sensor_baro", []):
         pressure = one.channel("pressure")
         if len(pressure.value):
-            factor = 100.0 if np.median(pressure.value) < READABLE.static_Pa[0] / 10 else 1.0
+            factor = 100.0 if np.median(pressure.value) < READABLE.possible["static_Pa"][0] / 10 else 1.0
             return {recording.STATIC: Channel(pressure.t_s, factor * pressure.value)}
     return {}
 

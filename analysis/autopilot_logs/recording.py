@@ -23,15 +23,15 @@ GPS = ("gps_north_mps", "gps_east_mps", "gps_down_mps")
 
 # By channel: the least and greatest possible value, and the greatest difference from the median of five samples.
 POSSIBLE = {
-    AIRSPEED_PRESSURE: READABLE.pitot_Pa,
-    STATIC: READABLE.static_Pa,
-    FORCE_X: READABLE.force_mps2,
-    FORCE_Y: READABLE.force_mps2,
-    FORCE_Z: READABLE.force_mps2,
-    VOLTAGE: READABLE.voltage_V,
-    CURRENT: READABLE.current_A,
-    MOTOR: READABLE.motor_revps,
-    **dict.fromkeys(GPS, READABLE.ground_mps),
+    AIRSPEED_PRESSURE: READABLE.possible["pitot_Pa"],
+    STATIC: READABLE.possible["static_Pa"],
+    FORCE_X: READABLE.possible["force_mps2"],
+    FORCE_Y: READABLE.possible["force_mps2"],
+    FORCE_Z: READABLE.possible["force_mps2"],
+    VOLTAGE: READABLE.possible["voltage_V"],
+    CURRENT: READABLE.possible["current_A"],
+    MOTOR: READABLE.possible["motor_revps"],
+    **dict.fromkeys(GPS, READABLE.possible["ground_mps"]),
 }
 
 
@@ -87,7 +87,8 @@ def without_clock_jumps(main: Channel, channels: Mapping[str, Channel]) -> tuple
     """
     main = _without_single_times(main)
     channels = {name: _without_single_times(one) for name, one in channels.items()}
-    channels = {name: _possible(one, *POSSIBLE.get(name, READABLE.temperature_K)) for name, one in channels.items()}
+    temperature = READABLE.possible["temperature_K"]
+    channels = {name: _possible(one, *POSSIBLE.get(name, temperature)) for name, one in channels.items()}
     parts = _parts(main.t_s)
     notes = []
     if len(parts) > 1:

@@ -22,6 +22,7 @@ from analysis.airdata.transducers import AIR_DATA_CHANNELS, with_hysteresis, wit
 from analysis.drag.dynamic import POLAR, DynamicEstimate
 from analysis.drag.settings import COVARIANCE
 from analysis.polar import Condition, Polar, power_required, speed_at
+from analysis.settings import EVIDENCE
 from analysis.trajectory.priors import UPWASH, UPWASH_SIGMA_RAD, upwash_slope_sigma
 from flight.aircraft import Aircraft
 from flight.propeller import FOLD, Propeller
@@ -144,7 +145,7 @@ def assumption_uncertainty(
 
 def _folding_note(change: float, V: float) -> list[str]:
     """The change by a folding propeller. It is no part of the interval: the pilot knows which propeller was flown."""
-    if abs(change) < COVARIANCE.worth_share:
+    if abs(change) < EVIDENCE.negligible:
         return []
     return [
         "The aircraft file lacks propulsion.beyond_zero_thrust: the propeller is taken to windmill. If it folds, power"
@@ -155,7 +156,7 @@ def _folding_note(change: float, V: float) -> list[str]:
 def _note(key: str, description: str, share: float, V: float) -> str:
     benefit = (
         f"with it the interval at {V:.1f} m/s would be {100 * share:.0f} % narrower"
-        if share > COVARIANCE.worth_share
+        if share > EVIDENCE.negligible
         else "on this flight it makes no difference"
     )
     return f"The aircraft file lacks {key}: {description}, is assumed; {benefit}."

@@ -23,6 +23,7 @@ from analysis.flight import Reconstructed
 from analysis.maneuvers.kinds import FOR_DRAG, LEVEL_RUNS
 from analysis.polar import Condition, Polar, power_required, speed_at, unphysical
 from analysis.schema import DisagreementResult
+from analysis.settings import EVIDENCE
 from flight.errors import InputError
 
 
@@ -159,7 +160,7 @@ def run_scatter(single_runs: list[MethodEstimate], condition: Condition) -> list
         )[:, :, 0].T
         mean = np.average(power, weights=error**-2)
         chi_square, dof = np.sum(((power - mean) / error) ** 2), len(runs) - 1
-        if chi_square > special.chdtri(dof, COMPARISON.scatter_false_alarm_rate):
+        if chi_square > special.chdtri(dof, EVIDENCE.rare_false_alarms):
             warnings.append(
                 f"The {len(runs)} {kind}s differ from each other by {100 * np.std(power, ddof=1) / mean:.1f} % at"
                 f" {V[0]:.1f} m/s, {np.sqrt(chi_square / dof):.1f} times what their noise allows."

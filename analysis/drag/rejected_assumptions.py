@@ -17,9 +17,8 @@ from analysis.estimation.data import Segment
 from analysis.estimation.fit import Fit
 from analysis.estimation.model import Model, NamedValues, Parameter
 from analysis.estimation.output_error import fit_output_error
-from analysis.ground.settings import STAND_LIMITS
 from analysis.ground.thrust_prior import STAND
-from analysis.settings import FLOWN
+from analysis.settings import EVIDENCE, FLOWN
 
 Array = NDArray[np.float64]
 
@@ -59,10 +58,10 @@ def _thrust_rejected(fit: Fit) -> list[RejectedAssumption]:
     sigma = {q.name: q.prior_sigma for q in fit.model.parameters if q.name in THRUST_TITLES}
     values = dict(zip(fit.names, fit.values, strict=True))
     beyond = {
-        name: values[name] / s for name, s in sigma.items() if s and abs(values[name]) > STAND_LIMITS.conflict * s
+        name: values[name] / s for name, s in sigma.items() if s and abs(values[name]) > EVIDENCE.contradiction * s
     }
     measured = {m.name: m.deviation(values) for m in fit.model.prior_measurements}
-    beyond |= {name: z for name, z in measured.items() if abs(z) > STAND_LIMITS.conflict}
+    beyond |= {name: z for name, z in measured.items() if abs(z) > EVIDENCE.contradiction}
     if not beyond:
         return []
     wider = tuple(
@@ -98,7 +97,7 @@ def _shape_rejected(fit: Fit) -> list[RejectedAssumption]:
     values = np.delete(with_quartic.values, i)
     values[:3] += np.linalg.solve(powers, quartic * CL**4)
     significant = with_quartic.verdict.ok and abs(quartic) > REJECTED.significant * error
-    if not significant or np.max(np.abs(powers @ values[:3] / (powers @ fit.values[:3]) - 1)) < REJECTED.least_change:
+    if not significant or np.max(np.abs(powers @ values[:3] / (powers @ fit.values[:3]) - 1)) < EVIDENCE.negligible:
         return []
     return [
         RejectedAssumption(

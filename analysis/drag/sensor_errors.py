@@ -11,7 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.drag.forces import FlightForces
-from analysis.drag.settings import COMPARISON
+from analysis.drag.settings import COMPARISON, REGRESSION
 from analysis.ground.thrust_prior import J_REFERENCE, THRUST, thrust_prior
 from analysis.schema import Cause
 from analysis.trajectory.equations import SENSOR_ERRORS
@@ -102,7 +102,7 @@ def _thrust_errors(forces: pd.DataFrame, aircraft: Aircraft) -> dict[str, ErrorE
     """Errors of the propeller table: drag regressed on the polar and on thrust together, with priors on the latter."""
     data = forces[["CL", "CL_squared", "CD", "qS_over_m_mps2", "thrust_along_V_over_m_mps2", "J"]].dropna()
     prior = thrust_prior(aircraft)
-    if len(data) < COMPARISON.fewest_blocks:
+    if len(data) < REGRESSION.fewest_blocks_of_flight:
         sigma = np.sqrt(np.diag(prior.covariance))
         return {name: ErrorEstimate(float(prior.mean[i]), float(sigma[i])) for i, name in enumerate(THRUST)}
     CL, CL_squared, CD, qS_over_m, thrust_over_m, J = data.to_numpy().T

@@ -22,6 +22,11 @@ class Regression(Settings):
         0.4, "m/s", "vertical, 1 sigma, for the energy method: W20 = 3 kt makes 0.15, 15 kt 0.8"
     )
 
+    @property
+    def fewest_blocks_of_flight(self) -> int:
+        """Of a whole flight, to fit a line: those of two runs."""
+        return 2 * self.fewest_blocks
+
 
 @dataclass(frozen=True)
 class SteadyPoints(Settings):
@@ -45,7 +50,6 @@ class Covariance(Settings):
         0.2, "m", "1 sigma of the probe's place ahead of the center of gravity, if missing"
     )
     imu_position_m: float = setting(0.1, "m", "1 sigma of the IMU's distance from the center of gravity, if missing")
-    worth_share: float = setting(0.005, "1", "of the interval: narrower by less is not worth a measurement")
     zero_share_in_flight: float = setting(
         0.5, "1", "of the variance of a zero's change: as much comes about in flight as in the airstream at take-off"
     )
@@ -56,9 +60,6 @@ class RejectedAssumptions(Settings):
     """A parabolic polar, and a propeller's table as good as assumed."""
 
     significant: float = setting(3.0, "1", "standard errors of the quartic term of lift")
-    least_change: float = setting(
-        0.005, "1", "of drag at an end of the lift coefficients flown; less than that matters to nobody"
-    )
 
 
 @dataclass(frozen=True)
@@ -73,9 +74,7 @@ class Comparison(Settings):
     )
     least_speed_ratio: float = setting(1.15, "1", "highest over lowest of the speeds common to both methods")
     lag_sigma_s: float = setting(0.3, "s", "prior of the air-data lag here: wide enough for a faulty installation")
-    fewest_blocks: int = setting(20, "blocks", "for an estimate of the errors of thrust")
     correlated_blocks: int = setting(4, "blocks", "over which residuals are correlated")
-    scatter_false_alarm_rate: float = setting(0.001, "1", "of the warning that runs of a kind scatter, by noise alone")
     fewest_runs: int = setting(3, "runs", "of one kind, for their scatter to be tested")
 
 

@@ -17,6 +17,7 @@ from analysis.estimation.model import Model, NamedValues, UnknownKey, UnknownKin
 from analysis.estimation.noise import Whitened
 from analysis.estimation.settings import VERDICT
 from analysis.estimation.simulation import InputRule, Integrator, Response
+from analysis.settings import EVIDENCE
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
@@ -179,7 +180,7 @@ class Intensity(NamedTuple):
 
     @property
     def significant(self) -> bool:
-        return self.p_value < VERDICT.significance_level
+        return self.p_value < EVIDENCE.false_alarms
 
 
 class ParameterEstimate(NamedTuple):

@@ -67,7 +67,6 @@ class VerdictLimits(Settings):
     not_white: float = setting(3.3, "sigma", "lag-one correlation that one white record in a thousand exceeds")
     outlier: float = setting(6.0, "sigma", "of the residuals; one normal value in a billion is larger")
     error_growth: float = setting(1e3, "1", "of an error in a segment: above it output error hardly finds optima")
-    significance_level: float = setting(0.05, "1", "of the test for process noise")
     same_optimum: float = setting(0.01, "1", "difference in log-likelihood; 2 is significant at 5 %")
 
 
@@ -76,8 +75,6 @@ class Computation(Settings):
     """Time steps, starting values and the choice of terms."""
 
     uniformity: float = setting(0.01, "1", "of a time step; the error of RK4 over a step is far larger than its effect")
-    smoothing: float = setting(1.5, "samples", "low-pass filter of equation error for starting values in light noise")
-    false_terms: float = setting(0.01, "1", "probability that stepwise regression takes a term that is not there")
 
 
 SEARCH, FILTER_ERROR, VERDICT, COMPUTATION = Search(), FilterError(), VerdictLimits(), Computation()

@@ -11,7 +11,7 @@ from analysis.estimation.fit import Finding, Fit, FitStatus, Remark
 from analysis.estimation.model import Model
 from analysis.estimation.output_error import fit_output_error
 from analysis.estimation.problem import FitOptions, as_segments
-from analysis.estimation.settings import COMPUTATION, VERDICT
+from analysis.estimation.settings import VERDICT
 from analysis.estimation.simulation import InputRule
 from flight.errors import InputError
 
@@ -29,7 +29,7 @@ def starting_values_by_equation_error(
     """
     segments = as_segments(segments)
     if smoothing_s is None:
-        smoothing_s = COMPUTATION.smoothing * segments[0].step_s
+        smoothing_s = 1.5 * segments[0].step_s
     return _shared_values(fit_equation_error(model, segments, smoothing_s=smoothing_s, inputs=inputs), model)
 
 

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
-from analysis.estimation.settings import COMPUTATION
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
@@ -48,7 +47,7 @@ class Selection(NamedTuple):
         return np.asarray(self.constant + sum(terms, np.zeros(1)))
 
 
-def stepwise(candidates: Mapping[str, ArrayLike], z: ArrayLike, *, level: float = COMPUTATION.false_terms) -> Selection:
+def stepwise(candidates: Mapping[str, ArrayLike], z: ArrayLike, *, level: float = 0.01) -> Selection:
     """Terms enter in the order of their partial correlation with z, and leave again when others replace them.
 
     candidates : name to (n,)     z : (n,)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from flight.aircraft import Uncertainty
 from flight.settings import Settings, setting
 
 
@@ -9,9 +10,6 @@ from flight.settings import Settings, setting
 class ThrustStandSettings(Settings):
     """Thrust at rest, on a stand, against the propeller's table."""
 
-    conflict: float = setting(
-        2.5, "1", "prior standard deviations beyond which thrust contradicts what is assumed of it"
-    )
     fewest_readings: int = setting(5, "readings", "fewer say nothing of their scatter")
     fewest_speeds: int = setting(3, "speeds", "for the change of the ratio with motor speed")
     same_speed: float = setting(0.02, "1", "readings at speeds nearer than this are repetitions")
@@ -19,7 +17,6 @@ class ThrustStandSettings(Settings):
         0.4, "1", "of the ratio from one: beyond it a unit, the diameter or the number of pole pairs is wrong"
     )
     largest_error: float = setting(0.06, "1", "1 sigma of the ratio: a worse stand tells no more than the table")
-    least_change: float = setting(0.005, "1", "of the ratio over the speeds measured: less matters to nobody")
     same_table: float = setting(0.001, "1", "relative difference of thrust coefficients of one table")
 
 
@@ -30,7 +27,11 @@ class WeighingSettings(Settings):
     more_than_random: float = setting(
         3.0, "1", "readings of one support that differ by more of their stated errors contradict each other"
     )
-    largest_weight_error: float = setting(0.02, "1", "1 sigma; ten times what the analysis assumes without a weighing")
+
+    @property
+    def largest_weight_error(self) -> float:
+        """1 sigma of the weight, relative: ten times what the analysis assumes without a weighing."""
+        return 10 * Uncertainty.weight_fraction
 
 
 STAND_LIMITS = ThrustStandSettings()

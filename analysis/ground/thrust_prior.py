@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.estimation.model import PriorMeasurement
-from analysis.ground.settings import STAND_LIMITS
+from analysis.settings import EVIDENCE
 from flight.aircraft import Aircraft, Uncertainty
 
 Array = NDArray[np.float64]
@@ -86,7 +86,7 @@ def stand_conflict(ratio: float, error: float, stated: Uncertainty) -> str:
     scale, slope = stated.thrust_scale_fraction, J_REFERENCE * stated.thrust_slope
     expected = math.hypot(scale, slope, error, stated.thrust_curvature_fraction)
     z = (ratio - 1) / expected
-    if abs(z) <= STAND_LIMITS.conflict:
+    if abs(z) <= EVIDENCE.contradiction:
         return ""
     return (
         f"thrust at rest differs from the table by {z:+.1f} of the standard deviations assumed"

@@ -19,6 +19,7 @@ from scipy import special
 
 from analysis.estimation.noise import NORMAL_95
 from analysis.ground.settings import STAND_LIMITS
+from analysis.settings import EVIDENCE
 from flight.aircraft import Aircraft
 from flight.atmosphere import density
 from flight.errors import InputError
@@ -121,7 +122,7 @@ def calibrate(
     with_slope = residuals - change * slope
     by_speed = slope * float(np.ptp(change / table_N))
     slope_sigma = _scaled(with_slope, 2) / math.sqrt(change @ change)
-    depends = abs(slope) > NORMAL_95 * slope_sigma and abs(by_speed) > STAND_LIMITS.least_change
+    depends = abs(slope) > NORMAL_95 * slope_sigma and abs(by_speed) > EVIDENCE.negligible
     scatter = (_scaled(with_slope, 2) if depends else _scaled(residuals, 1)) / math.sqrt(weight)
     speed_error = abs(by_speed) / 2 if depends else 0.0
     found = ThrustStand(

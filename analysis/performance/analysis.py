@@ -38,10 +38,9 @@ from analysis.performance.request import (
     density_altitude_m,
     requested_conditions,
 )
-from analysis.performance.settings import PERFORMANCE
 from analysis.polar import Condition, speed_at
 from analysis.schema import FieldRow, PerformanceCase, PerformanceResult, PowerTrainResult
-from analysis.settings import CURVES
+from analysis.settings import CURVES, EVIDENCE
 from analysis.signals.channels import SPEED_SCALE
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
@@ -224,8 +223,8 @@ def _whole_speeds(V: Array) -> Array:
 
 def _is_single_change(as_flown: PerformanceCase, case: PerformanceCase) -> bool:
     """Whether a case changes the weight or the air density, but not both."""
-    same_weight = abs(case.weight_N / as_flown.weight_N - 1) < PERFORMANCE.same_share
-    same_density = abs(case.air_density_kgpm3 / as_flown.air_density_kgpm3 - 1) < PERFORMANCE.same_share
+    same_weight = abs(case.weight_N / as_flown.weight_N - 1) < EVIDENCE.negligible
+    same_density = abs(case.air_density_kgpm3 / as_flown.air_density_kgpm3 - 1) < EVIDENCE.negligible
     return same_weight != same_density
 
 

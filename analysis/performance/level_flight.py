@@ -20,10 +20,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from analysis.drag.settings import REGRESSION
 from analysis.performance.full_throttle import FullThrottle
 from analysis.performance.power_train import PowerTrainModel, revps_for_thrust
 from analysis.performance.propagation import ParameterVector, SigmaPoints, UncertainValue, exact, from_sigma_points
-from analysis.performance.settings import PERFORMANCE
 from analysis.polar import Condition, lift_coefficient
 from analysis.schema import LevelEfficiencyPoint
 from flight.propeller import Propeller
@@ -55,10 +55,10 @@ def incidence(data: pd.DataFrame) -> ParameterVector:
     """alpha_0 and alpha_CL of alpha [rad] = alpha_0 + alpha_CL C_L, fitted to the flight.
 
     data : columns CL, alpha, covered (inside the propeller's table, well above the ground); NaN gaps. With fewer than
-    PERFORMANCE.fewest_blocks rows both are zero: thrust along the flight path.
+    REGRESSION.fewest_blocks_of_flight rows both are zero: thrust along the flight path.
     """
     flown = data.loc[data["covered"], ["CL", "alpha"]].dropna()
-    if len(flown) < PERFORMANCE.fewest_blocks:
+    if len(flown) < REGRESSION.fewest_blocks_of_flight:
         return exact(alpha_0=0.0, alpha_CL=0.0)
     slope, offset = np.polyfit(flown["CL"], flown["alpha"], 1)
     return exact(alpha_0=float(offset), alpha_CL=float(slope))

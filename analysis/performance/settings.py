@@ -63,9 +63,7 @@ class FullThrottleFlown(Settings):
 class Performance(Settings):
     """Level flight, climb and ceilings."""
 
-    fewest_blocks: int = setting(20, "1", "blocks, to fit angle of attack over lift; else thrust is along the path")
     fastest_sought: float = setting(1.35, "1", "highest level speed is sought to this times the fastest speed flown")
-    same_share: float = setting(0.005, "1", "weights, and densities, that are closer count as equal")
 
 
 @dataclass(frozen=True)

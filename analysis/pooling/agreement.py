@@ -17,6 +17,7 @@ from analysis.pooling.flight_statistics import INSTALLATION_ERRORS, POLAR, POOLE
 from analysis.pooling.joint import FlightStack, PooledEstimate, Prior, take, without_each
 from analysis.pooling.results import Trend
 from analysis.pooling.settings import POOLING
+from analysis.settings import EVIDENCE
 
 Array = NDArray[np.float64]
 
@@ -50,8 +51,8 @@ class Test(NamedTuple):
 
     @property
     def differs(self) -> bool:
-        """Whether something differs, with at most `POOLING.false_alarms` of false alarms."""
-        return self.p < POOLING.false_alarms
+        """Whether something differs, with at most `EVIDENCE.false_alarms` of false alarms."""
+        return self.p < EVIDENCE.false_alarms
 
 
 class LikelyCause(NamedTuple):
@@ -118,7 +119,7 @@ def _difference(
 def outliers(stack: FlightStack, prior: Prior) -> dict[int, Difference]:
     """By number, flights that differ from the pool of those that agree; the worst is taken out first.
 
-    Polar and installation are tested, each at the level `POOLING.false_alarms` over the number of tests. At most half
+    Polar and installation are tested, each at the level `EVIDENCE.false_alarms` over the number of tests. At most half
     of the flights are named, and none of two: which of them is wrong is not known.
     """
     n = len(stack.values)
@@ -127,7 +128,7 @@ def outliers(stack: FlightStack, prior: Prior) -> dict[int, Difference]:
         differences = differences_to_others(take(stack, agreeing), prior)
         p = [min(difference.p, difference.p_installation) for difference in differences]
         worst = int(np.argmin(p))
-        if p[worst] >= POOLING.false_alarms / (2 * n):
+        if p[worst] >= EVIDENCE.false_alarms / (2 * n):
             break
         differing[agreeing[worst]] = differences[worst]
         del agreeing[worst]
@@ -168,7 +169,7 @@ def likely_cause(difference: Difference) -> LikelyCause | None:
     """
     z = difference.standardized
     most = max(range(_N_POLAR, M), key=lambda i: abs(z[i]))
-    if abs(z[most]) < POOLING.conspicuous:
+    if abs(z[most]) < EVIDENCE.contradiction:
         return None
     return LikelyCause(POOLED[most], float(difference.value[most]), float(abs(z[most])))
 

@@ -26,6 +26,7 @@ from analysis.pooling.results import ComparisonResults, Configuration, FlightsTo
 from analysis.pooling.settings import POOLING
 from analysis.pooling.wording import SharedErrors
 from analysis.schema import ConditionResult
+from analysis.settings import EVIDENCE
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
@@ -130,7 +131,7 @@ def flights_to_see(pooled: JointPool, difference: float) -> int | None:
     """Flights of each of two configurations by which a difference of drag is seen in 9 of 10 campaigns.
 
     difference : fraction of drag, at every lift coefficient. The flights are taken to be like those of the pool, with
-    the same installation and propeller throughout. None for more than `POOLING.largest_plan`.
+    the same installation and propeller throughout. None for more than `EVIDENCE.most_repetitions`.
     Raises InputError where the difference is not positive.
     """
     if not difference > 0:
@@ -146,9 +147,9 @@ def flights_to_see(pooled: JointPool, difference: float) -> int | None:
         T = np.hstack([-np.eye(_N_POLAR), np.eye(_N_POLAR)])
         return quadratic_form(d, T @ C @ T.T) >= needed
 
-    if not seen(POOLING.largest_plan):
+    if not seen(EVIDENCE.most_repetitions):
         return None
-    low, high = 0, POOLING.largest_plan
+    low, high = 0, EVIDENCE.most_repetitions
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (low, middle) if seen(middle) else (middle, high)
@@ -165,7 +166,7 @@ def plans_to_see(pooled: JointPool) -> list[FlightsToSee]:
 
 @cache
 def _needed_noncentrality() -> float:
-    limit = chi2.isf(POOLING.false_alarms, _N_POLAR)
+    limit = chi2.isf(EVIDENCE.false_alarms, _N_POLAR)
     return float(brentq(lambda x: ncx2.sf(limit, _N_POLAR, x) - POOLING.detection, 1e-3, 100.0))
 
 

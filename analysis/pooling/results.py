@@ -94,7 +94,7 @@ class FlightsToSee(msgspec.Struct, frozen=True, kw_only=True):
     """Flights of each of two configurations by which a difference of drag is seen in 9 of 10 campaigns."""
 
     difference_percent: float
-    flights_each: int | None  # null where it takes more than `POOLING.largest_plan`
+    flights_each: int | None  # null where it takes more than `EVIDENCE.most_repetitions`
 
 
 class Trend(msgspec.Struct, frozen=True, kw_only=True):

@@ -17,12 +17,12 @@ from analysis.pooling.results import (
     SharedParameter,
     Trend,
 )
-from analysis.pooling.settings import POOLING
 from analysis.report.answers import HeadlineAnswer
 from analysis.report.figures import pooled as figures
 from analysis.report.html_page import HtmlTable, html_figure, render_page
 from analysis.report.wording import every, meaning
 from analysis.schema import ConditionResult, ElectricalFlight
+from analysis.settings import EVIDENCE
 from flight.units import GRAVITY_MPS2
 
 
@@ -145,7 +145,7 @@ def pooled_answers(pooled: PooledResults) -> list[HeadlineAnswer]:
         )
     ]
     if test:
-        agree = test.p >= POOLING.false_alarms and not outliers
+        agree = test.p >= EVIDENCE.false_alarms and not outliers
         named = f"Outliers: {', '.join(outliers)}. " if outliers else ""
         answers.append(
             HeadlineAnswer(
@@ -252,7 +252,7 @@ def _condition(test: ConditionResult, propeller: str, installation: str) -> str:
 
 
 def _flights_each(row: FlightsToSee) -> str:
-    return count(row.flights_each, "flight") if row.flights_each else f"more than {POOLING.largest_plan}"
+    return count(row.flights_each, "flight") if row.flights_each else f"more than {EVIDENCE.most_repetitions}"
 
 
 def _side(letter: str, side: Configuration) -> tuple[str, ...]:
@@ -289,7 +289,7 @@ def _trends(rows: Sequence[Trend]) -> HtmlTable:
                 f"{row.slope_percent:+.2g} % per {row.unit}",
                 f"{row.standard_error_percent:.2g} %",
                 str(row.flights),
-                f"{'a trend' if row.p < POOLING.false_alarms else 'none seen'} ({probability(row.p)})",
+                f"{'a trend' if row.p < EVIDENCE.false_alarms else 'none seen'} ({probability(row.p)})",
             )
             for row in rows
         ],

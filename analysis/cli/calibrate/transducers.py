@@ -91,7 +91,7 @@ def pressures_Pa(text: str) -> list[float]:
         raise InputError(f"--pressures {text!r}: the unit is missing; give a list such as {EXAMPLE}")
     factor = _unit_Pa(unit, text)
     values = [factor * number for number in numbers]
-    highest = READABLE.pitot_Pa[1]
+    highest = READABLE.possible["pitot_Pa"][1]
     if not all(math.isfinite(value) and abs(value) <= highest for value in values):
         raise InputError(f"--pressures {text!r}: not within {highest:g} Pa; give a list such as {EXAMPLE}")
     return [value for value in values if value]

@@ -12,6 +12,7 @@ from analysis.report.sections.flight import CHANNELS, decimals
 from analysis.report.sections.summary import reference_point
 from analysis.report.settings import REPORT
 from analysis.schema import CheckedBy, IntervalPart, Results
+from analysis.settings import EVIDENCE
 
 
 class CertaintySection(NamedTuple):
@@ -141,7 +142,7 @@ def halving(results: Results) -> Halving | None:
     start = f"To halve ±{_watts(whole)} at {part.speed_mps:.1f} m/s"
     runs = len(results.runs)
     more = more_runs_to_halve(part, runs)
-    if more is not None and more <= REPORT.most_runs:
+    if more is not None and more <= EVIDENCE.most_repetitions:
         return Halving(
             f"{start}, fly {more} more runs like these {runs}: noise of ±{_watts(part.noise_W)} averages, and"
             f" ±{_watts(part.systematic_W)}, which is common to all runs, remains.",

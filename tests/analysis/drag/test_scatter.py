@@ -7,8 +7,8 @@ import numpy as np
 from analysis.drag.estimate import run_scatter
 from analysis.drag.method import MethodEstimate
 from analysis.drag.methods_from_runs import ONE_RUN
-from analysis.drag.settings import COMPARISON
 from analysis.polar import Condition, Polar
+from analysis.settings import EVIDENCE
 
 AT = Condition(37.68, 1.2, 0.4636)
 TRUTH = np.array([0.0465, -0.0195, 0.065])
@@ -30,9 +30,7 @@ def test_noise_alone_raises_a_warning_at_the_false_alarm_rate_at_most() -> None:
     """Five runs, 1000 times: the stated rate by chance, plus three standard errors of it."""
     rng = np.random.default_rng(5)
     alarms = sum(bool(run_scatter(runs(rng, "acceleration", 5), AT)) for _ in range(1000))
-    assert alarms / 1000 <= COMPARISON.scatter_false_alarm_rate + 3 * np.sqrt(
-        COMPARISON.scatter_false_alarm_rate / 1000
-    )
+    assert alarms / 1000 <= EVIDENCE.rare_false_alarms + 3 * np.sqrt(EVIDENCE.rare_false_alarms / 1000)
 
 
 def test_runs_that_scatter_four_times_their_noise_raise_a_warning() -> None:
