@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from analysis.airdata.probe import ProbeCalibration, flow_at_probe
 from analysis.airdata.settings import AIR
 from analysis.signals.channels import COLUMNS, SPEED_SCALE
-from analysis.signals.settings import CHANNELS
+from analysis.signals.settings import CHANNELS, STATISTICS
 from flight.aircraft import Aircraft
 from flight.atmosphere import density, height_at, temperature_at
 from flight.motion import specific_force_at
@@ -138,7 +138,7 @@ def air_data(
     _add_thrust(out, propeller)
     notes += _slow_flight(out["height_m"].to_numpy(), flow.qbar_Pa, least_Pa, speed_scale)
     outside = ~flow.inside[flow.qbar_Pa > least_Pa]
-    if len(outside) and np.mean(outside) > AIR.largest_unmentioned_share:
+    if len(outside) and np.mean(outside) > STATISTICS.unmentioned_share:
         notes.append(
             f"{100 * np.mean(outside):.0f} % of the flight lies outside the probe's calibrated range of angles"
             " and is left out."
@@ -150,7 +150,7 @@ def _slow_flight(height_m: Array, qbar_Pa: Array, least_Pa: float, speed_scale: 
     """A note where much of the time aloft has too little dynamic pressure to count as flight."""
     aloft = height_m > AIRCRAFT_SIZE.least_height_m * speed_scale
     share = float(np.mean(qbar_Pa[aloft] <= least_Pa)) if aloft.any() else 0.0
-    if share <= AIR.largest_unmentioned_share:
+    if share <= STATISTICS.unmentioned_share:
         return []
     return [
         f"{100 * share:.0f} % of the time above {AIRCRAFT_SIZE.least_height_m * speed_scale:.0f} m has a dynamic"

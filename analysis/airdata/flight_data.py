@@ -11,10 +11,10 @@ from analysis.airdata.air import air_data, specific_force_at_cg
 from analysis.airdata.lines import line_responses, without_remainder
 from analysis.airdata.magnetometer import Compass, MagnetometerCalibration
 from analysis.airdata.probe import ProbeCalibration
-from analysis.airdata.settings import AIR
 from analysis.airdata.transducers import TransducerCalibration, air_data_errors
 from analysis.signals.channels import COLUMNS, speed_scale, synchronize
 from analysis.signals.rest import rest_segments, without_zeros, zeros
+from analysis.signals.settings import STATISTICS
 from flight.aircraft import Aircraft
 from flight.log_reader import Log
 from flight.propeller import Propeller
@@ -103,5 +103,5 @@ def silent_topics(table: pd.DataFrame, recorded: Collection[str]) -> list[str]:
     return [f"No {topic} in this log: {LOST_WITHOUT[topic]}." for topic in absent if LOST_WITHOUT[topic]] + [
         f"{topic} carried no value for {100 * share:.0f} % of the flight."
         for topic, share in by_topic.items()
-        if share > AIR.largest_unmentioned_share and topic not in absent
+        if share > STATISTICS.unmentioned_share and topic not in absent
     ]

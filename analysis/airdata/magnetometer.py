@@ -15,7 +15,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.airdata.settings import AIR, MAGNETOMETER
+from analysis.airdata.settings import MAGNETOMETER
+from analysis.signals.settings import STATISTICS
 from flight.errors import InputError
 from flight.files import JsonFormat
 
@@ -105,7 +106,7 @@ def compass(table: pd.DataFrame, calibration: MagnetometerCalibration) -> tuple[
         why = f"the field strength varies by {varies_uT:.1f} uT in flight, but should be constant"
         return None, [f"{_NOT_USED}: {why}. {_AGAIN}"]
     notes = []
-    if share > AIR.largest_unmentioned_share:
+    if share > STATISTICS.unmentioned_share:
         notes.append(
             f"The magnetometer is left out for {100 * share:.0f} % of the flight, where the field strength is more than"
             f" {100 * MAGNETOMETER.off:.0f} % off."

@@ -18,6 +18,7 @@ from scipy.spatial import ConvexHull
 from analysis.airdata.polynomial_map import FittedMap, Powers, fit_map, polynomial_of_order, terms
 from analysis.airdata.probe import ProbeCalibration
 from analysis.airdata.settings import TUNNEL
+from analysis.signals.settings import STATISTICS
 from flight.atmosphere import density
 from flight.errors import InputError
 from flight.probe_maps import FORMAT
@@ -141,7 +142,7 @@ def speed_dependence(tunnel: TunnelData, residual_rad: Array, angle_rad: Array) 
     slopes, errors = np.array([f.slope for f in at_speeds]), np.array([f.slope_error for f in at_speeds])
     mean = np.average(slopes, weights=1 / errors**2)
     chi_squared = float(np.sum(((slopes - mean) / errors) ** 2))
-    if chi_squared < special.chdtri(len(at_speeds) - 1, 1 - TUNNEL.significance):
+    if chi_squared < special.chdtri(len(at_speeds) - 1, STATISTICS.false_alarm_rate):
         return SpeedDependence(at_speeds, chi_squared, 0.0)
     beyond = max(float(np.var(slopes, ddof=1) - np.mean(errors**2)), 0.0)
     return SpeedDependence(at_speeds, chi_squared, float(np.sqrt(beyond)))
@@ -168,9 +169,9 @@ def calibrate(tunnel: TunnelData, source: str = "", *, angle_scale_sigma: float 
     if np.any(tunnel.speed_mps > TUNNEL.highest_speed_mps):
         raise InputError(f"{source}: speeds above {TUNNEL.highest_speed_mps:.0f} m/s; is their unit right?")
     qbar = dynamic_pressure(tunnel)
-    if len(qbar) < TUNNEL.fewest_points:
+    if len(qbar) < STATISTICS.fewest_values:
         raise InputError(
-            f"{source}: {len(qbar)} points are too few to calibrate a probe; {TUNNEL.fewest_points} are needed"
+            f"{source}: {len(qbar)} points are too few to calibrate a probe; {STATISTICS.fewest_values} are needed"
         )
     if np.any(tunnel.q_c_Pa <= 0) or np.any(qbar <= 0):
         raise InputError(f"{source}: q_c and speed must be positive at every point")

@@ -17,7 +17,6 @@ class AirSettings(Settings):
     )
     stuck_Pa: float = setting(0.02, "Pa", "a tenth of a count of the finest transducer")
     cold_s: float = setting(2.0, "s", "after power-on, in which electronics have the temperature of the air")
-    largest_unmentioned_share: float = setting(0.02, "1", "of the flight that is left out or lost without a note")
 
 
 @dataclass(frozen=True)
@@ -97,9 +96,7 @@ class TunnelSettings(Settings):
     speed_step: float = setting(
         0.04, "1", "two points whose speeds differ by more than this share belong to different tunnel speeds"
     )
-    significance: float = setting(0.99, "1", "of a dependence of the slope on speed")
     fewest_points_at_a_speed: int = setting(5, "1", "for a slope at this speed")
-    fewest_points: int = setting(30, "1", "of a calibration")
     highest_speed_mps: float = setting(150.0, "m/s", "the air is taken as incompressible")
     least_predicted: float = setting(0.9, "1", "of the angles' variance, at points left out (predictive R^2)")
     largest_slope_sigma: float = setting(

@@ -12,6 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.log_checks.settings import AXES
+from analysis.signals.settings import STATISTICS
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2
 
@@ -105,11 +106,11 @@ ROLL = _Law(  # 0.21 (short flights in 15 kt) to 0.91
 def check_axes(table: pd.DataFrame, log: str) -> None:
     """Raises InputError naming the log if an axis, sign or unit contradicts the motion of the aircraft.
 
-    table: of `air_data`. Nothing is judged by less than AXES.fewest_means of flight.
+    table: of `air_data`. Nothing is judged by less than STATISTICS.fewest_values of flight.
     """
     flown = table["flying"] & (table["qbar_Pa"] > table["qbar_Pa"].quantile(AXES.slowest_share))
     means = _means(table, flown, AXES.mean_s)
-    if means["V_mps"].notna().sum() < AXES.fewest_means:
+    if means["V_mps"].notna().sum() < STATISTICS.fewest_values:
         return
     means = means.assign(climb_mps=_climb_mps(table)[means.index])
     _check_rate_unit(means, log)
@@ -164,7 +165,7 @@ def _check_side_ports(means: pd.DataFrame, log: str) -> None:
 
 def _check_ground_speed(means: pd.DataFrame, log: str) -> None:
     """The ground speed is airspeed and wind."""
-    if means["gps_north_mps"].notna().sum() < AXES.fewest_means:
+    if means["gps_north_mps"].notna().sum() < STATISTICS.fewest_values:
         return
     ground = float(np.nanmedian(np.hypot(means["gps_north_mps"], means["gps_east_mps"])))
     ratio = ground / float(means["V_mps"].median())
@@ -201,6 +202,6 @@ def _means(table: pd.DataFrame, rows: pd.Series, seconds: float) -> pd.DataFrame
 def _correlation(x: pd.Series, y: pd.Series) -> float:
     """0 where it is not known."""
     known = x.notna() & y.notna()
-    if known.sum() < AXES.fewest_means or x[known].std() == 0 or y[known].std() == 0:
+    if known.sum() < STATISTICS.fewest_values or x[known].std() == 0 or y[known].std() == 0:
         return 0.0
     return float(np.corrcoef(x[known], y[known])[0, 1])

@@ -11,7 +11,6 @@ class AxesSettings(Settings):
 
     mean_s: float = setting(1.0, "s", "of the means that are compared")
     gust_s: float = setting(0.2, "s", "of means in which gusts are compared")
-    fewest_means: int = setting(30, "1", "nothing is judged by less of flight")
     slowest_share: float = setting(
         0.15, "1", "leaves out take-off and landing, where the wheels carry some of the weight"
     )

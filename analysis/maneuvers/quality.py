@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from analysis.maneuvers.settings import NOTED
 from analysis.signals.channels import speed_scale_of
+from analysis.signals.settings import STATISTICS
 from analysis.signals.smoothing import local_quadratic, stretches
 from flight import runs
 from flight.runs import Rejection, missing_data
@@ -39,7 +40,7 @@ def notes(data: pd.DataFrame, bank: Array) -> tuple[str, ...]:
     """What a reader should know of a maneuver that is used, a few words each. bank: (n,) [rad]."""
     remarks = []
     uncovered = 1 - float(data["propeller_covered"].mean())
-    if uncovered > NOTED.outside_table:
+    if uncovered > STATISTICS.unmentioned_share:
         remarks.append(
             f"{100 * uncovered:.0f} % of the data lie outside the propeller table, which is extrapolated there"
         )
@@ -59,7 +60,7 @@ def notes(data: pd.DataFrame, bank: Array) -> tuple[str, ...]:
         remarks.append(f"{word} turbulence: the load factor varies by {rms:.2f} rms")
     for name in NEEDED_COLUMNS:
         missing = float(data[name].isna().mean())
-        if missing > NOTED.gap_share:
+        if missing > STATISTICS.unmentioned_gaps:
             remarks.append(
                 f"{quantity(name)} was stale or missing for {100 * missing:.1f} % of the time and is interpolated there"
             )

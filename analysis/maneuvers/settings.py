@@ -85,8 +85,6 @@ class NoteSettings(Settings):
 
     height_m: float = setting(5.0, "m", "range of height")
     bank_rad: float = setting(np.radians(10), "rad", "1.5 % more lift than weight")
-    gap_share: float = setting(0.002, "1", "of the time in which a needed quantity is interpolated")
-    outside_table: float = setting(0.02, "1", "of the data outside the propeller table")
     throttle_step: float = setting(0.3, "1", "of full throttle: a step pitches the aircraft (Fig. 7.13-7.15)")
     throttle_step_s: float = setting(0.25, "s", "within this time: the motor reaches its speed within 0.2 s")
     light_turbulence: float = setting(

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.signals.settings import CHANNELS
+from analysis.signals.settings import CHANNELS, STATISTICS
 from analysis.signals.smoothing import on_grid
 from flight import runs
 from flight.aircraft import Aircraft
@@ -86,14 +86,14 @@ def losses(topic: str, entries: Entries, start_ns: int) -> list[str]:
         return []
     notes = []
     clipped = entries.status.count(STATUS_CODE[Status.SATURATED]) / len(entries)
-    if clipped > CHANNELS.mentioned_share:
+    if clipped > STATISTICS.unmentioned_gaps:
         notes.append(f"{topic} was {CLIPPED} for {100 * clipped:.1f} % of the log and is left out there.")
     good_s = (times_ns(entries)[is_good(entries)] - start_ns) / 1e9
     if topic == "/rpm" or len(good_s) < 2:
         return notes  # a standing motor sends no messages; `synchronize` reports a topic without values
     gaps = np.diff(good_s)
     long = np.flatnonzero(gaps > max(CHANNELS.long_gap_s, 5 * float(np.median(gaps))))
-    for i in long[np.argsort(gaps[long])[::-1][: CHANNELS.mentioned_gaps]].tolist():
+    for i in long[np.argsort(gaps[long])[::-1][:3]].tolist():
         notes.append(f"{topic} has a gap of {gaps[i]:.1f} s from {good_s[i]:.0f} s on, which is not interpolated.")
     return notes
 

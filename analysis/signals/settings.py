@@ -6,13 +6,33 @@ from flight.settings import Settings, setting
 
 
 @dataclass(frozen=True)
+class StatisticsSettings(Settings):
+    """What is enough, significant, determined or worth a note, for all folders above this one."""
+
+    sigmas: float = setting(
+        3.0, "1", "standard errors beyond which a departure from what is assumed counts: one in 400 by chance"
+    )
+    false_alarm_rate: float = setting(0.01, "1", "of tests of several values together")
+    fewest_values: int = setting(
+        30, "1", "by which a correlation or a fit is judged: a correlation of 0.36 is then two standard errors"
+    )
+    determined_share: float = setting(
+        0.8,
+        "1",
+        "a standard error below this share of the prior's standard deviation: the measurement determined the value",
+    )
+    unmentioned_share: float = setting(0.02, "1", "of a flight that is left out, lost or extrapolated without a note")
+    unmentioned_gaps: float = setting(
+        0.002, "1", "of a log or a maneuver that is clipped or interpolated without a note"
+    )
+
+
+@dataclass(frozen=True)
 class ChannelSettings(Settings):
     """Synchronized channels of a log."""
 
     fewest_samples: int = setting(250, "1", "to judge a channel by: ten seconds of the default tray")
-    long_gap_s: float = setting(2.0, "s", "gaps this long are noted …")
-    mentioned_gaps: int = setting(3, "1", "… so many of them per topic")
-    mentioned_share: float = setting(0.002, "1", "of clipped samples")
+    long_gap_s: float = setting(2.0, "s", "gaps this long are noted, the three longest of each topic")
     most_missed: float = setting(3.0, "1", "times its nominal period, the median interval of /imu")
     counter_s: float = setting(0.01, "s", "least time between two periods that the pulse counter sends")
     gap: float = setting(3.5, "1", "median intervals, beyond which samples are not connected")
@@ -48,5 +68,6 @@ class RestSettings(Settings):
         return 4 * self.window_s
 
 
+STATISTICS = StatisticsSettings()
 CHANNELS = ChannelSettings()
 REST = RestSettings()

@@ -24,9 +24,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.schema import Check, ConsistencyCheck
+from analysis.signals.settings import STATISTICS
 from analysis.trajectory.equations import PREDICTED_FLOW, SENSOR_ERRORS, STATES, NamedArrays
 from analysis.trajectory.reconstruction import Trajectory
-from analysis.trajectory.settings import CONSISTENCY, SIGNIFICANT
+from analysis.trajectory.settings import CONSISTENCY
 from flight.motion import earth_from_body, velocity_of
 
 Array = NDArray[np.float64]
@@ -164,7 +165,7 @@ class TimeShift(NamedTuple):
 
     @property
     def significant(self) -> bool:
-        return abs(self.delay_s) > max(SIGNIFICANT.sigmas * self.standard_error_s, CONSISTENCY.least_shift_s)
+        return abs(self.delay_s) > max(STATISTICS.sigmas * self.standard_error_s, CONSISTENCY.least_shift_s)
 
     def in_words(self) -> str:
         """ "GPS is 212 ± 3 ms late against the IMU.", or that the flight does not show it."""
@@ -181,7 +182,7 @@ def time_shifts(trajectory: Trajectory) -> list[TimeShift]:
     shifts = []
     for name in SHIFTED_CHANNELS:
         error = trajectory.standard_error(name)
-        determined = error < CONSISTENCY.determined_share * trajectory.prior_standard_error(name)
+        determined = error < STATISTICS.determined_share * trajectory.prior_standard_error(name)
         shifts.append(TimeShift(name, trajectory.value(name), error, determined))
     return shifts
 
@@ -210,7 +211,7 @@ class AirspeedCalibration(NamedTuple):
 
 def why_not_determined(error: float, prior: float) -> str:
     """Why a flight does not determine the scale, and what to fly; empty if it does. Both: standard errors."""
-    if error <= CONSISTENCY.determined_share * prior:
+    if error <= STATISTICS.determined_share * prior:
         return ""
     return (
         f"the flight does not determine the scale (standard error {100 * error:.1f} %, before the flight"
@@ -225,7 +226,7 @@ def notes_on(one_way: float, error: float, prior: float) -> list[str]:
         notes.append(
             "Nearly all was flown in one direction: scale and wind along it cannot be separated. Fly back, too."
         )
-    if error > CONSISTENCY.determined_share * prior:
+    if error > STATISTICS.determined_share * prior:
         notes.append(
             f"This flight hardly determines the scale: standard error {100 * error:.1f} %,"
             f" before the flight {100 * prior:.1f} %."

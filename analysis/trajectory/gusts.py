@@ -25,9 +25,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.signals.settings import STATISTICS
 from analysis.trajectory.dryden import GaussMarkov, SecondOrderGust
 from analysis.trajectory.equations import SENSOR_ERRORS
-from analysis.trajectory.settings import GUSTS, SIGNIFICANT
+from analysis.trajectory.settings import GUSTS
 
 Array = NDArray[np.float64]
 
@@ -132,7 +133,7 @@ class ScaleLength(NamedTuple):
     @property
     def assumed_length_rejected(self) -> bool:
         """Whether the spectra contradict the assumed length."""
-        return abs(float(np.log(self.ratio))) > SIGNIFICANT.sigmas * self.log_sigma
+        return abs(float(np.log(self.ratio))) > STATISTICS.sigmas * self.log_sigma
 
 
 def gust_spectra(

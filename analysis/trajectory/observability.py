@@ -22,11 +22,12 @@ from numpy.typing import NDArray
 from scipy import special
 
 from analysis.schema import SensorError
+from analysis.signals.settings import STATISTICS
 from analysis.trajectory.consistency import time_shift_notes
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.priors import PRIOR_MEAN, ZEROS
 from analysis.trajectory.reconstruction import Trajectory
-from analysis.trajectory.settings import CONSISTENCY, GUSTS, PRIOR_CHECK, SHOWN, SIGNIFICANT
+from analysis.trajectory.settings import GUSTS, PRIOR_CHECK, SHOWN
 from analysis.trajectory.smoother import StatesGivenErrors
 from flight.errors import InputError
 
@@ -137,7 +138,7 @@ def sensor_error_estimates(trajectory: Trajectory) -> list[SensorError]:
         if name in left_out:
             continue
         sigma, prior = trajectory.standard_error(name), trajectory.prior_standard_error(name)
-        determined = sigma < CONSISTENCY.determined_share * prior
+        determined = sigma < STATISTICS.determined_share * prior
         reasons = () if determined else missing(name, flight)
         value = factor * trajectory.value(name)
         estimates.append(
@@ -203,7 +204,7 @@ def heading_notes(trajectory: Trajectory, *, calibrated: bool) -> list[str]:
     gps, residual = excitation(trajectory).gps, trajectory.residuals.get("compass")
     if residual is not None:
         offset = trajectory.value("heading_bias")
-        largest = SIGNIFICANT.sigmas * trajectory.prior_standard_error("heading_bias")
+        largest = STATISTICS.sigmas * trajectory.prior_standard_error("heading_bias")
         if residual > SHOWN.largest_compass_residual or abs(offset) > largest:
             return [
                 f"The magnetometer contradicts {'GPS' if gps else 'the gyros'}: mean heading error"
@@ -261,7 +262,7 @@ def prior_conflict(trajectory: Trajectory) -> PriorConflict:
         name: float(value) for name, value in zip(SENSOR_ERRORS, y, strict=True) if abs(value) > PRIOR_CHECK.conflict
     }
     together = 1.0
-    if beyond or np.sum(x_squared / (1 + variance)) > special.chdtri(max(known.sum(), 1), PRIOR_CHECK.false_alarm_rate):
+    if beyond or np.sum(x_squared / (1 + variance)) > special.chdtri(max(known.sum(), 1), STATISTICS.false_alarm_rate):
         factors = np.linspace(1.0, 6.0, 501)
         total = factors[:, None] ** 2 + variance
         together = float(factors[np.argmin(np.sum(np.log(total) + x_squared / total, axis=1))])

@@ -8,18 +8,6 @@ from flight.settings import Settings, setting
 
 
 @dataclass(frozen=True)
-class SignificanceSettings(Settings):
-    """When a departure from what is assumed counts."""
-
-    sigmas: float = setting(
-        3.0,
-        "1",
-        "standard deviations beyond which a time shift is told, the compass contradicts, and the scale length of gusts"
-        " by their spectra is taken in place of the assumed one",
-    )
-
-
-@dataclass(frozen=True)
 class ConsistencySettings(Settings):
     """Kinematic consistency, time shifts and airspeed scale of a reconstructed flight."""
 
@@ -29,9 +17,6 @@ class ConsistencySettings(Settings):
         np.radians(10.0), "rad", "largest bank; beyond it an error of sideslip acts like one of angle of attack"
     )
     least_shift_s: float = setting(0.004, "s", "a tenth of a sample interval has no effect on the results")
-    determined_share: float = setting(
-        0.8, "1", "a standard error below this share of the prior: the flight determined the sensor error"
-    )
     one_way: float = setting(
         0.75, "1", "length of the mean heading vector; above it, nearly all was flown in one direction"
     )
@@ -159,7 +144,6 @@ class PriorCheckSettings(Settings):
     """Conflict of the sensor errors with their priors, and residuals that are too large."""
 
     conflict: float = setting(2.5, "1", "prior standard deviations of one sensor error")
-    false_alarm_rate: float = setting(0.01, "1", "of the test of all sensor errors together")
     least_information: float = setting(
         0.1, "1", "of the data in a direction, over the prior's (j): below it the direction is not tested"
     )
@@ -168,7 +152,6 @@ class PriorCheckSettings(Settings):
     )
 
 
-SIGNIFICANT = SignificanceSettings()
 CONSISTENCY = ConsistencySettings()
 GUSTS = GustSettings()
 SENSORS = SensorSettings()
