@@ -33,8 +33,6 @@ from flight.log_reader import Log
 Array = NDArray[np.float64]
 Shape = Callable[[Array], Array]  # remaining share of the step, from 1 to 0, by time since the step [s]
 
-INTERVAL = float(special.chdtri(1, 1 - 0.95))  # of the likelihood ratio: 95 %
-
 
 @dataclass(frozen=True)
 class PressureStep:
@@ -63,9 +61,9 @@ class Lag:
 
     @property
     def more_steps(self) -> int:
-        """Number of further such steps that narrow the interval to LAG.wanted; its width goes with 1/sqrt(number)."""
+        """Number of further such steps for a sufficient interval, whose width goes with 1/sqrt(number)."""
         half = (self.hi_s - self.lo_s) / (2 * self.lag_s)
-        return max(math.ceil(self.steps * ((half / LAG.wanted) ** 2 - 1)), 0) if self.bounded else 0
+        return max(math.ceil(self.steps * ((half / LAG.half_width[0]) ** 2 - 1)), 0) if self.bounded else 0
 
 
 def find_steps(t_s: Array, value: Array) -> tuple[list[PressureStep], float]:
@@ -76,7 +74,7 @@ def find_steps(t_s: Array, value: Array) -> tuple[list[PressureStep], float]:
     if len(t_s) < 8:
         return [], 0.0
     interval = float(np.median(np.diff(t_s)))
-    quiet, longest = max(4, round(LAG.quiet_s / interval)), max(2, round(LAG.longest_step_s / interval))
+    quiet, longest = max(4, round(LAG.step_s / interval)), max(2, round(LAG.step_s / interval))
     moves = np.diff(value)
     least = np.min(np.abs(moves[moves != 0])) if np.any(moves) else 0.0
     noise = max(float(np.median(np.abs(moves - np.median(moves)))) / 0.6745 / np.sqrt(2), 0.3 * least)
@@ -122,7 +120,7 @@ def fit_lag(steps: list[PressureStep], noise: float, shape_of: Callable[[float],
     def misfits_of(lags: Array) -> list[Misfit]:
         return [_misfit(times, values, near_s, lag_s, shape_of(lag_s)) for lag_s in lags.tolist()]
 
-    rough = np.geomspace(LAG.shortest_s, LAG.longest_s, 61)
+    rough = np.geomspace(*LAG.tried_s, 61)
     rough_misfits = misfits_of(rough)
     near = int(np.argmin(_deviance(rough_misfits, _variance(rough_misfits, times.size))))
     lags = np.geomspace(rough[max(near - 1, 0)], rough[min(near + 1, len(rough) - 1)], 15)
@@ -229,18 +227,19 @@ def _minimum(lags: Array, cost: Array, best: int) -> float:
 
 def _interval(lags: Array, profile: Array) -> tuple[float, float]:
     """Where the profile crosses the 95 % level, left and right of its minimum; 0 and infinity where it does not."""
+    level = float(special.chdtri(1, 1 - 0.95))  # of the likelihood ratio
     best = int(np.argmin(profile))
-    left = np.flatnonzero(profile[:best] > INTERVAL)
-    right = np.flatnonzero(profile[best:] > INTERVAL)
+    left = np.flatnonzero(profile[:best] > level)
+    right = np.flatnonzero(profile[best:] > level)
     lo = hi = 0.0
     if len(left):
-        lo = _crossing(lags, profile, left[-1])
-    hi = _crossing(lags, profile, best + right[0] - 1) if len(right) else float("inf")
+        lo = _crossing(lags, profile - level, left[-1])
+    hi = _crossing(lags, profile - level, best + right[0] - 1) if len(right) else float("inf")
     return lo, hi
 
 
-def _crossing(lags: Array, profile: Array, i: int) -> float:
-    a, b = profile[i] - INTERVAL, profile[i + 1] - INTERVAL
+def _crossing(lags: Array, above_level: Array, i: int) -> float:
+    a, b = above_level[i], above_level[i + 1]
     return float(lags[i] + (lags[i + 1] - lags[i]) * a / (a - b))
 
 
@@ -279,10 +278,10 @@ class LineLag(NamedTuple):
         if lag is None:
             return ""
         half_width = (lag.hi_s - lag.lo_s) / 2
-        if lag.hi_s == float("inf") or (lag.bounded and half_width > LAG.widest * lag.lag_s):
+        if lag.hi_s == float("inf") or (lag.bounded and half_width > LAG.half_width[1] * lag.lag_s):
             return (
-                f"the bursts found ({lag.steps}) do not determine the lag within {100 * LAG.widest:.0f} %: record more"
-                " of them in one log, or at 100 Hz"
+                f"the bursts found ({lag.steps}) do not determine the lag within {100 * LAG.half_width[1]:.0f} %:"
+                " record more of them in one log, or at 100 Hz"
             )
         return ""
 

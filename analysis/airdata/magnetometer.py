@@ -187,7 +187,8 @@ def _residuals(x: Array, field: Array, sigma: float) -> Array:
     lengths = _lengths(x, field)
     outward = (field - x[:3] * MAGNETOMETER.hard_iron_T) @ A.T @ A / lengths[:, None]
     lengths = (lengths - x[8] * MAGNETOMETER.hard_iron_T) / (sigma * np.linalg.norm(outward, axis=1))
-    prior = np.append(x[:8], (x[8] * MAGNETOMETER.hard_iron_T - MAGNETOMETER.field_T) / MAGNETOMETER.field_sigma_T)
+    mean_T, sigma_T = MAGNETOMETER.field_T
+    prior = np.append(x[:8], (x[8] * MAGNETOMETER.hard_iron_T - mean_T) / sigma_T)
     return np.concatenate([lengths, prior])
 
 

@@ -103,11 +103,11 @@ def _noise(residual: Array, qbar_Pa: Array) -> Array:
 
 def _best_order(x: Array, y: Array, target: Array, weight: Array) -> tuple[FittedMap, Array]:
     """The polynomial whose order predicts left-out points best, and the covariance of its coefficients."""
-    fold = np.random.default_rng(0).permutation(len(target)) % MAP.folds
+    fold = np.random.default_rng(0).permutation(len(target)) % 10  # tenfold cross-validation
     best, best_rms, tried = 0, np.inf, []
     for order in range(1, 10):
         X = terms(x, y, _powers(order)) * weight[:, None]
-        if X.shape[1] > MAP.most_coefficients * len(target):
+        if X.shape[1] > len(target) / 2:  # two points a coefficient at least
             break
         rms = _left_out_rms(X, target * weight, fold)
         tried.append(rms)
@@ -125,7 +125,7 @@ def _left_out_rms(X: Array, y: Array, fold: NDArray[np.int64]) -> float:
     Q, _ = np.linalg.qr(X)
     residual = y - Q @ (Q.T @ y)
     total = 0.0
-    for k in range(MAP.folds):
+    for k in range(fold.max() + 1):
         mine = Q[fold == k]
         left_out = np.linalg.solve(np.eye(len(mine)) - mine @ mine.T, residual[fold == k])
         total += float(left_out @ left_out)

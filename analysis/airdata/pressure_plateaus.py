@@ -67,7 +67,7 @@ def plateaus(table: pd.DataFrame, source: str) -> list[Plateau]:
     if len(t_s) < 2 or t_s[-1] - t_s[0] < GROUND.pressure_held_s:
         return []
     step_s = float(np.median(np.diff(t_s)))
-    window = max(1, round(GROUND.pressure_smoothing_s / step_s))
+    window = max(1, round(GROUND.settling_s / step_s))
     seen = table["airspeed"].dropna().to_numpy()
     noise_Pa = float(1.4826 * np.median(np.abs(np.diff(seen))) / np.sqrt(2))
     allowed_Pa = max(GROUND.steady_Pa, GROUND.steady_noises * noise_Pa / np.sqrt(window))
@@ -79,7 +79,7 @@ def plateaus(table: pd.DataFrame, source: str) -> list[Plateau]:
     ]
     plateaus = []
     for first, last in spans:
-        inside = table.loc[t_s[first] + GROUND.edge_s : t_s[last] - GROUND.edge_s]
+        inside = table.loc[t_s[first] + GROUND.settling_s : t_s[last] - GROUND.settling_s]
         for name in CHANNELS:
             if inside[name].notna().mean() < GROUND.fewest_good:
                 raise InputError(

@@ -23,15 +23,16 @@ class AirSettings(Settings):
 class LineLagSettings(Settings):
     """Lags of pneumatic lines by steps of pressure, and their correction in flight."""
 
-    quiet_s: float = setting(0.5, "s", "before and after a step, to determine its levels and the noise")
-    longest_step_s: float = setting(0.5, "s", "a change that takes longer is not a burst")
+    step_s: float = setting(
+        0.5, "s", "a longer change is not a burst; as long before and after it is quiet, which shows levels and noise"
+    )
     smallest_step: float = setting(12.0, "1", "times the noise")
-    shortest_s: float = setting(2e-4, "s", "shortest lag that is tried")
-    longest_s: float = setting(0.25, "s", "longest lag that is tried")
-    wanted: float = setting(0.05, "1", "half width of a sufficient interval, relative to the lag")
+    tried_s: tuple[float, float] = setting((2e-4, 0.25), "s", "shortest and longest lag that is tried")
+    half_width: tuple[float, float] = setting(
+        (0.05, 0.4), "1", "of the interval, relative to the lag: sufficient, and the largest that is accepted"
+    )
     least_half_width: float = setting(0.02, "1", "errors of the tube's length, its cavity and the air in it")
     resolved: float = setting(0.3, "1", "of a tick; a shorter lag is not resolved")
-    widest: float = setting(0.4, "1", "half width, relative to the lag")
     largest_gain: float = setting(1.5, "1", "the noise of any frequency grows by this at most")
     highest_Hz: float = setting(3.0, "Hz", "of the aircraft's motion: three times its short period")
     smallest_remainder: float = setting(
@@ -54,10 +55,11 @@ class MagnetometerSettings(Settings):
         " ellipsoids share",
     )
     soft_iron: float = setting(0.05, "1", "standard deviation of the prior")
-    field_T: float = setting(
-        48e-6, "T", "mean of the prior; anywhere on earth it is 22 to 67 uT (World Magnetic Model)"
+    field_T: tuple[float, float] = setting(
+        (48e-6, 10e-6),
+        "T",
+        "mean and standard deviation of the prior; anywhere on earth it is 22 to 67 uT (World Magnetic Model)",
     )
-    field_sigma_T: float = setting(10e-6, "T", "and its standard deviation")
     earth_T: tuple[float, float] = setting((18e-6, 75e-6), "T", "limits of a plausible strength")
     fewest_samples: int = setting(100, "1", "of a calibration")
     iron_change_T: float = setting(
@@ -80,9 +82,7 @@ class MagnetometerSettings(Settings):
 class MapSettings(Settings):
     """Polynomial maps of a probe."""
 
-    folds: int = setting(10, "1", "of the cross-validation")
     least_improvement: float = setting(0.01, "1", "a higher order must reduce the cross-validated error by this share")
-    most_coefficients: float = setting(0.5, "1", "of the number of points")
     angle_margin_rad: float = setting(np.radians(0.5), "rad", "accepted beyond the last angle of the tunnel, for noise")
 
 
@@ -109,9 +109,7 @@ class GroundCalibrationSettings(Settings):
     """Calibrations on the ground: held pressures of the transducers, held positions of the surfaces."""
 
     pressure_held_s: float = setting(5.0, "s", "least time for which a pressure is held")
-    reference_s: float = setting(1.0, "s", "at the beginning of a plateau, whose median the rest is compared with")
-    pressure_smoothing_s: float = setting(0.5, "s", "of the readings that are compared")
-    edge_s: float = setting(0.5, "s", "at both ends of a plateau, in which the tubes settle")
+    settling_s: float = setting(0.5, "s", "of the tubes, at both ends of a plateau; readings are averaged over it")
     steady_Pa: float = setting(3.0, "Pa", "largest departure of smoothed readings within a plateau …")
     steady_noises: float = setting(5.0, "1", "… or this times the noise, if larger")
     open_share: float = setting(
@@ -122,7 +120,6 @@ class GroundCalibrationSettings(Settings):
     )
     position_held_s: float = setting(2.0, "s", "least time for which a position is held")
     jitter_us: float = setting(4.0, "us", "of the pulse while the stick is not moved")
-    same_us: float = setting(12.0, "us", "two held pulses as near as this are one position, read twice")
     fewest_positions: int = setting(3, "1", "with two, a wrong reading cannot show")
     play_steps: float = setting(
         2.0, "1", "a step between positions must exceed the difference of two readings of one position by this factor"
@@ -132,13 +129,16 @@ class GroundCalibrationSettings(Settings):
     largest_gain_error: float = setting(
         0.2, "1", "a slope further from one is a wrong unit or a wrong order of the pressures"
     )
-    largest_airspeed_error: float = setting(
-        0.01,
-        "1",
-        "1 sigma, beyond which the calibration says hardly more than the prior of a flight without it (1.25 % of"
-        " airspeed)",
-    )
-    largest_slope_error: float = setting(0.024, "1", "the same of the slope of angle of attack (3 %)")
+
+    @property
+    def reference_s(self) -> float:
+        """At the beginning of a plateau, whose median the rest is compared with: independent of how tubes settle."""
+        return 2 * self.settling_s
+
+    @property
+    def same_us(self) -> float:
+        """Two held pulses as near as this are one position, read twice: three times the jitter."""
+        return 3 * self.jitter_us
 
 
 AIR = AirSettings()

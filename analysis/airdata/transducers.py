@@ -19,6 +19,8 @@ from scipy import special
 from analysis.airdata.pressure_plateaus import CHANNELS, Plateau, in_words
 from analysis.airdata.settings import GROUND
 from analysis.estimation.noise import NORMAL_95
+from analysis.signals.settings import STATISTICS
+from flight.aircraft import Uncertainty
 from flight.errors import InputError
 from flight.files import JsonFormat
 
@@ -171,11 +173,16 @@ def calibrate(
 
 
 def _why_not_supported(calibration: TransducerCalibration) -> str:
-    """Empty if the slopes are known well enough to be of use."""
+    """Empty if the slopes are known clearly better than a flight without calibration assumes."""
+    prior = Uncertainty()
+    largest_V_scale, largest_alpha_scale = (
+        STATISTICS.determined_share * sigma
+        for sigma in (prior.airspeed_scale_fraction, prior.angle_of_attack_slope_fraction)
+    )
     errors = [
-        ("airspeed", calibration.airspeed_scale_error, GROUND.largest_airspeed_error),
+        ("airspeed", calibration.airspeed_scale_error, largest_V_scale),
         *(
-            (f"the slope of /probe/{name}", line.slope_error / line.slope, GROUND.largest_slope_error)
+            (f"the slope of /probe/{name}", line.slope_error / line.slope, largest_alpha_scale)
             for name, line in (("alpha", calibration.alpha), ("beta", calibration.beta))
         ),
     ]

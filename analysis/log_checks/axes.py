@@ -11,14 +11,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from analysis.airdata.settings import AIR
 from analysis.log_checks.settings import AXES
-from analysis.signals.settings import STATISTICS
+from analysis.signals.settings import REST, STATISTICS
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
-
-GPS_UNITS = {"km/h": 1 / 3.6, "cm/s": 0.01, "mm/s": 0.001}
 
 
 class _Law(NamedTuple):
@@ -49,14 +48,14 @@ def _forward_force(means: pd.DataFrame) -> pd.Series:
 def _gain(means: pd.DataFrame) -> pd.Series:
     """Gain of speed, and the share of gravity in a climb."""
     V = means["V_mps"]
-    return (V.shift(-1) - V.shift(1)) / (2 * AXES.mean_s) + GRAVITY_MPS2 * means["climb_mps"] / V
+    return (V.shift(-1) - V.shift(1)) / (2 * REST.window_s) + GRAVITY_MPS2 * means["climb_mps"] / V
 
 
 def _turn(means: pd.DataFrame) -> pd.Series:
     """Rate of the course over ground."""
     course = pd.Series(np.arctan2(means["gps_east_mps"], means["gps_north_mps"]), means.index)
     change = course.shift(-1) - course.shift(1)
-    return pd.Series(np.arctan2(np.sin(change), np.cos(change)), means.index) / (2 * AXES.mean_s)
+    return pd.Series(np.arctan2(np.sin(change), np.cos(change)), means.index) / (2 * REST.window_s)
 
 
 def _bank_change(means: pd.DataFrame) -> pd.Series:
@@ -65,39 +64,39 @@ def _bank_change(means: pd.DataFrame) -> pd.Series:
     return pd.Series(bank.shift(-1) - bank.shift(1))
 
 
-# With the correlations of correct logs: of 42 simulated flights, for roll of 64 of three aircraft.
-PITCH = _Law(  # 0.46 to 0.98
-    lambda means: means["V_mps"] * means["q_radps"], lambda means: -means["az_mps2"], -0.35, 0.0,
+PITCH = _Law(
+    lambda means: means["V_mps"] * means["q_radps"], lambda means: -means["az_mps2"], *AXES.wrong_sign.pitch,
     "/imu: the nose goes down where specific_force_z_mps2 shows a pull-up: angular_rate_y_radps has the wrong sign;"
     " write it positive nose up",
 )  # fmt: skip
-ANGLE_OF_ATTACK = _Law(  # 0.76 to 0.99; at a constant lift coefficient nothing correlates with it
-    lambda means: means["alpha_rad"], _lift, -0.5, 0.05,
+ANGLE_OF_ATTACK = _Law(  # at a constant lift coefficient nothing correlates with it
+    lambda means: means["alpha_rad"], _lift, *AXES.wrong_sign.angle_of_attack,
     "/probe/alpha: the angle of attack falls where lift rises: differential_pressure_Pa has the wrong sign; write lower"
     " minus upper port, in the calibration of the probe too",
 )  # fmt: skip
-FORWARD_FORCE = _Law(  # 0.68 to 1.00
-    _forward_force, _gain, -0.5, 0.3,
+FORWARD_FORCE = _Law(
+    _forward_force, _gain, *AXES.wrong_sign.forward_force,
     "/imu: specific_force_x_mps2 falls where the aircraft speeds up or climbs; write it positive forward",
 )  # fmt: skip
-# Air from the right pushes to the left. Changes are compared: offsets of both sensors drop out. -0.05 to 0.94: calm
-# flights hardly sideslip, and their curve does not depend on it.
+# Air from the right pushes to the left. Changes are compared: offsets of both sensors drop out. Calm flights hardly
+# sideslip, and their curve does not depend on it.
 SIDESLIP = _Law(
-    lambda means: (means["beta_rad"] * means["qbar_Pa"]).diff(), lambda means: -means["ay_mps2"].diff(), -0.4, 0.0,
+    lambda means: (means["beta_rad"] * means["qbar_Pa"]).diff(), lambda means: -means["ay_mps2"].diff(),
+    *AXES.wrong_sign.sideslip,
     "/probe/beta: the side force points to where the air comes from: differential_pressure_Pa (right minus left port,"
     " in the probe's calibration too) or specific_force_y_mps2 of /imu (to the right) has the wrong sign",
 )  # fmt: skip
 CLIMB = _Law(
-    lambda means: -means["gps_down_mps"], lambda means: means["climb_mps"], -0.5, 0.5,
+    lambda means: -means["gps_down_mps"], lambda means: means["climb_mps"], *AXES.wrong_sign.climb,
     "/gps: velocity_down_mps is positive where /static shows a climb: write it positive downwards",
 )  # fmt: skip
-COURSE = _Law(  # in a turn the course turns as the nose does: 0.97 to 1.00
-    lambda means: means["r_radps"], _turn, -0.5, 0.1,
+COURSE = _Law(  # in a turn the course turns as the nose does
+    lambda means: means["r_radps"], _turn, *AXES.wrong_sign.course,
     "/imu and /gps: angular_rate_z_radps turns against the course of velocity_north_mps and velocity_east_mps: the rate"
     " is not positive to the right, or north and east are exchanged",
 )  # fmt: skip
-ROLL = _Law(  # 0.21 (short flights in 15 kt) to 0.91
-    lambda means: means["p_radps"], _bank_change, -0.5, 0.0,
+ROLL = _Law(
+    lambda means: means["p_radps"], _bank_change, *AXES.wrong_sign.roll,
     "/imu: the aircraft rolls out of the turns that angular_rate_z_radps shows: angular_rate_x_radps has the wrong"
     " sign; write it positive right wing down",
 )  # fmt: skip
@@ -109,7 +108,7 @@ def check_axes(table: pd.DataFrame, log: str) -> None:
     table: of `air_data`. Nothing is judged by less than STATISTICS.fewest_values of flight.
     """
     flown = table["flying"] & (table["qbar_Pa"] > table["qbar_Pa"].quantile(AXES.slowest_share))
-    means = _means(table, flown, AXES.mean_s)
+    means = _means(table, flown, REST.window_s)
     if means["V_mps"].notna().sum() < STATISTICS.fewest_values:
         return
     means = means.assign(climb_mps=_climb_mps(table)[means.index])
@@ -118,7 +117,7 @@ def check_axes(table: pd.DataFrame, log: str) -> None:
     _check_side_ports(means, log)
     _check(ANGLE_OF_ATTACK, means, log)
     _check(FORWARD_FORCE, means, log)
-    _check(SIDESLIP, _means(table, flown, AXES.gust_s), log)
+    _check(SIDESLIP, _means(table, flown, AIR.smoothing_s), log)
     _check(SIDESLIP, means, log)
     _check_ground_speed(means, log)
     for law in (CLIMB, COURSE, ROLL):
@@ -169,9 +168,11 @@ def _check_ground_speed(means: pd.DataFrame, log: str) -> None:
         return
     ground = float(np.nanmedian(np.hypot(means["gps_north_mps"], means["gps_east_mps"])))
     ratio = ground / float(means["V_mps"].median())
-    if ratio > AXES.fastest_ground or ratio < AXES.slowest_ground:
-        near = [unit for unit, factor in GPS_UNITS.items() if 0.5 < ratio * factor < 1.5]
-        remedy = f"it looks like {near[0]}; multiply by {GPS_UNITS[near[0]]:.4g}" if near else "write m/s"
+    least, largest = AXES.ground_speed
+    if ratio > largest or ratio < least:
+        factors = {"km/h": 1 / 3.6, "cm/s": 0.01, "mm/s": 0.001}
+        near = [unit for unit, factor in factors.items() if 0.5 < ratio * factor < 1.5]
+        remedy = f"it looks like {near[0]}; multiply by {factors[near[0]]:.4g}" if near else "write m/s"
         raise InputError(
             f"{log}: /gps: velocity_north_mps and velocity_east_mps make {ground:.3g} m/s (median of the flight) at"
             f" {ground / ratio:.1f} m/s of airspeed: {remedy}"
@@ -179,9 +180,9 @@ def _check_ground_speed(means: pd.DataFrame, log: str) -> None:
 
 
 def _climb_mps(table: pd.DataFrame) -> pd.Series:
-    """Climb rate by the barometer over AXES.mean_s on both sides."""
+    """Climb rate by the barometer over REST.window_s on both sides."""
     step_s = float(table.index[1] - table.index[0])
-    n = max(1, round(AXES.mean_s / step_s))
+    n = max(1, round(REST.window_s / step_s))
     height = table["height_m"].rolling(n, center=True, min_periods=1).mean()
     return (height.shift(-n) - height.shift(n)) / (2 * n * step_s)
 

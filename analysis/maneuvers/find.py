@@ -23,7 +23,7 @@ from analysis.maneuvers.quality import smooth
 from analysis.maneuvers.settings import FLIGHT, STEADY_POINT
 from analysis.signals.channels import least_height_m
 from analysis.signals.smoothing import stretches
-from flight.runs import Rejection, RunRejected
+from flight.runs import LEVEL_RUN, Rejection, RunRejected
 
 Array = NDArray[np.float64]
 
@@ -62,8 +62,8 @@ def _rejection(data: pd.DataFrame, V: Array, seconds: float) -> Rejection | None
     n = data["n_revps"]
     if not n.notna().any() or n.mean() < 1:
         return Rejection(Unsuitable.MOTOR_STOPPED)
-    if n.std() > STEADY_POINT.largest_motor_spread * n.mean():
-        return Rejection(Unsuitable.MOTOR_VARIED, float(n.std() / n.mean()), STEADY_POINT.largest_motor_spread)
+    if n.std() > LEVEL_RUN.held_share * n.mean():
+        return Rejection(Unsuitable.MOTOR_VARIED, float(n.std() / n.mean()), LEVEL_RUN.held_share)
     return quality.without_data(data)
 
 
@@ -87,7 +87,7 @@ def _standing_and_flying(table: pd.DataFrame, rest: list[slice]) -> list[Maneuve
     high = table["flying"] & (table["height_m"] > least_height_m(table))
     # Half a second outside the probe's calibrated range does not end a flight.
     aloft = high.rolling(round(FLIGHT.bridged_s / step_s), center=True, min_periods=1).max().to_numpy() > 0
-    flights = [rows for rows in stretches(aloft) if rows.stop - rows.start > FLIGHT.shortest_flight_s / step_s]
+    flights = [rows for rows in stretches(aloft) if rows.stop - rows.start > FLIGHT.shortest_s / step_s]
     return [maneuver_in(STANDING, rows, table, np.zeros(len(table))) for rows in rest] + [
         maneuver_in(FLYING, rows, table, V) for rows in flights
     ]
@@ -98,7 +98,7 @@ def _within(stretch: Maneuver | RejectedManeuver, steps: list[Maneuver]) -> bool
     return stretch.kind != STEPS_3211 and any(
         stretch.start_s < step.end_s
         and stretch.end_s > step.start_s
-        and stretch.end_s - stretch.start_s < FLIGHT.short_s
+        and stretch.end_s - stretch.start_s < FLIGHT.shortest_s
         for step in steps
     )
 

@@ -38,7 +38,7 @@ def find_loads(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuv
         ),
         (WIND_UP_TURN, flying & (np.abs(motion.bank) > LOADS.banked_rad), _wound_up, _wind_up_turn_rejection),
     ):
-        for rows in stretches(_with_short_gaps_closed(where, round(LOADS.pause_s / motion.step_s))):
+        for rows in stretches(_with_short_gaps_closed(where, round(LOADS.smoothing_s / motion.step_s))):
             rows = _loading(rows, n) if kind == WIND_UP_TURN else rows
             if not loads_enough(n[rows]):
                 continue
@@ -68,9 +68,8 @@ def _gentle_porpoises(
         swings = t[rows][beyond[1:][np.diff(side[beyond]) != 0]]
         between = np.diff(swings)
         usual = pd.Series(between).rolling(LOADS.regular_swings, center=True, min_periods=1).median().to_numpy()
-        regular = (
-            (between > LOADS.swing_s[0]) & (between < LOADS.swing_s[1]) & (np.abs(between / usual - 1) < LOADS.regular)
-        )
+        shortest_s, longest_s = LOADS.swing_s
+        regular = (between > shortest_s) & (between < longest_s) & (np.abs(between / usual - 1) < LOADS.irregular)
         for part in stretches(regular):
             start, end = float(swings[part.start]), float(swings[part.stop])
             if part.stop - part.start < LOADS.regular_swings or any(
@@ -121,8 +120,8 @@ def _wind_up_turn_rejection(data: pd.DataFrame, motion: SmoothedMotion, rows: sl
         fit = f"{slope:+.2f} per second, a straight line explains {100 * explained:.0f} %"
         return Rejection(Unsuitable.LOAD_NOT_STEADY, slope, LOADS.loading_per_s, fit)
     share = float((np.nanmax(motion.V[rows]) - np.nanmin(motion.V[rows])) / np.nanmean(motion.V[rows]))
-    if share > LOADS.largest_speed_change:
-        return Rejection(Unsuitable.SPEED_CHANGED, share, LOADS.largest_speed_change)
+    if share > LEVEL_RUN.smallest_speed_change:
+        return Rejection(Unsuitable.SPEED_CHANGED, share, LEVEL_RUN.smallest_speed_change)
     return None
 
 
@@ -138,9 +137,6 @@ def _with_short_gaps_closed(flag: NDArray[np.bool_], longest: int) -> NDArray[np
         if gap.start > 0 and gap.stop < len(flag) and gap.stop - gap.start <= longest:
             out[gap] = True
     return out
-
-
-UNITS = np.array([3.0, 2.0, 1.0, 1.0])
 
 
 def find_3211(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuver]]:
@@ -165,7 +161,7 @@ def find_3211(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuve
         if rejection:
             rejected.append(RejectedManeuver(STEPS_3211, float(data.index[0]), float(data.index[-1]), rejection))
         else:
-            notes = (f"unit {np.sum(holds) / np.sum(UNITS):.2f} s",)
+            notes = (f"unit {np.sum(holds) / np.sum(STEPS.units):.2f} s",)
             inputs.append(maneuver_in(STEPS_3211, rows, table, motion.V, notes))
     return inputs, rejected
 
@@ -197,16 +193,16 @@ def _alternating(times: Array, signs: Array) -> list[tuple[int, int]]:
 
 def _best_part(holds: Array, first: int, last: int) -> tuple[int, int]:
     """First and last edge of a 3-2-1-1 within a longer sequence (recovery adds steps); the whole sequence if none."""
-    for i in range(len(holds) - len(UNITS) + 1):
-        if not _3211_rejection(holds[i : i + len(UNITS)]):
-            return first + i, first + i + len(UNITS)
+    for i in range(len(holds) - len(STEPS.units) + 1):
+        if not _3211_rejection(holds[i : i + len(STEPS.units)]):
+            return first + i, first + i + len(STEPS.units)
     return first, last
 
 
 def _3211_rejection(holds: Array) -> Rejection | None:
     """Why holds [s] are no 3-2-1-1; None if they are one."""
-    if len(holds) == len(UNITS):
-        unit = float(np.sum(holds) / np.sum(UNITS))
-        if np.all(np.abs(holds / unit - UNITS) < STEPS.tolerance):
+    if len(holds) == len(STEPS.units):
+        unit = float(np.sum(holds) / np.sum(STEPS.units))
+        if np.all(np.abs(holds / unit - STEPS.units) < LOADS.irregular):
             return None
     return Rejection(Unsuitable.NO_3211, quantity=", ".join(f"{hold:.1f}" for hold in holds))

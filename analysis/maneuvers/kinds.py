@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.maneuvers.settings import FLIGHT
+from analysis.maneuvers.settings import LOADS
 from flight.runs import ACCELERATION, DECELERATION, Rejection, RunRejected
 
 STEADY = "steady"
@@ -120,7 +120,7 @@ def maneuver_in(
 ) -> Maneuver:
     """The maneuver in some rows of the table. V: smoothed speed [m/s], (n,), one value per row of the table."""
     step_s = float(table.index[1] - table.index[0])
-    few = max(1, round(FLIGHT.ends_s / step_s))
+    few = max(1, round(LOADS.load_smoothing_s / step_s))
     height, speed = table["height_m"].to_numpy()[rows], V[rows]
     flown = np.isfinite(speed).any() and np.isfinite(height).any()
     height = height[np.isfinite(height)]

@@ -55,8 +55,9 @@ def notes(data: pd.DataFrame, bank: Array) -> tuple[str, ...]:
             f"throttle moved by {100 * step:.0f} % within {NOTED.throttle_step_s:g} s: a step pitches the aircraft"
         )
     rms = load_factor_rms(data)
-    if rms > NOTED.light_turbulence:
-        word = "rough" if rms > NOTED.rough_turbulence else "light"
+    light, rough = NOTED.turbulence
+    if rms > light:
+        word = "rough" if rms > rough else "light"
         remarks.append(f"{word} turbulence: the load factor varies by {rms:.2f} rms")
     for name in NEEDED_COLUMNS:
         missing = float(data[name].isna().mean())

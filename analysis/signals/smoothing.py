@@ -72,18 +72,17 @@ def _correlated(values: Array, weights: Array) -> Array:
     return np.asarray(result)
 
 
-FEWEST = 4  # points of a cubic spline
-
-
 class CubicSpline:
     """A piecewise cubic through values (n,) or (n, k) at increasing x (n,), with two continuous derivatives."""
 
+    fewest_points = 4  # for the not-a-knot condition at both ends
+
     def __init__(self, x: Array, values: Array):
-        """Raises ValueError for fewer than FEWEST points, or where x does not increase."""
+        """Raises ValueError for fewer than four points, or where x does not increase."""
         x, values = np.asarray(x, dtype=float), np.asarray(values, dtype=float)
         step = np.diff(x)
-        if len(x) < FEWEST or not (step > 0).all():
-            raise ValueError(f"a cubic spline needs {FEWEST} points in increasing order")
+        if len(x) < self.fewest_points or not (step > 0).all():
+            raise ValueError(f"a cubic spline needs {self.fewest_points} points in increasing order")
         self._x = x
         by_point = (-1, *[1] * (values.ndim - 1))
         h = step.reshape(by_point)
@@ -115,7 +114,7 @@ class CubicSpline:
 
 def on_grid(t_s: Array, taken_s: Array, value: Array) -> Array:
     """Values (m,) measured at `taken_s` (m,), by a cubic spline at `t_s` (n,); NaN in gaps and beyond the ends."""
-    if len(value) < FEWEST:
+    if len(value) < CubicSpline.fewest_points:
         return np.full_like(t_s, np.nan)
     interval = max(float(np.median(np.diff(taken_s))), t_s[1] - t_s[0])
     after = np.clip(np.searchsorted(taken_s, t_s), 1, len(taken_s) - 1)

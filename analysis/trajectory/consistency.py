@@ -23,11 +23,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from analysis.maneuvers.settings import NOTED
 from analysis.schema import Check, ConsistencyCheck
 from analysis.signals.settings import STATISTICS
 from analysis.trajectory.equations import PREDICTED_FLOW, SENSOR_ERRORS, STATES, NamedArrays
 from analysis.trajectory.reconstruction import Trajectory
-from analysis.trajectory.settings import CONSISTENCY
+from analysis.trajectory.settings import CONSISTENCY, PREDICTION
 from flight.motion import earth_from_body, velocity_of
 
 Array = NDArray[np.float64]
@@ -100,7 +101,7 @@ def _differences(trajectory: Trajectory, channels: _AirDataAndGps) -> pd.DataFra
     blocks, t_s = trajectory.block_means, trajectory.block_means.t_s
     x = _states(trajectory)
     flying = np.where(blocks.flying, 1.0, np.nan)
-    level = np.where(np.abs(x.phi) < CONSISTENCY.level_rad, 1.0, np.nan)
+    level = np.where(np.abs(x.phi) < NOTED.bank_rad, 1.0, np.nan)
     V, beta = channels.V, np.nan_to_num(channels.beta)  # no sideslip where it was not measured
     u, v, w = velocity_of(1.0, channels.alpha, beta)
     _, _, down = earth_from_body((u, v, w), (x.phi, x.theta, x.psi))
@@ -139,8 +140,8 @@ def _states(trajectory: Trajectory) -> NamedArrays:
 
 
 def _moving_average(values: Array, t_s: Array) -> Array:
-    """Means over CONSISTENCY.climb_s about each instant; NaN where any of it was not measured."""
-    window = 2 * round(CONSISTENCY.climb_s / (t_s[1] - t_s[0]) / 2) + 1
+    """Means over PREDICTION.slow_s about each instant; NaN where any of it was not measured."""
+    window = 2 * round(PREDICTION.slow_s / (t_s[1] - t_s[0]) / 2) + 1
     return pd.Series(values).rolling(window, center=True).mean().to_numpy()
 
 

@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from flight.units import FOOT_M
 
-FOOT_M = 0.3048
+Array = NDArray[np.float64]
 
 
 class GaussMarkov(NamedTuple):

@@ -96,7 +96,7 @@ def block_mean_spectrum(gust: GaussMarkov | SecondOrderGust, theta: Array, step_
 
 Gust = GaussMarkov | SecondOrderGust
 
-LENGTHS = np.geomspace(0.1, 20.0, 80)  # over the standard's, over which the posterior is summed
+LENGTHS = GUSTS.lengths
 
 
 class GustAxis(IntEnum):

@@ -85,11 +85,13 @@ def _process_noise(
     integrated = np.sqrt(dt / blocks.rate_Hz)  # noise of a sum of samples over the step
     rates, forces = np.abs(mean[:, :3]), np.abs(mean[:, 3:])
     gyro, accelerometer = ([noise[name] * integrated for name in names] for names in (CHANNELS[:3], CHANNELS[3:]))
-    angle = np.hypot(gyro, SENSORS.gyro_scale * rates * dt) + 1e-5
-    velocity = np.hypot(accelerometer, SENSORS.accelerometer_scale * forces * dt) + 1e-4
+    gyro_scale, accelerometer_scale = SENSORS.scale
+    angle = np.hypot(gyro, gyro_scale * rates * dt) + 1e-5
+    velocity = np.hypot(accelerometer, accelerometer_scale * forces * dt) + 1e-4
     # The noise is that of body axes, here used for earth axes. North and east get the same, so that the weights do not
     # depend on the heading.
     velocity[:, :2] = np.sqrt(np.mean(velocity[:, :2] ** 2, axis=1, keepdims=True))
-    angle[missing] += SENSORS.missing_radps * dt
-    velocity[missing] += SENSORS.missing_mps2 * dt
+    missing_radps, missing_mps2 = SENSORS.missing
+    angle[missing] += missing_radps * dt
+    velocity[missing] += missing_mps2 * dt
     return angle, velocity

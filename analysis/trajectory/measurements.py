@@ -5,7 +5,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.airdata.magnetometer import Compass
-from analysis.signals.smoothing import FEWEST, CubicSpline, without_gaps
+from analysis.signals.smoothing import CubicSpline, without_gaps
 from analysis.trajectory.block_means import BLOCK, BlockMeans, block_mean, moving_average
 from analysis.trajectory.equations import MEASUREMENTS
 from analysis.trajectory.settings import PRIORS, SENSORS
@@ -96,7 +96,7 @@ class Measurements:
         values, weight = self._values.copy(), self.weight.copy()
         for name, series in self._gps.items():
             i = MEASUREMENTS.index(name)
-            if len(series) < FEWEST:
+            if len(series) < CubicSpline.fewest_points:
                 weight[:, i] = 0.0
                 continue
             t_s = series.index.to_numpy() - latency_s
@@ -113,7 +113,7 @@ def _standard_deviations(blocks: BlockMeans, noise: dict[str, float], V_referenc
     qbar = rho * V_reference**2 / 2
     root = np.sqrt(BLOCK)
     constant = {
-        "height": noise["static_Pa"] / SENSORS.barometer_PaPm / root,
+        "height": noise["static_Pa"] / 11.8 / root,  # Pa/m: rho g at 100 m
         "gps_north": SENSORS.gps_mps[0], "gps_east": SENSORS.gps_mps[0], "gps_down": SENSORS.gps_mps[1],
         "v_north": SENSORS.rest_mps, "v_east": SENSORS.rest_mps, "v_down": SENSORS.rest_mps,
     }  # fmt: skip

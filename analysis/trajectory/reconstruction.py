@@ -37,7 +37,7 @@ from flight.errors import InputError
 Array = NDArray[np.float64]
 
 GUST_STATES = [STATES.index(f"gust_{axis}") for axis in "uvw"]
-GUST_GRID_MPS = tuple(0.2 * 2.0**i for i in range(-4, 5))  # vertical, 1 sigma: 0.0125 to 3.2, a storm
+GUST_GRID_MPS = SOLVER.gusts_mps
 
 
 @dataclass(frozen=True)

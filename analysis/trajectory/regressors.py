@@ -23,7 +23,7 @@ from flight.atmosphere import SEA_LEVEL_DENSITY
 Array = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-LAGS = range(PREDICTION.newest, 8)  # blocks: earlier load factors that predict the angle of attack (stick movements)
+LAGS = PREDICTION.lags
 
 
 def parabola_fit(values: Array, over: Array, flying: BoolArray) -> Array:

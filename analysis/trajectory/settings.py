@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flight.settings import Settings, setting
 
@@ -11,11 +12,7 @@ from flight.settings import Settings, setting
 class ConsistencySettings(Settings):
     """Kinematic consistency, time shifts and airspeed scale of a reconstructed flight."""
 
-    climb_s: float = setting(3.0, "s", "averaging of height, for climb, and of the angles")
     batch_s: float = setting(20.0, "s", "longer than the correlation time of gusts: means over batches are independent")
-    level_rad: float = setting(
-        np.radians(10.0), "rad", "largest bank; beyond it an error of sideslip acts like one of angle of attack"
-    )
     least_shift_s: float = setting(0.004, "s", "a tenth of a sample interval has no effect on the results")
     one_way: float = setting(
         0.75, "1", "length of the mean heading vector; above it, nearly all was flown in one direction"
@@ -43,15 +40,22 @@ class GustSettings(Settings):
         "vertical gusts, 1 sigma (W20 = 2 kt), that contribute as much as noise to the errors of flow angles",
     )
 
+    @property
+    def lengths(self) -> NDArray[np.float64]:
+        """Scale lengths over the standard's, (80,), over which the posterior is summed."""
+        return np.geomspace(0.1, 20.0, 80)
+
 
 @dataclass(frozen=True)
 class SensorSettings(Settings):
     """Noise of the measurements and of the inertial sensors, beyond the noise at rest."""
 
-    gyro_scale: float = setting(0.005, "1", "scale errors of the gyros, as noise in proportion to the mean")
-    accelerometer_scale: float = setting(0.002, "1", "the same of the accelerometers")
-    missing_radps: float = setting(0.5, "rad/s", "process noise where samples are missing: rates of a usual flight")
-    missing_mps2: float = setting(5.0, "m/s²", "the same of accelerations")
+    scale: tuple[float, float] = setting(
+        (0.005, 0.002), "1", "scale errors of the gyros and of the accelerometers, as noise in proportion to the mean"
+    )
+    missing: tuple[float, float] = setting(
+        (0.5, 5.0), "rad/s, m/s²", "process noise where samples are missing: rates and accelerations of a usual flight"
+    )
     gps_mps: tuple[float, float] = setting(
         (0.3, 1.0),
         "m/s",
@@ -59,7 +63,6 @@ class SensorSettings(Settings):
         " height comes from the barometer",
     )
     rest_mps: float = setting(0.1, "m/s", "velocity of the aircraft at rest")
-    barometer_PaPm: float = setting(11.8, "Pa/m", "rho g at 100 m")
     independent_headings: int = setting(
         4,
         "1",
@@ -106,22 +109,50 @@ class ProcessSettings(Settings):
 class PredictionSettings(Settings):
     """Windows of the predictions from past data (instrumental variables)."""
 
-    slow_s: float = setting(3.0, "s", "window of predictions of speed and bank")
+    slow_s: float = setting(
+        3.0, "s", "window of predictions of speed and bank, and of means of climb and angles for kinematic consistency"
+    )
     rate_s: float = setting(1.0, "s", "window of predictions of their derivatives")
-    newest: int = setting(2, "1", "blocks before: the means of neighboring blocks share part of a gust's increment")
+    lag_limits: tuple[int, int] = setting(
+        (2, 7),
+        "blocks",
+        "newest and oldest load factors that predict the angle of attack (stick movements); not the last, as the means"
+        " of neighboring blocks share part of a gust's increment",
+    )
+
+    @property
+    def newest(self) -> int:
+        """How many blocks before an instant predictions end."""
+        return self.lag_limits[0]
+
+    @property
+    def lags(self) -> range:
+        """The blocks before an instant whose load factors predict its angle of attack."""
+        newest, oldest = self.lag_limits
+        return range(newest, oldest + 1)
 
 
 @dataclass(frozen=True)
 class SolverSettings(Settings):
     """Gauss-Newton iterations and the search for the intensity of gusts."""
 
-    least_gust_mps: float = setting(0.025, "m/s", "less cannot be told from the noise of the flow angles")
+    gusts_mps: tuple[float, ...] = setting(
+        (0.0125, 0.025, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2),
+        "m/s",
+        "vertical gusts, 1 sigma, whose evidence is compared: the second cannot be told from the noise of the flow"
+        " angles, and the last is a storm",
+    )
     most_iterations: int = setting(40, "1", "of one intensity of gusts")
     draws: int = setting(16, "1", "random errors of the states: standard errors within a sixth")
     converged: float = setting(0.02, "1", "largest last step of a sensor error, in standard errors")
     converged_first: float = setting(
         5.0, "1", "the same of the first solution, which only has to be good enough to compare gust intensities"
     )
+
+    @property
+    def least_gust_mps(self) -> float:
+        """The least intensity of gusts that is taken."""
+        return self.gusts_mps[1]
 
 
 @dataclass(frozen=True)

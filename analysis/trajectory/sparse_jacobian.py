@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-CHUNK = 2048  # instants: the normal equations of a chunk fit in the processor's cache
-
 
 @dataclass(frozen=True)
 class SparseJacobian:
@@ -99,8 +97,9 @@ class SparseJacobian:
     def _add(self, targets: Iterable[tuple[Array, list[tuple[int, int]]]]) -> None:
         """Add sums of products of two derivatives, each to an array of n instants or more."""
         targets, n = list(targets), self.values.shape[1]
-        for first in range(0, n, CHUNK):
-            values = self.values[:, first : first + CHUNK]
+        chunk = 2048  # instants: the normal equations of a chunk fit in the processor's cache
+        for first in range(0, n, chunk):
+            values = self.values[:, first : first + chunk]
             for target, pairs in targets:
                 part = target[first : first + values.shape[1]]
                 for a, b in pairs:

@@ -38,7 +38,7 @@ def test_a_step_starts_in_quiet_and_its_last_quiet_sample_is_the_one_before_it()
     assert step.t_s[step.last_quiet] == pytest.approx(5.0)
     assert step.value[0] == pytest.approx(200.0, abs=5) and step.value[-1] == pytest.approx(0.0, abs=5)
     # quiet, the step up to the longest that counts, and quiet again
-    assert (step.t_s[0], step.t_s[-1]) == pytest.approx((5.01 - LAG.quiet_s, 4.99 + LAG.longest_step_s + LAG.quiet_s))
+    assert (step.t_s[0], step.t_s[-1]) == pytest.approx((5.01 - LAG.step_s, 4.99 + 2 * LAG.step_s))
 
 
 def test_a_step_as_high_as_the_noise_is_none() -> None:

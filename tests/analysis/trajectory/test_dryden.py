@@ -5,6 +5,7 @@ import pytest
 from scipy.linalg import expm
 
 from analysis.trajectory import dryden
+from flight.units import FOOT_M
 from sim.air import Air, gust_scales, mean_wind
 
 
@@ -14,8 +15,8 @@ def test_mean_wind_profile_is_the_standards_and_constant_outside_its_layer() -> 
     north, _, _ = mean_wind(air, 0.0, 0.0, heights)
     assert dryden.mean_wind_profile(heights) / dryden.mean_wind_profile(heights)[0] == pytest.approx(north / north[0])
     below, above = (
-        dryden.mean_wind_profile(np.array([-5.0, 0.0, 10 * dryden.FOOT_M])),
-        dryden.mean_wind_profile(np.array([1000 * dryden.FOOT_M, 900.0])),
+        dryden.mean_wind_profile(np.array([-5.0, 0.0, 10 * FOOT_M])),
+        dryden.mean_wind_profile(np.array([1000 * FOOT_M, 900.0])),
     )
     assert np.ptp(below) == np.ptp(above) == 0
 
