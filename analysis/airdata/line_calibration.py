@@ -63,7 +63,7 @@ class Lag:
     def more_steps(self) -> int:
         """Number of further such steps for a sufficient interval, whose width goes with 1/sqrt(number)."""
         half = (self.hi_s - self.lo_s) / (2 * self.lag_s)
-        return max(math.ceil(self.steps * ((half / LAG.half_width[0]) ** 2 - 1)), 0) if self.bounded else 0
+        return max(math.ceil(self.steps * ((half / LAG.half_width[1]) ** 2 - 1)), 0) if self.bounded else 0
 
 
 def find_steps(t_s: Array, value: Array) -> tuple[list[PressureStep], float]:
@@ -133,7 +133,7 @@ def fit_lag(steps: list[PressureStep], noise: float, shape_of: Callable[[float],
     profile = np.concatenate([_deviance(rough_misfits, variance), cost])[order] - cost[best]
     lo, hi = _interval(all_lags[order], profile)
     lag_s = _minimum(lags, cost, best)
-    lo, hi = min(lo, (1 - LAG.least_half_width) * lag_s), max(hi, (1 + LAG.least_half_width) * lag_s)
+    lo, hi = min(lo, (1 - LAG.half_width[0]) * lag_s), max(hi, (1 + LAG.half_width[0]) * lag_s)
     resolved_s = LAG.resolved * float(np.median(np.diff(steps[0].t_s)))
     if lag_s < resolved_s:
         lo, hi = 0.0, max(hi, resolved_s)
@@ -278,9 +278,9 @@ class LineLag(NamedTuple):
         if lag is None:
             return ""
         half_width = (lag.hi_s - lag.lo_s) / 2
-        if lag.hi_s == float("inf") or (lag.bounded and half_width > LAG.half_width[1] * lag.lag_s):
+        if lag.hi_s == float("inf") or (lag.bounded and half_width > LAG.half_width[-1] * lag.lag_s):
             return (
-                f"the bursts found ({lag.steps}) do not determine the lag within {100 * LAG.half_width[1]:.0f} %:"
+                f"the bursts found ({lag.steps}) do not determine the lag within {100 * LAG.half_width[-1]:.0f} %:"
                 " record more of them in one log, or at 100 Hz"
             )
         return ""

@@ -64,7 +64,7 @@ def plateaus(table: pd.DataFrame, source: str) -> list[Plateau]:
     Raises InputError for a plateau beyond the range of a transducer.
     """
     t_s = table.index.to_numpy()
-    if len(t_s) < 2 or t_s[-1] - t_s[0] < GROUND.pressure_held_s:
+    if len(t_s) < 2 or t_s[-1] - t_s[0] < GROUND.held_s[0]:
         return []
     step_s = float(np.median(np.diff(t_s)))
     window = max(1, round(GROUND.settling_s / step_s))
@@ -75,7 +75,7 @@ def plateaus(table: pd.DataFrame, source: str) -> list[Plateau]:
     spans = [
         (a, b)
         for a, b in _steady(smooth, allowed_Pa, round(GROUND.reference_s / step_s))
-        if t_s[b] - t_s[a] >= GROUND.pressure_held_s
+        if t_s[b] - t_s[a] >= GROUND.held_s[0]
     ]
     plateaus = []
     for first, last in spans:

@@ -28,10 +28,12 @@ class LineLagSettings(Settings):
     )
     smallest_step: float = setting(12.0, "1", "times the noise")
     tried_s: tuple[float, float] = setting((2e-4, 0.25), "s", "shortest and longest lag that is tried")
-    half_width: tuple[float, float] = setting(
-        (0.05, 0.4), "1", "of the interval, relative to the lag: sufficient, and the largest that is accepted"
+    half_width: tuple[float, float, float] = setting(
+        (0.02, 0.05, 0.4),
+        "1",
+        "of the interval, relative to the lag: the least, by errors of the tube's length, its cavity and the air in it;"
+        " a sufficient one; the largest that is accepted",
     )
-    least_half_width: float = setting(0.02, "1", "errors of the tube's length, its cavity and the air in it")
     resolved: float = setting(0.3, "1", "of a tick; a shorter lag is not resolved")
     largest_gain: float = setting(1.5, "1", "the noise of any frequency grows by this at most")
     highest_Hz: float = setting(3.0, "Hz", "of the aircraft's motion: three times its short period")
@@ -108,7 +110,12 @@ class TunnelSettings(Settings):
 class GroundCalibrationSettings(Settings):
     """Calibrations on the ground: held pressures of the transducers, held positions of the surfaces."""
 
-    pressure_held_s: float = setting(5.0, "s", "least time for which a pressure is held")
+    held_s: tuple[float, float] = setting((5.0, 2.0), "s", "least time for which a pressure, or a position, is held")
+    fewest: tuple[int, int] = setting(
+        (4, 3),
+        "1",
+        "pressures beside zero, and positions: a straight line through fewer hides a wrong reading",
+    )
     settling_s: float = setting(0.5, "s", "of the tubes, at both ends of a plateau; readings are averaged over it")
     steady_Pa: float = setting(3.0, "Pa", "largest departure of smoothed readings within a plateau …")
     steady_noises: float = setting(5.0, "1", "… or this times the noise, if larger")
@@ -118,14 +125,11 @@ class GroundCalibrationSettings(Settings):
     fewest_good: float = setting(
         0.8, "1", "share of good readings of each transducer in a plateau; others were beyond its range"
     )
-    position_held_s: float = setting(2.0, "s", "least time for which a position is held")
     jitter_us: float = setting(4.0, "us", "of the pulse while the stick is not moved")
-    fewest_positions: int = setting(3, "1", "with two, a wrong reading cannot show")
     play_steps: float = setting(
         2.0, "1", "a step between positions must exceed the difference of two readings of one position by this factor"
     )
     median_samples: int = setting(25, "1", "at the beginning of a hold, whose median is the reference for jitter")
-    fewest_pressures: int = setting(4, "1", "beside zero: a straight line through two or three hides a wrong reading")
     largest_gain_error: float = setting(
         0.2, "1", "a slope further from one is a wrong unit or a wrong order of the pressures"
     )

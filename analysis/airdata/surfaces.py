@@ -32,7 +32,7 @@ class SurfaceTable(NamedTuple):
 
 
 def held_pulses(t_s: Array, pulse_us: Array) -> list[HeldPulse]:
-    """Pulses held for GROUND.position_held_s at least, in order of time. t_s, pulse_us : (n,)."""
+    """Pulses held for the time of GROUND.held_s at least, in order of time. t_s, pulse_us : (n,)."""
     holds: list[HeldPulse] = []
     start = 0
     for i in range(1, len(t_s) + 1):
@@ -40,7 +40,7 @@ def held_pulses(t_s: Array, pulse_us: Array) -> list[HeldPulse]:
         ended = i == len(t_s) or abs(pulse_us[i] - reference_us) > GROUND.jitter_us
         if not ended:
             continue
-        if t_s[i - 1] - t_s[start] >= GROUND.position_held_s:
+        if t_s[i - 1] - t_s[start] >= GROUND.held_s[1]:
             holds.append(
                 HeldPulse(float(t_s[start]), float(t_s[i - 1] - t_s[start]), float(np.median(pulse_us[start:i])))
             )
@@ -67,11 +67,9 @@ def surface_table(holds: Sequence[HeldPulse], angles_deg: Sequence[float | None]
             groups[-1].append((pulse, angle))
         else:
             groups.append([(pulse, angle)])
-    if len(groups) < GROUND.fewest_positions:
-        raise InputError(
-            f"too few positions with an angle ({len(groups)}); {GROUND.fewest_positions} at least are needed,"
-            " better five"
-        )
+    _, fewest = GROUND.fewest
+    if len(groups) < fewest:
+        raise InputError(f"too few positions with an angle ({len(groups)}); {fewest} at least are needed, better five")
     pulses = [round(float(np.mean([p for p, _ in group]))) for group in groups]
     angles = [float(np.mean([a for _, a in group])) for group in groups]
     steps = np.diff(angles)

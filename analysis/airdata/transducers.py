@@ -119,12 +119,9 @@ def calibrate(
             f"{source}: {len(pressures_Pa)} pressures for {len(pressed)} plateaus: give one for each, in order, without"
             f" those at zero. Plateaus: {in_words(plateaus)}"
         )
-    levels = len(set(pressures_Pa))
-    if levels < GROUND.fewest_pressures:
-        raise InputError(
-            f"{source}: {levels} pressures beside zero are too few; hold {GROUND.fewest_pressures} at least,"
-            " up to 400 Pa"
-        )
+    levels, (fewest, _) = len(set(pressures_Pa)), GROUND.fewest
+    if levels < fewest:
+        raise InputError(f"{source}: {levels} pressures beside zero are too few; hold {fewest} at least, up to 400 Pa")
     remaining = iter(pressures_Pa)
     p = np.array([0.0 if plateau.open else next(remaining) for plateau in plateaus])
     readings = np.array([plateau.readings_Pa for plateau in plateaus])

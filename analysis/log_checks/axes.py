@@ -149,7 +149,8 @@ def _check_side_ports(means: pd.DataFrame, log: str) -> None:
         return
     ratio = {name: means[f"dp_{name}_Pa"] / means["q_c_Pa"] for name in ("alpha", "beta")}
     alpha, beta = (_correlation(ratio[name], lift) for name in ("alpha", "beta"))
-    if abs(beta) > max(AXES.exchanged, abs(alpha) + AXES.exchanged_more):
+    least, more = AXES.exchanged
+    if abs(beta) > max(least, abs(alpha) + more):
         raise InputError(
             f"{log}: /probe/alpha and /probe/beta: differential_pressure_Pa of beta follows the lift (correlation"
             f" {beta:+.2f}), that of alpha does not ({alpha:+.2f}): the topics or tubes are exchanged"

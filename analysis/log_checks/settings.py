@@ -47,8 +47,12 @@ class AxesSettings(Settings):
     least_slope: float = setting(
         0.03, "1", "of alpha's pressure over q_c on the relative lift coefficient; 0.22 to 0.58; in hPa 0.01 at most"
     )
-    exchanged: float = setting(0.6, "1", "correlation of lift and beta's pressure over q_c: -0.11 to 0.52 …")
-    exchanged_more: float = setting(0.2, "1", "… and how much more than alpha's, which is 0.74 to 1.00")
+    exchanged: tuple[float, float] = setting(
+        (0.6, 0.2),
+        "1",
+        "correlation of lift and beta's pressure over q_c, which is -0.11 to 0.52; and how much more than alpha's,"
+        " which is 0.74 to 1.00",
+    )
     ground_speed: tuple[float, float] = setting(
         (0.05, 2.5), "1", "of the airspeed, medians; wind is slower than 1.5 of it"
     )

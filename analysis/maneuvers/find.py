@@ -20,7 +20,7 @@ from analysis.maneuvers.kinds import (
     maneuver_in,
 )
 from analysis.maneuvers.quality import smooth
-from analysis.maneuvers.settings import FLIGHT, STEADY_POINT
+from analysis.maneuvers.settings import FLIGHT, STEADY_POINT, STEPS
 from analysis.signals.channels import least_height_m
 from analysis.signals.smoothing import stretches
 from flight.runs import LEVEL_RUN, Rejection, RunRejected
@@ -105,7 +105,7 @@ def _within(stretch: Maneuver | RejectedManeuver, steps: list[Maneuver]) -> bool
 
 def _part_of(stretch: RejectedManeuver, porpoising: list[Maneuver]) -> bool:
     return any(
-        one.start_s - FLIGHT.settling_s < stretch.start_s and stretch.end_s < one.end_s + FLIGHT.settling_s
+        one.start_s - STEPS.longest_hold_s < stretch.start_s and stretch.end_s < one.end_s + STEPS.longest_hold_s
         for one in porpoising
     )
 

@@ -32,7 +32,7 @@ def find_loads(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuv
     for kind, where, loads_enough, rejection_of in (
         (
             ROLLER_COASTER,
-            flying & (np.abs(n - 1) > LOADS.loaded) & (np.abs(motion.bank) < LEVEL_RUN.largest_bank_rad),
+            flying & (np.abs(n - 1) > LOADS.beyond.lasting) & (np.abs(motion.bank) < LEVEL_RUN.largest_bank_rad),
             _pulled_and_pushed,
             _roller_coaster_rejection,
         ),
@@ -43,7 +43,7 @@ def find_loads(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuv
             if not loads_enough(n[rows]):
                 continue
             data = table.iloc[rows]
-            if kind == ROLLER_COASTER and _swings(n[rows]) >= LOADS.porpoising_swings:
+            if kind == ROLLER_COASTER and _swings(n[rows]) >= LOADS.swings[0]:
                 maneuvers.append(maneuver_in(PORPOISING, rows, table, motion.V, _range_of(n[rows])))
                 continue
             rejection = quality.without_data(data) or rejection_of(data, motion, rows, n[rows]) or quality.too_low(data)
@@ -62,19 +62,18 @@ def _gentle_porpoises(
     """Porpoises in which the load factor stays between pushed and pulled. level: in flight with wings level."""
     t = table.index.to_numpy()
     rejected = []
+    gentle, (_, fewest_swings) = LOADS.beyond.gentle, LOADS.swings
     for rows in stretches(level):
-        side = np.where(n[rows] > 1 + LOADS.gentle, 1, np.where(n[rows] < 1 - LOADS.gentle, -1, 0))
+        side = np.where(n[rows] > 1 + gentle, 1, np.where(n[rows] < 1 - gentle, -1, 0))
         beyond = np.flatnonzero(side)
         swings = t[rows][beyond[1:][np.diff(side[beyond]) != 0]]
         between = np.diff(swings)
-        usual = pd.Series(between).rolling(LOADS.regular_swings, center=True, min_periods=1).median().to_numpy()
+        usual = pd.Series(between).rolling(fewest_swings, center=True, min_periods=1).median().to_numpy()
         shortest_s, longest_s = LOADS.swing_s
         regular = (between > shortest_s) & (between < longest_s) & (np.abs(between / usual - 1) < LOADS.irregular)
         for part in stretches(regular):
             start, end = float(swings[part.start]), float(swings[part.stop])
-            if part.stop - part.start < LOADS.regular_swings or any(
-                m.start_s < end and start < m.end_s for m in maneuvers
-            ):
+            if part.stop - part.start < fewest_swings or any(m.start_s < end and start < m.end_s for m in maneuvers):
                 continue
             within = n[(t >= start) & (t <= end)]
             swung = f"{np.nanmin(within):.2f} to {np.nanmax(within):.2f}, beyond {LOADS.pushed:g} and {LOADS.pulled:g}"
@@ -105,7 +104,7 @@ def _roller_coaster_rejection(data: pd.DataFrame, motion: SmoothedMotion, rows: 
 
 
 def _wound_up(n: Array) -> bool:
-    return bool(np.any(n > LOADS.wound_up))
+    return bool(np.any(n > 1 + LOADS.beyond.wind_up_turn))
 
 
 def _wind_up_turn_rejection(data: pd.DataFrame, motion: SmoothedMotion, rows: slice, n: Array) -> Rejection | None:
@@ -168,12 +167,13 @@ def find_3211(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuve
 
 def _edges(elevator: Array, step_s: float) -> tuple[Array, Array]:
     """Times of the elevator steps [s since the first row], and their directions (1 or -1)."""
-    over = max(1, round(STEPS.step_s / step_s))
+    angle_rad, within_s = STEPS.step
+    over = max(1, round(within_s / step_s))
     change = np.zeros(len(elevator))
     change[over:] = elevator[over:] - elevator[:-over]
     times, signs = [], []
     for sign in (1.0, -1.0):
-        for rows in stretches(sign * change > STEPS.step_rad):
+        for rows in stretches(sign * change > angle_rad):
             # The difference over `over` samples lasts that long after the step: subtract half of it.
             times.append(((rows.start + rows.stop - 1) / 2 - over / 2) * step_s)
             signs.append(sign)

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.maneuvers.settings import NOTED
+from analysis.maneuvers.settings import NOTED, STEPS
 from analysis.signals.channels import speed_scale_of
 from analysis.signals.settings import STATISTICS
 from analysis.signals.smoothing import local_quadratic, stretches
@@ -49,11 +49,9 @@ def notes(data: pd.DataFrame, bank: Array) -> tuple[str, ...]:
         remarks.append(f"height varied by {np.ptp(height):.0f} m")
     if np.nanmax(np.abs(bank)) > NOTED.bank_rad:
         remarks.append(f"bank reached {np.degrees(np.nanmax(np.abs(bank))):.0f} deg")
-    step = throttle_step(data)
-    if step > NOTED.throttle_step:
-        remarks.append(
-            f"throttle moved by {100 * step:.0f} % within {NOTED.throttle_step_s:g} s: a step pitches the aircraft"
-        )
+    step, (noted_step, within_s) = throttle_step(data), NOTED.throttle_step
+    if step > noted_step:
+        remarks.append(f"throttle moved by {100 * step:.0f} % within {within_s:g} s: a step pitches the aircraft")
     rms = load_factor_rms(data)
     light, rough = NOTED.turbulence
     if rms > light:
@@ -72,16 +70,16 @@ def load_factor_rms(data: pd.DataFrame) -> float:
     """Rms of the load factor about its two-second mean [-]: a measure of turbulence."""
     step_s = float(data.index[1] - data.index[0])
     n = data["az_mps2"] / GRAVITY_MPS2
-    slow = n.rolling(max(3, round(NOTED.turbulence_window_s / step_s)), center=True, min_periods=1).mean()
+    slow = n.rolling(max(3, round(STEPS.response_s / step_s)), center=True, min_periods=1).mean()
     return float((n - slow).std())
 
 
 def throttle_step(data: pd.DataFrame) -> float:
-    """Largest change of throttle within NOTED.throttle_step_s [-]; zero if throttle is not known."""
+    """Largest change of throttle within the time of NOTED.throttle_step [-]; zero if throttle is not known."""
     if "throttle" not in data or not data["throttle"].notna().any():
         return 0.0
     step_s = float(data.index[1] - data.index[0])
-    change = data["throttle"].diff(max(1, round(NOTED.throttle_step_s / step_s))).abs().max()
+    change = data["throttle"].diff(max(1, round(NOTED.throttle_step[1] / step_s))).abs().max()
     return float(change) if np.isfinite(change) else 0.0
 
 

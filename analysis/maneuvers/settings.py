@@ -1,11 +1,21 @@
 """Criteria of the maneuvers that the pilot's monitor does not know; those of level runs are in `flight.runs`."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flight.settings import Settings, setting
+
+
+class LoadLevels(NamedTuple):
+    """Departures of the load factor from 1."""
+
+    gentle: float
+    lasting: float
+    roller_coaster: float
+    wind_up_turn: float
 
 
 @dataclass(frozen=True)
@@ -33,34 +43,50 @@ class LoadSettings(Settings):
     load_smoothing_s: float = setting(
         0.4, "s", "of the load factor, and of the height at either end of a maneuver; short against a swing"
     )
-    loaded: float = setting(0.15, "1", "a maneuver lasts while the load factor differs from 1 by more than this")
-    pulled: float = setting(1.25, "1", "load factor that a roller coaster exceeds; it goes as far below 1")
+    beyond: LoadLevels = setting(
+        LoadLevels(gentle=0.05, lasting=0.15, roller_coaster=0.25, wind_up_turn=0.4),
+        "1",
+        "of the load factor from 1: a gentle porpoise exceeds the first to either side; a maneuver lasts while the"
+        " second is exceeded; a roller coaster exceeds the third to either side, a wind-up turn the fourth",
+    )
+    swings: tuple[int, int] = setting(
+        (8, 12),
+        "1",
+        "in one stretch: so many of any kind are porpoising, not a roller coaster; so many regular ones in a row are a"
+        " gentle porpoise, not gusts",
+    )
     shortest_s: float = setting(2.5, "s", "a few swings")
-    porpoising_swings: int = setting(8, "1", "this many swings in one stretch are porpoising, not a roller coaster")
-    gentle: float = setting(0.05, "1", "a gentle porpoise swings beyond this load factor to either side of 1")
-    regular_swings: int = setting(12, "1", "in a row: a gentle porpoise is told from gusts by its regular swings")
     irregular: float = setting(0.35, "1", "largest departure of swings, or steps flown by hand, from their usual time")
     swing_s: tuple[float, float] = setting((0.4, 1.6), "s", "between two swings of a gentle porpoise")
     banked_rad: float = setting(np.radians(15), "rad", "least bank of a wind-up turn")
-    wound_up: float = setting(1.4, "1", "load factor that a wind-up turn reaches")
     loading_per_s: float = setting(0.03, "1/s", "least slope of the load factor in a wind-up turn")
     linear: float = setting(0.8, "1", "share of the load factor's variance that a straight line explains")
 
     @property
+    def pulled(self) -> float:
+        """Load factor that a roller coaster exceeds."""
+        return 1 + self.beyond.roller_coaster
+
+    @property
     def pushed(self) -> float:
         """Load factor below which a roller coaster goes."""
-        return 2 - self.pulled
+        return 1 - self.beyond.roller_coaster
 
 
 @dataclass(frozen=True)
 class Steps3211Settings(Settings):
     """3-2-1-1 elevator inputs."""
 
-    step_rad: float = setting(np.radians(1.5), "rad", "a step moves the elevator by more")
-    step_s: float = setting(0.12, "s", "within this time")
-    longest_hold_s: float = setting(3.0, "s", "between two steps of one input")
+    step: tuple[float, float] = setting(
+        (np.radians(1.5), 0.12), "rad, s", "a step moves the elevator by more than this angle within this time"
+    )
+    longest_hold_s: float = setting(
+        3.0, "s", "between two steps of one input, and until the stick is at rest after porpoising"
+    )
     response_s: float = setting(
-        2.0, "s", "of the aircraft's response after the last step, which belongs to the maneuver"
+        2.0,
+        "s",
+        "of the aircraft to the last step, which belongs to the maneuver; turbulence differs from means over it",
     )
 
     @property
@@ -75,7 +101,6 @@ class FlightSettings(Settings):
 
     shortest_s: float = setting(10.0, "s", "a shorter time aloft is a hop; overlapping a 3-2-1-1 input, part of it")
     bridged_s: float = setting(5.0, "s", "half of it outside the probe's calibrated range does not end a flight")
-    settling_s: float = setting(3.0, "s", "in which the stick comes to rest after porpoising")
     fewest_samples: int = setting(
         60, "1", "of a run by hand: twelve of the estimators' five-sample blocks; estimators ignore shorter maneuvers"
     )
@@ -87,15 +112,18 @@ class NoteSettings(Settings):
 
     height_m: float = setting(5.0, "m", "range of height")
     bank_rad: float = setting(np.radians(10), "rad", "1.5 % more lift than weight")
-    throttle_step: float = setting(0.3, "1", "of full throttle: a step pitches the aircraft (Fig. 7.13-7.15)")
-    throttle_step_s: float = setting(0.25, "s", "within this time: the motor reaches its speed within 0.2 s")
+    throttle_step: tuple[float, float] = setting(
+        (0.3, 0.25),
+        "1, s",
+        "of full throttle within this time: a step pitches the aircraft (Fig. 7.13-7.15), and the motor reaches its"
+        " speed within 0.2 s",
+    )
     turbulence: tuple[float, float] = setting(
         (0.025, 0.12),
         "1",
         "light and rough, by the rms of the load factor: accelerometer noise (Table 4.1) alone gives 0.006, gusts of"
         " W20 = 3 kt about 0.04 and of 15 kt 0.2",
     )
-    turbulence_window_s: float = setting(2.0, "s", "of the mean from which the load factor's departure counts")
 
 
 STEADY_POINT, LOADS, STEPS, FLIGHT, NOTED = (

@@ -72,7 +72,8 @@ def _delay_s(entries: Entries, field: str) -> Array:
     """
     timed_s = np.nan_to_num(values(entries, "period_us")) * 1e-6
     timed = timed_s > 0
-    frame_interval_s = timed_s * np.ceil(CHANNELS.counter_s / np.where(timed, timed_s, 1.0))
+    # The counter sends a period once in 10 ms at most.
+    frame_interval_s = timed_s * np.ceil(0.01 / np.where(timed, timed_s, 1.0))
     delay_s = values(entries, "group_delay_s")
     if field.startswith("specific_force_"):
         own_s = values(entries, "specific_force_group_delay_s")

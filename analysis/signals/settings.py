@@ -34,7 +34,6 @@ class ChannelSettings(Settings):
     fewest_samples: int = setting(250, "1", "to judge a channel by: ten seconds of the default tray")
     long_gap_s: float = setting(2.0, "s", "gaps this long are noted, the three longest of each topic")
     most_missed: float = setting(3.0, "1", "times its nominal period, the median interval of /imu")
-    counter_s: float = setting(0.01, "s", "least time between two periods that the pulse counter sends")
     gap: float = setting(3.5, "1", "median intervals, beyond which samples are not connected")
 
 

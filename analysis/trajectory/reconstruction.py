@@ -159,7 +159,7 @@ def _candidate(solution: _Solution) -> _Candidate:
 
 def _reconstruct(problem: TrajectoryProblem, gust_length: float) -> Trajectory:
     start, middle_mps = (problem.initial_states, problem.initial_errors), GUST_GRID_MPS[len(GUST_GRID_MPS) // 2]
-    first = _candidate(_solve(problem, *start, middle_mps, tolerance=SOLVER.converged_first))
+    first = _candidate(_solve(problem, *start, middle_mps, tolerance=SOLVER.converged[0]))
     solution = _in_most_probable_gusts(problem, first)
     draws = _draws(solution)
     if solution.gust_mps > GUSTS.dominate_mps:
@@ -180,7 +180,7 @@ def _in_most_probable_gusts(problem: TrajectoryProblem, first: _Candidate) -> _S
 def _near_grid(problem: TrajectoryProblem, solution: _Solution) -> _Candidate:
     """A first solution for the intensity of GUST_GRID_MPS next to that of a solution for other gusts."""
     nearest = min(GUST_GRID_MPS, key=lambda gust: abs(np.log(gust / solution.gust_mps)))
-    return _candidate(_solve(problem, solution.x, solution.sensor_errors, nearest, tolerance=SOLVER.converged_first))
+    return _candidate(_solve(problem, solution.x, solution.sensor_errors, nearest, tolerance=SOLVER.converged[0]))
 
 
 def _most_probable_gust(problem: TrajectoryProblem, first: _Candidate) -> tuple[float, _Candidate]:
@@ -216,7 +216,7 @@ def _solve(
     gust_mps: float,
     *,
     iterations: int = SOLVER.most_iterations,
-    tolerance: float = SOLVER.converged,
+    tolerance: float = SOLVER.converged[1],
 ) -> _Solution:
     """Gauss-Newton iterations for one gust intensity, until the step is within the tolerance or for so many."""
     converged, last_move, damping = False, np.zeros(len(SENSOR_ERRORS)), 1.0

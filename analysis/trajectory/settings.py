@@ -143,11 +143,13 @@ class SolverSettings(Settings):
         " angles, and the last is a storm",
     )
     most_iterations: int = setting(40, "1", "of one intensity of gusts")
-    draws: int = setting(16, "1", "random errors of the states: standard errors within a sixth")
-    converged: float = setting(0.02, "1", "largest last step of a sensor error, in standard errors")
-    converged_first: float = setting(
-        5.0, "1", "the same of the first solution, which only has to be good enough to compare gust intensities"
+    converged: tuple[float, float] = setting(
+        (5.0, 0.02),
+        "1",
+        "largest last step of a sensor error, in standard errors, of the first solution, which only has to be good"
+        " enough to compare gust intensities, and of the last",
     )
+    draws: int = setting(16, "1", "random errors of the states: standard errors within a sixth")
 
     @property
     def least_gust_mps(self) -> float:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ class SparseJacobian:
     values: Array
     places: Sequence[tuple[int, int]]
     width: int
+    chunk: ClassVar[int] = 2048  # instants: the normal equations of a chunk fit in the processor's cache
 
     @classmethod
     def of(cls, dense: Array) -> "SparseJacobian":
@@ -97,9 +99,8 @@ class SparseJacobian:
     def _add(self, targets: Iterable[tuple[Array, list[tuple[int, int]]]]) -> None:
         """Add sums of products of two derivatives, each to an array of n instants or more."""
         targets, n = list(targets), self.values.shape[1]
-        chunk = 2048  # instants: the normal equations of a chunk fit in the processor's cache
-        for first in range(0, n, chunk):
-            values = self.values[:, first : first + chunk]
+        for first in range(0, n, self.chunk):
+            values = self.values[:, first : first + self.chunk]
             for target, pairs in targets:
                 part = target[first : first + values.shape[1]]
                 for a, b in pairs:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.trajectory.smoother import Linearization, TrajectoryPrior, cost, gauss_newton_step
-from analysis.trajectory.sparse_jacobian import CHUNK, SparseJacobian
+from analysis.trajectory.sparse_jacobian import SparseJacobian
 
 N, NX, NY, M = 7, 3, 2, 2
 
@@ -94,7 +94,7 @@ def test_draws_have_the_covariance_of_the_states_given_the_sensor_errors() -> No
 def test_derivatives_that_are_always_zero_can_be_left_out() -> None:
     """The same step with every third derivative zero, and without it; more instants than are summed at once."""
     rng = np.random.default_rng(0)
-    n = CHUNK + 3
+    n = SparseJacobian.chunk + 3
     kept = [place for k, place in enumerate(np.ndindex(NX, 2 * NX + M)) if k % 3]
     sparse = SparseJacobian(rng.normal(size=(len(kept), n - 1)), kept, 2 * NX + M)
     measured = SparseJacobian.of(rng.normal(size=(n, NY, NX + M)))
