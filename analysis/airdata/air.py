@@ -110,7 +110,7 @@ def air_data(
     # bias is as the variance of noise over dynamic pressure, which is as the fourth power of one over speed: means of
     # pressure differences of slower aircraft are over so many more samples.
     step_s = table.index[1] - table.index[0]
-    window = max(1, round(AIR.smoothing_s / speed_scale**2 / step_s))
+    window = max(1, round(CHANNELS.smoothing_s / speed_scale**2 / step_s))
     mean_q_c = out["q_c_Pa"].rolling(window, center=True, min_periods=1).mean().to_numpy()
     known_q_c = np.where(out["q_c_Pa"].notna(), mean_q_c, np.nan)
     flow = flow_at_probe(probe, out["dp_alpha_Pa"].to_numpy(), dp_beta, known_q_c, samples=round(speed_scale**-4))

@@ -12,9 +12,6 @@ class AirSettings(Settings):
     """Air data from the probe's pressures, and the channels of a flight."""
 
     derivative_s: float = setting(0.5, "s", "of the mean that is differentiated")
-    smoothing_s: float = setting(
-        0.2, "s", "of q_c in quotients; short against the seconds in which an aircraft's speed changes"
-    )
     stuck_Pa: float = setting(0.02, "Pa", "a tenth of a count of the finest transducer")
     cold_s: float = setting(2.0, "s", "after power-on, in which electronics have the temperature of the air")
 

@@ -11,9 +11,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.airdata.settings import AIR
 from analysis.log_checks.settings import AXES
-from analysis.signals.settings import REST, STATISTICS
+from analysis.signals.settings import CHANNELS, REST, STATISTICS
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2
 
@@ -117,7 +116,7 @@ def check_axes(table: pd.DataFrame, log: str) -> None:
     _check_side_ports(means, log)
     _check(ANGLE_OF_ATTACK, means, log)
     _check(FORWARD_FORCE, means, log)
-    _check(SIDESLIP, _means(table, flown, AIR.smoothing_s), log)
+    _check(SIDESLIP, _means(table, flown, CHANNELS.smoothing_s), log)
     _check(SIDESLIP, means, log)
     _check_ground_speed(means, log)
     for law in (CLIMB, COURSE, ROLL):

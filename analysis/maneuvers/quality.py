@@ -10,6 +10,7 @@ from analysis.maneuvers.settings import NOTED, STEPS
 from analysis.signals.channels import speed_scale_of
 from analysis.signals.settings import STATISTICS
 from analysis.signals.smoothing import local_quadratic, stretches
+from analysis.trajectory.settings import CONSISTENCY
 from flight import runs
 from flight.runs import Rejection, missing_data
 from flight.units import GRAVITY_MPS2
@@ -47,7 +48,7 @@ def notes(data: pd.DataFrame, bank: Array) -> tuple[str, ...]:
     height = data["height_m"].dropna()
     if len(height) and np.ptp(height) > NOTED.height_m:
         remarks.append(f"height varied by {np.ptp(height):.0f} m")
-    if np.nanmax(np.abs(bank)) > NOTED.bank_rad:
+    if np.nanmax(np.abs(bank)) > CONSISTENCY.level_rad:
         remarks.append(f"bank reached {np.degrees(np.nanmax(np.abs(bank))):.0f} deg")
     step, (noted_step, within_s) = throttle_step(data), NOTED.throttle_step
     if step > noted_step:

@@ -111,7 +111,6 @@ class NoteSettings(Settings):
     """Beyond these a note is written on a maneuver that is used."""
 
     height_m: float = setting(5.0, "m", "range of height")
-    bank_rad: float = setting(np.radians(10), "rad", "1.5 % more lift than weight")
     throttle_step: tuple[float, float] = setting(
         (0.3, 0.25),
         "1, s",

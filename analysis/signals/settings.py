@@ -31,6 +31,11 @@ class StatisticsSettings(Settings):
 class ChannelSettings(Settings):
     """Synchronized channels of a log."""
 
+    smoothing_s: float = setting(
+        0.2,
+        "s",
+        "of q_c in quotients, and of gusts that are compared; short against the seconds in which speed changes",
+    )
     fewest_samples: int = setting(250, "1", "to judge a channel by: ten seconds of the default tray")
     long_gap_s: float = setting(2.0, "s", "gaps this long are noted, the three longest of each topic")
     most_missed: float = setting(3.0, "1", "times its nominal period, the median interval of /imu")
