@@ -20,7 +20,7 @@ from daq.log_names import numbered_logs, numbered_names, part_names
 from daq.missed_ticks import MissedTicks
 from daq.plausibility import Plausibility
 from daq.recorder import Recorder
-from daq.recording_status import RecordingState, RecordingStatus
+from daq.recording_status import RecordingState, RecordingStatus, RunNews
 from daq.sampling_loop import Cycle, StopFlag, cycles
 from daq.sensor_supervisor import SensorSupervisor, cause_of
 from daq.sensors import Sample
@@ -68,6 +68,9 @@ class CycleListener(Protocol):
     def hear(self, cycle: Cycle, events: list[Event]) -> None: ...
 
     def hear_status(self, status: RecordingStatus) -> None: ...
+
+    def run_news(self) -> RunNews:
+        """What is known of the runs: verdicts since the last call, and the progress of the one being flown."""
 
 
 def sensor_supervisors(
@@ -205,9 +208,10 @@ def record(
             events += plausibility.add(cycle.samples, cycle.now_ns)
             events += cycle.events + arm_switch.update(cycle.samples)
             events += log_files.update(cycle.now_ns, wanted=arm_switch.recording, new_file=new_file_requested)
-            for event in events:
+            news = RunNews() if listener is None else listener.run_news()
+            for event in [*events, *news.verdicts]:
                 tell(event)
-            own = [Sample("/daq/event", cycle.now_ns, event) for event in events]
+            own = [Sample("/daq/event", cycle.now_ns, event) for event in [*events, *news.verdicts]]
             if cycle.now_ns >= report_ns:
                 report_ns += REPORT_EVERY_NS * (1 + (cycle.now_ns - report_ns) // REPORT_EVERY_NS)
                 elapsed_s = (cycle.now_ns - start_ns) / 1e9
@@ -225,6 +229,7 @@ def record(
                     slow=cycle.slow,
                     implausible=plausibility.implausible,
                     values=plausibility.values(cycle.now_ns),
+                    run=news.progress,
                 )
                 reported_ticks, reported_ns = ticks, cycle.now_ns
                 own.append(Sample("/daq/state", cycle.now_ns, status.message))

@@ -9,6 +9,7 @@ from flight import runs
 from flight.runs import LEVEL_RUN
 
 JUDGED_AFTER_S = 4.0  # a leg whose fastest or slowest point is this old is judged before it has ended
+GOING_ON_S = 1.0  # gusts let smoothed speed stand still for so long within a run
 KEPT_ROWS = 600  # two minutes; what is older is forgotten
 
 
@@ -73,6 +74,13 @@ class Legs:
         """The leg that ends with the stretch; None if speed never changed."""
         last = self._legs.current()
         return self._with_rows(last, ended=True) if last else None
+
+    def going_on(self) -> Leg | None:
+        """The leg whose furthest point is not older than a second; None while speed is held or comes back."""
+        leg = self._legs.current()
+        if leg is None or self.rows[-1].t_s - self.rows[self._kept(leg.last)].t_s > GOING_ON_S:
+            return None
+        return self._with_rows(leg, ended=False)
 
     def _kept(self, index: int) -> int:
         """The row of an index, or the oldest row kept."""

@@ -39,6 +39,7 @@ class RecordingStatus(msgspec.Struct, frozen=True, kw_only=True):
     slow: list[str]  # what to do about buses that are too slow
     implausible: list[str] = []  # readings that cannot be true together
     values: Values = Values()
+    run: str = ""  # progress of the run that is being flown
 
     @property
     def failing(self) -> list[str]:
@@ -87,7 +88,15 @@ class RecordingStatus(msgspec.Struct, frozen=True, kw_only=True):
             rate_Hz=round(self.rate_Hz, 2),
             missed=self.missed,
             text=self.summary,
+            run=self.run,
         )
+
+
+class RunNews(msgspec.Struct, frozen=True, kw_only=True):
+    """Verdicts on runs, and the progress of the one that is being flown, as a text; empty while there is none."""
+
+    verdicts: list[Event] = []
+    progress: str = ""
 
 
 class PublishedStatus(msgspec.Struct, frozen=True, kw_only=True):

@@ -1,4 +1,4 @@
-"""Says during the flight whether a run was good or has to be repeated, and how narrow the power's interval is so far.
+"""Says during the flight how long to hold a run, whether it was good, and how narrow the power's interval is so far.
 
 A run is a level acceleration or deceleration, by the criteria of `flight.runs`, which the analysis uses, too; speed and
 height come from means over 0.2 s, smoothed as there. Runs in the process of `daq.telemetry`.
@@ -64,6 +64,18 @@ class Verdict(NamedTuple):
             return f"{self.kind} lost: {self.reason}; repeat"
         covered = f"{self.first_mps:.1f} to {self.last_mps:.1f} m/s in {self.end_s - self.start_s:.0f} s"
         return f"{self.kind} good: {covered}"
+
+
+class Progress(NamedTuple):
+    """On the stretch that is being flown. more_s: how long it has to go on to be a run; 0 if it is one."""
+
+    kind: str  # acceleration, deceleration
+    more_s: float
+
+    @property
+    def text(self) -> str:
+        """For the pilot, at most 50 characters."""
+        return f"{self.kind}: hold {math.ceil(self.more_s)} s more" if self.more_s else f"{self.kind}: long enough"
 
 
 def _short_text(rejection: Rejection, seconds: float) -> str:
@@ -136,6 +148,18 @@ class RunMonitor:
             elif verdict.told:
                 texts.append(("warning", verdict.text))
         return texts
+
+    def progress(self) -> Progress | None:
+        """On the stretch that is being flown; None if it is none, or cannot become a run any more.
+
+        Known once speed has changed by an eighth. A second late, as smoothed speed is: what is told is rather too long.
+        """
+        leg = self._legs.going_on()
+        if leg is None:
+            return None
+        rows = leg.changing_part(LEVEL_RUN.changing_mps2 * self._scale)
+        more_s = self._measures(leg.sign, rows).seconds_more(self._scale)
+        return None if more_s is None else Progress(leg.kind, more_s)
 
     def _smoothed(self) -> Row:
         window = self._window

@@ -122,6 +122,7 @@ def _daemon(path: Path, now_s: float) -> tuple[str, bool, list[str]]:
     rows += [("card", status.error, False)] if status.error else []
     rows += [("bus", text, False) for text in status.slow]
     rows += [("readings", text, False) for text in status.implausible]
+    rows += [("run", status.run, True)] if status.run else []
     rows += _values(status.values)
     sensors: list[Row] = [(name, state, state in IN_ORDER) for name, state in status.sensors.items()]
     events: list[Row] = [(event.severity, event.text, event.severity == "info") for event in published.events]

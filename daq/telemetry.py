@@ -20,8 +20,8 @@ import msgspec
 
 from daq.config import AutopilotConfig, TelemetryConfig, Tray
 from daq.linux_bus import LinuxSerial
-from daq.recording_status import IN_ORDER, RecordingState, RecordingStatus
-from daq.run_monitor import RunMonitor
+from daq.recording_status import IN_ORDER, RecordingState, RecordingStatus, RunNews
+from daq.run_monitor import Progress, RunMonitor
 from daq.sampling_loop import Cycle
 from daq.still_air_zero import DIFFERENCE, Zero, parse_zero
 from daq.telemetry_port import UdpSender, open_port
@@ -102,6 +102,10 @@ class TelemetryLink:
         self._topics = {sensor.name: sensor.topics for sensor in tray.sensors}
         self._read_end, self._write_end = os.pipe2(os.O_CLOEXEC)
         os.set_blocking(self._write_end, False)
+        self._news_end, self._news_write_end = os.pipe2(os.O_CLOEXEC)
+        os.set_blocking(self._news_end, False)
+        self._unfinished_news = b""
+        self._progress = ""
         if telemetry.vehicle is None:
             alone = not any(isinstance(sensor, AutopilotConfig) for sensor in tray.sensors)
             telemetry = msgspec.structs.replace(telemetry, vehicle=alone)
@@ -160,6 +164,23 @@ class TelemetryLink:
         for _ in content["means"]:
             self._means.popleft()
 
+    def run_news(self) -> RunNews:
+        """What the other process has said about the runs since the last call."""
+        try:
+            data = os.read(self._news_end, select.PIPE_BUF)
+        except OSError:  # nothing has been said
+            return RunNews(progress=self._progress)
+        *lines, self._unfinished_news = (self._unfinished_news + data).split(b"\n")
+        verdicts: list[Event] = []
+        for line in lines:
+            try:
+                news = msgspec.json.decode(line, type=RunNews)
+            except msgspec.MsgspecError:  # the end of a line, of a process that was started again
+                continue
+            verdicts += news.verdicts
+            self._progress = news.progress
+        return RunNews(verdicts=verdicts, progress=self._progress)
+
     def close(self) -> None:
         """End the other process; waits 1 s at most before killing it."""
         self._closing.set()
@@ -171,15 +192,16 @@ class TelemetryLink:
             except subprocess.TimeoutExpired:
                 process.kill()
         self._thread.join(1.0)
-        os.close(self._write_end)
-        os.close(self._read_end)
+        for end in (self._write_end, self._read_end, self._news_end, self._news_write_end):
+            os.close(end)
 
     def _keep_alive(self) -> None:
         """Start the other process, and start it again whenever it has ended."""
         while not self._closing.is_set():
             try:
-                self._process = subprocess.Popen(self._command, stdin=self._read_end, stdout=subprocess.DEVNULL)
+                self._process = subprocess.Popen(self._command, stdin=self._read_end, stdout=self._news_write_end)
                 self._process.wait()
+                self._progress = ""
             except OSError as error:
                 self._events.append(
                     Event(severity="warning", sensor="telemetry", text=f"telemetry cannot be started: {error}")
@@ -369,14 +391,19 @@ def main(arguments: list[str]) -> None:
     monitor = run_monitor(load_aircraft(arguments[3]), probe, zero) if arguments[3] else None
     ground = MavlinkEncoder(telemetry, probe, zero)
     port: LinuxSerial | UdpSender | None = None
+    progress: Progress | None = None
     decoder = msgspec.json.Decoder(Snapshot)
     for lines in newest_lines(0):
         snapshot = decoder.decode(lines[-1])
         earlier = [decoder.decode(line) for line in lines[:-1]]
         snapshot.events = [event for some in (*earlier, snapshot) for event in some.events]
-        for means in (each for some in (*earlier, snapshot) for each in some.means):
-            told = monitor.texts(means) if monitor else []
-            snapshot.events += [Event(severity=severity, text=text) for severity, text in told]
+        if monitor is not None:
+            means = [each for some in (*earlier, snapshot) for each in some.means]
+            news, told = run_news(monitor, means, before=progress)
+            snapshot.events += told
+            if news.verdicts or news.progress != (progress.text if progress else ""):
+                os.write(1, msgspec.json.encode(news) + b"\n")
+            progress = monitor.progress()
         try:
             port = port or open_port(telemetry)
             for packet in ground.packets(snapshot):
@@ -385,6 +412,21 @@ def main(arguments: list[str]) -> None:
             print(f"telemetry to {telemetry.to}: {error}", file=sys.stderr)
             port = None
             time.sleep(1.0)
+
+
+def run_news(monitor: RunMonitor, means: list[Means], *, before: Progress | None) -> tuple[RunNews, list[Event]]:
+    """News for the daemon, and events for the ground station, when `means` were added. before: the last progress.
+
+    The ground station is told twice of a run that is being flown: how long to hold it, and when it is long enough.
+    """
+    verdicts = [
+        Event(severity=severity, sensor="runs", text=text) for each in means for severity, text in monitor.texts(each)
+    ]
+    now = monitor.progress()
+    begun = now is not None and (before is None or before.kind != now.kind)
+    reached = now is not None and before is not None and before.more_s > 0 and now.more_s == 0
+    told = [Event(sensor="runs", text=now.text)] if now is not None and (begun or reached) else []
+    return RunNews(verdicts=verdicts, progress=now.text if now else ""), told + verdicts
 
 
 def run_monitor(aircraft: Aircraft, probe: ProbeMaps | None, zero: Zero | None) -> RunMonitor:

@@ -217,6 +217,7 @@ class State(Message):
     rate_Hz: float = 0.0  # of the ticks since the last state
     missed: int = 0  # ticks since the start
     text: str = ""
+    run: str = ""  # progress of the run that is being flown; empty while there is none
 
 
 MESSAGES: tuple[type[Message], ...] = (

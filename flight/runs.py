@@ -266,6 +266,19 @@ class RunMeasures(NamedTuple):
             return Rejection(reasons.BANKED, self.largest_bank_rad, limits.largest_bank_rad)
         return missing_data(*self.missing)
 
+    def seconds_more(self, scale: float) -> float | None:
+        """How much longer a stretch that is being flown has to go on to be a run, its speed changing as so far [s].
+
+        0 where it is one already. None where speed is nearly held, and where going on does not mend what is wrong.
+        """
+        if self._gentle(scale) or self.speed_change <= 0:
+            return None
+        seconds = max(LEVEL_RUN.shortest_s * scale, self.seconds * LEVEL_RUN.smallest_speed_change / self.speed_change)
+        completed = self._replace(
+            seconds=max(seconds, self.seconds), speed_change=max(self.speed_change, LEVEL_RUN.smallest_speed_change)
+        )
+        return completed.seconds - self.seconds if completed.rejection(scale) is None else None
+
 
 def too_low(lowest_m: float, scale: float) -> Rejection | None:
     """The rejection of a stretch that is too near the ground, or whose height [m] is NaN; None if neither."""

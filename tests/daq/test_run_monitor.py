@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -77,6 +78,40 @@ def test_a_level_acceleration_is_good_and_its_speeds_are_told():
 def test_a_run_that_the_analysis_would_reject_has_to_be_repeated(flown, why):
     (text,) = told(**flown)
     assert text.startswith("acceleration lost: ") and why in text and text.endswith("; repeat") and len(text) <= 50
+
+
+def progress_in(V, seconds, *, climb_mps=0.0) -> list:
+    """(time, progress) of a change of speed that begins after eight seconds of level flight."""
+    monitor, progress = RunMonitor(NEXSTAR, None), []
+    for i in range(round((18 + seconds + 8) / 0.2)):
+        t = 0.2 * (i + 0.5)
+        changing_s = min(max(t - 18, 0.0), seconds)
+        flying = t > 10
+        speed = V[0] + (V[1] - V[0]) * changing_s / seconds if flying else 0.0
+        monitor.add(means_at(t, speed, 60 + climb_mps * changing_s if flying else 0.0, n=80.0 if flying else 0.0))
+        if t > 17:
+            progress.append((t - 18, monitor.progress()))
+    return [(t, now) for t, now in progress if now is not None]
+
+
+@pytest.mark.parametrize(("V", "kind"), [((12.0, 22.0), "acceleration"), ((22.0, 12.0), "deceleration")])
+def test_the_pilot_is_told_how_long_to_hold_a_run(V, kind):
+    """The time left runs down with the clock, and a run that was held as long as told is good."""
+    known = progress_in(V, 14.0)
+    left = [(t, now.more_s) for t, now in known if now.more_s > 0]
+    assert {now.kind for _, now in known} == {kind} and all(len(now.text) <= 50 for _, now in known)
+    assert len(left) > 5 and all(later < earlier for (_, earlier), (_, later) in pairwise(left))
+    held_s = [t + more_s for t, more_s in left]
+    assert max(held_s) < 8.0 and min(held_s) > LEVEL_RUN.shortest_s - 1.0
+    assert [now.more_s for t, now in known if 9 < t < 13] == pytest.approx([0.0] * 20)
+    assert not [now for t, now in known if t > 17], "speed is held"
+    change = V[1] - V[0]
+    good, _ = told(V=(V[0], V[0] + change * max(held_s) / 14), over_s=max(held_s))
+    assert good.startswith(f"{kind} good")
+
+
+def test_a_run_that_climbs_too_steeply_is_not_encouraged():
+    assert progress_in((12.0, 22.0), 14.0) and not progress_in((12.0, 22.0), 14.0, climb_mps=1.8)
 
 
 def test_a_light_aircraft_s_runs_may_be_shorter_and_lower():

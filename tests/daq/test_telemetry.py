@@ -22,13 +22,15 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from daq import telemetry as telemetry_module
 from daq.config import TelemetryConfig, parse_tray
-from daq.recording_status import RecordingState, RecordingStatus
+from daq.recording_status import RecordingState, RecordingStatus, RunNews, StatusFile
 from daq.sampling_loop import Cycle, GridTick
 from daq.sensor_health import SensorState
 from daq.sensors import Sample
+from daq.status_page import Sources, page
 from daq.still_air_zero import Zero, ZeroReading
 from daq.telemetry import MavlinkEncoder, Snapshot, TelemetryLink, airspeed_mps, sensor_bits
 from flight.errors import InputError
+from flight.log_reader import read_log
 from flight.messages import (
     TYPE_OF_TOPIC,
     AbsolutePressure,
@@ -105,10 +107,11 @@ def test_the_ground_station_reads_that_a_run_was_good(tmp_path):
     udp = f"udp:127.0.0.1:{peer.port.getsockname()[1]}"
     to = parse_tray(f'aircraft = "nexstar"\n[telemetry]\nto = "{udp}"\nrate_Hz = 5\n' + IMU, "tray.toml", tmp_path)
     link, texts, number, deadline = TelemetryLink(to.telemetry, to), [], 0, time.monotonic() + GIVE_UP_S
+    verdicts, progress = [], []
     quantities = (("specific_force", "mps2"), ("angular_rate", "radps"))
     still = Imu(**{f"{name}_{axis}_{unit}": 0.0 for name, unit in quantities for axis in "xyz"})
     try:
-        while not any(" good: " in text for text in texts):
+        while not (any(" good: " in text for text in texts) and verdicts):
             assert time.monotonic() < deadline
             t = number * TICK_NS / 1e9
             V = 0.0 if t < 10 else 12.0 + 10.0 * min(max((t - 18) / 14, 0.0), 1.0)
@@ -126,10 +129,71 @@ def test_the_ground_station_reads_that_a_run_was_good(tmp_path):
             time.sleep(0.001)
             while (message := peer.recv_match(type="STATUSTEXT", blocking=False)) is not None:
                 texts.append(message.text)
+            news = link.run_news()
+            verdicts += [(event.sensor, event.text) for event in news.verdicts]
+            progress += [news.progress] if [news.progress] != progress[-1:] else []
     finally:
         link.close()
         peer.close()
-    assert texts[0].startswith("acceleration good: 12")
+    good = next(text for text in texts if " good: " in text)
+    assert good.startswith("acceleration good: 12")
+    assert verdicts[0] == ("runs", good), "the daemon hears what the ground station reads"
+    assert progress[0] == "" and progress[-1] == "" and len(progress) > 2
+    assert set(progress) & set(texts), "the ground station reads how long to hold the run"
+
+
+def test_verdicts_on_runs_are_in_the_log_on_the_page_and_not_sent_twice(tmp_path):
+    from daq.daemon import record
+    from hw_fakes.clock import SimulatedClock
+    from hw_fakes.tray import FakeTray
+    from tests.hw_fakes.analytic_sensor_truth import AnalyticSensorTruth
+
+    verdict = Event(severity="warning", sensor="runs", text="acceleration lost: too gentle; repeat")
+    sent, told, reports = [], [], []
+
+    class Listener:
+        def __init__(self):
+            self.news = [RunNews(), RunNews(verdicts=[verdict], progress="acceleration: hold 3 s more")]
+
+        def run_news(self):
+            return self.news.pop(0) if self.news else RunNews(progress="acceleration: hold 2 s more")
+
+        def hear(self, cycle, events):
+            sent.extend(events)
+
+        def hear_status(self, status):
+            """Not needed here."""
+
+    clock = SimulatedClock()
+    to = parse_tray('[[sensors]]\ndriver = "ms5611"\nbus = "/dev/i2c-1"\n', "tray.toml", tmp_path)
+    path = record(
+        to, buses=FakeTray(AnalyticSensorTruth(), clock, 0), clock=clock, log_path=tmp_path / "log.mcap",
+        until_ns=clock.now_ns() + 2_000_000_000, listener=Listener(), on_event=told.append, report=reports.append,
+    ).path  # fmt: skip
+    assert verdict in told and verdict not in sent
+    entries = read_log(path).entries
+    assert verdict in [entry.message for entry in entries["/daq/event"]]
+    assert entries["/daq/state"][-1].message.run == reports[-1].run == "acceleration: hold 2 s more"
+    file = StatusFile(tmp_path / "status")
+    file.add(verdict)
+    file.write(reports[-1])
+    sources = Sources(tmp_path / "status", tmp_path, tmp_path / "zero.json", tmp_path / "check.json")
+    shown = page(sources, time.time())
+    assert "hold 2 s more" in shown and verdict.text in shown
+
+
+def test_what_a_process_leaves_unfinished_spoils_no_news(tmp_path, monkeypatch):
+    monkeypatch.setattr(TelemetryLink, "_keep_alive", lambda self: None)
+    to = tray(tmp_path, "udp:127.0.0.1:9")
+    link = TelemetryLink(to.telemetry, to)
+    assert link.run_news() == RunNews()
+    whole = msgspec.json.encode(RunNews(verdicts=[Event(text="good")], progress="on")) + b"\n"
+    os.write(link._news_write_end, whole[:10] + whole + whole[:7])
+    assert link.run_news() == RunNews()
+    os.write(link._news_write_end, whole[7:])
+    assert link.run_news() == RunNews(verdicts=[Event(text="good")], progress="on")
+    assert link.run_news() == RunNews(progress="on")
+    link.close()
 
 
 NO_VEHICLES = (
@@ -434,6 +498,9 @@ def test_the_autopilot_that_the_daemon_hears_gives_its_system_to_the_ground_stat
     class Listener:
         def hear(self, cycle, events):
             cycles.append(cycle)
+
+        def run_news(self):
+            return RunNews()
 
         def hear_status(self, status):
             """Not needed here."""
