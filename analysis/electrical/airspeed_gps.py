@@ -1,9 +1,9 @@
-"""Residuals that are correlated in time: their most likely standard deviation and correlation time.
+"""Scale and zero of the airspeed, and the wind, from airspeed against GPS ground speed on changing headings.
 
-Scale and zero of the airspeed, and the wind, from airspeed against GPS ground speed on changing headings.
+The horizontal wind is constant but for a linear trend. What it does besides is in the residuals, which are correlated
+over seconds; their most likely standard deviation and correlation time are estimated too (`most_likely_noise`).
 
-The horizontal wind is constant but for a linear trend; what it does besides is in the residuals, which are correlated
-over seconds. Their standard deviation and correlation time are estimated too.
+`most_probable` gives the maximum a posteriori parameters here, and those of the energy balance in `fit`.
 """
 
 from collections.abc import Callable, Sequence

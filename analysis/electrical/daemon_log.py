@@ -1,8 +1,10 @@
-"""A log of the daemon as the recording of an ordinary flight, for what needs neither flow angles nor motor speed.
+"""Electrical power and drag from the energy of the whole flight in a log of the daemon.
 
-What the energy of the whole flight gives for a complete log: its electrical curve, and one more drag polar.
+`recording_of` reads the log as the recording of an ordinary flight; the result needs neither flow angles nor motor
+speed.
 
-The balance is that of an ordinary flight, with longer windows and fewer samples: it costs little beside the rest.
+`whole_flight` gives the electrical curve, and one more drag polar, of a complete log. The balance is that of an
+ordinary flight, with longer windows and fewer samples: it costs little beside the rest.
 """
 
 from typing import NamedTuple

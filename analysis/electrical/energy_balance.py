@@ -1,23 +1,20 @@
-"""Efficiency from battery to propeller thrust for an unknown motor and propeller.
+"""Energy balance of an ordinary flight: electrical power against drag and change of energy, (2.23)-(2.26).
 
-Propellers are alike when efficiency is drawn against V (rho D^2 / P)^(1/3) = J / c_P^(1/3), relative to its maximum:
-the APC 10x5E and 12x8E agree with the form below within 0.02 up to the maximum. Beyond it they differ, and so the fall
-is a parameter. The unknown diameter and the motor's losses are in the two scales.
+Balance: P eta = D V + dE/dt, averaged over windows. P is the motor's electrical power, eta its efficiency to thrust,
+E = m (g h + V^2/2). The derivative is moved to the window's weight (integration by parts), so nothing noisy is
+differentiated. C_L comes from the accelerometer. A second balance, m V a = dE/dt with the specific force a along the
+path, has the same gusts in its residuals and no drag: both together show the motion of the air.
 
-Covariance of the energy balance's residuals.
+Efficiency of an unknown motor and propeller (`efficiency`): propellers are alike when efficiency is drawn against
+V (rho D^2 / P)^(1/3) = J / c_P^(1/3), relative to its maximum: the APC 10x5E and 12x8E agree with the form within 0.02
+up to the maximum. Beyond it they differ, and so the fall is a parameter. The unknown diameter and the motor's losses
+are in the two scales. `PowerLaw` replaces this form where thrust is not a propeller's.
 
-Air rising at w does the work m g w per second, and a gust u along the path changes the kinetic energy relative to the
-air by m V u. Both are first-order noise, averaged by the balance's windows. The efficiency is not exactly a function of
-its argument; that error is in proportion to the useful power. The balance with the accelerometer has the same motion of
-the air with the opposite sign, and the errors of an angle of attack that follows from C_L.
-
-Energy balance of an ordinary flight (2.23)-(2.26): P eta = D V + dE/dt, averaged over windows.
-
-P is the motor's electrical power, eta its efficiency to thrust, E = m (g h + V^2/2). The derivative is moved to the
-window's weight (integration by parts), so nothing noisy is differentiated. C_L comes from the accelerometer.
-
-A second balance, m V a = dE/dt with the specific force a along the path, has the same gusts in its residuals and no
-drag: both together show the motion of the air.
+Covariance of the residuals (`by_air`, `by_efficiency`, `by_angle`, `of_both`): air rising at w does the work m g w per
+second, and a gust u along the path changes the kinetic energy relative to the air by m V u. Both are first-order noise,
+averaged by the windows. The efficiency is not exactly a function of its argument; that error is in proportion to the
+useful power. The balance with the accelerometer has the same motion of the air with the opposite sign, and the errors
+of an angle of attack that follows from C_L.
 """
 
 from dataclasses import dataclass
@@ -174,7 +171,7 @@ class DragAndEfficiency:
 
 
 class EnergyBalance:
-    """The balance of one flight. windows: of `air_motion`; V_mps, power_W: (n,) their means"""
+    """The balance of one flight. windows : over which it is averaged     V_mps, power_W : (n,) their means"""
 
     def __init__(self, samples: Samples, conditions: FlightConditions, most_windows: int = WINDOWS.most):
         self.samples, self.conditions = samples, conditions

@@ -1,6 +1,9 @@
-"""What the electrical power curve needs to know of an aircraft.
+"""Electrical power of level flight over airspeed, with its interval, from one flight's energy balance.
 
-Electrical power of level flight over airspeed, with its interval, from one flight's energy balance.
+`flown_aircraft` takes mass, wing area and span, which the balance needs, from an aircraft file or from options.
+
+`estimate` corrects the airspeed, fits the balance with a propeller's efficiency and with a power law, of which the
+latter needs overwhelming evidence, and gives the curve between the slowest and the fastest speed flown.
 """
 
 from collections.abc import Callable

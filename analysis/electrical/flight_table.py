@@ -1,6 +1,9 @@
-"""Resampling and smoothing of one channel.
+"""The channels of an ordinary flight on one time base, and the stretches in which the aircraft was airborne.
 
-The channels of an ordinary flight on one time base, and the stretches in which the aircraft was airborne.
+`resampled` smooths a channel and interpolates it, without bridging long gaps.
+
+`flight_table` corrects the pitot's zero by the time on the ground, takes air temperature from the thermometer that
+shows the air, and finds the flight by airspeed, GPS and height.
 """
 
 from collections.abc import Mapping
