@@ -115,6 +115,7 @@ def print_errors(console: Console, gathered: dict[str, list[np.ndarray]], column
             continue
         error, half = np.array(values).transpose(1, 0, 2)
         told = {name: (row, form) for name, row, form in error_rows(error, half)}
+        title += share_covered(error, half)
         told["rms"] = np.sqrt(mean_square(error)), "{:.2f}"
         for i, (name, (row, form)) in enumerate(told.items()):
             table.add_row("" if i else title, name, *(form.format(x) if np.isfinite(x) else "-" for x in row))
@@ -122,6 +123,17 @@ def print_errors(console: Console, gathered: dict[str, list[np.ndarray]], column
         rows.append("| " + " | ".join([title, *listed.values()]) + " |")
     console.print(table)
     print("", *rows, "", sep="\n")
+
+
+def share_covered(error: np.ndarray, half: np.ndarray) -> str:
+    """Coverage over all columns with its counting error, one standard deviation; the columns of a flight share its
+    errors, so that flights are what is counted. Empty without intervals."""
+    known = np.isfinite(error) & np.isfinite(half)
+    flights = known.any(axis=1)
+    if not flights.any():
+        return ""
+    share = np.nanmean(np.where(known, np.abs(error) < half, np.nan)[flights], axis=1)
+    return f": {100 * share.mean():.0f} ± {100 * np.std(share) / np.sqrt(len(share)):.1f} % covered"
 
 
 def mean_square(error: np.ndarray) -> np.ndarray:
