@@ -87,7 +87,9 @@ def fly(
     recorder: Annotated[
         str | None,
         typer.Option(
-            "--as", metavar="NAME", help="px4 or ardupilot: write the log as this autopilot would, not the daemon's."
+            "--as",
+            metavar="NAME",
+            help="px4, ardupilot or ardupilot-telemetry (.tlog): write the log as it would, not the daemon's.",
         ),
     ] = None,
     log_faults: Annotated[

@@ -7,12 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.autopilot_pitot import AutopilotPitot, indicated_airspeed
-from sim.dataflash_writer import DataflashMessages, write_dataflash
+from sim.dataflash_writer import DataflashMessages, write_dataflash, write_text
 from sim.fly import Flight
 from sim.log_faults import CLOCK_SET_AT, CLOCK_SET_US, TRUNCATED_TO, with_clock_set, with_dropouts, without
 from sim.px4_log import AVIONICS_V, RAW_OFFSET_PA, RAW_STEP_PA, airborne_us
 from sim.sensor_truth import SensorTruth
 from sim.sensors.budget import DrawnErrors
+from sim.telemetry_writer import write_telemetry
 
 Array = NDArray[np.float64]
 
@@ -29,7 +30,10 @@ AIRSPEED_S = 0.1  # over which ArduPilot averages the differential pressure
 def write_ardupilot_log(
     path: Path, flight: Flight, sensors: SensorTruth, errors: DrawnErrors, faults: Collection[str] = ()
 ) -> None:
-    """Write a flight as dataflash log. faults: of sim.log_faults.FAULTS. Raises OSError where it cannot be written."""
+    """Write a flight as dataflash log, its text (.log) or a ground station's recording (.tlog), by the file's name.
+
+    faults: of sim.log_faults.FAULTS. Raises OSError where it cannot be written.
+    """
     kinds = _messages(flight, sensors, errors, faults)
     if "no-airspeed" in faults:
         kinds = [one for one in kinds if one.name != "ARSP"]
@@ -40,7 +44,7 @@ def write_ardupilot_log(
         kinds = [one if one.name in AT_START else without(one, 0, late) for one in kinds]
     if "clock-jump" in faults:
         kinds = with_clock_set(kinds, BOOT_US + int(CLOCK_SET_AT * sensors.duration_s * 1e6), CLOCK_SET_US)
-    write_dataflash(path, kinds)
+    {".log": write_text, ".tlog": write_telemetry}.get(path.suffix, write_dataflash)(path, kinds)
     data = path.read_bytes()
     if "appended" in faults:
         path.write_bytes(data + ERASED_FLASH)

@@ -6,7 +6,7 @@ from flight.errors import InputError
 from sim.ardupilot_log import write_ardupilot_log
 from sim.fly import Flight
 from sim.log_faults import FAULTS
-from sim.output_folder import ARDUPILOT_LOG, PX4_LOG
+from sim.output_folder import AUTOPILOT_LOGS
 from sim.px4_log import write_px4_log
 from sim.sensors import FlightSensorTruth
 from sim.sensors.budget import DrawnErrors
@@ -15,8 +15,8 @@ from sim.sensors.budget import DrawnErrors
 def faults_of(recorder: str | None, text: str) -> list[str]:
     """The faults that --log-faults names. Raises InputError for what is unknown, or has no use."""
     names = [name.strip() for name in text.split(",") if name.strip()]
-    if recorder not in (None, "px4", "ardupilot"):
-        raise InputError(f"--as {recorder}: not known; give px4 or ardupilot")
+    if recorder is not None and recorder not in AUTOPILOT_LOGS:
+        raise InputError(f"--as {recorder}: not known; give {' or '.join(AUTOPILOT_LOGS)}")
     if names and recorder is None:
         raise InputError("--log-faults: needs --as px4 or --as ardupilot")
     unknown = [name for name in names if name not in FAULTS]
@@ -28,9 +28,8 @@ def faults_of(recorder: str | None, text: str) -> list[str]:
 def write_autopilot_log(
     output: Path, recorder: str, flight: Flight, sensor_truth: FlightSensorTruth, drawn: DrawnErrors, faults: list[str]
 ) -> Path:
-    """Write the log and return its path. recorder: "px4" or "ardupilot"."""
-    if recorder == "px4":
-        write_px4_log(output / PX4_LOG, flight, sensor_truth, drawn, faults)
-        return output / PX4_LOG
-    write_ardupilot_log(output / ARDUPILOT_LOG, flight, sensor_truth, drawn, faults)
-    return output / ARDUPILOT_LOG
+    """Write the log and return its path. recorder: of AUTOPILOT_LOGS."""
+    path = output / AUTOPILOT_LOGS[recorder]
+    write = write_px4_log if recorder == "px4" else write_ardupilot_log
+    write(path, flight, sensor_truth, drawn, faults)
+    return path

@@ -53,6 +53,22 @@ def write_dataflash(path: Path, kinds: Sequence[DataflashMessages]) -> None:
     path.write_bytes(b"".join(out + [data for _, data in timed]))
 
 
+def write_text(path: Path, kinds: Sequence[DataflashMessages]) -> None:
+    """Write a log as a ground station converts it to text (.log). Raises OSError where it cannot be written."""
+    lines = ["FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns"]
+    formats = {kind.name: kind for kind in kinds}
+    for number, kind in enumerate(formats.values(), FIRST_TYPE):
+        length = len(HEADER) + 1 + _rows(kind).dtype.itemsize
+        lines.append(f"FMT, {number}, {length}, {kind.name}, {kind.codes}, {','.join(kind.columns)}")
+    timed: list[tuple[int, str]] = []
+    for kind in kinds:
+        for time_us, *values in zip(*(column.tolist() for column in kind.columns.values()), strict=True):
+            texts = [x.decode() if isinstance(x, bytes) else f"{x:.7g}" for x in values]
+            timed.append((int(time_us), ", ".join([kind.name, f"{int(time_us)}", *texts])))
+    timed.sort(key=lambda entry: entry[0])
+    path.write_text("\n".join([*lines, *(line for _, line in timed)]) + "\n", "utf-8")
+
+
 def _format(number: int, length: int, name: str, codes: str, columns: tuple[str, ...]) -> bytes:
     texts = (name.encode(), codes.encode(), ",".join(columns).encode())
     return HEADER + bytes([FORMAT_TYPE]) + struct.pack("<BB4s16s64s", number, length, *texts)

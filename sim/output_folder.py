@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from sim.world import World
 
 TRUTH, CURVE, TRAY, LOG = "truth.parquet", "truth_power_required.csv", "tray.toml", "log.mcap"
-PX4_LOG, ARDUPILOT_LOG = "log.ulg", "log.BIN"
-OUTPUT_FILES = (TRUTH, CURVE, TRAY, LOG, PX4_LOG, ARDUPILOT_LOG)
+AUTOPILOT_LOGS = {"px4": "log.ulg", "ardupilot": "log.BIN", "ardupilot-telemetry": "log.tlog"}  # by --as
+OUTPUT_FILES = (TRUTH, CURVE, TRAY, LOG, *AUTOPILOT_LOGS.values())
 AIRCRAFT, PROPELLER, PROBE = "aircraft.toml", "propeller.csv", "probe.json"
 
 

@@ -1,4 +1,4 @@
-"""Reads an ArduPilot dataflash log (.BIN) into the channels of an ordinary flight."""
+"""Reads an ArduPilot log into the channels of an ordinary flight: dataflash (.BIN), its text (.log), or .tlog."""
 
 import re
 from collections.abc import Iterator
@@ -11,6 +11,7 @@ from scipy.constants import zero_Celsius
 
 from analysis.autopilot_logs import recording
 from analysis.autopilot_logs.dataflash import DataflashLog
+from analysis.autopilot_logs.read import TELEMETRY_BYTES, TEXT_MAGIC, is_telemetry
 from analysis.autopilot_logs.recording import (
     Battery,
     Channel,
@@ -22,6 +23,8 @@ from analysis.autopilot_logs.recording import (
     without_clock_jumps,
 )
 from analysis.autopilot_logs.settings import READABLE
+from analysis.autopilot_logs.telemetry import TelemetryLog
+from analysis.autopilot_logs.text_log import TextLog
 from flight.errors import InputError
 
 # Messages of one kind: later firmware numbers the instances within one message, earlier firmware has one for each.
@@ -178,12 +181,22 @@ def _motors(tables: dict[tuple[str, int], Table]) -> list[Channel]:
     return []
 
 
-def _tables(path: Path) -> tuple[dict[tuple[str, int], Table], dict[str, float], list[str]]:
-    """By kind and instance of message, the times and FIELDS; the autopilot's parameters; and notes."""
+def _messages(path: Path) -> DataflashLog | TelemetryLog | TextLog:
+    """By the first bytes of the file. Raises InputError where it cannot be read."""
     try:
-        log = DataflashLog(path.read_bytes())
+        data = path.read_bytes()
+        if data.startswith(TEXT_MAGIC):
+            return TextLog(path, (*FIELDS, *SIMULATION, "MSG", "PARM", "DSF"))
+        return TelemetryLog(data) if is_telemetry(data[:TELEMETRY_BYTES]) else DataflashLog(data)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+    except ValueError as error:
+        raise InputError(f"{path}: cannot be read as an ArduPilot log ({error})") from None
+
+
+def _tables(path: Path) -> tuple[dict[tuple[str, int], Table], dict[str, float], list[str]]:
+    """By kind and instance of message, the times and FIELDS; the autopilot's parameters; and notes."""
+    log = _messages(path)
     for text in log.columns("MSG").get("Message", ()):
         _refuse_wingless(path, _text(text))
     tables = {key: table for kind in FIELDS for key, table in _instances(kind, log.columns(kind))}
@@ -196,7 +209,7 @@ def _tables(path: Path) -> tuple[dict[tuple[str, int], Table], dict[str, float],
     pairs = zip(settings.get("Name", ()), settings.get("Value", ()), strict=False)
     dropped = log.columns("DSF").get("Dp", np.zeros(1))
     lost = int(np.nanmax(np.asarray(dropped, dtype=float))) if len(dropped) else 0
-    notes = [f"The autopilot dropped {lost} messages."] if lost else []
+    notes = [*log.notes, *([f"The autopilot dropped {lost} messages."] if lost else [])]
     if any(len(log.columns(name).get("TimeUS", ())) for name in SIMULATION):
         notes.append("The flight is a simulation by ArduPilot; the truth in its SIM messages is not used.")
     return tables, {_text(name): float(value) for name, value in pairs}, notes

@@ -30,6 +30,8 @@ class _Kind(NamedTuple):
 class DataflashLog:
     """The messages of a file by kind."""
 
+    notes = ()
+
     def __init__(self, data: bytes):
         self._data = np.frombuffer(data, dtype=np.uint8)
         self._kinds: dict[int, _Kind] = {}

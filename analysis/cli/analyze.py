@@ -45,7 +45,7 @@ def analyze(
         typer.Argument(
             metavar="LOG",
             help="A log that the daemon recorded, one of other software (docs/log-format.md), or one of PX4 (.ulg) or"
-            " ArduPilot (.BIN). Several: each is analyzed, and the flights of one aircraft are pooled.",
+            " ArduPilot (.BIN, .log, .tlog). Several: each is analyzed, and the flights of one aircraft are pooled.",
         ),
     ],
     output: Annotated[

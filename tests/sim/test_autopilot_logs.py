@@ -79,7 +79,7 @@ def test_ardupilot(tmp_path: Path, flight, errors) -> None:
 @pytest.mark.parametrize(
     ("options", "reason"),
     [
-        (["--as", "inav"], "give px4 or ardupilot"),
+        (["--as", "inav"], "give px4 or ardupilot or ardupilot-telemetry"),
         (["--log-faults", "landed"], "needs --as px4 or --as ardupilot"),
         (["--as", "px4", "--log-faults", "gremlins"], "known: landed"),
     ],

@@ -1,0 +1,102 @@
+"""Writes the messages of a dataflash log as a ground station would record them by radio (.tlog).
+
+Each message is the time of reception in microseconds since 1970, 8 bytes, big-endian, and a frame of MAVLink 2.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from flight.units import GRAVITY_MPS2
+from sim.dataflash_writer import DataflashMessages
+
+BOOTED_US = 1_700_000_000_000_000  # in November 2023
+HEARTBEAT_US = 1_000_000
+NO_CELL = 65535  # UINT16_MAX
+AUTOPILOT, GROUND_STATION = 1, 255
+
+Row = Mapping[str, Any]
+
+
+def write_telemetry(path: Path, kinds: Sequence[DataflashMessages]) -> None:
+    """Write a recording. Raises OSError where it cannot be written."""
+    senders = {AUTOPILOT: mavlink.MAVLink(None, AUTOPILOT, 1), GROUND_STATION: mavlink.MAVLink(None, GROUND_STATION, 1)}
+    pitots = [kind for kind in kinds if kind.name == "ARSP"]
+    kinds = [_with_pitot(kind, pitots) if kind.name == "BARO" else kind for kind in kinds]
+    sent = [(time_us, AUTOPILOT, one) for kind in kinds if kind.name in SENT for time_us, one in _of(kind)]
+    last_us = max((time_us for time_us, _, _ in sent), default=0)
+    for time_us in range(min((time_us for time_us, _, _ in sent), default=0), last_us, HEARTBEAT_US):
+        station, plane = mavlink.MAV_TYPE_GCS, mavlink.MAV_TYPE_FIXED_WING
+        sent.append((time_us, GROUND_STATION, _heartbeat(station, mavlink.MAV_AUTOPILOT_INVALID)))
+        sent.append((time_us, AUTOPILOT, _heartbeat(plane, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA)))
+    # The first of a moment is the heartbeat, by which the sender is known.
+    sent.sort(key=lambda entry: (entry[0], not isinstance(entry[2], mavlink.MAVLink_heartbeat_message)))
+    path.write_bytes(
+        b"".join((BOOTED_US + at).to_bytes(8, "big") + bytes(one.pack(senders[who])) for at, who, one in sent)
+    )
+
+
+def _of(kind: DataflashMessages) -> Iterator[tuple[int, Any]]:
+    names = [*kind.columns]
+    for values in zip(*(column.tolist() for column in kind.columns.values()), strict=True):
+        row = dict(zip(names, values, strict=True))
+        for one in SENT[kind.name](row):
+            yield int(row["TimeUS"]), one
+
+
+def _heartbeat(kind: int, autopilot: int) -> Any:
+    return mavlink.MAVLink_heartbeat_message(kind, autopilot, 0, 0, 0, 3)
+
+
+def _airspeed(row: Row) -> list[Any]:
+    return [mavlink.MAVLink_vfr_hud_message(row["Airspeed"], 0.0, 0, 0, 0.0, 0.0)]
+
+
+def _pressure(row: Row) -> list[Any]:
+    """Both pressures are one message here."""
+    milliseconds, difference = int(row["TimeUS"]) // 1000, row["DiffPress"] / 100
+    inside, outside = round(100 * row["Temp"]), round(100 * row["AirTemp"])
+    return [mavlink.MAVLink_scaled_pressure_message(milliseconds, row["Press"] / 100, difference, inside, outside)]
+
+
+def _with_pitot(kind: DataflashMessages, pitots: Sequence[DataflashMessages]) -> DataflashMessages:
+    """The barometer's messages with what the airspeed sensor, if there is one, shows at their times."""
+    at_us, more = kind.columns["TimeUS"].astype(float), {}
+    for name, of in (("DiffPress", "DiffPress"), ("AirTemp", "Temp")):
+        shown = [np.interp(at_us, one.columns["TimeUS"].astype(float), one.columns[of].astype(float)) for one in pitots]
+        more[name] = shown[0] if shown else np.zeros(len(at_us))
+    return replace(kind, columns=kind.columns | more)
+
+
+def _battery(row: Row) -> list[Any]:
+    cells = [round(1000 * row["Volt"]), *[NO_CELL] * 9]
+    current = round(100 * row["Curr"])
+    return [mavlink.MAVLink_battery_status_message(int(row["Inst"]), 0, 0, 0, cells, current, 0, 0, -1)]
+
+
+def _imu(row: Row) -> list[Any]:
+    force = [round(1000 * row[f"Acc{axis}"] / GRAVITY_MPS2) for axis in "XYZ"]
+    return [mavlink.MAVLink_raw_imu_message(int(row["TimeUS"]), *force, 0, 0, 0, 0, 0, 0)]
+
+
+def _gps(row: Row) -> list[Any]:
+    speed, course = round(100 * row["Spd"]), round(100 * row["GCrs"]) % 36000
+    fix = mavlink.MAVLink_gps_raw_int_message(int(row["TimeUS"]), int(row["Status"]), 0, 0, 0, 0, 0, speed, course, 10)
+    down = round(100 * row["VZ"])
+    return [fix, mavlink.MAVLink_global_position_int_message(int(row["TimeUS"]) // 1000, 0, 0, 0, 0, 0, 0, down, 0)]
+
+
+def _rpm(row: Row) -> list[Any]:
+    return [mavlink.MAVLink_rpm_message(row["RPM"], 0.0)]
+
+
+def _parameter(row: Row) -> list[Any]:
+    return [mavlink.MAVLink_param_value_message(row["Name"], row["Value"], 9, 1, 0)]
+
+
+SENT: dict[str, Callable[[Row], list[Any]]] = {"ARSP": _airspeed, "BARO": _pressure, "BAT": _battery, "IMU": _imu,
+                                               "GPS": _gps, "RPM": _rpm, "PARM": _parameter}  # fmt: skip
