@@ -11,7 +11,7 @@ from scipy.constants import zero_Celsius
 
 from analysis.autopilot_logs import recording
 from analysis.autopilot_logs.dataflash import DataflashLog
-from analysis.autopilot_logs.read import TELEMETRY_BYTES, TEXT_MAGIC, is_telemetry
+from analysis.autopilot_logs.read import TEXT_MAGIC, is_telemetry
 from analysis.autopilot_logs.recording import (
     Battery,
     Channel,
@@ -187,7 +187,7 @@ def _messages(path: Path) -> DataflashLog | TelemetryLog | TextLog:
         data = path.read_bytes()
         if data.startswith(TEXT_MAGIC):
             return TextLog(path, (*FIELDS, *SIMULATION, "MSG", "PARM", "DSF"))
-        return TelemetryLog(data) if is_telemetry(data[:TELEMETRY_BYTES]) else DataflashLog(data)
+        return TelemetryLog(data) if is_telemetry(data[:9]) else DataflashLog(data)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
     except ValueError as error:

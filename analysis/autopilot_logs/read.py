@@ -6,8 +6,7 @@ from flight.errors import InputError
 
 ULOG_MAGIC, DATAFLASH_MAGIC = b"ULog\x01\x12\x35", b"\xa3\x95\x80"  # the latter: a format message
 TEXT_MAGIC = b"FMT,"
-MAVLINK_MARKERS, EARLIEST_US, LATEST_US = b"\xfe\xfd", 946_684_800_000_000, 4_102_444_800_000_000  # 2000 and 2100
-TELEMETRY_BYTES = 9  # the time of reception, and the marker of the first frame
+MAVLINK_MARKERS = b"\xfe\xfd"
 PX4, ARDUPILOT = "PX4", "ArduPilot"
 
 
@@ -15,7 +14,7 @@ def firmware_of(path: Path) -> str | None:
     """PX4 or ARDUPILOT; None where the file is neither's log. Raises InputError when it cannot be read."""
     try:
         with path.open("rb") as stream:
-            start = stream.read(TELEMETRY_BYTES)
+            start = stream.read(9)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
     if start.startswith(ULOG_MAGIC):
@@ -25,5 +24,7 @@ def firmware_of(path: Path) -> str | None:
 
 def is_telemetry(start: bytes) -> bool:
     """Whether a .tlog begins so: the time of reception, 8 bytes, big-endian, in us since 1970, and a MAVLink frame."""
-    time_us, marker = int.from_bytes(start[:8], "big"), start[8:TELEMETRY_BYTES]
-    return bool(marker) and marker in MAVLINK_MARKERS and EARLIEST_US < time_us < LATEST_US
+    time_s, marker = int.from_bytes(start[:8], "big") * 1e-6, start[8:9]
+    return (
+        bool(marker) and marker in MAVLINK_MARKERS and 946_684_800 < time_s < 4_102_444_800
+    )  # of the years 2000, 2100

@@ -16,7 +16,6 @@ from scipy.constants import milli
 from analysis.autopilot_logs.read import is_telemetry
 from flight.units import GRAVITY_MPS2 as g
 
-TIME_BYTES = 8
 USED = ("VFR_HUD", "SCALED_PRESSURE", "BATTERY_STATUS", "SYS_STATUS", "RAW_IMU", "GPS_RAW_INT", "GLOBAL_POSITION_INT",
         "RPM", "PARAM_VALUE", "HEARTBEAT")  # fmt: skip
 USED_IDS = frozenset(number for number, kind in mavlink.mavlink_map.items() if kind.msgname in USED)
@@ -58,11 +57,11 @@ def _messages(data: bytes) -> Iterator[tuple[int, Any]]:
     """Time of reception and message, of the autopilot alone."""
     decoder = mavlink.MAVLink(None)
     at, autopilot = 0, None
-    while at + TIME_BYTES + 12 <= len(data):
-        if not is_telemetry(data[at : at + TIME_BYTES + 1]):
+    while at + 20 <= len(data):
+        if not is_telemetry(data[at : at + 9]):
             at += 1
             continue
-        start = at + TIME_BYTES
+        start = at + 8
         second = data[start] == mavlink.PROTOCOL_MARKER_V2
         length = data[start + 1] + (12 + 13 * (data[start + 2] & mavlink.MAVLINK_IFLAG_SIGNED) if second else 8)
         number = int.from_bytes(data[start + 7 : start + 10], "little") if second else data[start + 5]

@@ -47,6 +47,18 @@ def analyzed(recording: FlightRecording) -> tuple[FlightTable, ElectricalEstimat
     return table, estimate(table, WEIGHT_N, GEOMETRY.wing_area_m2, GEOMETRY.span_m)
 
 
+def test_text_and_telemetry_give_the_curve_of_the_dataflash_log(
+    tmp_path: Path, flown: tuple[Flight, FlightSensorTruth, DrawnErrors]
+) -> None:
+    powers = []
+    for name in ("log.BIN", "log.log", "log.tlog"):
+        write_ardupilot_log(tmp_path / name, *flown)
+        _, found = analyzed(read_ardupilot(tmp_path / name))
+        powers.append(np.interp(np.linspace(14.0, 22.0, 5), found.V_mps, found.power_W))
+    assert powers[1] == pytest.approx(powers[0], rel=1e-4)
+    assert powers[2] == pytest.approx(powers[0], rel=1e-3)  # telemetry counts in mV, cA and hundredths of m/s
+
+
 @pytest.mark.parametrize(
     ("write", "read", "faults", "note"),
     [
