@@ -21,9 +21,17 @@ USED = ("VFR_HUD", "SCALED_PRESSURE", "BATTERY_STATUS", "SYS_STATUS", "RAW_IMU",
 USED_IDS = frozenset(number for number, kind in mavlink.mavlink_map.items() if kind.msgname in USED)
 # As dataflash logs name the firmware, of MAV_TYPE.
 FIRMWARE = {
-    **dict.fromkeys((2, 3, 4, 13, 14, 15, 29, 35), b"ArduCopter"),
-    **dict.fromkeys((10, 11), b"ArduRover"),
-    12: b"ArduSub",
+    mavlink.MAV_TYPE_QUADROTOR: b"ArduCopter",
+    mavlink.MAV_TYPE_COAXIAL: b"ArduCopter",
+    mavlink.MAV_TYPE_HELICOPTER: b"ArduCopter",
+    mavlink.MAV_TYPE_HEXAROTOR: b"ArduCopter",
+    mavlink.MAV_TYPE_OCTOROTOR: b"ArduCopter",
+    mavlink.MAV_TYPE_TRICOPTER: b"ArduCopter",
+    mavlink.MAV_TYPE_DODECAROTOR: b"ArduCopter",
+    mavlink.MAV_TYPE_DECAROTOR: b"ArduCopter",
+    mavlink.MAV_TYPE_GROUND_ROVER: b"ArduRover",
+    mavlink.MAV_TYPE_SURFACE_BOAT: b"ArduRover",
+    mavlink.MAV_TYPE_SUBMARINE: b"ArduSub",
 }
 
 Columns = dict[str, NDArray[Any]]
