@@ -29,6 +29,7 @@ from analysis.settings import CURVES
 from analysis.signals.channels import speed_scale_of
 from analysis.signals.smoothing import without_gaps
 from analysis.trajectory.priors import upwash_slope_sigma
+from analysis.trajectory.settings import PROCESS
 from flight.aircraft import Aircraft
 from flight.propeller import Propeller
 
@@ -69,7 +70,7 @@ def segments_of(table: pd.DataFrame, runs: list[Maneuver], propeller: Propeller,
     step_s = float(table.index[1] - table.index[0])
     width = max(1, round(CROSS_CHECK.speed_smoothing_s / step_s))
     V_ref = table["V_mps"].interpolate(limit_direction="both").rolling(width, center=True, min_periods=1).mean()
-    least_mps = CROSS_CHECK.least_speed_mps * speed_scale_of(table)
+    least_mps = PROCESS.slowest_mps * speed_scale_of(table)
     V_ref = V_ref.fillna(least_mps).clip(lower=least_mps)
     n, rho = table["n_revps"].where(table["n_revps"] > 1).to_numpy(), table["rho"].to_numpy()
     measured = {name: table[column].to_numpy() for name, column in (INPUTS | {"phi": "bank_rad"}).items()}

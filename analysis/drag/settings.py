@@ -83,7 +83,6 @@ class CrossCheckSettings(Settings):
     """Output error and filter error on the runs alone."""
 
     speed_smoothing_s: float = setting(0.5, "s", "of the speed at which thrust is read from the table")
-    least_speed_mps: float = setting(5.0, "m/s", "times the speed scale of the aircraft")
     fewest_blocks: int = setting(12, "blocks", "of a run")
     V_bias_mps: float = setting(0.15, "m/s", "prior of a constant error of airspeed")
     unzeroed_gyro_radps: float = setting(

@@ -21,9 +21,13 @@ class PowerTrain(Settings):
     )
     smoothing_s: float = setting(1.0, "s", "motor speed is averaged over this before it is differentiated")
     slow_per_s: float = setting(0.04, "1/s", "largest relative change of motor speed that counts as slow")
-    shortest_s: float = setting(3.0, "s", "a slow stretch that is shorter is left out")
     point_s: float = setting(5.0, "s", "each measured efficiency is a mean over this")
     slowest_revps: float = setting(10.0, "rev/s", "below this a motor does not drive its propeller")
+
+    @property
+    def shortest_s(self) -> float:
+        """A slow stretch that is shorter is left out: three windows of the average."""
+        return 3 * self.smoothing_s
 
     @property
     def needed_s(self) -> float:

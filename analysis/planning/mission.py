@@ -81,7 +81,7 @@ def qgroundcontrol_plan(plan: FlightPlan, home: Home, firmware: str) -> str:
                 "type": "SimpleItem",
             }
         )
-    cruise_mps = 1.6 * plan.aircraft.stall_mps
+    cruise_mps = MARGINS.cruise * plan.aircraft.stall_mps
     content = {
         "fileType": "Plan",
         "geoFence": {"circles": [], "polygons": [_fence(plan, home)], "version": 2},

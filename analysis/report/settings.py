@@ -9,7 +9,6 @@ from flight.settings import Settings, setting
 class Report(Settings):
     """The answers to "how sure, and why"."""
 
-    large_residual: float = setting(1.5, "1", "rms in standard deviations of a channel's noise that is told as large")
     colored_share: float = setting(
         0.10, "1", "lags beyond the 95 % bound of white noise that may be chance in a run of a few seconds"
     )

@@ -6,6 +6,7 @@ from analysis.estimation.noise import NORMAL_95
 from analysis.maneuvers.kinds import LEVEL_RUNS
 from analysis.polar import Polar
 from analysis.report.figures.style import (
+    ALL_RUNS,
     BLUE,
     GREEN,
     INK,
@@ -152,9 +153,6 @@ def drag_polar(polar: Polar, flown_CL: tuple[float, float]) -> Figure:
     return styled(figure, 420, hover="closest")
 
 
-ALL_RUNS_COLOR = PALETTE[5]
-
-
 def every_method(results: Results) -> Figure:
     """The curve of every method; bars are its 95 % interval, circles the points it measured."""
     figure = Figure()
@@ -199,8 +197,8 @@ def run_by_run(results: Results) -> Figure:
     """The curve of every run fitted alone, over the curve of all runs."""
     figure = Figure()
     V, _, lo, hi = curve_arrays(results.power_required)
-    add_band(figure, V, (lo, hi), ALL_RUNS_COLOR, 0.3)
-    add_curve(figure, results.power_required, "all runs", ALL_RUNS_COLOR, width=5)
+    add_band(figure, V, (lo, hi), ALL_RUNS, 0.3)
+    add_curve(figure, results.power_required, "all runs", ALL_RUNS, width=5)
     in_legend = set()
     kinds = (run.kind for run in results.runs if run.kind in LEVEL_RUNS)
     for kind, run in zip(kinds, results.one_by_one, strict=True):

@@ -76,9 +76,10 @@ def _axis(name: str, panel: int) -> str:
 
 INK, GRID, PAPER, GRAY = "#000000", "#c9d1d8", "#ffffff", "#5b6b78"
 BLUE, RED, GREEN, ORANGE = "#004a99", "#c22a1a", "#00693e", "#c64b00"
+OTHER_RUN, ALL_RUNS = "#8a2f8f", "#3d3d3d"
 # Dark enough on white. With color blindness some look alike: lines also differ in symbol, dash or width.
 PALETTE = (
-    BLUE, ORANGE, "#00735c", "#8a2f8f", "#6b4e00", "#3d3d3d", "#0087b3", "#a3123f", "#5a7d00", "#b58900", "#5a3fc0",
+    BLUE, ORANGE, "#00735c", OTHER_RUN, "#6b4e00", ALL_RUNS, "#0087b3", "#a3123f", "#5a7d00", "#b58900", "#5a3fc0",
     "#d4007f", "#7d3c00", "#2f5d8c",
 )  # fmt: skip
 SYMBOLS = (
@@ -87,12 +88,11 @@ SYMBOLS = (
 )  # fmt: skip
 # Kinds of runs are told apart by color alone, also with color blindness (tests/analysis/report/test_style.py).
 RUN_COLOR = {"acceleration": "#d95f02", "deceleration": BLUE, "steady": "#1b9e77"}
-OTHER_RUN = PALETTE[3]
 # The same colors on a dark page, by the color on a white one.
 ON_DARK = {
     INK: "#e8edf2", GRID: "#39424c", PAPER: "#12171d", GRAY: "#9fb0bf", BLUE: "#6cb6ff", RED: "#ff8375",
-    GREEN: "#3fd18b", ORANGE: "#ffa657", "#00735c": "#4fd1b5", "#8a2f8f": "#e08be6", "#6b4e00": "#d9b44a",
-    "#3d3d3d": "#c0c0c0", "#0087b3": "#4cc9f0", "#a3123f": "#ff7aa2", "#5a7d00": "#b5d94c", "#b58900": "#f2cc60",
+    GREEN: "#3fd18b", ORANGE: "#ffa657", "#00735c": "#4fd1b5", OTHER_RUN: "#e08be6", "#6b4e00": "#d9b44a",
+    ALL_RUNS: "#c0c0c0", "#0087b3": "#4cc9f0", "#a3123f": "#ff7aa2", "#5a7d00": "#b5d94c", "#b58900": "#f2cc60",
     "#5a3fc0": "#b39dff", "#d4007f": "#ff6ec7", "#d95f02": "#ff9a4d", "#1b9e77": "#b8f2c0",
     "#7d3c00": "#e0a070", "#2f5d8c": "#9cc4f0",
 }  # fmt: skip

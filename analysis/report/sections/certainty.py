@@ -13,6 +13,7 @@ from analysis.report.sections.summary import reference_point
 from analysis.report.settings import REPORT
 from analysis.schema import CheckedBy, IntervalPart, Results
 from analysis.settings import EVIDENCE
+from analysis.trajectory.settings import PRIOR_CHECK
 
 
 class CertaintySection(NamedTuple):
@@ -49,7 +50,7 @@ def _checks(results: Results) -> list[tuple[str, str]]:
     if results.path is not None:
         largest = max(results.path.residuals.values(), default=0.0)
         large = [
-            CHANNELS.get(name, name) for name, rms in results.path.residuals.items() if rms > REPORT.large_residual
+            CHANNELS.get(name, name) for name, rms in results.path.residuals.items() if rms > PRIOR_CHECK.largest_rms
         ]
         answer = f"Not all; residuals of {', '.join(large)} are up to" if large else "Yes: no residual is above"
         rows.append(("Do the sensors agree with one path?", f"{answer} {largest:.1f} times the channel's noise (rms)."))
