@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.drag.method import MethodEstimate
-from analysis.drag.sensor_errors import CAUSES, INSTALLATION_TOLERANCE, ErrorEstimate
+from analysis.drag.sensor_errors import CAUSES, ErrorEstimate
 from analysis.drag.settings import COMPARISON
 from analysis.estimation.noise import NORMAL_95
 from analysis.ground.thrust_prior import J_REFERENCE
@@ -155,11 +155,11 @@ def _significant(cause: Cause, errors: Mapping[str, ErrorEstimate]) -> bool:
 
 
 def _allowed_covariance(first: ComparedMethod, second: ComparedMethod) -> Array:
-    """Covariance (3, 3) of the difference of two methods without a fault: noise, and INSTALLATION_TOLERANCE."""
+    """Covariance (3, 3) of the difference of two methods without a fault: noise, and COMPARISON.installation_sigma."""
     C = first.covariance + second.covariance
     for name in sorted(set(first.sensitivities) | set(second.sensitivities)):
         sensitivity = second.sensitivities.get(name, np.zeros(3)) - first.sensitivities.get(name, np.zeros(3))
-        C = C + np.outer(sensitivity, sensitivity) * INSTALLATION_TOLERANCE[name] ** 2
+        C = C + np.outer(sensitivity, sensitivity) * COMPARISON.installation_sigma[name] ** 2
     if first.trajectory_deviations is not None and second.trajectory_deviations is not None:
         deviations = second.trajectory_deviations - first.trajectory_deviations
         C = C + deviations @ deviations.T

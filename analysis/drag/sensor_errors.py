@@ -21,16 +21,6 @@ from flight.units import GRAVITY_MPS2 as g
 
 Array = NDArray[np.float64]
 
-# Standard deviation after a careful installation: differences of the methods that it explains are no fault.
-INSTALLATION_TOLERANCE = {
-    "alpha_bias": np.radians(0.15),
-    "alpha_scale": 0.01,
-    "pitch": np.radians(0.15),
-    "airspeed_scale": 0.004,
-    "lag": 0.008,
-    "thrust_scale": 0.01,
-    "thrust_slope": 0.03,
-}
 # The errors that belong to one cause.
 CAUSES: dict[Cause, tuple[str, ...]] = {
     Cause.ANGLE_OF_ATTACK: ("alpha_bias", "alpha_scale"),

@@ -1,5 +1,6 @@
 """Thresholds and priors of the drag methods, with units and reasons."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,6 +72,19 @@ class Comparison(Settings):
         float(np.sqrt(special.chdtri(3, 1 - 0.99))),
         "1",
         "standard errors of a difference of two parabolas: one test over all speeds (Scheffe 1953), 1 % for each pair",
+    )
+    installation_sigma: Mapping[str, float] = setting(
+        {
+            "alpha_bias": float(np.radians(0.15)),
+            "alpha_scale": 0.01,
+            "pitch": float(np.radians(0.15)),
+            "airspeed_scale": 0.004,
+            "lag": 0.008,
+            "thrust_scale": 0.01,
+            "thrust_slope": 0.03,
+        },
+        "rad, s or 1",
+        "by sensor error, after a careful installation: differences of the methods that it explains are no fault",
     )
     least_speed_ratio: float = setting(1.15, "1", "highest over lowest of the speeds common to both methods")
     lag_sigma_s: float = setting(0.3, "s", "prior of the air-data lag here: wide enough for a faulty installation")

@@ -34,7 +34,7 @@ def analyzed_flight(
     return analyzed(AIRCRAFT, fly(AIRCRAFT, probe, drawn(load_budget(errors), seed, **wrong), plan, W20_kt, seed))
 
 
-# One error each, several times INSTALLATION_TOLERANCE; every case has another seed.
+# One error each, several times COMPARISON.installation_sigma; every case has another seed.
 @pytest.mark.parametrize(
     ("seed", "wrong", "pair", "cause"),
     [

@@ -9,7 +9,8 @@ from analysis.drag.comparison import disagreements
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.drag.method import Method, MethodEstimate
 from analysis.drag.methods_from_runs import ACCELERATIONS, DECELERATIONS, DIRECT, ENERGY
-from analysis.drag.sensor_errors import INSTALLATION_TOLERANCE, ErrorEstimate
+from analysis.drag.sensor_errors import ErrorEstimate
+from analysis.drag.settings import COMPARISON
 from analysis.polar import Condition, Polar
 from analysis.schema import CurveStatus
 
@@ -17,7 +18,7 @@ AT = Condition(weight_N=37.68, rho=1.2, wing_area_m2=0.4636)
 A = np.array([0.0465, -0.0195, 0.065])
 CL = (0.3, 1.0)
 NOISE = np.diag([1e-4, 0.0, 0.0]) ** 2
-SURE = {name: ErrorEstimate(0.0, 1e-6) for name in INSTALLATION_TOLERANCE}
+SURE = {name: ErrorEstimate(0.0, 1e-6) for name in COMPARISON.installation_sigma}
 
 
 def dynamic(noise: np.ndarray = NOISE) -> DynamicEstimate:
@@ -55,14 +56,14 @@ def test_methods_disagree_beyond_the_simultaneous_band_of_their_difference() -> 
 
 def test_what_a_careful_installation_leaves_is_allowed() -> None:
     sensitivities = {"alpha_bias": effect(1.0)}
-    change = 2.5 * INSTALLATION_TOLERANCE["alpha_bias"]
+    change = 2.5 * COMPARISON.installation_sigma["alpha_bias"]
     assert len(compared(by(DIRECT, change))) == 1
     assert compared(by(DIRECT, change, sensitivities=sensitivities)) == []
 
 
 def test_an_error_that_both_methods_share_is_not_allowed_for() -> None:
     """With the same sensitivity to lag both methods err together, with opposite ones apart."""
-    tolerance = INSTALLATION_TOLERANCE["lag"]
+    tolerance = COMPARISON.installation_sigma["lag"]
     for sign, count in ((1.0, 1), (-1.0, 0)):
         one = by(DECELERATIONS, 0.0, sensitivities={"lag": effect(1.0)})
         other = by(ACCELERATIONS, 4 * tolerance, sensitivities={"lag": effect(sign)})

@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.drag.sensor_errors import INSTALLATION_TOLERANCE, _thrust_errors, error_prior_sigma
+from analysis.drag.sensor_errors import _thrust_errors, error_prior_sigma
+from analysis.drag.settings import COMPARISON
 from analysis.ground.thrust_prior import J_REFERENCE
 from flight.aircraft import Uncertainty, load_aircraft
 
@@ -46,7 +47,7 @@ def test_standard_errors_of_thrust_are_those_of_noise_that_lasts_four_blocks() -
 
 
 def test_the_errors_of_a_careful_installation_are_those_that_the_page_names() -> None:
-    allowed = INSTALLATION_TOLERANCE
+    allowed = COMPARISON.installation_sigma
     assert allowed["alpha_bias"] == allowed["pitch"]
     said = (
         f"after a careful installation ({np.degrees(allowed['pitch']):.2f} deg of angle of attack and of pitch,"
