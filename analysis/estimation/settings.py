@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass
 
+from scipy import special
+
+from analysis.settings import EVIDENCE
 from flight.settings import Settings, setting
 
 
@@ -64,10 +67,14 @@ class VerdictLimits(Settings):
     negligible_share: float = setting(
         0.01, "1", "of an eigenvector: an unknown below it takes no part in a combination"
     )
-    not_white: float = setting(3.3, "sigma", "lag-one correlation that one white record in a thousand exceeds")
     outlier: float = setting(6.0, "sigma", "of the residuals; one normal value in a billion is larger")
     error_growth: float = setting(1e3, "1", "of an error in a segment: above it output error hardly finds optima")
     same_optimum: float = setting(0.01, "1", "difference in log-likelihood; 2 is significant at 5 %")
+
+    @property
+    def not_white(self) -> float:
+        """Lag-one correlation, in standard deviations, that a white record exceeds once in a thousand."""
+        return float(special.ndtri(1 - EVIDENCE.rare_false_alarms / 2))
 
 
 @dataclass(frozen=True)
