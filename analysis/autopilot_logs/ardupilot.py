@@ -21,6 +21,7 @@ from analysis.autopilot_logs.recording import (
     most_varying,
     turning_motor,
     without_clock_jumps,
+    without_hover,
 )
 from analysis.autopilot_logs.settings import READABLE
 from analysis.autopilot_logs.telemetry import TelemetryLog
@@ -31,6 +32,7 @@ from flight.errors import InputError
 AIRSPEED, BATTERY = ("ARSP", "ASP2"), ("BAT", "BAT2", "CURR", "CUR2")
 CONTROLLERS, RPM = ("ESC", *(f"ESC{i}" for i in range(1, 9))), ("RPM",)
 SIMULATION = ("SIM", "SIM2")
+LIFT = ("QTUN",)  # control of a VTOL's lifting motors
 BAROMETER, IMU, GPS = ("BARO", "BAR2", "BAR3"), ("IMU", "IMU2", "IMU3"), ("GPS", "GPS2")
 FIELDS = {
     **dict.fromkeys(AIRSPEED, ("Airspeed", "DiffPress", "Temp", "U", "H", "Pri")),
@@ -39,6 +41,7 @@ FIELDS = {
     **dict.fromkeys(IMU, ("AccX", "AccY", "AccZ")),
     **dict.fromkeys(CONTROLLERS, ("RPM",)),
     **dict.fromkeys(RPM, ("RPM", "rpm1")),
+    **dict.fromkeys(LIFT, ("ThO",)),
     **dict.fromkeys(GPS, ("Status", "Spd", "GCrs", "VZ")),
 }
 ENABLED_BY = {
@@ -94,6 +97,11 @@ def read_ardupilot(path: Path) -> FlightRecording:
         channels = {name: both[name] for name in channels if name in both}
         thermometers = {name: both[name] for name in thermometers if name in both}
         notes = jumps + notes
+        if recording.AIRSPEED_PRESSURE in channels:
+            lifting = [table["t_s"][table["ThO"] > 0] for table in _of(tables, LIFT)]
+            wing, hover_notes = without_hover(channels[recording.AIRSPEED_PRESSURE], lifting)
+            channels[recording.AIRSPEED_PRESSURE] = wing
+            notes += hover_notes
     return FlightRecording(
         path,
         channels,

@@ -35,8 +35,6 @@ AIRSPEED_TOPICS = (  # in order of preference
     ("airspeed_validated", ("indicated_airspeed_m_s",)),
     ("airspeed", ("indicated_airspeed_m_s",)),
 )
-# Of selected_airspeed_index and airspeed_source; 0 is ground speed less wind, 4 synthetic, -1 none.
-PITOTS = (1, 2, 3)
 ENABLED_BY = {
     recording.OF_AIRSPEED: " (SENS_EN_*, SYS_HAS_NUM_ASPD)",
     recording.OF_BAROMETER: " (SYS_HAS_BARO)",
@@ -75,7 +73,6 @@ def read_px4(path: Path) -> FlightRecording:
     topics, parameters, notes = _topics(path)
     _refuse_wingless(path, topics)
     airspeed, zeroed = _airspeed(topics)
-    airspeed = {name: _on_the_wing(one, topics) for name, one in airspeed.items()}
     channels = airspeed | _static(topics) | _force(topics) | _gps(topics)
     batteries = [
         Battery(f"battery_status {one.instance}", one.channel("voltage_v"), one.channel("current_a"))
@@ -94,6 +91,8 @@ def read_px4(path: Path) -> FlightRecording:
         channels = {name: both[name] for name in channels if name in both}
         thermometers = {name: both[name] for name in thermometers if name in both}
         notes += jumps
+        if recording.AIRSPEED_PRESSURE in channels:  # only now: a long hover is no jump of the clock
+            channels[recording.AIRSPEED_PRESSURE] = _on_the_wing(channels[recording.AIRSPEED_PRESSURE], topics)
     return FlightRecording(
         path,
         channels,
@@ -170,7 +169,8 @@ def _airspeed(topics: dict[str, list[_Topic]]) -> tuple[dict[str, Channel], bool
                 speed = one.values(field) if one.has(field) else np.full(len(one.t_s), np.nan)
                 for source in ("selected_airspeed_index", "airspeed_source"):
                     if one.has(source):
-                        speed = np.where(np.isin(one.values(source), PITOTS), speed, np.nan)
+                        # 0 is ground speed less wind, 4 synthetic, -1 none.
+                        speed = np.where(np.isin(one.values(source), (1, 2, 3)), speed, np.nan)
                 found.append(channel(one.t_s, recording.pressure_of_indicated_airspeed(speed)))
         best = most_varying(found)
         if best is not None and len(best.t_s) >= READABLE.fewest_samples:

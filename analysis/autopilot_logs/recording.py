@@ -101,6 +101,26 @@ def without_clock_jumps(main: Channel, channels: Mapping[str, Channel]) -> tuple
     return {name: one for name, one in ascending.items() if len(one.t_s) >= READABLE.fewest_samples}, notes
 
 
+def without_hover(airspeed: Channel, lifting_s: Sequence[Array]) -> tuple[Channel, list[str]]:
+    """The airspeed without the times in which a VTOL's lifting motors run, and a note; so no balance is made there.
+
+    lifting_s: times (n,) at which the autopilot lets them run.
+    """
+    t_s = np.sort(np.concatenate([*lifting_s, np.empty(0)]))
+    if not len(t_s):
+        return airspeed, []
+    after = np.searchsorted(t_s, airspeed.t_s)
+    nearest = np.minimum(
+        np.abs(airspeed.t_s - t_s[np.clip(after, 0, len(t_s) - 1)]),
+        np.abs(airspeed.t_s - t_s[np.clip(after - 1, 0, None)]),
+    )
+    wing = nearest > READABLE.hover_s
+    if wing.all():
+        return airspeed, []
+    note = f"The lifting motors ran in {100 * np.mean(~wing):.0f} % of the log: hover and assisted flight are left out."
+    return Channel(airspeed.t_s[wing], airspeed.value[wing]), [note]
+
+
 def _without_single_times(one: Channel) -> Channel:
     """Without samples whose time differs from those of both neighbors, which agree with one another."""
     if len(one.t_s) < 3:

@@ -13,6 +13,7 @@ class Readable(Settings):
     """What a channel has to be."""
 
     fewest_samples: int = setting(20, "1", "a channel with fewer was switched off")
+    hover_s: float = setting(1.0, "s", "from the last lift by motors until the wing carries alone: they spool down")
     clock_jump_s: float = setting(60.0, "s", "a longer step of the clock within one channel is no dropout")
     possible: Mapping[str, Limits] = setting(
         {
