@@ -10,6 +10,7 @@ from analysis.autopilot_logs.ardupilot import read_ardupilot
 from analysis.autopilot_logs.dataflash import DataflashLog
 from analysis.autopilot_logs.px4 import read_px4
 from analysis.autopilot_logs.recording import CURRENT, VOLTAGE
+from analysis.autopilot_logs.telemetry import TelemetryLog
 from analysis.electrical.estimate import ElectricalEstimate, estimate
 from analysis.electrical.flight_table import flight_table
 from analysis.estimation.noise import NORMAL_95
@@ -93,3 +94,11 @@ def test_old_currents_are_in_hundredths(tmp_path: Path) -> None:
 def test_messages_of_kind_0_are_read() -> None:
     log = DataflashLog(file_of("arduplane-4.8-dev-kind0.BIN").read_bytes())
     assert len(log.columns("CTUN")["TimeUS"]) > 100 and np.all(np.diff(log.columns("CTUN")["TimeUS"]) > 0)
+
+
+def test_every_message_of_a_ground_stations_recording_is_read() -> None:
+    """195 pressures and forces, as pymavlink counts them; GPS and the airspeed shown were sent once less."""
+    log = TelemetryLog(file_of("arduplane-sitl-2015.tlog").read_bytes())
+    assert [len(log.columns(kind)["TimeUS"]) for kind in ("BARO", "IMU", "ARSP", "GPS")] == [195, 195, 194, 194]
+    assert log.columns("BARO")["Press"][0] == pytest.approx(101320.58, abs=0.01)
+    assert log.columns("IMU")["AccZ"][0] == pytest.approx(-0.968 * g)
