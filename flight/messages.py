@@ -130,7 +130,7 @@ class Rpm(Message):
 
     topics = ("/rpm",)
 
-    period_us: int | None = None  # as received: ten electrical periods
+    period_us: int | None = None  # as received: ten electrical periods, or ten times the mean of more
     motor_speed_revps: float | None = None  # null with the status `corrupt` where the pulses do not agree
     pulses_captured: int | None = None  # since the last frame; null of counters that do not say
     pulses_rejected: int | None = None  # of these, because they came too early

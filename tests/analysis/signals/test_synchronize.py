@@ -90,6 +90,32 @@ def test_a_motor_that_speeds_up_is_not_found_to_lag() -> None:
     assert abs(off.mean()) < 0.004 and off.std() < 0.03
 
 
+@pytest.mark.parametrize("counted", [True, False])
+def test_a_fast_motor_s_speed_is_the_mean_over_all_pulses_since_the_last_frame(counted) -> None:
+    """At 1,000 electrical periods a second and more the counter sends every 10 ms, and times what came since. By the
+    pulses that it tells, the age is right; taken for ten periods, speed would be off by up to 3 ms of its change."""
+    log = log_of(lambda topic, t: None if topic == "/rpm" else Status.OK)
+    speed, more = 240.0, 6.0
+    pulses = np.arange(1.0, 32000.0) / 7  # revolutions turned
+    pulse_s = (np.sqrt(speed**2 + 2 * more * pulses) - speed) / more
+    frame_s = np.arange(0.0037, pulse_s[-1], 0.01)
+    newest = np.searchsorted(pulse_s, frame_s) - 1
+    rows = []
+    for tick in range(25, 15 * 25):
+        late_ms = tick % 10
+        frame = np.searchsorted(frame_s, tick / 25 + late_ms / 1000) - 1
+        n = int(newest[frame] - newest[frame - 1])
+        period_s = (pulse_s[newest[frame]] - pulse_s[newest[frame - 1]]) / n
+        told = {"pulses_captured": n + 1, "pulses_rejected": 2, "pulses_inserted": 1} if counted else {}
+        rpm = Rpm(period_us=round(1e7 * period_s), motor_speed_revps=1 / 7 / period_s, **told)
+        rows.append(LogEntry(10**18 + tick * 40_000_000 + late_ms * 1_000_000, tick, rpm))
+    log.entries["/rpm"] = entries_of(rows)
+    found = synchronize(log).table["n_revps"].loc[2:14]
+    off = found - (speed + more * found.index.to_numpy())
+    assert off.std() < 0.03
+    assert abs(off.mean()) < 0.003 if counted else off.mean() < -0.005
+
+
 def test_each_delay_is_subtracted_once() -> None:
     """A pressure that rises by 10 Pa/s behind a line of 0.2 s, and a rate by 1 rad/s^2 behind a filter of 10 ms."""
     log = log_of()
