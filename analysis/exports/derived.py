@@ -26,7 +26,6 @@ from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
 from flight.log_reader import Log
 from flight.propeller import Propeller
-from flight.units import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
 QUANTITIES = ("alpha_rad", "V_mps", "theta_rad", "thrust_N", "C_L", "C_D")
@@ -38,8 +37,8 @@ def derived(trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) ->
 
     Thrust is that of the propeller table. Standard errors are by repetition along perturbed trajectories (sensor errors
     in each independent direction, and draws of the states' random errors), with the prior standard deviations of the
-    propeller table, and with another weight. NaN where the aircraft stood, coefficients also where it rolled, and
-    thrust where the motor stood.
+    propeller table, and with another weight. NaN where the aircraft stood, coefficients also near
+    the ground, where it may have rolled, and thrust where the motor stood.
     """
     flight_forces = FlightForces(trajectory, aircraft, propeller)
     states, errors = trajectory.states.to_numpy(), trajectory.sensor_errors
@@ -61,8 +60,7 @@ def derived(trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) ->
     variance += (heavier - nominal) ** 2
     variance[:, QUANTITIES.index("thrust_N") :] += _by_thrust_table(nominal, f, aircraft)
     known = np.repeat(nominal[:, 1:2] > EXPORTS.slowest_mps, len(QUANTITIES), axis=1)
-    carried = f["qS_over_m_mps2"].to_numpy() * EXPORTS.largest_lift_coefficient > GRAVITY_MPS2
-    known[:, QUANTITIES.index("C_L") :] &= carried[:, None]
+    known[:, QUANTITIES.index("C_L") :] &= trajectory.block_means.flying[:, None]
     columns = dict(zip(QUANTITIES, np.where(known, nominal, np.nan).T, strict=True))
     spread = np.where(known, np.sqrt(variance), np.nan)
     columns |= {f"{name}{ERROR}": column for name, column in zip(QUANTITIES, spread.T, strict=True)}

@@ -10,7 +10,6 @@ class Exports(Settings):
     """Limits of derived quantities."""
 
     slowest_mps: float = setting(3.0, "m/s", "below, an airspeed is noise")
-    largest_lift_coefficient: float = setting(3.0, "1", "slower than level flight with it, the wheels carry weight")
 
 
 EXPORTS = Exports()

@@ -10,7 +10,6 @@ import pytest
 from analysis.exports.derived import derived
 from analysis.trajectory.equations import SENSOR_ERRORS, STATES
 from flight.aircraft import Uncertainty
-from flight.units import GRAVITY_MPS2
 
 sys.path.append(str(Path(__file__).parents[1] / "drag"))
 from constructed import AIRCRAFT, PROPELLER, S, accelerations_and_decelerations, m, measured, polar
@@ -93,9 +92,12 @@ def test_below_three_meters_a_second_nothing_is_told(speed_mps: float, known: bo
     assert found.iloc[5:].notna().all(axis=None)
 
 
-@pytest.mark.parametrize(("lift", "known"), [(3.2, False), (2.8, True)])
-def test_coefficients_are_left_out_where_no_wing_could_carry_the_weight(lift: float, known: bool) -> None:
-    """On the ground roll a lift coefficient of 7, which no wing has, squeezes the plot of the others to a line."""
-    found = with_first_rows_at(np.sqrt(2 * m * GRAVITY_MPS2 / (FLOWN["rho"].iloc[0] * S * lift)))
+@pytest.mark.parametrize(("height_m", "known"), [(19.0, False), (21.0, True)])
+def test_coefficients_are_left_out_near_the_ground(height_m: float, known: bool) -> None:
+    """On the ground roll, also a fast one, the wheels carry weight, and C_L and C_D are those of no flight."""
+    low = FLOWN.copy()
+    low.loc[low.index[:5], "height_measured"] = height_m
+    found = derived(measured(low), CERTAIN, PROPELLER)
     assert found.iloc[:5][["C_L", "C_D", "C_L_standard_error"]].notna().all(axis=None) == known
     assert found.iloc[:5][["V_mps", "alpha_rad"]].notna().all(axis=None)
+    assert found.iloc[5:].notna().all(axis=None)
