@@ -18,6 +18,15 @@ class WrongSigns(NamedTuple):
     roll: tuple[float, float]
 
 
+class PlausibleLimits(NamedTuple):
+    """Least and largest value of each quantity."""
+
+    load_g: tuple[float, float]
+    temperature_K: tuple[float, float]
+    other_degrees: tuple[float, float]
+    tip_mps: tuple[float, float]
+
+
 @dataclass(frozen=True)
 class AxesSettings(Settings):
     """Axes and signs by motion; figures are those of the worst of simulated flights of all plans and aircraft."""
@@ -78,25 +87,23 @@ class StructureSettings(Settings):
 class UnitSettings(Settings):
     """Units by physical limits, beside the table LIMITS."""
 
-    load_g: tuple[float, float] = setting((0.3, 3.0), "g", "of the median of a flight; at rest 1")
+    plausible: PlausibleLimits = setting(
+        PlausibleLimits(
+            load_g=(0.3, 3.0), temperature_K=(200.0, 400.0), other_degrees=(-60.0, 150.0), tip_mps=(20.0, 340.0)
+        ),
+        "g, K, degrees, m/s",
+        "load on the median of a flight, at rest 1; temperature of a transducer, and the same in degrees"
+        " Celsius or Fahrenheit; speed of the tips of a propeller that drives an aircraft, faster than it flies and slower than sound",
+    )
     one_axis: float = setting(
         0.8, "1", "of the magnitude, at least, is the median of one axis in any unit, unless gravity was taken out"
     )
     upright: float = setting(-0.5, "1", "z over magnitude, median; level flight, turns and rest are all near -1")
-    tip_mps: tuple[float, float] = setting(
-        (20.0, 340.0),
-        "m/s",
-        "of the tips of a propeller that drives an aircraft: faster than it flies, and slower than sound",
-    )
     least_flight_Pa: float = setting(10.0, "Pa", "4 m/s at sea level")
     swapped: float = setting(
         1.3, "1", "times q_c; q_c is largest below some 20 deg of angle of attack, beyond every wing's stall"
     )
     least_current_A: float = setting(0.5, "A", "more than the zero of a current sensor")
-    temperature_K: tuple[float, float] = setting((200.0, 400.0), "K", "of a transducer: -73 to 127 degC")
-    other_degrees: tuple[float, float] = setting(
-        (-60.0, 150.0), "1", "of a transducer in degrees Celsius or Fahrenheit"
-    )
 
 
 AXES = AxesSettings()

@@ -82,7 +82,7 @@ def _check(log: Log, limits: Limits) -> None:
 def _check_specific_force(log: Log) -> None:
     """At rest and on the mean of flight the accelerometers read 1 g upwards, in body axes about -z."""
     median, magnitude = _specific_force(log)
-    low, high = UNITS.load_g[0] * GRAVITY_MPS2, UNITS.load_g[1] * GRAVITY_MPS2
+    low, high = (limit * GRAVITY_MPS2 for limit in UNITS.plausible.load_g)
     if not low <= magnitude <= high:
         factors = {"g": GRAVITY_MPS2, "milli-g": GRAVITY_MPS2 / 1000}
         unit = next((unit for unit, factor in factors.items() if low <= magnitude * factor <= high), None)
@@ -109,9 +109,11 @@ def _check_specific_force(log: Log) -> None:
 def _check_temperature(log: Log) -> None:
     _, values = field_of(log, "/static", "temperature_K")
     median_K = float(np.median(values))
-    if UNITS.temperature_K[0] <= median_K <= UNITS.temperature_K[1]:
+    least_K, largest_K = UNITS.plausible.temperature_K
+    if least_K <= median_K <= largest_K:
         return
-    other = UNITS.other_degrees[0] <= median_K <= UNITS.other_degrees[1]
+    least, largest = UNITS.plausible.other_degrees
+    other = least <= median_K <= largest
     remedy = "it looks like degrees Celsius (add 273.15) or Fahrenheit" if other else "write kelvin"
     raise InputError(
         f"{log.path}: /static: temperature_K is {median_K:.1f} (median), but air has 220 to 330 K: {remedy}"
@@ -126,7 +128,7 @@ def _check_motor_speed(log: Log, diameter_m: float) -> None:
         return
     median_revps = float(np.median(np.abs(turning)))
     tip_mps = np.pi * diameter_m * median_revps
-    slowest_mps, fastest_mps = UNITS.tip_mps
+    slowest_mps, fastest_mps = UNITS.plausible.tip_mps
     if tip_mps > fastest_mps:
         per_minute = slowest_mps < tip_mps / 60 < fastest_mps
         remedy = "it looks like rev/min; divide by 60" if per_minute else "is it in rad/s, or electrical revolutions?"
