@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from analysis.signals.settings import STATISTICS
 from flight.settings import Settings, setting
 
 
@@ -59,8 +60,6 @@ class MagnetometerSettings(Settings):
         "T",
         "mean and standard deviation of the prior; anywhere on earth it is 22 to 67 uT (World Magnetic Model)",
     )
-    earth_T: tuple[float, float] = setting((18e-6, 75e-6), "T", "limits of a plausible strength")
-    fewest_samples: int = setting(100, "1", "of a calibration")
     iron_change_T: float = setting(
         1e-6, "T", "in flight: field of the motor current, and of iron that was moved since the calibration"
     )
@@ -75,6 +74,17 @@ class MagnetometerSettings(Settings):
     )
     worst_rad: float = setting(np.radians(10.0), "rad", "… or if its heading has a larger error")
     correlated: int = setting(5, "1", "neighboring samples that share errors of the model and count as one")
+
+    @property
+    def earth_T(self) -> tuple[float, float]:
+        """Limits of a plausible strength: three standard deviations of the prior to either side."""
+        mean_T, sigma_T = self.field_T
+        return mean_T - STATISTICS.sigmas * sigma_T, mean_T + STATISTICS.sigmas * sigma_T
+
+    @property
+    def fewest_samples(self) -> int:
+        """Of a calibration, and of a flight."""
+        return STATISTICS.fewest_values * self.correlated
 
 
 @dataclass(frozen=True)
@@ -123,17 +133,13 @@ class GroundCalibrationSettings(Settings):
         0.8, "1", "share of good readings of each transducer in a plateau; others were beyond its range"
     )
     jitter_us: float = setting(4.0, "us", "of the pulse while the stick is not moved")
-    play_steps: float = setting(
-        2.0, "1", "a step between positions must exceed the difference of two readings of one position by this factor"
-    )
-    median_samples: int = setting(25, "1", "at the beginning of a hold, whose median is the reference for jitter")
     largest_gain_error: float = setting(
         0.2, "1", "a slope further from one is a wrong unit or a wrong order of the pressures"
     )
 
     @property
     def reference_s(self) -> float:
-        """At the beginning of a plateau, whose median the rest is compared with: independent of how tubes settle."""
+        """At the beginning of what is held, whose median the rest is compared with: twice as long as tubes settle."""
         return 2 * self.settling_s
 
     @property

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.airdata.settings import GROUND
+from analysis.estimation.noise import NORMAL_95
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
@@ -33,10 +34,12 @@ class SurfaceTable(NamedTuple):
 
 def held_pulses(t_s: Array, pulse_us: Array) -> list[HeldPulse]:
     """Pulses held for the time of GROUND.held_s at least, in order of time. t_s, pulse_us : (n,)."""
+    if len(t_s) < 2:
+        return []
     holds: list[HeldPulse] = []
-    start = 0
+    start, first = 0, max(1, round(GROUND.reference_s / float(np.median(np.diff(t_s)))))
     for i in range(1, len(t_s) + 1):
-        reference_us = np.median(pulse_us[start : min(i, start + GROUND.median_samples)])
+        reference_us = np.median(pulse_us[start : min(i, start + first)])
         ended = i == len(t_s) or abs(pulse_us[i] - reference_us) > GROUND.jitter_us
         if not ended:
             continue
@@ -78,7 +81,7 @@ def surface_table(holds: Sequence[HeldPulse], angles_deg: Sequence[float | None]
         raise InputError(f"the angle does not rise or fall steadily with the pulse ({pairs}): is the order right?")
     play = max(float(np.ptp([a for _, a in group])) for group in groups)
     least = float(np.min(np.abs(steps)))
-    if least < GROUND.play_steps * play:
+    if least < NORMAL_95 * play:
         raise InputError(
             f"two readings of one position differ by {play:.1f} deg, neighboring positions only by {least:.1f} deg:"
             " remove the play of the linkage, or hold positions further apart, and measure again"

@@ -93,7 +93,8 @@ class UnitSettings(Settings):
         ),
         "g, K, degrees, m/s",
         "load on the median of a flight, at rest 1; temperature of a transducer, and the same in degrees"
-        " Celsius or Fahrenheit; speed of the tips of a propeller that drives an aircraft, faster than it flies and slower than sound",
+        " Celsius or Fahrenheit; speed of the tips of a propeller that drives an aircraft, faster"
+        " than it flies and slower than sound",
     )
     one_axis: float = setting(
         0.8, "1", "of the magnitude, at least, is the median of one axis in any unit, unless gravity was taken out"

@@ -124,7 +124,7 @@ def tick_period_s(log: Log) -> float:
             period_s = 1 / float(nominal)
         except (ValueError, ZeroDivisionError):
             period_s = math.nan
-        if not 1 / CHANNELS.most_missed <= interval_s / period_s <= CHANNELS.most_missed:
+        if not 1 / CHANNELS.gap <= interval_s / period_s <= CHANNELS.gap:
             raise InputError(
                 f"{log.path}: metadata flightpower: tick_rate_Hz is {nominal!r}, but /imu has {1 / interval_s:.4g}"
                 " messages a second: write that number, or leave it out"

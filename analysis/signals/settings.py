@@ -38,8 +38,9 @@ class ChannelSettings(Settings):
     )
     fewest_samples: int = setting(250, "1", "to judge a channel by: ten seconds of the default tray")
     long_gap_s: float = setting(2.0, "s", "gaps this long are noted, the three longest of each topic")
-    most_missed: float = setting(3.0, "1", "times its nominal period, the median interval of /imu")
-    gap: float = setting(3.5, "1", "median intervals, beyond which samples are not connected")
+    gap: float = setting(
+        3.5, "1", "median intervals, beyond which samples are not connected, and the nominal period is not theirs"
+    )
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ from analysis.schema import Check, ConsistencyCheck
 from analysis.signals.settings import STATISTICS
 from analysis.trajectory.equations import PREDICTED_FLOW, SENSOR_ERRORS, STATES, NamedArrays
 from analysis.trajectory.reconstruction import Trajectory
-from analysis.trajectory.settings import CONSISTENCY, PREDICTION
+from analysis.trajectory.settings import CONSISTENCY, PREDICTION, SHOWN
 from flight.motion import earth_from_body, velocity_of
 
 Array = NDArray[np.float64]
@@ -222,7 +222,7 @@ def why_not_determined(error: float, prior: float) -> str:
 def notes_on(one_way: float, error: float, prior: float) -> list[str]:
     """What limits a scale, in sentences. one_way: length of the mean heading vector; prior: its standard deviation."""
     notes = []
-    if one_way > CONSISTENCY.one_way:
+    if one_way > SHOWN.one_heading:
         notes.append(
             "Nearly all was flown in one direction: scale and wind along it cannot be separated. Fly back, too."
         )

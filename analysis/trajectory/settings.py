@@ -20,9 +20,6 @@ class ConsistencySettings(Settings):
         " angle of attack, and a note is written on a maneuver",
     )
     least_shift_s: float = setting(0.004, "s", "a tenth of a sample interval has no effect on the results")
-    one_way: float = setting(
-        0.75, "1", "length of the mean heading vector; above it, nearly all was flown in one direction"
-    )
 
 
 @dataclass(frozen=True)
