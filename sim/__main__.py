@@ -133,7 +133,7 @@ def fly(
     write_flight(output, flight, drawn, flown_in, aircraft=aircraft, calibration=calibration)
     sensor_truth = FlightSensorTruth(flight, drawn)
     if recorder is not None:
-        written = write_autopilot_log(output, recorder, flight, sensor_truth, drawn, traps)
+        written = write_autopilot_log(output, recorder, flight, sensor_truth, drawn, faults=traps)
         print(f"{written}: {flight.duration_s:.0f} s of {craft.title}, {flight_plan.title}", file=sys.stderr)
         return
     with progress_bar("recording", flight.duration_s) as report:
@@ -272,6 +272,7 @@ def tunnel(
 
 @app.command(short_help="Trimmed flight: angle of attack, controls, motor, power.")
 def trim(
+    *,
     aircraft: AircraftOption = "nexstar",
     height: HeightOption = 100.0,
     climb: ClimbOption = 0.0,

@@ -26,7 +26,13 @@ def faults_of(recorder: str | None, text: str) -> list[str]:
 
 
 def write_autopilot_log(
-    output: Path, recorder: str, flight: Flight, sensor_truth: FlightSensorTruth, drawn: DrawnErrors, faults: list[str]
+    output: Path,
+    recorder: str,
+    flight: Flight,
+    sensor_truth: FlightSensorTruth,
+    drawn: DrawnErrors,
+    *,
+    faults: list[str],
 ) -> Path:
     """Write the log and return its path. recorder: of AUTOPILOT_LOGS."""
     path = output / AUTOPILOT_LOGS[recorder]

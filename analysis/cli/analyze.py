@@ -40,6 +40,7 @@ class AnalyzeCommand(TyperCommand):
 @app.command(cls=AnalyzeCommand)
 @takes_options(Options)
 def analyze(
+    *,
     logs: Annotated[
         list[Path],
         typer.Argument(

@@ -69,9 +69,9 @@ def _direct_method(
     title: str,
     equations: str,
     kinds: tuple[str, ...],
-    drag_and_lift: Callable[[Mapping[str, Array]], tuple[Array, Array]],
-    columns: dict[str, str],
     *taken_as_measured: str,
+    columns: Mapping[str, str],
+    drag_and_lift: Callable[[Mapping[str, Array]], tuple[Array, Array]] = from_accelerometers,
 ) -> Method:
     """A regression of drag on lift, with the propeller table as it is. taken_as_measured: other errors than its own."""
 
@@ -90,24 +90,24 @@ def _direct_method(
 
 DIRECT = _direct_method(
     "direct", "direct drag, accelerometers", "(2.16), (2.18)-(2.21)", (*LEVEL_RUNS, *LOAD_FACTOR_MANEUVERS),
-    from_accelerometers, ALPHA_MEASURED, "alpha_bias", "alpha_scale", "lag",
+    "alpha_bias", "alpha_scale", "lag", columns=ALPHA_MEASURED,
 )  # fmt: skip
 FROM_SPEED = _direct_method(
     "direct-speed", "direct drag, speed and pitch attitude", "(2.22), (2.18)-(2.21)",
-    (*LEVEL_RUNS, *LOAD_FACTOR_MANEUVERS), from_speed, THETA_MEASURED, "pitch",
+    (*LEVEL_RUNS, *LOAD_FACTOR_MANEUVERS), "pitch", columns=THETA_MEASURED, drag_and_lift=from_speed,
 )  # fmt: skip
 ONE_RUN = _direct_method(
     "run", "one run alone, propeller table as it is", "(2.16), (2.18)-(2.21) along the path", LEVEL_RUNS,
-    from_accelerometers, ALONG_TRAJECTORY,
+    columns=ALONG_TRAJECTORY,
 )  # fmt: skip
 VARIED_LIFT = _direct_method(
     "varied-lift", "roller coasters and wind-up turns", "(2.16), (2.18)-(2.21) along the path", LOAD_FACTOR_MANEUVERS,
-    from_accelerometers, ALONG_TRAJECTORY,
+    columns=ALONG_TRAJECTORY,
 )  # fmt: skip
 ACCELERATIONS, DECELERATIONS = (
     _direct_method(
-        f"{kind}s", f"{kind}s alone, propeller table as it is", "(2.16), (2.18)-(2.21)", (kind,),
-        from_accelerometers, AIRSPEED_LAGGED, "lag",
+        f"{kind}s", f"{kind}s alone, propeller table as it is", "(2.16), (2.18)-(2.21)", (kind,), "lag",
+        columns=AIRSPEED_LAGGED,
     )
     for kind in (ACCELERATION, DECELERATION)
 )  # fmt: skip
