@@ -44,7 +44,8 @@ def analyze(
     replacements: files used instead of parts of the log, such as another aircraft file. request: battery, weights and
     density altitudes to compute performance for. runs_file: an edited list of runs (`maneuvers.runs_file`).
     command_line: that started the analysis, for the report. by_likelihood: with the two maximum-likelihood methods.
-    Raises InputError when the log lacks something that nothing can replace, or holds no run.
+    Raises InputError when the log lacks something that nothing can replace, or holds no maneuver from which drag can be
+    estimated.
     """
     read = recorded(log, replacements, progress)
     measured = synchronized(read)

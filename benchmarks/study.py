@@ -77,6 +77,8 @@ def main(
     ] = None,
     jobs: Annotated[int, typer.Option(help="Processes.")] = 2,
 ) -> None:
+    if name not in CASES:
+        raise typer.BadParameter(f"{name} is none of {', '.join(CASES)}")
     case = CASES[name]
     one_flight = partial(case.one_flight, **dict(option(text) for text in given or []))
     columns, console = case.columns(load_aircraft(aircraft)), Console(width=140, markup=False)

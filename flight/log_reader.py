@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-from mcap.exceptions import McapError
 from mcap.records import Attachment, Channel, Header, McapRecord, Metadata
 
 from flight.errors import InputError
@@ -156,10 +155,8 @@ def _read(path: Path, stream: Iterator[McapRecord | Messages]) -> Log:
         raise
     except LogTooLarge as error:
         log.torn = str(error)
-    except (McapError, EOFError, ValueError, KeyError, ArithmeticError) as error:
+    except Exception as error:  # whatever a decoder raises on a torn chunk: McapError, EOFError, errors of zstandard …
         log.torn = f"{type(error).__name__}: {error}".rstrip(": ")
-    except Exception as error:  # errors of zstandard and struct, and whatever else a decoder raises on a torn chunk
-        log.torn = f"{type(error).__name__}: {error}"
     for entries in read.values():
         entries.finish()
     log.entries.update(read)

@@ -57,7 +57,7 @@ def load(name: str) -> Any:
     missing = [module for module in side.needs if find_spec(module) is None]
     if missing:
         raise InputError(
-            f'flightpower {name}: {", ".join(missing)} not installed; run: pip install "flightpower[{side.extra}]"'
+            f'flightpower {name}: {", ".join(missing)} not installed; in the clone: pip install ".[{side.extra}]"'
         )
     command = typer.main.get_command(importlib.import_module(side.module).app)
     command.name = name

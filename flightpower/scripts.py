@@ -7,6 +7,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 PACKAGES = ("analysis", "daq", "flight", "hw_fakes", "sim")
+INSTALL = 'pip install ".[analysis,sim]"'  # all that the commands need on a laptop
 BAD_INPUT = 2  # of `flight.command_line.ExitCode`, which cannot be imported where `flight` is hidden
 
 
@@ -26,7 +27,13 @@ def _command(module: str) -> Callable[[], None]:
         if message := hidden_package():
             print(f"error: {message}", file=sys.stderr)
             sys.exit(BAD_INPUT)
-        importlib.import_module(module).main()
+        try:
+            importlib.import_module(module).main()
+        except ModuleNotFoundError as error:
+            if error.name and error.name.split(".")[0] in PACKAGES:
+                raise
+            print(f"error: {error.name} is not installed; in the clone: {INSTALL}", file=sys.stderr)
+            sys.exit(BAD_INPUT)
 
     return main
 

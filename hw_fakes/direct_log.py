@@ -124,7 +124,7 @@ def write_direct_log(
     """Write the messages of a whole flight into `log`.
 
     tray: parts of this flight. compensations: of "baro" and "static". start_unix_ns: what the computer takes for Unix
-    time at the start; it is `hw_fakes.tray.UTC_AT_START`.
+    time at the start; the true time is `hw_fakes.tray.UTC_AT_START`.
     """
     read_times = ReadTimes(sensor_truth.duration_s, tray.imu.clock_error)
     solutions = list(gps_messages(sensor_truth, read_times, int(UTC_AT_START.timestamp() * 1e9)))

@@ -106,7 +106,7 @@ def fly(
     Examples:
       sim fly -o out/demo
       sim fly --aircraft my.toml --plan full-test-flight --no-hardware -o out
-      sim fly --aircraft my.toml --like nexstar --installation may --seed 3 --no-hardware -o flights/3
+      sim fly --aircraft my.toml --like nexstar --installation may --no-hardware
     """
     from hw_fakes.faults import load_faults
     from sim.autopilot_log import faults_of, write_autopilot_log

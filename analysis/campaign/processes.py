@@ -126,7 +126,10 @@ def run_jobs(
         while waiting and len(running) < computers.at_once():
             job = waiting.popleft()
             folder = new_folder(job.name)
-            running[computers.submit(job, folder)] = job, folder
+            try:
+                running[computers.submit(job, folder)] = job, folder
+            except OSError as error:  # a log that was there a moment ago
+                yield job, folder, Outcome(f"{job.log}: could not be read ({error.strerror or error})")
         for future in wait(running, return_when=FIRST_COMPLETED).done:
             job, folder = running.pop(future)
             yield job, folder, _outcome(future, job, folder)

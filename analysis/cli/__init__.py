@@ -1,1 +1,1 @@
-"""The commands `analyze` and `calibrate`: arguments, messages and exit codes; no computation."""
+"""The commands `analyze`, `calibrate`, `compare`, `export`, `plan`: arguments, messages, exit codes; no computation."""

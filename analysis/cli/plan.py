@@ -136,6 +136,14 @@ class PlanOptions:
     ] = 0.0
     firmware: Annotated[Firmware, typer.Option("--firmware", help="Of the mission.")] = Firmware.PX4
 
+    def __post_init__(self) -> None:
+        """A program may give names as texts. Raises InputError for one that does not exist."""
+        for name, kind in (("question", QuestionName), ("pilot", PilotKind), ("firmware", Firmware)):
+            value = getattr(self, name)
+            if value not in set(kind):
+                raise InputError(f"{name}: {value!r} is none of {', '.join(kind)}")
+            object.__setattr__(self, name, kind(value))
+
     @property
     def longest_leg_m(self) -> float:
         """The length given, or that of the pilot."""

@@ -75,7 +75,7 @@ def test_bad_input_is_one_line_under_it_too(tmp_path: Path) -> None:
 
 def test_a_side_that_is_not_installed_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(umbrella, "find_spec", lambda name: None if name == "scipy" else object())
-    with pytest.raises(InputError, match=r'scipy not installed; run: pip install "flightpower\[analysis\]"'):
+    with pytest.raises(InputError, match=r'scipy not installed; in the clone: pip install "\.\[analysis\]"'):
         umbrella.load("analyze")
 
 
