@@ -29,6 +29,7 @@ from analysis.maneuvers.kinds import FOR_DRAG, Maneuvers
 from analysis.maneuvers.runs_file import select
 from analysis.polar import Condition
 from analysis.trajectory.observability import (
+    PriorConflict,
     conflict_notes,
     prior_conflict,
     sensor_error_estimates,
@@ -113,11 +114,16 @@ class Flown(Measured):
 class Reconstructed(Flown):
     """With the trajectory and the sensor errors.
 
-    prior_factor : on the prior standard deviations of the sensor errors, larger than one where the flight denied them
+    prior_conflict : of the sensor errors of the first trajectory, after which prior standard deviations were enlarged
     """
 
     trajectory: Trajectory
-    prior_factor: ArrayLike
+    prior_conflict: PriorConflict
+
+    @property
+    def prior_factor(self) -> ArrayLike:
+        """On the prior standard deviations of the sensor errors, larger than one where the flight denied them."""
+        return self.prior_conflict.factor
 
 
 def recorded(log: Log, replacements: Replacements, progress: Progress = lambda _: None) -> Recorded:
@@ -159,14 +165,12 @@ def _rows_flown(table: pd.DataFrame, maneuvers: Maneuvers) -> pd.DataFrame:
 def reconstructed(flight: Flown) -> Reconstructed:
     """The trajectory is reconstructed again with wider priors where the flight denies those of the sensor errors."""
     flight.progress("reconstructing the trajectory")
-    prior_factor: ArrayLike = 1.0
     trajectory = trajectory_with(flight, flight.data)
     conflict = prior_conflict(trajectory)
     notes = [*flight.notes, *conflict_notes(conflict, trajectory)]
     if conflict.conflicting:
         flight.progress("reconstructing the trajectory with larger sensor errors")
-        prior_factor = conflict.factor
-        trajectory = trajectory_with(flight, flight.data, prior_factor=prior_factor)
+        trajectory = trajectory_with(flight, flight.data, prior_factor=conflict.factor)
     trajectory, misfit_notes = with_misfit(trajectory)
     notes += misfit_notes + trajectory_notes(
         trajectory,
@@ -176,7 +180,7 @@ def reconstructed(flight: Flown) -> Reconstructed:
         log=flight.name,
     )
     return Reconstructed(
-        **flight.known() | {"trajectory": trajectory, "prior_factor": prior_factor, "notes": tuple(notes)}
+        **flight.known() | {"trajectory": trajectory, "prior_conflict": conflict, "notes": tuple(notes)}
     )
 
 

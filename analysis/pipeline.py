@@ -13,6 +13,7 @@ from analysis.performance.analysis import compute
 from analysis.performance.request import Request
 from analysis.planning.next_flight import next_flight
 from analysis.results.assemble import assemble
+from analysis.results.trust import with_trust
 from analysis.schema import PerformanceResult, Results
 from analysis.trajectory.consistency import Consistency, consistency
 from flight.log_reader import Log
@@ -59,7 +60,7 @@ def analyze(
     results = assemble(flight, consistent, performance, whole_flight_energy.electrical, command_line)
     advice = next_flight(flight.trajectory, flight.drag.main, flight.condition, flight.drag.flown_CL)
     with_advice = structs.replace(results, next_flight=list(advice.sentences), next_flight_lowers=advice.lowers)
-    return Analysis(**flight.known(), consistency=consistent, results=with_advice)
+    return Analysis(**flight.known(), consistency=consistent, results=with_trust(with_advice))
 
 
 def _with_energy_of_whole_flight(flight: Estimated) -> tuple[Estimated, WholeFlight]:

@@ -61,6 +61,65 @@ class CurveStatus(StrEnum):
         return self in (CurveStatus.CONVERGED, CurveStatus.BY_ANOTHER_METHOD)
 
 
+class Trust(StrEnum):
+    """What a result is worth, by its evidence. A doubtful one is used with care: which part is in doubt is said."""
+
+    TRUSTED = "trusted"
+    DOUBTFUL = "doubtful"
+    NOT_TO_BE_TRUSTED = "not to be trusted"
+
+
+class EvidenceKind(StrEnum):
+    """What speaks against a result. The order is that in which it is told: causes before their consequences."""
+
+    NOT_CONVERGED = "not converged"
+    TRAJECTORY_NOT_CONVERGED = "trajectory not converged"
+    THRUST_TABLE = "thrust against the propeller's table"
+    MOTOR_SPEED = "motor speed against the motor's constant"
+    PROPELLER_EFFICIENCY = "propeller efficiency"
+    MOTOR_EFFICIENCY = "motor efficiency"
+    SENSOR_ERROR = "sensor error against its prior"
+    RUN_AGAINST_OTHERS = "run against the other runs"
+    OUTSIDE_TABLE = "outside the propeller's table"
+    INTERVAL_REACHES_ZERO = "interval reaches zero"
+    DRAG_FALLS_WITH_LIFT = "drag falls with lift"
+    CROSS_CHECK = "cross-check"
+
+
+class PartOfResult(StrEnum):
+    """What a piece of evidence concerns."""
+
+    CURVE = "the whole curve"
+    AT_SPEED = "the curve near one speed"
+    POWER_TRAIN = "battery power, endurance and range"
+
+
+class Evidence(msgspec.Struct, frozen=True, kw_only=True):
+    """One piece of evidence against a result: a figure beyond its limit."""
+
+    kind: EvidenceKind
+    level: Trust
+    part: PartOfResult
+    subject: str = ""  # the run, the sensor error or the parameter; empty where the kind says it
+    figure: float | None = None
+    unit: str = "1"
+    limit: float | None = None
+    false_alarm_rate: float | None = None  # of this kind in one sound flight; null where noise sets no limit
+    text: str  # what is wrong, and what to do
+
+
+class RunAgainstOthers(msgspec.Struct, frozen=True, kw_only=True):
+    """Power by one run alone, and by the others of its kind, at the speed where their difference is known best."""
+
+    run: str
+    kind: str
+    speed_mps: float
+    power_W: float
+    others_W: float
+    standard_error_W: float  # of the difference
+    z: float  # difference over its standard error; without a defect about normal with unit variance
+
+
 class AutopilotParameter(msgspec.Struct, frozen=True, kw_only=True):
     """A value to type into an autopilot, with its 95 % interval."""
 
@@ -286,6 +345,8 @@ class PathResult(msgspec.Struct, frozen=True, kw_only=True):
     residuals: dict[str, float]  # by channel: rms, in standard deviations of the channel's noise
     checks: list[ConsistencyCheck]
     sensor_errors: list[SensorError]
+    # By sensor error, estimate less prior mean in prior standard deviations, where the first estimate denied the prior.
+    prior_conflicts: dict[str, float] = {}
 
 
 class RunResult(msgspec.Struct, frozen=True, kw_only=True):
@@ -498,6 +559,8 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     """The contents of `results.json`."""
 
     format: str = FORMAT
+    trust: Trust = Trust.TRUSTED  # as bad as the worst of:
+    evidence: list[Evidence] = []  # against the result, the worst first
     software_version: str
     log: str
     aircraft: AircraftResult
@@ -523,9 +586,12 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     warnings: list[str]
     methods: list[MethodResult] = []
     one_by_one: list[MethodResult] = []  # each acceleration and deceleration alone, named by `title`
+    runs_against_others: list[RunAgainstOthers] = []
     disagreements: list[DisagreementResult] = []
     interval_parts: list[IntervalPart] = []  # of `power_required`
     path: PathResult | None = None
+    # Motor speed at full throttle over kV (V - I R); null without throttle, voltage, current, or these constants.
+    speed_over_motor_constant: float | None = None
     use: PerformanceResult | None = None  # null where the propeller's table cannot give the thrust of level flight
     electrical_power: list[PowerPoint] = []  # from the battery in level flight, by an energy balance
     electrical: ElectricalResult | None = None

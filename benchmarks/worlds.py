@@ -3,6 +3,7 @@
     python benchmarks/worlds.py --jobs 4
     python benchmarks/worlds.py --worlds weight --weather 0 --plans two-pairs --flights 4 --seed 0
     python benchmarks/worlds.py --worlds study --weather 15 --plans full-test-flight --calibrated
+    python benchmarks/worlds.py --defects --weather 0 --plans two-pairs --flights 2 --seed 0
 
 With --calibrated, `calibrate transducers` comes first: the transducers of each flight are held at the pressures of the
 plan `transducer-column`, by a water column whose scale and readings have errors, and the flight is analyzed with the
@@ -39,6 +40,7 @@ from analysis.log_contents import Replacements
 from analysis.pipeline import Analysis, analyze
 from analysis.polar import Condition
 from analysis.results.files import to_json
+from analysis.schema import Trust
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from flight.log_reader import read_log
@@ -108,7 +110,8 @@ def one_flight(job: Job) -> dict[str, Any]:
         )
     return {
         **line, "error": error, "half": half, "warnings": analysis.results.warnings,
-        "alarm": alarm(analysis), "disagreements": len(results["disagreements"]),
+        "alarm": alarm(analysis), "trust": analysis.results.trust,
+        "evidence": [one.kind for one in analysis.results.evidence], "disagreements": len(results["disagreements"]),
     }  # fmt: skip
 
 
@@ -149,11 +152,12 @@ def tables(lines: list[dict[str, Any]]) -> str:
     speed_names = " / ".join(f"{x:g}" for x in OVER_STALL)
     out = [
         f"Speeds: {speed_names} times the stalling speed. Coverage of the 95 % interval over all speeds, and at each;"
-        " 95 % of errors below; median half width; % of the truth. Warnings a flight; share with a cross-check alarm.",
+        " 95 % of errors below; median half width; % of the truth. Warnings a flight; share with a cross-check alarm;"
+        " flights that are trusted, doubtful, and not to be trusted, and the evidence.",
         "",
         "| world | W20, kt | plan | flights | coverage, % | at each speed | error | half width | warnings"
-        " | alarms, % |",
-        "|---|---|---|---|---|---|---|---|---|---|",
+        " | alarms, % | verdicts | evidence |",
+        "|---|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     by_cell: dict[Cell, list[dict[str, Any]]] = {}
     for line in lines:
@@ -163,7 +167,7 @@ def tables(lines: list[dict[str, Any]]) -> str:
         refused = f" ({len(members) - len(done)} refused)" if len(done) < len(members) else ""
         head = f"| {cell.world} | {cell.weather_kt:g} | {cell.plan} | {len(done)}{refused} |"
         if not done:
-            out.append(f"{head} - | - | - | - | - | - |")
+            out.append(f"{head} - | - | - | - | - | - | - | - |")
             continue
         error, half = (np.array([line[name] for line in done], dtype=float) for name in ("error", "half"))
         rows = {name: row for name, row, _ in error_rows(error, half)}
@@ -173,10 +177,12 @@ def tables(lines: list[dict[str, Any]]) -> str:
 
         warnings = np.mean([len(line["warnings"]) for line in done])
         alarms = 100 * np.mean([line["alarm"] for line in done])
+        verdicts = " / ".join(str(sum(line["trust"] == level for line in done)) for level in Trust)
+        evidence = ", ".join(dict.fromkeys(kind for line in done for kind in line["evidence"])) or "-"
         out.append(
             f"{head} {coverage(error, half):.0f} | {listed('coverage, %', '{:.0f}')}"
             f" | {listed('95 % of errors below', '{:.1f}')} | {listed('half width of intervals', '{:.1f}')}"
-            f" | {warnings:.1f} | {alarms:.0f} |"
+            f" | {warnings:.1f} | {alarms:.0f} | {verdicts} | {evidence} |"
         )
     for plan in dict.fromkeys(cell.plan for cell in by_cell):
         flights: dict[str, dict[float, list[Points]]] = {}
@@ -240,13 +246,15 @@ def main(
     first_seed: Annotated[
         int, typer.Option("--seed", help="The first seed; development uses those below 1000.")
     ] = 1000,
+    defects: Annotated[bool, typer.Option("--defects", help="The worlds of one defect each, docs/trust.md.")] = False,
     calibrated: Annotated[bool, typer.Option("--calibrated", help="Calibrate the transducers first.")] = False,
     jobs: Annotated[int, typer.Option(help="Processes.")] = 2,
     file: Annotated[Path, typer.Option(help="Where flights are kept, one a line.")] = Path("out/study.jsonl"),
 ) -> None:
     """Fly what is missing and print the table."""
     code, probe = version(), msgspec.json.encode(tunnel_probe()).decode()
-    chosen = names or [name for name in worlds() if name not in {WITHOUT_ERRORS, *worlds_with_defects()}]
+    of_defects = worlds_with_defects()
+    chosen = names or [name for name in worlds() if name != WITHOUT_ERRORS and (name in of_defects) == defects]
     todo = []
     # Seed by seed over all cells: an interrupted study has a few flights of everything.
     of_cell = {cell: flights or (STUDY_FLIGHTS if cell.world == STUDY else FLIGHTS)

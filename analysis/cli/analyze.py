@@ -101,9 +101,10 @@ def analyze(
       analyze flights/*.mcap -o out                  many flights as one
       analyze compare old/ new/ -o difference
 
-    Exit code 0: done. 1: done, but the result is not to be trusted, and lines on stderr say why; or, of several logs,
-    some cannot be used or are not to be trusted. 2: the input cannot be used; one line on stderr says why, and nothing
-    was written; of several logs, the folders of flights that could be analyzed stay.
+    Exit code 0: done; a doubtful result is named first. 1: done, but the result is not to be trusted, and lines on
+    stderr say why; or, of several logs, some cannot be used or are not to be trusted. 2: the input cannot be used; one
+    line on stderr says why, and nothing was written; of several logs, the folders of flights that could be
+    analyzed stay.
     """
     # These matrices are too small to gain from a thread pool, which would slow down every call.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -132,13 +133,15 @@ def analyze(
 def _finish(done: Done, json: bool, quiet: bool) -> ExitCode:
     """Print the results, and on stderr why they are not to be trusted. Returns the exit code."""
     from analysis.results.files import to_json
-    from analysis.results.trust import reasons_not_to_trust
+    from analysis.results.trust import doubts, reasons_not_to_trust
 
+    reasons = reasons_not_to_trust(done.results)
+    for doubt in doubts(done.results):
+        print(f"doubtful: {doubt}", file=sys.stderr)
     if json:
         print(to_json(done.results).decode())
     elif not quiet:
         done.print_summary(Console())
-    reasons = reasons_not_to_trust(done.results)
     for reason in reasons:
         print(f"not to be trusted: {reason}", file=sys.stderr)
     return ExitCode.FAILURE if reasons else ExitCode.DONE

@@ -3,7 +3,6 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy import special
 
 from analysis.drag import cross_check, dynamic, likelihood
 from analysis.drag.assumed_values import (
@@ -18,12 +17,11 @@ from analysis.drag.likelihood import LikelihoodEstimates
 from analysis.drag.method import MethodEstimate
 from analysis.drag.methods import every_method, fallback
 from analysis.drag.rerun import EstimateRerun
-from analysis.drag.settings import COMPARISON
+from analysis.drag.run_agreement import runs_against_others
 from analysis.flight import Reconstructed
-from analysis.maneuvers.kinds import FOR_DRAG, LEVEL_RUNS
-from analysis.polar import Condition, Polar, power_required, speed_at, unphysical
-from analysis.schema import DisagreementResult
-from analysis.settings import EVIDENCE
+from analysis.maneuvers.kinds import FOR_DRAG
+from analysis.polar import unphysical
+from analysis.schema import DisagreementResult, RunAgainstOthers
 from flight.errors import InputError
 
 
@@ -37,6 +35,7 @@ class DragEstimates:
     cross_check : None where the flight has no run for it, or it failed
     cross_check_differs : it leaves the simultaneous 95 % band of the difference from the power curve; False for filter
         error
+    runs_against_others : each run against the others of its kind
     likelihood : the maximum-likelihood methods, where these were asked for
     """
 
@@ -48,6 +47,7 @@ class DragEstimates:
     cross_check: CrossCheck | None
     warnings: list[str]
     cross_check_differs: bool = False
+    runs_against_others: list[RunAgainstOthers] = field(default_factory=list)
     likelihood: LikelihoodEstimates = field(default_factory=lambda: LikelihoodEstimates([], None, {}))
 
 
@@ -99,10 +99,10 @@ def estimate(flight: Reconstructed, *, by_likelihood: bool = False) -> DragEstim
         warnings=[
             *(assumptions.notes if assumptions else []),
             *main.warnings,
-            *run_scatter(others.one_by_one, flight.condition),
             *check_warnings,
         ],
         cross_check_differs=differs,
+        runs_against_others=runs_against_others(others.one_by_one, flight.condition, aircraft.uncertainty),
         likelihood=by_source,
     )
 
@@ -142,27 +142,3 @@ def _cross_checked(flight: Reconstructed, main: DynamicEstimate) -> tuple[CrossC
         return None, False, [f"The cross-check on the runs alone failed: {error}."]
     compared = cross_check.disagreement(main.polar, check, flight.condition, flight.flown_CL)
     return check, compared.differs, compared.warnings
-
-
-def run_scatter(single_runs: list[MethodEstimate], condition: Condition) -> list[str]:
-    """A warning per kind of run whose powers differ by more than noise, at a speed common to all of them."""
-    warnings = []
-    for kind in LEVEL_RUNS:
-        runs = [run for run in single_runs if run.polar is not None and kind in run.method.kinds]
-        if len(runs) < COMPARISON.fewest_runs:
-            continue
-        low, high = max(run.flown_CL[0] for run in runs), min(run.flown_CL[1] for run in runs)
-        if low >= high:
-            continue
-        V = speed_at([np.sqrt(low * high)], condition)
-        power, error = np.array(
-            [power_required(V, Polar(run.polar.A, run.noise), condition) for run in runs if run.polar is not None]
-        )[:, :, 0].T
-        mean = np.average(power, weights=error**-2)
-        chi_square, dof = np.sum(((power - mean) / error) ** 2), len(runs) - 1
-        if chi_square > special.chdtri(dof, EVIDENCE.rare_false_alarms):
-            warnings.append(
-                f"The {len(runs)} {kind}s differ from each other by {100 * np.std(power, ddof=1) / mean:.1f} % at"
-                f" {V[0]:.1f} m/s, {np.sqrt(chi_square / dof):.1f} times what their noise allows."
-            )
-    return warnings

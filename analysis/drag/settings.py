@@ -89,7 +89,9 @@ class Comparison(Settings):
     least_speed_ratio: float = setting(1.15, "1", "highest over lowest of the speeds common to both methods")
     lag_sigma_s: float = setting(0.3, "s", "prior of the air-data lag here: wide enough for a faulty installation")
     correlated_blocks: int = setting(4, "blocks", "over which residuals are correlated")
-    fewest_runs: int = setting(3, "runs", "of one kind, for their scatter to be tested")
+    run_slope_rad: float = setting(
+        0.001, "rad", "of the path of one run, 1 sigma that its residuals do not show: a tenth of a meter in 100 m"
+    )
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ from analysis.performance.power_train import torque_constant
 from analysis.performance.propagation import ParameterVector
 from analysis.performance.settings import FULL_THROTTLE, POWER_TRAIN
 from analysis.signals.smoothing import stretches
+from flight.aircraft import Propulsion
 from flight.complete_aircraft import CompletePropulsion
 from flight.propeller import Propeller
 
@@ -78,6 +79,23 @@ def fit_full_throttle(data: pd.DataFrame, propulsion: CompletePropulsion, propel
         f" {60 * fit.values[1]:.0f} rpm for each N m, with the battery as charged as it was then."
     )
     return FullThrottle(ParameterVector(fit.names, fit.values, covariance.of_noise(fit)), basis=basis)
+
+
+def speed_over_motor_constant(table: pd.DataFrame, propulsion: Propulsion) -> float | None:
+    """Motor speed at full throttle over kV (V - I R), the median; 1 where speed, meter and constants are right.
+
+    table: of `air_data`. None without throttle, voltage, current, or these constants.
+    """
+    kv, resistance = propulsion.motor_kv_rpm_per_volt, propulsion.motor_resistance_ohm
+    columns = ["n_revps", "throttle", "battery_V", "battery_A"]
+    if kv is None or resistance is None or not set(columns) <= set(table.columns):
+        return None
+    at_full = table[columns].dropna()
+    at_full = at_full[at_full["throttle"] >= FULL_THROTTLE.least]
+    if len(at_full) < FULL_THROTTLE.needed_s / float(table.index[1] - table.index[0]):
+        return None
+    allowed_revps = kv * (at_full["battery_V"] - at_full["battery_A"] * resistance) / 60
+    return float((at_full["n_revps"] / allowed_revps).median())
 
 
 def _full_throttle_stretches(

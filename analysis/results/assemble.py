@@ -7,6 +7,7 @@ import numpy as np
 
 from analysis.drag.estimate import Estimated
 from analysis.electrical.estimate import ElectricalEstimate
+from analysis.performance.full_throttle import speed_over_motor_constant
 from analysis.polar import Condition, best_range_lift, minimum_power_lift
 from analysis.results import flight_found, methods, power_curves
 from analysis.results.autopilot_parameters import of_power_required
@@ -78,11 +79,13 @@ def assemble(
         warnings=list(flight.notes),
         methods=[methods.method_result(estimate, condition, flown_CL[1]) for estimate in drag.methods],
         one_by_one=[methods.method_result(estimate, condition, flown_CL[1]) for estimate in drag.one_by_one],
+        runs_against_others=drag.runs_against_others,
         disagreements=drag.disagreements,
         interval_parts=power_curves.interval_parts(
             drag.main, condition, np.array([point.speed_mps for point in power_required])
         ),
-        path=flight_found.path_result(trajectory, agreement),
+        path=flight_found.path_result(trajectory, agreement, flight.prior_conflict.beyond),
+        speed_over_motor_constant=speed_over_motor_constant(flight.table, aircraft.propulsion),
         use=performance,
         pooling=_pooling(flight),
         provenance=provenance(flight, flight.runs_file, command_line),

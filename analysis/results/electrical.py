@@ -17,6 +17,7 @@ from analysis.estimation.noise import NORMAL_95
 from analysis.polar import maximum_lift_to_drag
 from analysis.results.autopilot_parameters import typed_in
 from analysis.results.electrical_parameters import flight_values
+from analysis.results.trust import with_trust
 from analysis.schema import (
     AircraftResult,
     ConditionResult,
@@ -66,7 +67,7 @@ def electrical_results(log: Path, aircraft: FlownAircraft, found: ElectricalFlig
     parameters, withheld = typed_in(flight_values(estimate, beside.best_range_speed, logged, known))
     rows = flight.table[flight.flown]
     weight = ConditionResult(weight_N=aircraft.weight_N, air_density_kgpm3=estimate.conditions.rho)
-    return Results(
+    results = Results(
         software_version=version("flightpower"),
         log=str(log),
         aircraft=AircraftResult(
@@ -95,6 +96,7 @@ def electrical_results(log: Path, aircraft: FlownAircraft, found: ElectricalFlig
         autopilot_parameters_withheld=withheld,
         provenance=provenance,
     )  # fmt: skip
+    return with_trust(results)
 
 
 def electrical_points(estimate: ElectricalEstimate) -> list[PowerPoint]:

@@ -1,6 +1,7 @@
 """What the flight found beside the curve, in the form of `results.json`: air, residuals, correlation, track."""
 
 from collections.abc import Mapping
+from types import MappingProxyType
 
 import numpy as np
 import pandas as pd
@@ -21,14 +22,17 @@ Array = NDArray[np.float64]
 DRAG = "drag / mass, m/s²"  # of `RunFit`
 
 
-def path_result(trajectory: Trajectory, agreement: Consistency) -> PathResult:
-    """Quality of the trajectory, agreement of channels and sensor errors."""
+def path_result(
+    trajectory: Trajectory, agreement: Consistency, prior_conflicts: Mapping[str, float] = MappingProxyType({})
+) -> PathResult:
+    """Quality of the trajectory, agreement of channels and sensor errors. prior_conflicts: of `PriorConflict.beyond`"""
     return PathResult(
         converged=trajectory.converged,
         gust_mps=trajectory.gust_mps,
         residuals=trajectory.residuals,
         checks=consistency_checks(agreement),
         sensor_errors=sensor_error_estimates(trajectory),
+        prior_conflicts=dict(prior_conflicts),
     )
 
 

@@ -17,4 +17,21 @@ class ResultsSettings(Settings):
     weighed_share: float = setting(0.01, "1", "half width of the 95 % interval of a weighed mass")
 
 
+@dataclass(frozen=True)
+class TrustLimits(Settings):
+    """From when on evidence speaks against a result."""
+
+    false_alarm_rate: float = setting(
+        0.003, "1", "of each kind of evidence that noise limits, in one sound flight: three kinds make one in 100"
+    )
+    beyond_doubt: float = setting(
+        2.0, "1", "times the limit of doubt: a table twice as uncertain as stated would be denied, too"
+    )
+    best_propeller: float = setting(0.9, "1", "efficiency that no propeller of a model exceeds; the best have 0.85")
+    motor_constant: float = setting(
+        0.1, "1", "of kV (V - I R): two poles more or less of 14 are 14 %; constants of makers differ by some percent"
+    )
+
+
+TRUST = TrustLimits()
 RESULTS = ResultsSettings()

@@ -1,27 +1,323 @@
-"""Reasons not to trust a result: those for which `analyze` ends with exit code 1 (docs/results.md)."""
+"""What speaks against a result: the evidence, and the verdict that it adds up to (docs/trust.md).
 
-from analysis.schema import PowerPoint, Results
+Each item has its own figure and limit. Limits of noise follow from a rate of false alarms, those of physics hold
+without noise. A result that is not to be trusted ends `analyze` with exit code 1; a doubtful one is told first.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+
+import msgspec
+from scipy import special
+
+from analysis.results.settings import TRUST
+from analysis.schema import (
+    CurveStatus,
+    Evidence,
+    EvidenceKind,
+    Interval,
+    PartOfResult,
+    PoolingStatistics,
+    PowerPoint,
+    Results,
+    Trust,
+)
+from analysis.settings import FLOWN
 
 NOT_TO_TRUST = "not_to_trust"  # name under which the results of a flight in a pool have its reasons
+_WORST_FIRST = (Trust.NOT_TO_BE_TRUSTED, Trust.DOUBTFUL, Trust.TRUSTED)
+
+# What each correction of thrust corrects, by its name in the drag model.
+_THRUST = {
+    "thrust_scale": "scale of thrust",
+    "thrust_slope": "slope of thrust over advance ratio",
+    "thrust_beyond": "thrust beyond the table's last advance ratio",
+}
+_ON_THE_STAND = "thrust at rest, against the stand"
+
+# What usually makes a sensor error larger than assumed, by its name in `path`.
+_CULPRIT = {
+    "alpha_bias": "the probe is mounted at an angle to the IMU, or the IMU is not level with the aircraft",
+    "alpha_scale": "the boom bends, or upwash or the probe's calibration is wrong",
+    "beta_bias": "the probe or the IMU is turned sideways",
+    "V_scale": "the airspeed line leaks, or the calibration of probe or transducer is wrong",
+    "air_data_lag": "the tubes are long or narrow, or a clock is late",
+    "gps_latency": "a clock is late",
+    "heading_bias": "the IMU is turned to the side, or the compass is not calibrated",
+    "ax_bias": "vibration of the motor or temperature moves the accelerometer's zero, or the IMU is not level",
+    "ay_bias": "vibration of the motor or temperature moves the accelerometer's zero, or the IMU is not level",
+    "az_bias": "vibration of the motor or temperature moves the accelerometer's zero, or its scale is wrong",
+    "p_bias": "the gyro drifts with temperature, or vibrates",
+    "q_bias": "the gyro drifts with temperature, or vibrates",
+    "r_bias": "the gyro drifts with temperature, or vibrates",
+    "dp_alpha_zero": "the transducer's zero drifts, or water is in the line",
+    "q_c_zero": "the transducer's zero drifts, or water is in the line",
+}
+
+
+def evidence_against(results: Results) -> list[Evidence]:
+    """The worst first, causes before their consequences; empty for a result that can be used within its interval."""
+    found = [
+        *_estimation(results),
+        *_thrust(results.pooling),
+        *_motor_speed(results),
+        *_efficiencies(results),
+        *_sensor_errors(results),
+        *_runs(results),
+        *_outside_table(results),
+        *_curve(results),
+    ]
+    kinds = list(EvidenceKind)
+    return sorted(found, key=lambda one: (_WORST_FIRST.index(one.level), kinds.index(one.kind)))
+
+
+def trust_by(evidence: Iterable[Evidence]) -> Trust:
+    """The verdict: as bad as the worst evidence."""
+    return min((one.level for one in evidence), key=_WORST_FIRST.index, default=Trust.TRUSTED)
+
+
+def with_trust(results: Results) -> Results:
+    """The results with their evidence and the verdict."""
+    evidence = evidence_against(results)
+    return msgspec.structs.replace(results, evidence=evidence, trust=trust_by(evidence))
 
 
 def reasons_not_to_trust(results: Results) -> list[str]:
-    """Each in one sentence; empty for a result that can be used within its interval."""
-    reasons = []
+    """Each in one or two sentences; empty for a result that can be used within its interval, with doubts or without."""
+    return [one.text for one in evidence_against(results) if one.level is Trust.NOT_TO_BE_TRUSTED]
+
+
+def doubts(results: Results) -> list[str]:
+    """Each in one or two sentences, with the part of the result that is doubtful."""
+    return [f"{one.text} In doubt: {one.part}." for one in evidence_against(results) if one.level is Trust.DOUBTFUL]
+
+
+def _estimation(results: Results) -> Iterator[Evidence]:
     if results.status and not results.status.usable:
-        reasons.append(f"The estimation did not converge: {results.verdict}.")
+        yield Evidence(
+            kind=EvidenceKind.TRAJECTORY_NOT_CONVERGED
+            if results.status is CurveStatus.TRAJECTORY_NOT_CONVERGED
+            else EvidenceKind.NOT_CONVERGED,
+            level=Trust.NOT_TO_BE_TRUSTED,
+            part=PartOfResult.CURVE,
+            text=f"The estimation did not converge: {results.verdict}.",
+        )
     elif results.path is not None and not results.path.converged:
-        reasons.append("The trajectory did not converge.")
+        yield Evidence(
+            kind=EvidenceKind.TRAJECTORY_NOT_CONVERGED,
+            level=Trust.NOT_TO_BE_TRUSTED,
+            part=PartOfResult.CURVE,
+            text="The trajectory did not converge.",
+        )
+
+
+def noise_limit(tests: int) -> float:
+    """Standard deviations that the largest of some normal errors exceeds in a sound flight at the stated rate."""
+    return float(-special.ndtri(TRUST.false_alarm_rate / (2 * max(tests, 1))))
+
+
+@dataclass(frozen=True)
+class _Deviation:
+    """What deviates, its name in the file, and by how many standard deviations."""
+
+    title: str
+    subject: str
+    sigmas: float
+
+
+def _thrust(statistics: PoolingStatistics | None) -> Iterator[Evidence]:
+    """Corrections of thrust that the priors of the table deny. One item: they are parts of one cause."""
+    if statistics is None:
+        return
+    deviations = _thrust_deviations(statistics)
+    worst = max(deviations, key=lambda one: abs(one.sigmas), default=None)
+    limit = noise_limit(len(deviations))
+    if worst is None or abs(worst.sigmas) <= limit:
+        return
+    beyond_doubt = abs(worst.sigmas) > TRUST.beyond_doubt * limit
+    yield Evidence(
+        kind=EvidenceKind.THRUST_TABLE,
+        level=Trust.NOT_TO_BE_TRUSTED if beyond_doubt else Trust.DOUBTFUL,
+        part=PartOfResult.CURVE,
+        subject=worst.subject,
+        figure=worst.sigmas,
+        unit="standard deviations",
+        limit=limit,
+        false_alarm_rate=TRUST.false_alarm_rate,
+        text=(
+            f"Thrust differs from the propeller's table by {worst.sigmas:+.1f} of the standard deviations assumed"
+            f" ({worst.title}; limit {limit:.1f}): check the number of poles, the pulses of the motor speed, the"
+            " propeller and its table, and analyze again."
+        ),
+    )
+
+
+def _thrust_deviations(statistics: PoolingStatistics) -> list[_Deviation]:
+    values = dict(zip(statistics.names, statistics.values, strict=True))
+    sigmas = dict(zip(statistics.names, statistics.prior_sigma, strict=True))
+    deviations = [
+        _Deviation(title, name, values[name] / s) for name, title in _THRUST.items() if (s := sigmas.get(name))
+    ]
+    for measured in statistics.prior_measurements or []:
+        estimated = sum(factor * values[name] for name, factor in measured.coefficients.items())
+        deviations.append(_Deviation(_ON_THE_STAND, measured.name, (estimated - measured.value) / measured.sigma))
+    return deviations
+
+
+def _motor_speed(results: Results) -> Iterator[Evidence]:
+    ratio = results.speed_over_motor_constant
+    if ratio is None or abs(ratio - 1) <= TRUST.motor_constant:
+        return
+    yield Evidence(
+        kind=EvidenceKind.MOTOR_SPEED,
+        level=Trust.DOUBTFUL,
+        part=PartOfResult.CURVE,
+        figure=ratio,
+        limit=1 + TRUST.motor_constant if ratio > 1 else 1 - TRUST.motor_constant,
+        text=(
+            f"Motor speed at full throttle is {ratio:.2f} times what the motor's kV, voltage and current give: check"
+            " the number of poles first, then kV, resistance and the power module."
+        ),
+    )
+
+
+def _efficiencies(results: Results) -> Iterator[Evidence]:
+    """In level flight, where the table covers it. Above one is impossible."""
+    if results.use is None:
+        return
+    train = results.use.power_train
+    known = [point for point in train.efficiency if not point.extrapolated]
+    yield from _efficiency(EvidenceKind.PROPELLER_EFFICIENCY, [p.propeller for p in known], TRUST.best_propeller)
+    if train.measured:
+        yield from _efficiency(EvidenceKind.MOTOR_EFFICIENCY, [p.motor for p in known], 1.0)
+
+
+_CHECK_EFFICIENCY: Mapping[EvidenceKind, str] = {
+    EvidenceKind.PROPELLER_EFFICIENCY: "Propeller efficiency in level flight is {:.2f}, more than any propeller has:"
+    " check the number of poles, the propeller and its table, and the weight.",
+    EvidenceKind.MOTOR_EFFICIENCY: "Shaft power is {:.2f} times the power from the battery: check the number of poles,"
+    " the propeller's table, and the power module.",
+}
+
+
+def _efficiency(kind: EvidenceKind, values: list[Interval], best: float) -> Iterator[Evidence]:
+    """Not to be trusted where the interval of one speed is above one; doubtful where it is above `best`, or the value
+    is above one."""
+    impossible = [one for one in values if one.lo > 1]
+    doubtful = [one for one in values if one.lo > best or one.value > 1]
+    if not doubtful:
+        return
+    figure = max(one.value for one in doubtful)
+    yield Evidence(
+        kind=kind,
+        level=Trust.NOT_TO_BE_TRUSTED if impossible else Trust.DOUBTFUL,
+        part=PartOfResult.CURVE if kind is EvidenceKind.PROPELLER_EFFICIENCY else PartOfResult.POWER_TRAIN,
+        figure=figure,
+        limit=1.0 if figure > 1 else best,
+        text=_CHECK_EFFICIENCY[kind].format(figure),
+    )
+
+
+def _sensor_errors(results: Results) -> Iterator[Evidence]:
+    """Of the first estimate; it was repeated with wider priors, so that the interval contains an error of that size."""
+    if results.path is None or results.pooling is None:
+        return
+    tests = len(results.pooling.names)
+    limit = noise_limit(tests)
+    title = {one.name: one.title for one in results.path.sensor_errors}
+    for name, sigmas in results.path.prior_conflicts.items():
+        if abs(sigmas) <= limit:
+            continue
+        subject = title.get(name, name)
+        yield Evidence(
+            kind=EvidenceKind.SENSOR_ERROR,
+            level=Trust.DOUBTFUL,
+            part=PartOfResult.CURVE,
+            subject=name,
+            figure=sigmas,
+            unit="standard deviations",
+            limit=limit,
+            false_alarm_rate=TRUST.false_alarm_rate,
+            text=(
+                f"The {subject} is {sigmas:+.1f} of the standard deviations assumed (limit {limit:.1f}). Usually"
+                f" {_CULPRIT[name]}: mend it, or state a larger [uncertainty] in the aircraft file."
+            ),
+        )
+
+
+def _runs(results: Results) -> Iterator[Evidence]:
+    """The run that differs most from the others of its kind."""
+    compared = results.runs_against_others
+    worst = max(compared, key=lambda one: abs(one.z), default=None)
+    limit = noise_limit(len(compared))
+    if worst is None or abs(worst.z) <= limit:
+        return
+    beyond = sum(abs(one.z) > limit for one in compared)
+    yield Evidence(
+        kind=EvidenceKind.RUN_AGAINST_OTHERS,
+        level=Trust.DOUBTFUL,
+        part=PartOfResult.CURVE if beyond > 1 else PartOfResult.AT_SPEED,
+        subject=worst.run,
+        figure=worst.z,
+        unit="standard errors",
+        limit=limit,
+        false_alarm_rate=TRUST.false_alarm_rate,
+        text=(
+            f"The {worst.run} gives {100 * (worst.power_W / worst.others_W - 1):+.0f} % of power against the others of"
+            f" its kind at {worst.speed_mps:.1f} m/s, {abs(worst.z):.1f} standard errors (limit {limit:.1f};"
+            f" {beyond} of {len(compared)} runs are beyond it): was something different in it, such as gear, flaps, a"
+            " thermal, or lost pulses? If so, leave it out of runs.toml."
+        ),
+    )
+
+
+def _outside_table(results: Results) -> Iterator[Evidence]:
+    curve = results.power_required
+    share = sum(point.extrapolated for point in curve) / max(len(curve), 1)
+    if share <= 1 - FLOWN.least_covered:
+        return
+    yield Evidence(
+        kind=EvidenceKind.OUTSIDE_TABLE,
+        level=Trust.DOUBTFUL,
+        part=PartOfResult.CURVE,
+        figure=share,
+        limit=1 - FLOWN.least_covered,
+        text=(
+            f"{100 * share:.0f} % of the curve's speeds lie outside the propeller's table: use a table that reaches to"
+            " windmilling, or fly with power on."
+        ),
+    )
+
+
+def _curve(results: Results) -> Iterator[Evidence]:
     curve = results.power_required or results.electrical_power
     if any(point.power_lo_W <= 0 for point in curve):
-        reasons.append(f"The 95 % interval reaches zero at {_least(curve).speed_mps:.1f} m/s.")
-    if results.drag_polar is not None and results.drag_polar.A2 <= 0:
-        reasons.append("Drag does not increase with lift: the range of lift coefficients flown is too narrow.")
-    if results.cross_check_differs:
-        reasons.append(
-            f"The cross-check by {results.cross_check_by} differs from the curve by more than their intervals allow."
+        yield Evidence(
+            kind=EvidenceKind.INTERVAL_REACHES_ZERO,
+            level=Trust.NOT_TO_BE_TRUSTED,
+            part=PartOfResult.CURVE,
+            figure=_least(curve).power_lo_W,
+            unit="W",
+            limit=0.0,
+            text=f"The 95 % interval reaches zero at {_least(curve).speed_mps:.1f} m/s.",
         )
-    return reasons
+    if results.drag_polar is not None and results.drag_polar.A2 <= 0:
+        yield Evidence(
+            kind=EvidenceKind.DRAG_FALLS_WITH_LIFT,
+            level=Trust.NOT_TO_BE_TRUSTED,
+            part=PartOfResult.CURVE,
+            figure=results.drag_polar.A2,
+            limit=0.0,
+            text="Drag does not increase with lift: the range of lift coefficients flown is too narrow.",
+        )
+    if results.cross_check_differs:
+        yield Evidence(
+            kind=EvidenceKind.CROSS_CHECK,
+            level=Trust.NOT_TO_BE_TRUSTED,
+            part=PartOfResult.CURVE,
+            text=f"The cross-check by {results.cross_check_by} differs from the curve by more than their intervals"
+            " allow.",
+        )
 
 
 def _least(curve: list[PowerPoint]) -> PowerPoint:

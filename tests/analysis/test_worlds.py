@@ -6,9 +6,12 @@ import pytest
 from flights import known_lines
 from worlds import Cell, cells, key, tables, world_table
 
+from analysis.schema import Trust
+
 
 def line(seed: int, error: list[float | None], half: list[float | None], alarm: bool = False) -> dict[str, object]:
-    found = {"world": "weight", "weather_kt": 3.0, "plan": "two-pairs", "seed": seed, "version": "v"}
+    found: dict[str, object] = {"trust": Trust.DOUBTFUL if alarm else Trust.TRUSTED, "evidence": ["x"] if alarm else []}
+    found |= {"world": "weight", "weather_kt": 3.0, "plan": "two-pairs", "seed": seed, "version": "v"}
     return found | {"error": error, "half": half, "warnings": ["x"], "alarm": alarm}
 
 
@@ -17,7 +20,7 @@ def test_coverage_is_counted_at_each_speed_and_over_all():
     lines = [line(0, [1.0, -3.0, 0.5, None], [2.0] * 3 + [None], True), line(1, [1.0, 1.0, -2.5, 0.1], [2.0] * 4)]
     (row, of_world) = (one for one in tables(lines).splitlines() if one.startswith("| weight |"))
     assert row.startswith("| weight | 3 | two-pairs | 2 | 71 | 100 / 50 / 50 / 100 |")
-    assert row.endswith("| 1.0 | 50 |")
+    assert row.endswith("| 1.0 | 50 | 1 / 1 / 0 | x |")
     assert of_world.startswith("| weight | 2 | 71 | 71 | 100 / 50 / 50 / 100 |")
 
 

@@ -11,6 +11,7 @@ from analysis.report.html_page import HtmlTable
 from analysis.report.sections.flight import CHANNELS, decimals
 from analysis.report.sections.summary import reference_point
 from analysis.report.settings import REPORT
+from analysis.results.trust import noise_limit
 from analysis.schema import CheckedBy, IntervalPart, Results
 from analysis.settings import EVIDENCE
 from analysis.trajectory.settings import PRIOR_CHECK
@@ -18,6 +19,7 @@ from analysis.trajectory.settings import PRIOR_CHECK
 
 class CertaintySection(NamedTuple):
     checks: HtmlTable
+    certificate: HtmlTable | None
     next_flight: list[str]
     stall: str
 
@@ -25,6 +27,7 @@ class CertaintySection(NamedTuple):
 def certainty_section(results: Results) -> CertaintySection:
     return CertaintySection(
         checks=HtmlTable(("question", "answer"), _checks(results)),
+        certificate=certificate(results),
         next_flight=next_flight(results),
         stall=stall_margin(results),
     )
@@ -41,9 +44,9 @@ def _checks(results: Results) -> list[tuple[str, str]]:
         )
     if results.cross_check:
         rows.append(("Does a fit of the runs alone agree?", _cross_check(results)))
-    scatter = _scatter_of_runs(results)
-    if scatter:
-        rows.append(("Do the runs agree with each other?", scatter))
+    agreement = _agreement_of_runs(results)
+    if agreement:
+        rows.append(("Do the runs agree with each other?", agreement))
     white = _whiteness(results)
     if white:
         rows.append(("Do the fits leave only noise?", white))
@@ -67,19 +70,36 @@ def _cross_check(results: Results) -> str:
     return f"{differs} the intervals allow ({results.cross_check_by})."
 
 
-def _scatter_of_runs(results: Results) -> str:
-    """Standard deviation of the power of single runs at the reference speed, where three or more reach it."""
-    at = reference_point(results).point
-    powers = [
-        float(np.interp(at.speed_mps, V, [point.power_W for point in run.power_required]))
-        for run in results.one_by_one
-        if (V := [point.speed_mps for point in run.power_required]) and V[0] <= at.speed_mps <= V[-1]
-    ]
-    if len(powers) < 3:
+def _agreement_of_runs(results: Results) -> str:
+    """The run that differs most from the others of its kind."""
+    compared = results.runs_against_others
+    if not compared:
         return ""
+    worst, limit = max(abs(run.z) for run in compared), noise_limit(len(compared))
+    answer = "Yes" if worst <= limit else "No"
     return (
-        f"Fitted alone, {len(powers)} runs scatter by ±{100 * np.std(powers, ddof=1) / at.power_W:.1f} %"
-        f" (1 standard deviation) at {at.speed_mps:.1f} m/s."
+        f"{answer}: the largest difference of a run from the others of its kind is {worst:.1f} standard errors, of"
+        f" {len(compared)} runs; in a sound flight it is below {limit:.1f}."
+    )
+
+
+def certificate(results: Results) -> HtmlTable | None:
+    """Each run against the others of its kind; None where no two runs can be compared."""
+    if not results.runs_against_others:
+        return None
+    return HtmlTable(
+        ("run", "speed, m/s", "power, W", "by the others, W", "difference, %", "z, standard errors"),
+        [
+            (
+                run.run,
+                f"{run.speed_mps:.1f}",
+                f"{run.power_W:.1f}",
+                f"{run.others_W:.1f}",
+                f"{100 * (run.power_W / run.others_W - 1):+.1f}",
+                f"{run.z:+.1f}",
+            )
+            for run in results.runs_against_others
+        ],
     )
 
 

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.constants import foot, kmh
 
 from analysis.report.answers import HeadlineAnswer, headline_answers
-from analysis.results.trust import reasons_not_to_trust
-from analysis.schema import CheckedBy, CurveStatus, PowerPoint, Results
+from analysis.results.trust import evidence_against, trust_by
+from analysis.schema import CheckedBy, CurveStatus, PowerPoint, Results, Trust
 from flight.units import GRAVITY_MPS2
 
 
@@ -62,11 +62,20 @@ class NamedPoint(NamedTuple):
     meaning: str
 
 
+# The heading of the verdict, and its class in page.css.
+_HEADING = {
+    Trust.TRUSTED: ("To be trusted", "good"),
+    Trust.DOUBTFUL: ("Doubtful", "doubt"),
+    Trust.NOT_TO_BE_TRUSTED: ("Not to be trusted as it stands", "bad"),
+}
+
+
 class VerdictSection(NamedTuple):
     number: str
     interval: str
     sentence: str
-    trusted: bool
+    heading: str
+    color_class: str
     reasons: str
 
 
@@ -95,7 +104,8 @@ def _point_at(results: Results, speed_mps: float) -> PowerPoint:
 
 def verdict_section(results: Results) -> VerdictSection:
     at, meaning = reference_point(results)
-    against = reasons_not_to_trust(results)
+    evidence = evidence_against(results)
+    heading, color_class = _HEADING[trust_by(evidence)]
     return VerdictSection(
         number=f"{at.power_W:.1f} W",
         interval=f"{at.power_lo_W:.1f} to {at.power_hi_W:.1f} W",
@@ -103,8 +113,9 @@ def verdict_section(results: Results) -> VerdictSection:
             f"in level flight at {at.speed_mps:.1f} m/s, {meaning}. This is drag times true airspeed, for"
             f" {results.test.weight_N / GRAVITY_MPS2:.2f} kg in air of {results.test.air_density_kgpm3:.3f} kg/m³."
         ),
-        trusted=not against,
-        reasons=" ".join(against) if against else _support(results),
+        heading=heading,
+        color_class=color_class,
+        reasons=" ".join(f"{one.text} In doubt: {one.part}." for one in evidence) or _support(results),
     )
 
 

@@ -4,6 +4,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from analysis.airdata.flight_data import FlightData
@@ -11,6 +12,8 @@ from analysis.flight import Reconstructed
 from analysis.flown import flown_condition
 from analysis.log_contents import LogContents, Replacements
 from analysis.maneuvers.kinds import Maneuver, Maneuvers
+from analysis.trajectory.equations import SENSOR_ERRORS
+from analysis.trajectory.observability import PriorConflict
 from flight.aircraft import Aircraft
 from flight.propeller import Propeller
 
@@ -31,6 +34,6 @@ def flight_record(
         "condition": flown_condition(table, aircraft) if len(table) else None,
         "flown_CL": (0.2, 1.0),
         "trajectory": trajectory,
-        "prior_factor": 1.0,
+        "prior_conflict": PriorConflict(np.ones(len(SENSOR_ERRORS)), {}, 1.0),
     }
     return Reconstructed(**fields | known)

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from motor_data import RHO, STEP_S, at_throttle, full_throttle_run, recorded, steady_points
 
-from analysis.performance.full_throttle import fit_full_throttle
+from analysis.performance.full_throttle import fit_full_throttle, speed_over_motor_constant
 from analysis.performance.power_train import full_throttle_revps
 from analysis.performance.propagation import ParameterVector
 from flight.aircraft import Propulsion
@@ -131,3 +131,17 @@ def test_one_speed_leaves_the_loss_by_torque_to_the_resistances(nexstar, propell
     i = found.parameters.names.index("revps_per_Nm")
     assert found.parameters.values[i] == pytest.approx(loss, rel=0.005)
     assert np.sqrt(found.parameters.covariance[i, i]) == pytest.approx(loss / 2, rel=0.02)
+
+
+def test_motor_speed_at_full_throttle_is_that_of_the_motor_s_constants(nexstar) -> None:
+    """As recorded; with 12 poles entered for 14 it reads 7/6 of that. Half throttle says nothing."""
+    p = nexstar.propulsion
+    voltage, current = 14.0, 30.0
+    n_revps = p.motor_kv_rpm_per_volt * (voltage - current * p.motor_resistance_ohm) / 60
+    columns = {"n_revps": n_revps, "throttle": 1.0, "battery_V": voltage, "battery_A": current}
+    table = pd.DataFrame(columns, index=np.arange(0, 5, 0.04))
+    assert speed_over_motor_constant(table, p) == pytest.approx(1.0)
+    assert speed_over_motor_constant(table.assign(n_revps=n_revps * 7 / 6), p) == pytest.approx(7 / 6)
+    for unknown in (table.assign(throttle=0.5), table.drop(columns="battery_A"), table.assign(battery_V=np.nan)):
+        assert speed_over_motor_constant(unknown, p) is None
+    assert speed_over_motor_constant(table, Propulsion()) is None

@@ -1,6 +1,5 @@
 """How sure: the arithmetic of more runs, the margin to the stall, and what the verdict rests on."""
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,6 @@ from analysis.drag.cross_check import CrossCheck
 from analysis.polar import Polar
 from analysis.report.sections.certainty import (
     _largest_shared,
-    _scatter_of_runs,
     certainty_section,
     halving,
     more_runs_to_halve,
@@ -28,6 +26,7 @@ from analysis.schema import (
     ParameterResult,
     PathResult,
     Results,
+    RunAgainstOthers,
     RunResidual,
     SensorError,
     SlowestFlown,
@@ -122,7 +121,8 @@ def test_the_verdict_is_the_curve_at_the_speed_of_least_drag(results: Results) -
     agreeing = replace(results, disagreements=[])
     assert "1 other method agrees within the intervals" in verdict_section(agreeing).reasons
     for wrong in ({"status": CurveStatus.NOT_CONVERGED}, {"cross_check_differs": True}):
-        assert verdict_section(agreeing).trusted and not verdict_section(replace(agreeing, **wrong)).trusted
+        headings = [verdict_section(one).heading for one in (agreeing, replace(agreeing, **wrong))]
+        assert headings == ["To be trusted", "Not to be trusted as it stands"]
 
 
 def test_a_fit_of_the_runs_alone_is_said_to_agree_only_where_it_is_compared(results: Results) -> None:
@@ -152,17 +152,14 @@ def test_residuals_that_are_not_white_are_said_to_be(results: Results) -> None:
     assert answer([0.5] * 10 + [0.0] * 10).startswith("Not only") and "50 %" in answer([0.5] * 10 + [0.0] * 10)
 
 
-def test_the_scatter_of_single_runs_is_that_of_their_power_at_the_reference_speed(results: Results) -> None:
-    """99, 100 and 101 % of the curve's power, and a run that does not reach the speed, which is left out."""
-    at = reference_point(results).point
-    V, power_W = at.speed_mps, at.power_W
-    runs = [curve((V - 1, share * power_W - 5), (V + 1, share * power_W + 5)) for share in (0.99, 1.0, 1.01)]
-    elsewhere = curve((V + 1, 1.0), (V + 2, 1.0))
-    told = _scatter_of_runs(replace(results, one_by_one=[*runs, elsewhere]))
-    assert told == f"Fitted alone, 3 runs scatter by ±1.0 % (1 standard deviation) at {at.speed_mps:.1f} m/s."
-    assert _scatter_of_runs(replace(results, one_by_one=[*runs[:2], elsewhere])) == ""
-
-
-def curve(*points: tuple[float, float]) -> Any:
-    """A run with power [W] at speeds [m/s]."""
-    return SimpleNamespace(power_required=[SimpleNamespace(speed_mps=V, power_W=P) for V, P in points])
+def test_the_certificate_lists_each_run_and_the_answer_names_the_largest_difference(results: Results) -> None:
+    assert certainty_section(results).certificate is None
+    runs = [
+        RunAgainstOthers(run=f"acceleration at {i} s", kind="acceleration", speed_mps=17.0, power_W=70.0 + z,
+                         others_W=70.0, standard_error_W=1.0, z=z)
+        for i, z in enumerate((0.5, -7.0))
+    ]  # fmt: skip
+    for some, answer in ((runs[:1], "Yes"), (runs, "No")):
+        section = certainty_section(replace(results, runs_against_others=some))
+        assert section.certificate is not None and len(section.certificate.rows) == len(some)
+        assert dict(section.checks.rows)["Do the runs agree with each other?"].startswith(answer)

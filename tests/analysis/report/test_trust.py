@@ -1,34 +1,152 @@
-"""A result that is not to be trusted says why, and `analyze` ends with exit code 1."""
+"""Evidence against a result makes it doubtful or not to be trusted; `analyze` says so, and ends with exit code 1."""
 
 import json
+from typing import Any
 
 import pytest
 from msgspec.structs import replace
 
 from analysis.cli.analyze import _finish
 from analysis.cli.electrical import Done
-from analysis.results.trust import reasons_not_to_trust
-from analysis.schema import CurveStatus, Results
+from analysis.results.settings import TRUST
+from analysis.results.trust import doubts, evidence_against, noise_limit, reasons_not_to_trust, trust_by, with_trust
+from analysis.schema import (
+    CurveStatus,
+    EvidenceKind,
+    Interval,
+    LevelEfficiencyPoint,
+    PathResult,
+    PoolingStatistics,
+    PriorMeasurementStatistics,
+    Results,
+    RunAgainstOthers,
+    Trust,
+)
 
-CHANGES = {
-    "did not converge": lambda r: replace(
-        r, status=CurveStatus.NOT_CONVERGED, verdict="not converged: the step length"
+NOT_TRUSTED = {
+    EvidenceKind.NOT_CONVERGED: lambda r: replace(r, status=CurveStatus.NOT_CONVERGED, verdict="at a bound: A0 = 0"),
+    EvidenceKind.TRAJECTORY_NOT_CONVERGED: lambda r: replace(r, status=CurveStatus.TRAJECTORY_NOT_CONVERGED),
+    EvidenceKind.INTERVAL_REACHES_ZERO: lambda r: replace(
+        r, power_required=[replace(r.power_required[0], power_lo_W=-1.0)]
     ),
-    "at a bound": lambda r: replace(r, status=CurveStatus.NOT_CONVERGED, verdict="converged at a bound: A0 = 0"),
-    "reaches zero": lambda r: replace(r, power_required=[replace(r.power_required[0], power_lo_W=-1.0)]),
-    "does not increase with lift": lambda r: replace(r, drag_polar=replace(r.drag_polar, A2=-0.01)),
-    "cross-check by output error differs": lambda r: replace(r, cross_check_differs=True),
+    EvidenceKind.DRAG_FALLS_WITH_LIFT: lambda r: replace(r, drag_polar=replace(r.drag_polar, A2=-0.01)),
+    EvidenceKind.CROSS_CHECK: lambda r: replace(r, cross_check_differs=True),
+    EvidenceKind.THRUST_TABLE: lambda r: replace(r, pooling=statistics(thrust_scale=-19.0)),
+}
+DOUBTFUL = {
+    EvidenceKind.THRUST_TABLE: lambda r: replace(r, pooling=statistics(thrust_slope=4.0)),
+    EvidenceKind.MOTOR_SPEED: lambda r: replace(r, speed_over_motor_constant=14 / 12),
+    EvidenceKind.RUN_AGAINST_OTHERS: lambda r: replace(r, runs_against_others=[compared(0.5), compared(-9.0)]),
+    EvidenceKind.OUTSIDE_TABLE: lambda r: replace(
+        r, power_required=[replace(point, extrapolated=True) for point in r.power_required]
+    ),
+    EvidenceKind.SENSOR_ERROR: lambda r: replace(r, path=path(V_scale=-4.8), pooling=statistics()),
 }
 
 
-@pytest.mark.parametrize("said", CHANGES)
-def test_each_reason_is_said_on_stderr_with_exit_code_1(results: Results, said: str, capsys) -> None:
+def statistics(stand: float = 0.0, **sigmas: float) -> PoolingStatistics:
+    """Of a flight whose corrections of thrust are that many prior standard deviations of 0.1, without others."""
+    names = ["A0", "A1", "A2", "thrust_scale", "thrust_slope"]
+    values = [0.05, 0.0, 0.06, *(0.1 * sigmas.get(name, 0.0) for name in names[3:])]
+    return PoolingStatistics(
+        names=names, values=values, covariance=[], weighting_covariance=[], prior_mean=[0.0] * 5,
+        prior_sigma=[None, None, None, 0.1, 0.1], changes={}, polar_covariance=[], flown_CL=(0.2, 1.0),
+        installation="", propeller_table="", probe_calibration="",
+        prior_measurements=[
+            PriorMeasurementStatistics(name="stand", coefficients={"A0": 1.0}, value=0.05 - stand, sigma=1.0)
+        ],
+    )  # fmt: skip
+
+
+def compared(z: float) -> RunAgainstOthers:
+    return RunAgainstOthers(
+        run="acceleration at 10 s", kind="acceleration", speed_mps=17.0, power_W=70.0, others_W=70.0 - z,
+        standard_error_W=1.0, z=z,
+    )  # fmt: skip
+
+
+def path(**conflicts: float) -> PathResult:
+    return PathResult(
+        converged=True, gust_mps=0.1, residuals={}, checks=[], sensor_errors=[], prior_conflicts=conflicts
+    )
+
+
+def efficiency(results: Results, propeller: Interval, motor: Interval) -> Results:
+    point = LevelEfficiencyPoint(speed_mps=15.0, propeller=propeller, motor=motor, overall=motor, extrapolated=False)
+    assert results.use is not None
+    return replace(
+        results,
+        use=replace(results.use, power_train=replace(results.use.power_train, measured=True, efficiency=[point])),
+    )
+
+
+@pytest.mark.parametrize("kind", NOT_TRUSTED)
+def test_a_result_not_to_be_trusted_says_why_on_stderr_with_exit_code_1(
+    results: Results, kind: EvidenceKind, capsys: Any
+) -> None:
     assert _finish(Done(results, print), json=True, quiet=False) == 0
     printed = capsys.readouterr()
     assert json.loads(printed.out)["format"] == results.format and printed.err == ""
-    assert _finish(Done(CHANGES[said](results), print), json=False, quiet=True) == 1
+    changed = NOT_TRUSTED[kind](results)
+    assert [one.kind for one in evidence_against(changed)] == [kind]
+    assert _finish(Done(changed, print), json=False, quiet=True) == 1
     printed = capsys.readouterr()
-    assert said in printed.err and len(printed.err.splitlines()) == 1 and printed.out == ""
+    assert len(printed.err.splitlines()) == 1 and printed.out == ""
+
+
+@pytest.mark.parametrize("kind", DOUBTFUL)
+def test_a_doubtful_result_says_so_first_and_ends_with_exit_code_0(
+    results: Results, kind: EvidenceKind, capsys: Any
+) -> None:
+    changed = with_trust(DOUBTFUL[kind](results))
+    assert changed.trust is Trust.DOUBTFUL and [one.kind for one in changed.evidence] == [kind]
+    assert reasons_not_to_trust(changed) == [] and len(doubts(changed)) == 1
+    assert _finish(Done(changed, print), json=True, quiet=False) == 0
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)["trust"] == Trust.DOUBTFUL and len(printed.err.splitlines()) == 1
+
+
+def test_the_evidence_of_a_sound_result_is_none(with_battery: Results) -> None:
+    assert evidence_against(with_battery) == [] and with_trust(with_battery).trust is Trust.TRUSTED
+
+
+def test_thrust_within_what_noise_and_prior_allow_is_no_evidence(results: Results) -> None:
+    """Three corrections of a sound flight: one in 300 flights beyond 3.3 standard deviations."""
+    assert 3.2 < noise_limit(3) < 3.4
+    assert evidence_against(replace(results, pooling=statistics(thrust_scale=3.0))) == []
+
+
+def test_a_stand_that_the_flight_denies_is_evidence(results: Results) -> None:
+    (one,) = evidence_against(replace(results, pooling=statistics(stand=5.0)))
+    assert one.kind is EvidenceKind.THRUST_TABLE and one.figure == pytest.approx(5.0)
+
+
+def test_efficiencies_above_one_are_impossible_and_above_any_propeller_doubtful(with_battery: Results) -> None:
+    sound, above_one = Interval(value=0.8, lo=0.75, hi=0.85), Interval(value=1.1, lo=1.05, hi=1.15)
+    uncertain, best = Interval(value=1.1, lo=0.7, hi=1.5), Interval(value=0.95, lo=0.92, hi=0.98)
+    verdicts = [
+        trust_by(evidence_against(efficiency(with_battery, propeller, motor)))
+        for propeller, motor in (
+            (sound, sound), (above_one, sound), (sound, above_one), (uncertain, sound), (best, sound), (sound, best)
+        )
+    ]  # fmt: skip
+    N, D, T = Trust.NOT_TO_BE_TRUSTED, Trust.DOUBTFUL, Trust.TRUSTED
+    assert verdicts == [T, N, N, D, D, T]
+
+
+def test_the_cause_is_told_before_what_follows_from_it_and_the_worst_first(with_battery: Results) -> None:
+    both = replace(
+        efficiency(with_battery, Interval(value=1.1, lo=1.05, hi=1.15), Interval(value=0.8, lo=0.7, hi=0.9)),
+        speed_over_motor_constant=1.17, pooling=statistics(thrust_scale=-19.0), cross_check_differs=True,
+    )  # fmt: skip
+    assert [one.kind for one in evidence_against(both)] == [
+        EvidenceKind.THRUST_TABLE, EvidenceKind.PROPELLER_EFFICIENCY, EvidenceKind.CROSS_CHECK, EvidenceKind.MOTOR_SPEED
+    ]  # fmt: skip
+
+
+def test_the_motor_s_constants_may_be_wrong_by_some_percent(results: Results) -> None:
+    within = [1 - 0.9 * TRUST.motor_constant, 1 + 0.9 * TRUST.motor_constant]
+    assert [evidence_against(replace(results, speed_over_motor_constant=ratio)) for ratio in within] == [[], []]
 
 
 def test_a_result_without_curve_of_drag_can_be_trusted(results: Results) -> None:

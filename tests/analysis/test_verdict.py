@@ -1,0 +1,26 @@
+"""Simulated flights with one defect each, of which the analysis is not told: the verdict names it."""
+
+import msgspec
+import pytest
+from flights import tunnel_probe
+from worlds import Cell, Job, one_flight
+
+from analysis.schema import EvidenceKind, Trust
+
+POLES, RUNS = EvidenceKind.THRUST_TABLE, EvidenceKind.RUN_AGAINST_OTHERS
+
+
+@pytest.mark.parametrize(
+    ("world", "trust", "first"),
+    [
+        ("study", Trust.TRUSTED, None),
+        ("poles-12-for-14", Trust.NOT_TO_BE_TRUSTED, POLES),
+        ("landing-gear", Trust.DOUBTFUL, RUNS),
+        ("pulses-lost", Trust.DOUBTFUL, POLES),
+        ("airspeed-leak", Trust.DOUBTFUL, EvidenceKind.SENSOR_ERROR),
+    ],
+)
+def test_a_defect_is_named_and_a_sound_flight_is_trusted(world: str, trust: Trust, first: EvidenceKind | None) -> None:
+    line = one_flight(Job(Cell(world, 0.0, "two-pairs"), 0, "", msgspec.json.encode(tunnel_probe()).decode(), False))
+    assert line["trust"] is trust
+    assert line["evidence"][:1] == ([first] if first else [])
