@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from analysis.polar import Condition
 from analysis.settings import FLOWN
 from analysis.signals.channels import least_height_m, speed_scale_of
+from analysis.signals.settings import STATISTICS
 from flight.aircraft import Aircraft
 from flight.errors import InputError
 from flight.propeller import Propeller
@@ -85,7 +86,7 @@ def thrust_coverage(
     Raises InputError where most of them do.
     """
     outside = 1 - float(flown["propeller_covered"].mean())
-    if outside <= FLOWN.unmentioned_share:
+    if outside <= STATISTICS.unmentioned_share:
         return []
     largest_J = max(row.J[-1] for row in propeller.rows)
     if (flown["J"][~flown["propeller_covered"]] > largest_J).mean() > 0.5:

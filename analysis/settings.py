@@ -44,7 +44,6 @@ class Flown(Settings):
     )
     nearby: float = setting(0.04, "1", "relative difference of speeds that count as the same speed flown")
     least_covered: float = setting(0.5, "1", "of the samples near a speed, at which thrust counts as known there")
-    unmentioned_share: float = setting(0.02, "1", "of the runs, outside the propeller's table, without a note")
     largest_share_outside: float = setting(
         0.7, "1", "of the runs, outside the propeller's table: beyond it the table is that of another propeller"
     )

@@ -26,6 +26,7 @@ from analysis.estimation.noise import NORMAL_95
 from analysis.ground.thrust_prior import J_REFERENCE
 from analysis.polar import Condition, Polar, power_required, speed_at
 from analysis.schema import Cause, DisagreementResult
+from analysis.signals.settings import STATISTICS
 
 Array = NDArray[np.float64]
 
@@ -151,7 +152,7 @@ def _cause(
 
 def _significant(cause: Cause, errors: Mapping[str, ErrorEstimate]) -> bool:
     estimates = [errors[name] for name in CAUSES.get(cause, ())]
-    return any(abs(error.value) > COMPARISON.significant * error.standard_error for error in estimates)
+    return any(abs(error.value) > STATISTICS.sigmas * error.standard_error for error in estimates)
 
 
 def _allowed_covariance(first: ComparedMethod, second: ComparedMethod) -> Array:

@@ -35,7 +35,7 @@ from analysis.ground.thrust_prior import J_REFERENCE, THRUST, stand_measurements
 from analysis.maneuvers.kinds import Maneuver
 from analysis.polar import Polar
 from analysis.schema import CurveStatus, ParameterResult
-from analysis.settings import FLOWN
+from analysis.signals.settings import STATISTICS
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
@@ -175,7 +175,7 @@ def estimate_polar(
         ended = "converged" if trajectory.converged else "not converged"
         warnings.append(f"The estimation did not converge. Drag polar: {fit.verdict.text}; trajectory: {ended}.")
     beyond = float(np.mean([np.isnan(segment_fit.segment.z["drag"]).mean() for segment_fit in fit.segment_fits]))
-    if beyond > FLOWN.unmentioned_share:
+    if beyond > STATISTICS.unmentioned_share:
         warnings.append(
             f"In {100 * beyond:.0f} % of the runs gusts raised the angle of attack beyond that of level flight, towards"
             " the stall, where drag exceeds the parabolic polar. These moments were left out."

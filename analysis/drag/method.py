@@ -21,6 +21,7 @@ from analysis.maneuvers.kinds import Maneuver
 from analysis.polar import Polar
 from analysis.schema import Cause
 from analysis.settings import FLOWN
+from analysis.signals.settings import STATISTICS
 from flight.aircraft import Aircraft
 from flight.errors import InputError
 
@@ -165,6 +166,6 @@ def _notes(A: Array, table: pd.DataFrame, runs: list[Maneuver]) -> tuple[str, ..
         notes.append("drag does not increase with lift in this fit: the range of lift coefficients flown is too narrow")
     covered = pd.concat([table.loc[run.start_s : run.end_s, "covered"] for run in runs])
     outside = 1 - float(covered.mean())
-    if outside > FLOWN.unmentioned_share:
+    if outside > STATISTICS.unmentioned_share:
         notes.append(f"{100 * outside:.0f} % of its data lie outside the propeller table")
     return tuple(notes)

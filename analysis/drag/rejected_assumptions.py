@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.drag import covariance
-from analysis.drag.settings import REJECTED
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Fit
 from analysis.estimation.model import Model, NamedValues, Parameter
 from analysis.estimation.output_error import fit_output_error
 from analysis.ground.thrust_prior import STAND
 from analysis.settings import EVIDENCE, FLOWN
+from analysis.signals.settings import STATISTICS
 
 Array = NDArray[np.float64]
 
@@ -96,7 +96,7 @@ def _shape_rejected(fit: Fit) -> list[RejectedAssumption]:
     powers = np.vander(CL, 3, increasing=True)
     values = np.delete(with_quartic.values, i)
     values[:3] += np.linalg.solve(powers, quartic * CL**4)
-    significant = with_quartic.verdict.ok and abs(quartic) > REJECTED.significant * error
+    significant = with_quartic.verdict.ok and abs(quartic) > STATISTICS.sigmas * error
     if not significant or np.max(np.abs(powers @ values[:3] / (powers @ fit.values[:3]) - 1)) < EVIDENCE.negligible:
         return []
     return [

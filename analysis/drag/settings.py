@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from analysis.signals.settings import STATISTICS
 from flight.settings import Settings, setting
 
 
@@ -57,22 +58,9 @@ class Covariance(Settings):
 
 
 @dataclass(frozen=True)
-class RejectedAssumptions(Settings):
-    """A parabolic polar, and a propeller's table as good as assumed."""
-
-    significant: float = setting(3.0, "1", "standard errors of the quartic term of lift")
-
-
-@dataclass(frozen=True)
 class Comparison(Settings):
     """Methods against each other, and single runs."""
 
-    significant: float = setting(3.0, "1", "standard errors of an estimated sensor error")
-    different: float = setting(
-        float(np.sqrt(special.chdtri(3, 1 - 0.99))),
-        "1",
-        "standard errors of a difference of two parabolas: one test over all speeds (Scheffe 1953), 1 % for each pair",
-    )
     installation_sigma: Mapping[str, float] = setting(
         {
             "alpha_bias": float(np.radians(0.15)),
@@ -92,6 +80,11 @@ class Comparison(Settings):
     run_slope_rad: float = setting(
         0.001, "rad", "of the path of one run, 1 sigma that its residuals do not show: a tenth of a meter in 100 m"
     )
+
+    @property
+    def different(self) -> float:
+        """Standard errors of a difference of two parabolas: one test over all speeds (Scheffe 1953)."""
+        return float(np.sqrt(special.chdtri(3, STATISTICS.false_alarm_rate)))
 
 
 @dataclass(frozen=True)
@@ -130,7 +123,6 @@ class LikelihoodSettings(Settings):
 REGRESSION = Regression()
 STEADY_POINTS = SteadyPoints()
 COVARIANCE = Covariance()
-REJECTED = RejectedAssumptions()
 COMPARISON = Comparison()
 CROSS_CHECK = CrossCheckSettings()
 LIKELIHOOD = LikelihoodSettings()

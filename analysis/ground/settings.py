@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 
-from flight.aircraft import Uncertainty
 from flight.settings import Settings, setting
 
 
@@ -20,19 +19,4 @@ class ThrustStandSettings(Settings):
     same_table: float = setting(0.001, "1", "relative difference of thrust coefficients of one table")
 
 
-@dataclass(frozen=True)
-class WeighingSettings(Settings):
-    """Weight and center of gravity from scales."""
-
-    more_than_random: float = setting(
-        3.0, "1", "readings of one support that differ by more of their stated errors contradict each other"
-    )
-
-    @property
-    def largest_weight_error(self) -> float:
-        """1 sigma of the weight, relative: ten times what the analysis assumes without a weighing."""
-        return 10 * Uncertainty.weight_fraction
-
-
 STAND_LIMITS = ThrustStandSettings()
-WEIGHING = WeighingSettings()

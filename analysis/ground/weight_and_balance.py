@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.ground.settings import WEIGHING
+from analysis.signals.settings import STATISTICS
+from flight.aircraft import Uncertainty
 from flight.errors import InputError
 
 
@@ -67,13 +68,17 @@ def weight_and_balance(supports: Sequence[Support], errors: ScaleErrors) -> Weig
 def _why_not(supports: Sequence[Support], errors: ScaleErrors, share: float) -> str:
     for number, support in enumerate(supports, start=1):
         apart = max(support.readings_kg) - min(support.readings_kg)
-        if apart > WEIGHING.more_than_random * np.sqrt(2) * errors.reading_kg:
+        if apart > STATISTICS.sigmas * np.sqrt(2) * errors.reading_kg:
             return (
                 f"readings of support {number} differ by {1e3 * apart:.0f} g, more than three times their error: let"
                 " the scale settle, and weigh without wind"
             )
-    if share > WEIGHING.largest_weight_error:
-        return f"the standard error of the weight is {100 * share:.1f} %, more than 2 %: use a better scale"
+    largest = 10 * Uncertainty.weight_fraction  # of what the analysis assumes without a weighing
+    if share > largest:
+        return (
+            f"the standard error of the weight is {100 * share:.1f} %, more than {100 * largest:.0f} %:"
+            " use a better scale"
+        )
     return ""
 
 

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from analysis.schema import SensorError
+from analysis.settings import EVIDENCE
 from analysis.signals.settings import STATISTICS
 from analysis.trajectory.consistency import time_shift_notes
 from analysis.trajectory.equations import SENSOR_ERRORS
@@ -259,14 +260,14 @@ def prior_conflict(trajectory: Trajectory) -> PriorConflict:
     known = j > PRIOR_CHECK.least_information
     variance, x_squared = 1 / j[known], ((directions.T @ y)[known] * (1 + 1 / j[known])) ** 2
     beyond = {
-        name: float(value) for name, value in zip(SENSOR_ERRORS, y, strict=True) if abs(value) > PRIOR_CHECK.conflict
+        name: float(value) for name, value in zip(SENSOR_ERRORS, y, strict=True) if abs(value) > EVIDENCE.contradiction
     }
     together = 1.0
     if beyond or np.sum(x_squared / (1 + variance)) > special.chdtri(max(known.sum(), 1), STATISTICS.false_alarm_rate):
         factors = np.linspace(1.0, 6.0, 501)
         total = factors[:, None] ** 2 + variance
         together = float(factors[np.argmin(np.sum(np.log(total) + x_squared / total, axis=1))])
-    factor = np.maximum(together, np.where(np.abs(y) > PRIOR_CHECK.conflict, np.abs(y), 1.0))
+    factor = np.maximum(together, np.where(np.abs(y) > EVIDENCE.contradiction, np.abs(y), 1.0))
     return PriorConflict(factor, beyond, together)
 
 

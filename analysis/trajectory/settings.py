@@ -179,7 +179,6 @@ class ObservabilitySettings(Settings):
 class PriorCheckSettings(Settings):
     """Conflict of the sensor errors with their priors, and residuals that are too large."""
 
-    conflict: float = setting(2.5, "1", "prior standard deviations of one sensor error")
     least_information: float = setting(
         0.1, "1", "of the data in a direction, over the prior's (j): below it the direction is not tested"
     )
