@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from analysis.estimation.settings import TESTS
 from flight.settings import Settings, setting
 
 
@@ -14,10 +15,18 @@ class Evidence(Settings):
         "1",
         "prior standard deviations beyond which a value contradicts its prior: 1 % of the draws of a parameter",
     )
-    false_alarms: float = setting(0.05, "1", "level of a test whose result is shown with its probability")
-    rare_false_alarms: float = setting(0.001, "1", "level of a test that is made in every analysis, for a warning")
     negligible: float = setting(0.005, "1", "relative change of drag, thrust, weight or density that matters to nobody")
     most_repetitions: int = setting(200, "1", "more additional runs or flights than this are no advice")
+
+    @property
+    def false_alarms(self) -> float:
+        """Level of a test whose result is shown with its probability."""
+        return TESTS.false_alarms
+
+    @property
+    def rare_false_alarms(self) -> float:
+        """Level of a test that is made in every analysis, for a warning."""
+        return TESTS.rare_false_alarms
 
 
 @dataclass(frozen=True)

@@ -41,9 +41,8 @@ from analysis.estimation.process_noise import (
     noise_key,
     noise_unknowns,
 )
-from analysis.estimation.settings import FILTER_ERROR
+from analysis.estimation.settings import FILTER_ERROR, TESTS
 from analysis.estimation.starts import starting_values_by_equation_error, starting_values_by_output_error
-from analysis.settings import EVIDENCE
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
@@ -251,7 +250,7 @@ def _verdict(fit: Fit, intensities: dict[str, Intensity], negligible: Mapping[Un
         return fit.verdict
     quiet = [key.of for key in negligible if key.kind is UnknownKind.MEASUREMENT_NOISE]
     stabilizing = [state for state in intensities if negligible.get(intensity_key(state), -math.inf) > -math.inf]
-    level = EVIDENCE.false_alarms
+    level = TESTS.false_alarms
     insignificant = [state for state, intensity in intensities.items() if intensity.p_value >= level]
     remarks = (
         (Finding.NEGLIGIBLE_MEASUREMENT_NOISE, quiet, "measurement noise of {} is negligible beside the process noise"),

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from analysis.estimation.data import Segment
 from analysis.estimation.model import Model, NamedValues, UnknownKey, UnknownKind
 from analysis.estimation.noise import Whitened
-from analysis.estimation.settings import VERDICT
+from analysis.estimation.settings import TESTS, VERDICT
 from analysis.estimation.simulation import InputRule, Integrator, Response
-from analysis.settings import EVIDENCE
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
@@ -180,7 +179,7 @@ class Intensity(NamedTuple):
 
     @property
     def significant(self) -> bool:
-        return self.p_value < EVIDENCE.false_alarms
+        return self.p_value < TESTS.false_alarms
 
 
 class ParameterEstimate(NamedTuple):

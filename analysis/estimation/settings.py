@@ -4,8 +4,18 @@ from dataclasses import dataclass
 
 from scipy import special
 
-from analysis.settings import EVIDENCE
 from flight.settings import Settings, setting
+
+
+@dataclass(frozen=True)
+class Tests(Settings):
+    """Levels of statistical tests."""
+
+    false_alarms: float = setting(0.05, "1", "level of a test whose result is shown with its probability")
+    rare_false_alarms: float = setting(0.001, "1", "level of a test that is made in every analysis, for a warning")
+
+
+TESTS = Tests()
 
 
 @dataclass(frozen=True)
@@ -74,7 +84,7 @@ class VerdictLimits(Settings):
     @property
     def not_white(self) -> float:
         """Lag-one correlation, in standard deviations, that a white record exceeds once in a thousand."""
-        return float(special.ndtri(1 - EVIDENCE.rare_false_alarms / 2))
+        return float(special.ndtri(1 - TESTS.rare_false_alarms / 2))
 
 
 @dataclass(frozen=True)

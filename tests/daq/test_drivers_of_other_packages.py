@@ -42,7 +42,7 @@ def test_the_example_package_passes_its_own_tests(tmp_path):
     paths = [str(tmp_path), str(EXAMPLE), str(Path(__file__).parents[2])]
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-c", os.devnull, str(EXAMPLE)],
-        env=os.environ | {"PYTHONPATH": os.pathsep.join(paths)},
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(paths), "PYTEST_ADDOPTS": ""},
         capture_output=True,
         text=True,
     )

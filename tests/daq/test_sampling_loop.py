@@ -147,7 +147,7 @@ def test_a_port_that_cannot_be_opened_is_tried_again():
         return sensor
 
     supervised = SensorSupervisor("rpm", "/dev/ttyUSB0", ("/rpm",), make)
-    assert "/dev/ttyUSB0" in supervised.open(clock.ns)
+    assert "/dev/ttyUSB0" in str(supervised.open(clock.ns))
     assert set(statuses(supervised, clock, 20)) == {Status.NO_REPLY}
     there = True
     assert Status.OK in statuses(supervised, clock, 14)
