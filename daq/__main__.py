@@ -24,7 +24,6 @@ from flight.messages import Event
 LONGEST_CHECK_S = 3600.0
 SHOWN_LOGS = 50
 SERVICE_STATUS = Path("/run/flightpower/status.json")
-SERVICE_LOGS = Path("/var/lib/flightpower")
 
 app = application(
     help="""Records the sensors of the tray at a fixed rate into a log (MCAP) that `analyze` reads.

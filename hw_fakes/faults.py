@@ -63,7 +63,6 @@ ON_THE_BUS = (
     FaultKind.STUCK_VALUE,
     FaultKind.WRONG_DEVICE,
 )
-ON_THE_LINE = (FaultKind.CHECKSUM_ERRORS, FaultKind.UNPLUGGED, FaultKind.SILENT)
 DEVICES_OF_KIND: dict[FaultKind, tuple[str, ...]] = {
     FaultKind.NO_ACKNOWLEDGE: (*I2C_PARTS, BUS),
     FaultKind.TIMEOUT: (*I2C_PARTS, BUS),

@@ -35,7 +35,6 @@ SHORTEST_MEASUREMENT_MS = 50
 GPS_EPOCH = datetime(1980, 1, 6, tzinfo=UTC)
 LEAP_SECONDS = 18  # GPS minus UTC since 2017
 WEEK_MS = 7 * 86400 * 1000
-UNIX_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 REPLY_NS = 2_000_000  # from a command to its acknowledgment
 SATELLITES_WITH_FIX, SATELLITES_WITHOUT = 12, 2
 # UBX-MON-VER: software, hardware, extensions; each filled with zeros.
