@@ -25,7 +25,7 @@ from analysis.flown import check_lift, flown_condition, flown_lift, thrust_cover
 from analysis.log_checks.axes import check_axes
 from analysis.log_checks.structure import check_decodable, check_log
 from analysis.log_contents import LogContents, Replacements, contents
-from analysis.maneuvers.kinds import FOR_DRAG, Maneuvers
+from analysis.maneuvers.kinds import Maneuvers
 from analysis.maneuvers.runs_file import select
 from analysis.polar import Condition
 from analysis.trajectory.observability import (
@@ -159,7 +159,7 @@ def with_runs(flight: Measured, runs_file: Path | None) -> Flown:
 
 
 def _rows_flown(table: pd.DataFrame, maneuvers: Maneuvers) -> pd.DataFrame:
-    return pd.concat([table.iloc[run.rows] for run in maneuvers.level_runs or maneuvers.of(*FOR_DRAG)])
+    return pd.concat([table.iloc[run.rows] for run in maneuvers.for_drag])
 
 
 def reconstructed(flight: Flown) -> Reconstructed:

@@ -19,7 +19,6 @@ from analysis.drag.methods import every_method, fallback
 from analysis.drag.rerun import EstimateRerun
 from analysis.drag.run_agreement import runs_against_others
 from analysis.flight import Reconstructed
-from analysis.maneuvers.kinds import FOR_DRAG
 from analysis.polar import unphysical
 from analysis.schema import DisagreementResult, RunAgainstOthers
 from flight.errors import InputError
@@ -60,8 +59,7 @@ class Estimated(Reconstructed):
 
 def estimated(flight: Reconstructed, *, by_likelihood: bool = False) -> Estimated:
     """The record with `estimate`."""
-    runs = flight.maneuvers.level_runs or flight.maneuvers.of(*FOR_DRAG)
-    flight.progress(f"estimating drag from {len(runs)} runs")
+    flight.progress(f"estimating drag from {len(flight.maneuvers.for_drag)} runs")
     drag = estimate(flight, by_likelihood=by_likelihood)
     return Estimated(**flight.known() | {"drag": drag, "notes": (*flight.notes, *drag.warnings)})
 

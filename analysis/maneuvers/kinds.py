@@ -114,6 +114,11 @@ class Maneuvers:
     def level_runs(self) -> list[Maneuver]:
         return self.of(*LEVEL_RUNS)
 
+    @property
+    def for_drag(self) -> list[Maneuver]:
+        """The accelerations and decelerations; without any, the other maneuvers that give drag."""
+        return self.level_runs or self.of(*FOR_DRAG)
+
 
 def maneuver_in(
     kind: str, rows: slice, table: pd.DataFrame, V: NDArray[np.float64], notes: tuple[str, ...] = ()

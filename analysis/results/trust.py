@@ -10,6 +10,8 @@ from dataclasses import dataclass
 import msgspec
 from scipy import special
 
+from analysis.drag.rejected_assumptions import THRUST_TITLES
+from analysis.ground.thrust_prior import STAND
 from analysis.results.settings import TRUST
 from analysis.schema import (
     CurveStatus,
@@ -26,14 +28,6 @@ from analysis.settings import FLOWN
 
 NOT_TO_TRUST = "not_to_trust"  # name under which the results of a flight in a pool have its reasons
 _WORST_FIRST = (Trust.NOT_TO_BE_TRUSTED, Trust.DOUBTFUL, Trust.TRUSTED)
-
-# What each correction of thrust corrects, by its name in the drag model.
-_THRUST = {
-    "thrust_scale": "scale of thrust",
-    "thrust_slope": "slope of thrust over advance ratio",
-    "thrust_beyond": "thrust beyond the table's last advance ratio",
-}
-_ON_THE_STAND = "thrust at rest, against the stand"
 
 # What usually makes a sensor error larger than assumed, by its name in `path`.
 _CULPRIT = {
@@ -156,11 +150,13 @@ def _thrust_deviations(statistics: PoolingStatistics) -> list[_Deviation]:
     values = dict(zip(statistics.names, statistics.values, strict=True))
     sigmas = dict(zip(statistics.names, statistics.prior_sigma, strict=True))
     deviations = [
-        _Deviation(title, name, values[name] / s) for name, title in _THRUST.items() if (s := sigmas.get(name))
+        _Deviation(title, name, values[name] / s) for name, title in THRUST_TITLES.items() if (s := sigmas.get(name))
     ]
     for measured in statistics.prior_measurements or []:
         estimated = sum(factor * values[name] for name, factor in measured.coefficients.items())
-        deviations.append(_Deviation(_ON_THE_STAND, measured.name, (estimated - measured.value) / measured.sigma))
+        deviations.append(
+            _Deviation(THRUST_TITLES[STAND], measured.name, (estimated - measured.value) / measured.sigma)
+        )
     return deviations
 
 
