@@ -23,7 +23,6 @@ from tests.documented_commands import PAGES, ROOT, TUTORIAL, Walk, do, every_com
 pytestmark = pytest.mark.xdist_group("chain")
 
 MY_TOML = next(step for step in steps_in(TUTORIAL) if step.file == "my.toml")
-SEAWAY_MINI = ROOT / "tests" / "data" / "autopilot_logs" / "seaway-mini-flight3.ulg"
 UIUC = "J CT CP eta\n" + "".join(f"{J} {0.1 - 0.1 * J:.4f} {0.04 - 0.02 * J:.4f} 0.5\n" for J in (0.2, 0.4, 0.6, 0.8))
 
 # With the log of the tutorial as log.mcap, and the file that the command writes.
@@ -32,15 +31,16 @@ OF_A_FLIGHT = {
     "flightpower export out/demo/log.mcap --to parquet -o tables": "tables/runs.parquet",
     "flightpower export log.mcap --to mcap -o derived.mcap": "derived.mcap",
     'analyze log.mcap --weights "3.8 kg, 9 lbf" --density-altitudes "0 m, 5000 ft"': "log.report/report.html",
-    'analyze log.ulg --mass "9.4 kg" --wing-area "1.5 m^2" --span "4 m"': "log.report/report.html",
+    'analyze log.ulg --mass "3.84 kg" --wing-area "0.464 m^2" --span "1.75 m"': "log.report/report.html",
 }
+PX4_LOG = "sim fly --plan ordinary-flight --as px4 -o out/px4"
 PLAN = "flightpower plan my.toml --propeller apc-12x8e --wind-kt 8"
 OF_A_COLUMN = {
     "calibrate transducers log.mcap": "",
     'calibrate transducers log.mcap --pressures "10 20 30 40 35 25 15 5 mm" -o transducers.json': "transducers.json",
 }
 TABLE = "python -m flight.propeller_files apce_10x5_kt0821_5000.txt > mine.csv"
-RUN_HERE = {*OF_A_FLIGHT, *OF_A_COLUMN, PLAN, TABLE}
+RUN_HERE = {PX4_LOG, *OF_A_FLIGHT, *OF_A_COLUMN, PLAN, TABLE}
 # Patterns of commands that a test runs with files of other names, shorter input or one option less; and that test.
 RUN_ELSEWHERE = {
     "calibrate tubing LOG": "chain/test_documented_commands.py",
@@ -117,7 +117,8 @@ def test_commands_of_a_flight(walk: Walk, tmp_path: Path, monkeypatch: pytest.Mo
     Path("out/demo").mkdir(parents=True)
     for name in ("log.mcap", "out/demo/log.mcap"):
         shutil.copy(walk.folder / "out" / "demo" / "log.mcap", name)
-    shutil.copy(SEAWAY_MINI, "log.ulg")
+    succeeds(PX4_LOG, "out/px4/log.ulg")
+    shutil.copy("out/px4/log.ulg", "log.ulg")
     made: list[Any] = []
     tables_from = export.tables_from
 

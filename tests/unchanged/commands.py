@@ -1,4 +1,4 @@
-"""What commands compute of simulated flights and of a real one; all of it is the same in every run."""
+"""What commands compute of simulated flights; all of it is the same in every run."""
 
 import contextlib
 import importlib
@@ -19,7 +19,6 @@ from analysis.report import write
 from tests.documented_commands import MODULES
 from tests.unchanged.stored_values import numbers_printed, of_files
 
-SEAWAY_MINI = Path(__file__).parents[1] / "data" / "autopilot_logs" / "seaway-mini-flight3.ulg"
 Contents = dict[str, object]
 
 
@@ -160,8 +159,7 @@ def autopilot_logs() -> Contents:
     with new_folder() as folder:
         run("flightpower", "new", "aircraft", "--like", "nexstar", "-o", "nexstar.toml")
         for name, content, options in (
-            ("seaway.ulg", SEAWAY_MINI.read_bytes(), SEAWAY_OPTIONS),
-            ("ardupilot.BIN", log, ("--mass", "3.84 kg", "--wing-area", "0.4636 m^2", "--span", "1.7465 m")),
+            ("ardupilot.BIN", log, (*OPTIONS, "--battery-Wh", "74")),
             ("px4.ulg", known, aircraft),
         ):
             (folder / name).write_bytes(content)
@@ -306,7 +304,7 @@ PLANS = {
 }  # fmt: skip
 STEADY_OPTIONS = ("--likelihood", "--battery-Wh", "5000 mAh, 14.8 V", "--usable", "70%", "--weights", "3.8 kg, 9 lbf",
                   "--density-altitudes", "0 m, 5000 ft", "--propeller", "apc-12x8e-windmilling")  # fmt: skip
-SEAWAY_OPTIONS = ("--mass", "9.4 kg", "--wing-area", "1.499 m^2", "--span", "4.0 m", "--battery-Wh", "200")
+OPTIONS = ("--mass", "3.84 kg", "--wing-area", "0.4636 m^2", "--span", "1.7465 m")
 STAND = """motor_speed_rpm,thrust_N
 3000,3.31
 4000,5.87

@@ -12,9 +12,9 @@ from analysis.cli.analyze import app
 from analysis.electrical.flight_table import flight_table
 from flight.errors import InputError
 from sim.ulog_writer import UlogContents, UlogTopic, write_ulog
+from tests.shared_data import beside, needs
 
-LOG = Path(__file__).parents[2] / "data" / "autopilot_logs" / "seaway-mini-flight3.ulg"
-SHARED = Path(__file__).parents[4] / "shared" / "data" / "pixhawk"
+SHARED = beside("pixhawk")
 WEIGHT_N, WING_AREA_M2 = 92.2, 1.499
 
 
@@ -58,8 +58,18 @@ def test_refused_in_one_line(tmp_path: Path, topics: list[UlogTopic], reason: st
     assert "\n" not in str(raised.value)
 
 
-def test_the_format_is_that_of_the_first_bytes(tmp_path: Path) -> None:
-    assert firmware_of(LOG) == PX4
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    """A log of PX4 with all that is read, and without a flight."""
+    path = tmp_path / "log.ulg"
+    pressure = topic("differential_pressure", {"differential_pressure_pa": floats(0.0), "temperature": floats(12.0)})
+    force = topic("vehicle_acceleration", {f"xyz[{i}]": floats(value) for i, value in enumerate((0.0, 0.0, -9.8))})
+    write_ulog(path, UlogContents([status(2, 1), AIRSPEED, BARO, BATTERY, pressure, force]))
+    return path
+
+
+def test_the_format_is_that_of_the_first_bytes(tmp_path: Path, log: Path) -> None:
+    assert firmware_of(log) == PX4
     named_wrong = tmp_path / "log.mcap"
     named_wrong.write_bytes(b"\xa3\x95\x80\x80\x59")
     assert firmware_of(named_wrong) == ARDUPILOT
@@ -67,32 +77,29 @@ def test_the_format_is_that_of_the_first_bytes(tmp_path: Path) -> None:
     assert firmware_of(named_wrong) is None
 
 
-def test_what_the_aircraft_is_must_be_given() -> None:
-    done = CliRunner().invoke(app, [str(LOG), "--mass", "9.4 kg"])
+def test_what_the_aircraft_is_must_be_given(log: Path) -> None:
+    done = CliRunner().invoke(app, [str(log), "--mass", "9.4 kg"])
     assert isinstance(done.exception, InputError) and '--wing-area "1.5 m^2"' in str(done.exception)
 
 
-def test_options_of_the_daemons_logs_are_refused(tmp_path: Path) -> None:
+def test_options_of_the_daemons_logs_are_refused(tmp_path: Path, log: Path) -> None:
     given = ["--mass", "9.4", "--wing-area", "1.5", "--span", "4", "-o", str(tmp_path / "report")]
-    done = CliRunner().invoke(app, [str(LOG), *given, "--probe", "probe.json"])
+    done = CliRunner().invoke(app, [str(log), *given, "--probe", "probe.json"])
     assert isinstance(done.exception, InputError) and "--probe: only for logs of the daemon" in str(done.exception)
-    done = CliRunner().invoke(app, [str(LOG), *given[:-3], "4 kg"])
+    done = CliRunner().invoke(app, [str(log), *given[:-3], "4 kg"])
     assert isinstance(done.exception, InputError) and "--span 4 kg" in str(done.exception)
 
 
-if SHARED.exists():  # these logs may not be shipped; others of their kind are tested above
-
-    @pytest.mark.parametrize(
-        "name, reason", [("multicopter.ulg", "multicopter"), ("arduplane-1s.BIN", "lacks airspeed")]
-    )
-    def test_real_logs_that_cannot_be_analyzed(name: str, reason: str) -> None:
-        arguments = ["--mass", "2 kg", "--wing-area", "0.4 m^2", "--span", "1.8 m"]
-        done = CliRunner().invoke(app, [str(SHARED / name), *arguments])
-        assert isinstance(done.exception, InputError) and reason in str(done.exception)
+@needs(SHARED)
+@pytest.mark.parametrize("name, reason", [("multicopter.ulg", "multicopter"), ("arduplane-1s.BIN", "lacks airspeed")])
+def test_real_logs_that_cannot_be_analyzed(name: str, reason: str) -> None:
+    arguments = ["--mass", "2 kg", "--wing-area", "0.4 m^2", "--span", "1.8 m"]
+    done = CliRunner().invoke(app, [str(SHARED / name), *arguments])
+    assert isinstance(done.exception, InputError) and reason in str(done.exception)
 
 
-def test_damaged_files_are_read_or_refused(tmp_path: Path) -> None:
-    data, rng, path = LOG.read_bytes(), np.random.default_rng(0), tmp_path / "damaged.ulg"
+def test_damaged_files_are_read_or_refused(tmp_path: Path, log: Path) -> None:
+    data, rng, path = log.read_bytes(), np.random.default_rng(0), tmp_path / "damaged.ulg"
     for _ in range(12):
         damaged = bytearray(data[: int(rng.integers(1000, 60_000))])
         for at in rng.integers(0, len(damaged), rng.integers(0, 20)):

@@ -19,16 +19,10 @@ from analysis.results.electrical import UNKNOWN
 from analysis.results.electrical_parameters import flight_values
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2 as g
+from tests.shared_data import beside, needs
 
-SHARED = next(
-    (
-        folder / "shared" / "data" / "firmware"
-        for folder in Path(__file__).resolve().parents
-        if (folder / "shared" / "data" / "firmware").exists()
-    ),
-    None,
-)
-pytestmark = pytest.mark.skipif(SHARED is None, reason="the files of firmware are not beside the checkout")
+SHARED = beside("firmware")
+pytestmark = needs(SHARED)
 WEIGHT_N, AREA_M2, SPAN_M = 2.0 * g, 0.45, 1.88
 # Level flight in calm air: true airspeed [m/s] and electrical power [W], by the simulation's own state.
 SPEEDS_MPS = np.array([14.4, 16.5, 17.6, 19.6, 22.7, 25.7, 28.9])
@@ -36,14 +30,9 @@ TRUTH_W = np.array([31.6, 47.0, 59.8, 89.9, 157.1, 255.7, 396.5])
 MIDDLE = slice(1, 6)  # 16 to 26 m/s
 
 
-def file_of(name: str) -> Path:
-    assert SHARED is not None
-    return SHARED / name
-
-
 def curve(name: str, folder: Path) -> ElectricalEstimate:
     path = folder / "log.BIN"
-    path.write_bytes(gzip.decompress(file_of(name).read_bytes()))
+    path.write_bytes(gzip.decompress((SHARED / name).read_bytes()))
     return estimate(flight_table(read_ardupilot(path), WEIGHT_N, AREA_M2), WEIGHT_N, AREA_M2, SPAN_M)
 
 
@@ -77,7 +66,7 @@ def test_power_under_an_energy_controller(name: str, most: float, widest: float,
     ],
 )
 def test_what_cannot_be_analyzed_is_refused_with_what_it_lacks(name: str, reason: str) -> None:
-    path = file_of(name)
+    path = SHARED / name
     read = read_px4 if path.suffix == ".ulg" else read_ardupilot
     with pytest.raises(InputError, match=reason):
         flight_table(read(path), WEIGHT_N, AREA_M2)
@@ -85,20 +74,20 @@ def test_what_cannot_be_analyzed_is_refused_with_what_it_lacks(name: str, reason
 
 def test_old_currents_are_in_hundredths(tmp_path: Path) -> None:
     plane = tmp_path / "plane.bin"
-    plane.write_bytes(file_of("arducopter-3.1.3-2014.bin").read_bytes().replace(b"ArduCopter", b"ArduPlane "))
+    plane.write_bytes((SHARED / "arducopter-3.1.3-2014.bin").read_bytes().replace(b"ArduCopter", b"ArduPlane "))
     channels = read_ardupilot(plane).channels
     assert channels[VOLTAGE].value[[0, -1]] == pytest.approx([16.40, 15.64])  # 1640 and 1564 in the file
     assert channels[CURRENT].value.max() == pytest.approx(31.1)
 
 
 def test_messages_of_kind_0_are_read() -> None:
-    log = DataflashLog(file_of("arduplane-4.8-dev-kind0.BIN").read_bytes())
+    log = DataflashLog((SHARED / "arduplane-4.8-dev-kind0.BIN").read_bytes())
     assert len(log.columns("CTUN")["TimeUS"]) > 100 and np.all(np.diff(log.columns("CTUN")["TimeUS"]) > 0)
 
 
 def test_every_message_of_a_ground_stations_recording_is_read() -> None:
     """195 pressures and forces, as pymavlink counts them; GPS and the airspeed shown were sent once less."""
-    log = TelemetryLog(file_of("arduplane-sitl-2015.tlog").read_bytes())
+    log = TelemetryLog((SHARED / "arduplane-sitl-2015.tlog").read_bytes())
     assert [len(log.columns(kind)["TimeUS"]) for kind in ("BARO", "IMU", "ARSP", "GPS")] == [195, 195, 194, 194]
     assert log.columns("BARO")["Press"][0] == pytest.approx(101320.58, abs=0.01)
     assert log.columns("IMU")["AccZ"][0] == pytest.approx(-0.968 * g)

@@ -1,5 +1,6 @@
 """The same flight as PX4, ArduPilot and the daemon record it gives the same curve."""
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,21 +14,29 @@ from analysis.cli.electrical import lacks_drag_topics
 from analysis.electrical.daemon_log import recording_of
 from analysis.electrical.estimate import estimate
 from analysis.electrical.flight_table import flight_table
+from flight.complete_aircraft import load_complete_aircraft
 from flight.log_entries import Entries, LogEntry, entries_of
 from flight.log_reader import Log
 from flight.messages import AbsolutePressure, Battery, DifferentialPressure, Gps, Imu, Message
-from flight.units import GRAVITY_MPS2
 from sim.autopilot_pitot import indicated_airspeed
 from sim.dataflash_writer import DataflashMessages, write_dataflash
+from sim.px4_log import write_px4_log
+from sim.sensors import load_budget
 
-LOG = Path(__file__).parents[2] / "data" / "autopilot_logs" / "seaway-mini-flight3.ulg"
-WEIGHT_N, WING_AREA_M2, SPAN_M = 9.4 * GRAVITY_MPS2, 1.499, 4.0
-SPEEDS = np.linspace(9.0, 16.0, 8)
+sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
+from flights import drawn, flown
+
+AIRCRAFT = load_complete_aircraft("nexstar")
+WEIGHT_N, WING_AREA_M2, SPAN_M = AIRCRAFT.mass.weight_N, AIRCRAFT.geometry.wing_area_m2, AIRCRAFT.geometry.span_m
+SPEEDS = np.linspace(15.0, 21.0, 8)
 
 
 @pytest.fixture(scope="module")
-def px4() -> FlightRecording:
-    return read_px4(LOG)
+def px4(tmp_path_factory: pytest.TempPathFactory) -> FlightRecording:
+    path, errors = tmp_path_factory.mktemp("px4") / "log.ulg", drawn(load_budget("study"), 3)
+    flight, sensors, _ = flown(AIRCRAFT, errors, "ordinary-flight", 3)
+    write_px4_log(path, flight, sensors, errors)
+    return read_px4(path)
 
 
 def power(flight: FlightRecording) -> np.ndarray:
@@ -99,7 +108,7 @@ def test_a_log_of_the_daemon_without_flow_angles_and_motor_speed(px4: FlightReco
     )
     air_K = 0 * static.value + flight_table(px4, WEIGHT_N, WING_AREA_M2).air_temperature_K
     log = Log(
-        LOG,
+        Path("log.mcap"),
         {
             "/probe/airspeed": entries(pitot, DifferentialPressure, differential_pressure_Pa=pitot.value + 7.0),
             "/static": entries(static, AbsolutePressure, pressure_Pa=static.value, temperature_K=air_K),

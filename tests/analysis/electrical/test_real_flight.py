@@ -1,4 +1,4 @@
-"""The command `analyze` on a real flight under PX4, shortened, against a published analysis of it."""
+"""The command `analyze` on a real flight under PX4 against a published analysis of it."""
 
 import json
 import re
@@ -11,8 +11,10 @@ from typer.testing import CliRunner
 from analysis.cli.analyze import app
 from analysis.cli.calibrate import app as calibrate
 from flight.command_line import ExitCode
+from tests.shared_data import beside, needs
 
-LOG = Path(__file__).parents[2] / "data" / "autopilot_logs" / "seaway-mini-flight3.ulg"
+LOG = beside("pixhawk/seaway-mini-flight3.ulg")
+pytestmark = needs(LOG)
 AIRCRAFT = ["--mass", "9.4 kg", "--wing-area", "1.499 m^2", "--span", "4.0 m"]
 # Electrical power [W] of level flight by P. Sharpe's method (smoothed energy balance, four-term drag polar, efficiency
 # over V / I^(1/3)), which his figure power_curve_with_physics shows, at 9 to 16 m/s.

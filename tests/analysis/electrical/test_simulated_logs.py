@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pyulog import ULog
 
 from analysis.autopilot_logs.ardupilot import read_ardupilot
 from analysis.autopilot_logs.px4 import read_px4
@@ -25,6 +26,7 @@ from sim.plan import load_plan
 from sim.px4_log import write_px4_log
 from sim.sensors import FlightSensorTruth, load_budget
 from sim.sensors.budget import DrawnErrors
+from sim.ulog_writer import UlogContents, UlogTopic, write_ulog
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
 from electrical import true_power
@@ -66,7 +68,10 @@ def test_text_and_telemetry_give_the_curve_of_the_dataflash_log(
         (write_ardupilot_log, read_ardupilot, ["pressure-offset", "dropouts"], ""),
         (write_ardupilot_log, read_ardupilot, ["clock-jump"], "clock jumped"),
         (write_ardupilot_log, read_ardupilot, ["airborne-start", "truncated"], ""),
-        (write_px4_log, read_px4, ["pressure-offset", "appended"], ""),  # others are tested with a real log
+        (write_px4_log, read_px4, ["landed", "wrong-battery-first", "appended"], "battery_status 1 measures"),
+        (write_px4_log, read_px4, ["pressure-offset", "dropouts"], "dropped"),
+        (write_px4_log, read_px4, ["clock-jump"], "clock jumped"),
+        (write_px4_log, read_px4, ["airborne-start", "truncated"], "no time on the ground"),
     ],
 )
 def test_traps(
@@ -86,6 +91,24 @@ def test_traps(
     assert capfd.readouterr() == ("", "")  # the reader's library prints damaged bytes
 
 
+def test_hovering_is_left_out(tmp_path: Path, px4_log: Path) -> None:
+    """A VTOL that is a multicopter from 250 s on, while still flying."""
+    found = [
+        UlogTopic(
+            one.name, one.data["timestamp"], {k: x for k, x in one.data.items() if k != "timestamp"}, one.multi_id
+        )
+        for one in ULog(str(px4_log)).data_list
+    ]
+    late = found[0].time_us[0] + np.uint64(250_000_000)
+    for one in found:
+        if one.name == "vehicle_status":
+            one.columns["vehicle_type"] = np.where(one.time_us > late, 1, 2).astype(np.uint8)
+    path = tmp_path / "log.ulg"
+    write_ulog(path, UlogContents(found))
+    table = flight_table(read_px4(path), WEIGHT_N, GEOMETRY.wing_area_m2)
+    assert 220 < table.table.index[table.flown].max() < 251
+
+
 def test_without_airspeed(tmp_path: Path, flown: tuple[Flight, FlightSensorTruth, DrawnErrors]) -> None:
     write_ardupilot_log(tmp_path / "00000001.BIN", *flown, ["no-airspeed"])
     with pytest.raises(InputError, match="lacks airspeed"):
@@ -93,10 +116,15 @@ def test_without_airspeed(tmp_path: Path, flown: tuple[Flight, FlightSensorTruth
 
 
 @pytest.fixture(scope="module")
-def px4(tmp_path_factory, flown: tuple[Flight, FlightSensorTruth, DrawnErrors]) -> FlightRecording:
+def px4_log(tmp_path_factory, flown: tuple[Flight, FlightSensorTruth, DrawnErrors]) -> Path:
     path = tmp_path_factory.mktemp("px4") / "log.ulg"
     write_px4_log(path, *flown)
-    return read_px4(path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def px4(px4_log: Path) -> FlightRecording:
+    return read_px4(px4_log)
 
 
 @pytest.mark.parametrize("without_speed", [False, True])

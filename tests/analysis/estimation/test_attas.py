@@ -7,7 +7,6 @@ records themselves where `../shared/data/attas` has them.
 """
 
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,8 +19,9 @@ from analysis.estimation.fit import Fit
 from analysis.estimation.model import Model, Parameter
 from analysis.estimation.output_error import fit_output_error
 from analysis.estimation.problem import FitOptions
+from tests.shared_data import beside, needs
 
-RECORDS = Path(__file__).parents[4] / "shared" / "data" / "attas"
+RECORDS = beside("attas")
 
 # name: (starting value, published estimate, standard error of an independent run on the records)
 CASE_11 = {
@@ -161,11 +161,10 @@ def test_two_maneuvers_are_worth_both_their_information(fit, segments: list[Segm
             assert fit.parameters[name].standard_error < alone.parameters[name].standard_error
 
 
+@needs(RECORDS)
 def test_the_records_give_the_published_estimates() -> None:
     """Estimates to five digits, standard errors to 1 % or what was printed, the noise to five digits."""
     files = [RECORDS / "fAttasElv1.mat", RECORDS / "fAttasElv2.mat"]
-    if not all(file.is_file() for file in files):
-        pytest.skip("the ATTAS records may not be shipped and are not in ../shared/data/attas")
     records = [next(v for k, v in loadmat(file).items() if not k.startswith("__")) for file in files]
     channels = [{"q": r[:, 7], "alpha": r[:, 12], "de": r[:, 21]} for r in np.deg2rad(records)]
     first = {name: float(channels[0][name][0]) for name in ("alpha", "q")}  # the reference gives it to both
