@@ -9,12 +9,12 @@ from analysis.drag.estimate import Estimated, estimated
 from analysis.electrical.daemon_log import WholeFlight, whole_flight
 from analysis.flight import Progress, reconstructed, recorded, synchronized, with_runs
 from analysis.log_contents import Replacements
-from analysis.performance.analysis import compute
+from analysis.performance.analysis import Performance, compute
 from analysis.performance.request import Request
 from analysis.planning.next_flight import next_flight
 from analysis.results.assemble import assemble
 from analysis.results.trust import with_trust
-from analysis.schema import PerformanceResult, Results
+from analysis.schema import Results
 from analysis.trajectory.consistency import Consistency, consistency
 from flight.log_reader import Log
 
@@ -24,9 +24,11 @@ class Analysis(Estimated):
     """All that is known of a flight, for the report; results: what is written.
 
     consistency : of speed and angles before and after the correction of sensor errors
+    performance : None where the battery or the thrust of level flight is not known
     """
 
     consistency: Consistency
+    performance: Performance | None
     results: Results
 
 
@@ -57,10 +59,11 @@ def analyze(
     performance = _performance(flight, request)
     flight = replace(flight, notes=(*flight.notes, *request.notes(flight.aircraft)))
     consistent = consistency(flight.trajectory)
-    results = assemble(flight, consistent, performance, whole_flight_energy.electrical, command_line)
+    written = performance.result if performance else None
+    results = assemble(flight, consistent, written, whole_flight_energy.electrical, command_line)
     advice = next_flight(flight.trajectory, flight.drag.main, flight.condition, flight.drag.flown_CL)
     with_advice = structs.replace(results, next_flight=list(advice.sentences), next_flight_lowers=advice.lowers)
-    return Analysis(**flight.known(), consistency=consistent, results=with_trust(with_advice))
+    return Analysis(**flight.known(), consistency=consistent, performance=performance, results=with_trust(with_advice))
 
 
 def _with_energy_of_whole_flight(flight: Estimated) -> tuple[Estimated, WholeFlight]:
@@ -71,6 +74,6 @@ def _with_energy_of_whole_flight(flight: Estimated) -> tuple[Estimated, WholeFli
     return replace(flight, drag=drag), whole
 
 
-def _performance(flight: Estimated, request: Request) -> PerformanceResult | None:
+def _performance(flight: Estimated, request: Request) -> Performance | None:
     flight.progress("computing performance")
     return compute(request, flight)

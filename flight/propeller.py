@@ -146,6 +146,13 @@ class Propeller(PropellerModel):
         cT, cP, cT_slope, cP_slope = self._lines
         return interpolated(cT, cT_slope), interpolated(cP, cP_slope)
 
+    def lines(self) -> tuple[list[float], NDArray[np.float64]]:
+        """The knots of J, ascending, and the straight lines between them, (4, rows, 1 + knots): cT, cP, their slopes.
+
+        Each line starts at the knot below its interval; the first, below all knots, at the first knot.
+        """
+        return self._knots, self._lines.reshape(4, len(self.rows), -1)
+
     def with_beyond_zero_thrust(self, behavior: str) -> "Propeller":
         """The same table with another behavior beyond zero thrust."""
         return Propeller(self.name, self.diameter_m, self.rows, self.source, behavior)

@@ -64,7 +64,16 @@ class ConditionPerformance:
     full_throttle: FullThrottlePerformance | None
 
 
-def compute(request: Request, flight: Estimated) -> PerformanceResult | None:
+@dataclass(frozen=True)
+class Performance:
+    """Performance of a flight as it is written, with the model that computes it at any other weight and density."""
+
+    result: PerformanceResult
+    model: PerformanceModel
+    flown: FlownCondition
+
+
+def compute(request: Request, flight: Estimated) -> Performance | None:
     """Performance at the flight's weight and density, and at those requested.
 
     None where the battery's energy is not known, or the propeller's table cannot give the thrust of level flight.
@@ -77,7 +86,8 @@ def compute(request: Request, flight: Estimated) -> PerformanceResult | None:
     data = power_train_data(flight.trajectory, aircraft, flight.propeller)
     model = performance_model(data, drag.main, aircraft, flight.propeller, drag.flown_CL)
     with_battery = replace(request, battery_Wh=request.battery_energy_Wh(aircraft))
-    return flight_performance(model, flight.condition, requested_conditions(request, at), with_battery)
+    result = flight_performance(model, flight.condition, requested_conditions(request, at), with_battery)
+    return Performance(result, model, at) if result else None
 
 
 def power_train_data(trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) -> pd.DataFrame:

@@ -2,10 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 
+from analysis.performance.analysis import Performance
 from analysis.pipeline import Analysis
 from analysis.report.figures import flight, power
 from analysis.report.figures.style import Figure
 from analysis.report.html_page import html_figure, render_page
+from analysis.report.other_conditions import other_conditions_section
 from analysis.report.sections.certainty import certainty_section
 from analysis.report.sections.curve import curve_section, methods_section
 from analysis.report.sections.flight import flight_section, provenance_section, sensors_section
@@ -61,11 +63,13 @@ def render(
     figures: Mapping[str, Figure | Sequence[Figure]],
     run_fits: Sequence[Figure | Sequence[Figure]],
     *,
+    performance: Performance | None = None,
     replaced: str = "",
 ) -> str:
     """The page as one HTML file.
 
-    figures: by name (`figures_by_name`); run_fits: one for each run. replaced: what the report replaces.
+    figures: by name (`figures_by_name`); run_fits: one for each run. performance: for the controls of weight, air and
+    battery. replaced: what the report replaces.
     """
     return render_page(
         "report.html",
@@ -75,6 +79,7 @@ def render(
         provenance=provenance_section(results),
         replaced=replaced,
         performance=performance_section(results),
+        other_conditions=other_conditions_section(performance),
         methods=methods_section(results),
         curve=curve_section(results),
         flight=flight_section(results),

@@ -49,7 +49,8 @@ def write_report(analysis: Analysis, folder: Path) -> str:
         files["field_table.md"] = field_table.to_markdown(results, results.use)
         files["field_table.csv"] = field_table.to_csv(results, results.use)
     before = replaced(folder, results, files)
-    files["report.html"] = page.render(results, figures_by_name(analysis), run_fits(analysis), replaced=before)
+    figures, fits = figures_by_name(analysis), run_fits(analysis)
+    files["report.html"] = page.render(results, figures, fits, performance=analysis.performance, replaced=before)
     for name, content in files.items():
         write_file(folder / name, content)
     return before
