@@ -41,13 +41,6 @@ class Clock(StrEnum):
     COMPUTER = "computer"  # of the aircraft; it may be wrong
 
 
-class CheckedBy(StrEnum):
-    """The estimator of a cross-check. Intervals of filter error are too narrow for a comparison."""
-
-    OUTPUT_ERROR = "output error"
-    FILTER_ERROR = "filter error"
-
-
 class CurveStatus(StrEnum):
     """How the estimation of the power curve ended."""
 
@@ -574,8 +567,7 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     drag_polar: DragPolar | None  # null where drag is not known
     power_required: list[PowerPoint]  # at the test's weight and density, over the flown range
     power_required_standard: list[PowerPoint]  # at the standard weight and sea-level density
-    cross_check: list[PowerPoint]  # the same over the runs alone, at the test's weight and density, by
-    cross_check_by: CheckedBy = CheckedBy.OUTPUT_ERROR
+    cross_check: list[PowerPoint]  # the same by output error on the runs alone, at the test's weight and density
     cross_check_differs: bool = False  # from `power_required` by more than their 95 % intervals allow
     minimum_power_speed: SpeedInterval  # longest endurance, at the test's weight and density
     best_range_speed: SpeedInterval

@@ -75,7 +75,8 @@ def one_flight(setup: Setup, *, cross_check: bool = False, calibrated: bool = Fa
         integrated = checks.on_runs_alone(
             air, runs, aircraft, propeller, gust_mps=trajectory.gust_mps, zeroed=at_rest is not None
         )
-        figures["output error"] = compared(integrated.polar)
+        if integrated:
+            figures["output error"] = compared(integrated.polar)
     return list(figures.items())
 
 

@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.estimation.data import Segment
-from analysis.estimation.filter_error import ProcessNoise
 from analysis.estimation.model import Model, NamedValues, Parameter
 from flight import motion
 from flight.aerodynamics import body_axes, lift_slope, stability_axes
@@ -303,12 +302,7 @@ def two_state(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float = 0
     )
 
 
-GUSTS = ("gust", "gust_alpha")
-# Dryden turbulence 100 m above the ground (MIL-F-8785C sec. 3.7.3.4.1): scale lengths along and across the flow.
-GUST_LENGTHS_M = {"gust": 263.0, "gust_alpha": 100.0}
-
-
-def level_run(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float = 0.5, gusts: bool = False) -> Model:
+def level_run(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float = 0.5) -> Model:
     """States V, gamma, theta, h; alpha = theta - gamma.
 
     The flight path angle gamma (wings level) replaces alpha as a state, so that the gyro acts on theta alone. Process
@@ -317,24 +311,18 @@ def level_run(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float = 0
     Thrust is thrust + thrust_per_speed (V - V_ref), at the speed of the state: the table read at an airspeed 3 % too
     high gives 9 % too little thrust at high speed. Airspeed has a scale, a bias and a lag. Flow angles are pressures
     over dynamic pressure, so that a scale of airspeed has minus twice its effect on alpha.
-
-    gusts : two more first-order states, the gust along the flow [m/s] and `gust_alpha` across it [rad], with
-    GUST_LENGTHS_M, for `filter_error` with `gust_noise`. Wing, propeller and probe see V + gust and alpha + gust_alpha;
-    the aircraft moves through the mean air with V and alpha. The scales of the air data do not act on the gusts, so
-    that the response of the forces to gusts does not contribute to their estimates.
     """
     c = Constants.of(aircraft, J_ref)
 
     def specific_force(x: NamedValues, u: NamedValues, p: NamedValues) -> tuple[Any, Any]:
-        """ax, az [m/s^2], of the wing and propeller in the gusts."""
-        mean_alpha = x.theta - x.gamma
-        V, alpha = (x.V + x.gust, mean_alpha + x.gust_alpha) if gusts else (x.V, mean_alpha)
-        table_thrust = u.thrust + u.thrust_per_speed * (V - u.V_ref)
-        T = table_thrust * (1 + p.thrust_scale + p.thrust_slope * (u.J * V / u.V_ref - c.J_ref))
+        """ax, az [m/s^2]."""
+        alpha = x.theta - x.gamma
+        table_thrust = u.thrust + u.thrust_per_speed * (x.V - u.V_ref)
+        T = table_thrust * (1 + p.thrust_scale + p.thrust_slope * (u.J * x.V / u.V_ref - c.J_ref))
         q_hat = reduced_pitch_rate(c, u.q - p.q_bias, u.V_ref)
         CL = p.CL0 + p.CLa * alpha + p.CLde * u.elevator + p.CLq * q_hat
         CX, CZ = body_axes(CL, p.A0 + p.A1 * CL + p.A2 * CL**2, alpha)
-        qS = u.rho * V**2 / 2 * c.S
+        qS = u.rho * x.V**2 / 2 * c.S
         return (qS * CX + T) / c.m, qS * CZ / c.m
 
     def flow_derivative(x: NamedValues, u: NamedValues, p: NamedValues, ax: Any, az: Any) -> tuple[Any, Any]:
@@ -349,18 +337,14 @@ def level_run(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float = 0
     def dynamics(x: NamedValues, u: NamedValues, p: NamedValues) -> tuple[Any, ...]:
         Vdot, alphadot = flow_derivative(x, u, p, *specific_force(x, u, p))
         _, thetadot, _ = motion.attitude_derivative(u.phi, x.theta, u.p, u.q - p.q_bias, u.r)
-        flight = (Vdot, thetadot - alphadot, thetadot, climb_rate(x.V, x.theta - x.gamma, x.theta, u))
-        return (*flight, *(-x[name] * u.V_ref / GUST_LENGTHS_M[name] for name in GUSTS)) if gusts else flight
+        return Vdot, thetadot - alphadot, thetadot, climb_rate(x.V, x.theta - x.gamma, x.theta, u)
 
     def outputs(x: NamedValues, u: NamedValues, p: NamedValues) -> tuple[Any, ...]:
         ax, az = specific_force(x, u, p)
         Vdot, alphadot = flow_derivative(x, u, p, ax, az)
-        gust, gust_alpha = (x.gust, x.gust_alpha) if gusts else (0.0, 0.0)
         return (
-            (x.V - p.air_data_lag * Vdot) * (1 + p.V_scale) + p.V_bias + gust,
-            (x.theta - x.gamma - p.air_data_lag * alphadot) * (1 + p.alpha_scale - 2 * p.V_scale)
-            + p.alpha_bias
-            + gust_alpha,
+            (x.V - p.air_data_lag * Vdot) * (1 + p.V_scale) + p.V_bias,
+            (x.theta - x.gamma - p.air_data_lag * alphadot) * (1 + p.alpha_scale - 2 * p.V_scale) + p.alpha_bias,
             ax + p.ax_bias,
             az + p.az_bias,
             x.h,
@@ -370,12 +354,12 @@ def level_run(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float = 0
         state = dict(level_flight_state(segment))
         if {"theta", "alpha"} <= set(state):
             state["gamma"] = state["theta"] - state["alpha"]
-        return {**state, **(dict.fromkeys(GUSTS, 0.0) if gusts else {})}
+        return state
 
     lag = Parameter(name="air_data_lag", start=priors.air_data_lag_mean_s, prior_sigma=priors.air_data_lag_s, unit="s")
     return Model(
-        name="level_run in gusts" if gusts else "level_run",
-        states=("V", "gamma", "theta", "h", *(GUSTS if gusts else ())),
+        name="level_run",
+        states=("V", "gamma", "theta", "h"),
         inputs=("thrust", "thrust_per_speed", "V_ref", "J", "elevator", "q", "phi", "p", "r", "beta", "rho"),
         outputs=("V", "alpha", "ax", "az", "h"),
         parameters=(
@@ -389,18 +373,3 @@ def level_run(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float = 0
         output_function=outputs,
         initial_state=initial_state,
     ).changed(CLq=CLq_with_prior(priors))
-
-
-def gust_noise(V_mps: float, *, gust_mps: float = 0.3) -> tuple[ProcessNoise, ...]:
-    """Process noise of `level_run(gusts=True)` at airspeed V, free, with a starting value of the gusts' strength.
-
-    gust_mps : standard deviation of the gusts. A first-order gust with time constant T = L/V and intensity w has the
-    variance w^2 T/2 (MIL-F-8785C sec. 3.7.1.2).
-    """
-    noises = []
-    for state, length in GUST_LENGTHS_M.items():
-        sigma = gust_mps if state == "gust" else gust_mps / V_mps
-        half_time_constant_s = length / V_mps / 2
-        start = float(sigma / np.sqrt(half_time_constant_s))
-        noises.append(ProcessNoise(state=state, start=start, active_before_s=half_time_constant_s))
-    return tuple(noises)

@@ -1,8 +1,8 @@
 """The cross-check: output error on the runs alone, pitch and height as states (3.24-3.45).
 
 It integrates the equations of motion through each run and uses nothing of the rest of the flight. Its errors differ
-from those of the trajectory: where the two disagree, one of them is wrong. In gusts filter error takes its place:
-process noise separates turbulence, which moves the aircraft, from measurement noise.
+from those of the trajectory: where the two disagree, one of them is wrong. In gusts, which move the aircraft, its
+intervals are too narrow, and there is no cross-check.
 """
 
 import math
@@ -18,13 +18,11 @@ from analysis.drag import aircraft_models, covariance
 from analysis.drag.aircraft_models import Priors
 from analysis.drag.settings import CROSS_CHECK
 from analysis.estimation.data import Segment
-from analysis.estimation.filter_error import ProcessNoise, fit_filter_error
 from analysis.estimation.fit import Convergence, Fit
 from analysis.estimation.output_error import fit_output_error
 from analysis.ground.thrust_prior import stand_measurements
 from analysis.maneuvers.kinds import Maneuver
 from analysis.polar import Condition, Polar, power_required, speed_at
-from analysis.schema import CheckedBy
 from analysis.settings import CURVES
 from analysis.signals.channels import speed_scale_of
 from analysis.signals.smoothing import without_gaps
@@ -118,57 +116,16 @@ def _filled(signal: Array) -> Array:
     return np.nan_to_num(without_gaps(signal))
 
 
-def filter_error_fit(
-    table: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller, *, zeroed: bool
-) -> Fit:
-    """The filter-error fit of all runs at once. Arguments as in `cross_check.on_runs_alone`."""
-    segments = segments_of(table, runs, propeller, block=CROSS_CHECK.filter_error_block)
-    known = priors(aircraft, zeroed=zeroed)
-    measured = stand_measurements(aircraft)
-    still_air = fit_output_error(
-        replace(aircraft_models.level_run(aircraft, priors=known), prior_measurements=measured),
-        segments,
-        start=aircraft_models.starting_values(aircraft, segments),
-    )
-    V = float(np.mean([segment.u["V_ref"].mean() for segment in segments]))
-    sample_s = segments[0].step_s / CROSS_CHECK.filter_error_block
-    # Gusts as states could explain all of the specific force. Its noise is therefore known, from changes per sample.
-    known_noise = {
-        name: np.median([_sample_noise(table[OUTPUTS[name]].to_numpy()[run.rows]) for run in runs])
-        / np.sqrt(CROSS_CHECK.filter_error_block)
-        for name in ("ax", "az")
-    }
-    gyro = ProcessNoise(state="theta", start=CROSS_CHECK.gyro_noise_radps * float(np.sqrt(sample_s)), free=False)
-    return fit_filter_error(
-        replace(aircraft_models.level_run(aircraft, priors=known, gusts=True), prior_measurements=measured),
-        segments,
-        (*aircraft_models.gust_noise(V), gyro),
-        noise_sigma=known_noise,
-        start=dict(zip(still_air.names, still_air.values.tolist(), strict=True)),
-        test_significance=False,
-    )
-
-
-def _sample_noise(signal: Array) -> float:
-    """Standard deviation of white noise: a sample less the mean of its neighbors has 1.5 times its variance."""
-    return float(np.sqrt(np.nanmean((signal[1:-1] - (signal[:-2] + signal[2:]) / 2) ** 2) / 1.5))
-
-
 # One test over all speeds: a difference of two parabolas has three coefficients (Scheffe 1953, Biometrika 40, 87).
 
 
 class CrossCheck(NamedTuple):
-    """A polar, and how its estimation ended. in_gusts: the flight had gusts, and filter error was used."""
+    """A polar, and how its estimation ended."""
 
     polar: Polar
     verdict: str
     converged: bool
-    in_gusts: bool = False
     convergence: Convergence | None = None
-
-    @property
-    def by(self) -> CheckedBy:
-        return CheckedBy.FILTER_ERROR if self.in_gusts else CheckedBy.OUTPUT_ERROR
 
 
 def on_runs_alone(
@@ -179,16 +136,16 @@ def on_runs_alone(
     *,
     gust_mps: float,
     zeroed: bool,
-) -> CrossCheck:
-    """Fit all runs at once, by output error in still air, by filter error with gusts as states in gusts.
+) -> CrossCheck | None:
+    """Fit all runs at once by output error; None in gusts.
 
     table: from `air_data`. gust_mps: standard deviation of vertical gusts [m/s], by the trajectory, which tells them
     from noise. zeroed: the gyro biases at rest were subtracted. Of a long flight's runs, `spread` ones are taken.
     """
-    in_gusts = gust_mps > CROSS_CHECK.still_air_mps
-    fit_of = filter_error_fit if in_gusts else output_error_fit
-    fit = fit_of(table, spread(runs), aircraft, propeller, zeroed=zeroed)
-    return CrossCheck(covariance.polar_of(fit), fit.verdict.text, fit.verdict.ok, in_gusts, fit.convergence)
+    if gust_mps > CROSS_CHECK.still_air_mps:
+        return None
+    fit = output_error_fit(table, spread(runs), aircraft, propeller, zeroed=zeroed)
+    return CrossCheck(covariance.polar_of(fit), fit.verdict.text, fit.verdict.ok, fit.convergence)
 
 
 def spread(runs: list[Maneuver]) -> list[Maneuver]:
@@ -216,14 +173,9 @@ class Disagreement(NamedTuple):
 
 
 def disagreement(polar: Polar, check: CrossCheck, condition: Condition, flown_CL: tuple[float, float]) -> Disagreement:
-    """The comparison of power curve and cross-check over the speeds flown.
-
-    Filter error says nothing about the power curve: its intervals cover 13 to 60 % where the air moved.
-    """
-    if check.in_gusts:
-        return Disagreement(False, [])
+    """The comparison of power curve and cross-check over the speeds flown."""
     if not check.converged:
-        left_out = f"The cross-check by {check.by} did not converge and is left out: {check.verdict}."
+        left_out = f"The cross-check by output error did not converge and is left out: {check.verdict}."
         return Disagreement(False, [left_out])
     V = np.linspace(speed_at(flown_CL[1], condition), speed_at(flown_CL[0], condition), CURVES.points)
     (power, error), (other, other_error) = (power_required(V, p, condition) for p in (polar, check.polar))
@@ -233,7 +185,7 @@ def disagreement(polar: Polar, check: CrossCheck, condition: Condition, flown_CL
     if excess[worst] <= 1:
         return Disagreement(False, [])
     warning = (
-        f"{check.by.capitalize()} on the runs alone differs from the power curve by"
+        f"Output error on the runs alone differs from the power curve by"
         f" {100 * (other[worst] / power[worst] - 1):+.0f} % at {V[worst]:.1f} m/s, more than their intervals allow:"
         " the power curve is doubtful; check the fits below."
     )

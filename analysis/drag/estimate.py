@@ -31,9 +31,8 @@ class DragEstimates:
     main : the polar of the power curve, valid over the lift coefficients flown_CL, which are others than those of
         `Reconstructed` where there was no run
     methods, one_by_one : by all other methods; from each acceleration and deceleration alone
-    cross_check : None where the flight has no run for it, or it failed
-    cross_check_differs : it leaves the simultaneous 95 % band of the difference from the power curve; False for filter
-        error
+    cross_check : None where the flight has no run for it, in gusts, and where it failed
+    cross_check_differs : it leaves the simultaneous 95 % band of the difference from the power curve
     runs_against_others : each run against the others of its kind
     likelihood : the maximum-likelihood methods, where these were asked for
     """
@@ -138,5 +137,7 @@ def _cross_checked(flight: Reconstructed, main: DynamicEstimate) -> tuple[CrossC
         )  # fmt: skip
     except (InputError, np.linalg.LinAlgError) as error:
         return None, False, [f"The cross-check on the runs alone failed: {error}."]
+    if check is None:
+        return None, False, []
     compared = cross_check.disagreement(main.polar, check, flight.condition, flight.flown_CL)
     return check, compared.differs, compared.warnings

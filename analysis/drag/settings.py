@@ -89,7 +89,7 @@ class Comparison(Settings):
 
 @dataclass(frozen=True)
 class CrossCheckSettings(Settings):
-    """Output error and filter error on the runs alone."""
+    """Output error on the runs alone."""
 
     speed_smoothing_s: float = setting(0.5, "s", "of the speed at which thrust is read from the table")
     fewest_blocks: int = setting(12, "blocks", "of a run")
@@ -97,10 +97,6 @@ class CrossCheckSettings(Settings):
     unzeroed_gyro_radps: float = setting(
         0.02, "rad/s", "an MPU9250's zero-rate output at room temperature, uncalibrated"
     )
-    filter_error_block: int = setting(
-        5, "samples", "gusts that matter last longer than 0.2 s, and a filter step costs fifty times a model step"
-    )
-    gyro_noise_radps: float = setting(0.005, "rad/s", "of a sample (Table 4.1); the pitch angle integrates it")
     block: int = setting(2, "samples", "12.5 blocks per second are ten per cycle of the short period")
     still_air_mps: float = setting(
         0.07, "m/s", "vertical gusts, 1 sigma, up to which output error's intervals hold: W20 = 1 kt has 0.05, 2 kt 0.1"

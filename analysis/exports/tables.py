@@ -63,7 +63,7 @@ def _curves(analysis: Analysis) -> pd.DataFrame:
     curves: dict[str, list[PowerPoint]] = {
         "power required, as flown": results.power_required,
         "power required, standard weight and sea level": results.power_required_standard,
-        f"cross-check by {results.cross_check_by}": results.cross_check,
+        "cross-check by output error": results.cross_check,
     }
     for method in results.methods:
         curves[method.title] = method.power_required

@@ -37,7 +37,7 @@ def figures_by_name(analysis: Analysis) -> dict[str, Drawn]:
         figures["correlation"] = flight.correlation(results.parameter_correlation)
     main, check = analysis.drag.main, analysis.drag.cross_check
     histories = {"regression of drag": main.convergence} | (
-        {f"{check.by}, cross-check": check.convergence} if check else {}
+        {"output error, cross-check": check.convergence} if check else {}
     )
     if kept := {name: history for name, history in histories.items() if history and history.steps}:
         figures["convergence"] = flight.convergence(kept)

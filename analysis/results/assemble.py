@@ -16,7 +16,6 @@ from analysis.results.pooling_statistics import mean_battery_V, pooling_statisti
 from analysis.results.provenance import provenance
 from analysis.schema import (
     AircraftResult,
-    CheckedBy,
     ConditionResult,
     PerformanceResult,
     PoolingStatistics,
@@ -69,7 +68,6 @@ def assemble(
         cross_check=power_curves.power_curve(check.polar, condition, flown_CL, (flown, condition))
         if check and check.converged
         else [],
-        cross_check_by=check.by if check else CheckedBy.OUTPUT_ERROR,
         cross_check_differs=drag.cross_check_differs,
         minimum_power_speed=power_curves.optimum(minimum_power_lift, polar, condition, flown_CL),
         best_range_speed=power_curves.optimum(best_range_lift, polar, condition, flown_CL),

@@ -311,8 +311,7 @@ def _curve(results: Results) -> Iterator[Evidence]:
             kind=EvidenceKind.CROSS_CHECK,
             level=Trust.NOT_TO_BE_TRUSTED,
             part=PartOfResult.CURVE,
-            text=f"The cross-check by {results.cross_check_by} differs from the curve by more than their intervals"
-            " allow.",
+            text="The cross-check by output error differs from the curve by more than their intervals allow.",
         )
 
 

@@ -142,7 +142,6 @@ def aircraft() -> Contents:
     found: Contents = {
         "start": start,
         "level": [aircraft_models.level_flight_state(run) for run in runs],
-        "gusts": aircraft_models.gust_noise(17.0, gust_mps=0.4),
         "priors": aircraft_models.Priors(),
         "two states": of_fit(fit_output_error(aircraft_models.two_state(NEXSTAR), runs, start=start)),
         "height": of_fit(fit_output_error(pitch_and_height(NEXSTAR), runs, start=start)),

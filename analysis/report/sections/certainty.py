@@ -12,7 +12,7 @@ from analysis.report.sections.flight import CHANNELS, decimals
 from analysis.report.sections.summary import reference_point
 from analysis.report.settings import REPORT
 from analysis.results.trust import noise_limit
-from analysis.schema import CheckedBy, IntervalPart, Results
+from analysis.schema import IntervalPart, Results
 from analysis.settings import EVIDENCE
 from analysis.trajectory.settings import PRIOR_CHECK
 
@@ -43,7 +43,8 @@ def _checks(results: Results) -> list[tuple[str, str]]:
             ("Do other methods agree?", f"{answer}, of {len(curves)} that had data; see Comparison of methods.")
         )
     if results.cross_check:
-        rows.append(("Does a fit of the runs alone agree?", _cross_check(results)))
+        differs = "No: it differs by more than" if results.cross_check_differs else "Yes, within what"
+        rows.append(("Does a fit of the runs alone agree?", f"{differs} the intervals allow (output error)."))
     agreement = _agreement_of_runs(results)
     if agreement:
         rows.append(("Do the runs agree with each other?", agreement))
@@ -60,14 +61,6 @@ def _checks(results: Results) -> list[tuple[str, str]]:
     if results.provenance is not None:
         rows.append(("Is the log whole?", _health(results)))
     return rows
-
-
-def _cross_check(results: Results) -> str:
-    """Filter error is not compared (`drag.cross_check.disagreement`)."""
-    if results.cross_check_by is CheckedBy.FILTER_ERROR:
-        return f"Not compared: the intervals of {CheckedBy.FILTER_ERROR} are too narrow for a comparison."
-    differs = "No: it differs by more than" if results.cross_check_differs else "Yes, within what"
-    return f"{differs} the intervals allow ({results.cross_check_by})."
 
 
 def _agreement_of_runs(results: Results) -> str:

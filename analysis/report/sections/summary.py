@@ -7,7 +7,7 @@ from scipy.constants import foot, kmh
 
 from analysis.report.answers import HeadlineAnswer, headline_answers
 from analysis.results.trust import evidence_against, trust_by
-from analysis.schema import CheckedBy, CurveStatus, PowerPoint, Results, Trust
+from analysis.schema import CurveStatus, PowerPoint, Results, Trust
 from flight.units import GRAVITY_MPS2
 
 
@@ -126,7 +126,7 @@ def _support(results: Results) -> str:
     pairs = len(results.disagreements)
     if others and not pairs:
         parts.append(f"{others} other {'method agrees' if others == 1 else 'methods agree'} within the intervals")
-    if results.cross_check and results.cross_check_by is not CheckedBy.FILTER_ERROR:
+    if results.cross_check:
         parts.append("the cross-check on the runs alone agrees")
     but = f", but {pairs} {'pair' if pairs == 1 else 'pairs'} of methods disagree: see the comparison" if pairs else ""
     return f"{', '.join(parts)}{but}."

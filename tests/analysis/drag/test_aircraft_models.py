@@ -139,7 +139,6 @@ ALL_MODELS = {
     "pitch_and_height with climb rate": pitch_and_height(NEXSTAR, with_climb_rate=True),
     "longitudinal": longitudinal(NEXSTAR),
     "level_run": aircraft_models.level_run(NEXSTAR),
-    "level_run in gusts": aircraft_models.level_run(NEXSTAR, gusts=True),
 }
 
 

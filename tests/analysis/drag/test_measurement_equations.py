@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from test_aircraft_models import ALL_MODELS, NEXSTAR, RHO
 
-from analysis.drag import aircraft_models
 from analysis.drag.aircraft_models import Priors, force_models
 from analysis.drag.dynamic import drag_model
 from analysis.ground.thrust_prior import J_REFERENCE
@@ -60,33 +59,6 @@ def test_errors_of_the_thrust_table(name):
     assert m * (scaled["ax"] - right["ax"]) == pytest.approx(0.1 * 6.0)
 
 
-def test_gusts_are_dryden_turbulence_100_m_above_the_ground():
-    """Lengths of MIL-F-8785C at low altitude; each gust decays with L/V and begins with its stationary variance."""
-    feet = 100 / 0.3048
-    along, across = feet / (0.177 + 0.000823 * feet) ** 1.2, feet
-    lengths = {"gust": along * 0.3048, "gust_alpha": across * 0.3048}
-    V, gust = 18.0, 0.5
-    derivative, _ = at_state(ALL_MODELS["level_run in gusts"], gust=1.0, gust_alpha=0.1)
-    assert derivative["gust"] == pytest.approx(-V / lengths["gust"], rel=0.01)
-    assert derivative["gust_alpha"] == pytest.approx(-0.1 * V / lengths["gust_alpha"], rel=0.01)
-    for noise, sigma in zip(aircraft_models.gust_noise(V, gust_mps=gust), (gust, gust / V), strict=True):
-        time_constant_s = lengths[noise.state] / V
-        assert noise.start**2 * time_constant_s / 2 == pytest.approx(sigma**2, rel=0.01)
-        assert noise.start**2 * noise.active_before_s == pytest.approx(sigma**2)
-
-
-def test_gusts_act_on_wing_propeller_and_probe():
-    """A gust changes what the aircraft feels and measures as its own speed and angle do, but not where it flies to."""
-    model = ALL_MODELS["level_run in gusts"]
-    _, gusty = at_state(model, gust=1.0, gust_alpha=0.01)
-    _, fast = at_state(model, V=19.0, gamma=-0.01)
-    for name in ("V", "alpha", "ax", "az"):
-        assert gusty[name] == pytest.approx(fast[name]), name
-    still, _ = at_state(model)
-    moved, _ = at_state(model, gust=1.0, gust_alpha=0.01)
-    assert moved["h"] == still["h"]
-
-
 FORCE_MODELS = force_models(NEXSTAR)
 
 
@@ -133,9 +105,3 @@ def test_the_slope_of_thrust_is_about_the_same_advance_ratio_in_all_models(name)
     change = {J: right["ax"] - without["ax"] for J, (without, right) in outputs.items()}
     assert change[0.5] == pytest.approx(0.0, abs=1e-12)
     assert abs(change[0.6]) > 0.001 and change[0.7] == pytest.approx(2 * change[0.6])
-
-
-def test_gusts_of_0_3_mps_are_where_the_search_for_their_strength_starts():
-    along, across = aircraft_models.gust_noise(18.0)
-    assert along.start**2 * along.active_before_s == pytest.approx(0.3**2)
-    assert across.start**2 * across.active_before_s == pytest.approx((0.3 / 18.0) ** 2)

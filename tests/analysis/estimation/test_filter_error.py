@@ -154,9 +154,9 @@ def test_the_covariance_is_propagated_with_the_input_in_the_middle_of_the_step()
     assert np.sqrt(variance[1] / variance[0]) == pytest.approx(np.exp(-step_s * 2.0), rel=1e-4)
 
 
-def test_derivatives_of_the_aircraft_in_gusts():
+def test_derivatives_of_an_aircraft_that_noise_drives():
     """Central differences of the innovations and their variances, extrapolated to an error of h^4."""
-    model = aircraft_models.level_run(load_aircraft("nexstar"), gusts=True)
+    model = aircraft_models.level_run(load_aircraft("nexstar"))
     rng = np.random.default_rng(0)
     n = 10
     typical = {"V": 18.0, "V_ref": 18.0, "thrust": 6.0, "thrust_per_speed": -0.3, "J": 0.5, "rho": 1.2, "alpha": 0.05}
@@ -165,7 +165,7 @@ def test_derivatives_of_the_aircraft_in_gusts():
     x0 = np.array([typical.get(name, 0.02) for name in model.states])
     p = np.array([q.start for q in model.parameters]) + 0.01 * rng.standard_normal(len(model.parameters))
     names = tuple(q.name for q in model.parameters)
-    driven = ("gust", "gust_alpha", "theta")
+    driven = ("V", "gamma", "theta")
     ln_w, ln_v = np.log([0.1, 0.005, 0.001]), np.log([0.2, 0.006, 0.05, 0.05, 0.4])
     traced = build_filter(model, names, driven)
     sizes = np.cumsum([len(p), 3, 5])
