@@ -13,7 +13,7 @@ the flight rejects the priors of its sensor errors (`reconstructed`).
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +38,7 @@ from analysis.trajectory.observability import (
 )
 from analysis.trajectory.priors import SensorPriors, stated_sigma, upwash_slope_sigma
 from analysis.trajectory.reconstruction import Trajectory, reconstruct
+from analysis.trajectory.updraft import mean_updraft, sun_over, updraft_notes
 from flight.aircraft import Aircraft
 from flight.log_reader import Log
 from flight.propeller import Propeller
@@ -179,9 +180,25 @@ def reconstructed(flight: Flown) -> Reconstructed:
         magnetometer_calibrated=flight.contents.magnetometer is not None,
         log=flight.name,
     )
+    contents, notes_on_air = _with_updraft(flight, trajectory)
+    notes += notes_on_air
     return Reconstructed(
-        **flight.known() | {"trajectory": trajectory, "prior_conflict": conflict, "notes": tuple(notes)}
+        **flight.known()
+        | {"contents": contents, "trajectory": trajectory, "prior_conflict": conflict, "notes": tuple(notes)}
     )
+
+
+def _with_updraft(flight: Flown, trajectory: Trajectory) -> tuple[LogContents, list[str]]:
+    """The contents with the uncertainty of the mean updraft by hour, sun and wind, where the aircraft file does not
+    state it; and notes on it."""
+    aircraft = flight.aircraft
+    if aircraft.has("uncertainty.updraft"):
+        return flight.contents, []
+    t_s = flight.table.index.to_numpy()
+    runs_s = [(t_s[run.rows][0], t_s[run.rows][-1]) for run in flight.maneuvers.for_drag]
+    updraft = mean_updraft(trajectory, runs_s, sun_over(flight.log))
+    uncertainty = replace(aircraft.uncertainty, updraft_mps=updraft.sigma_mps)
+    return flight.contents._replace(aircraft=replace(aircraft, uncertainty=uncertainty)), updraft_notes(updraft)
 
 
 def trajectory_with(

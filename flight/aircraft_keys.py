@@ -196,9 +196,10 @@ KEYS: dict[str, Key] = {
     "uncertainty.updraft": Key(
         '"0.02 m/s"',
         "Standard deviation of the mean vertical motion of the air over the runs of one flight.",
-        "Some 0.4 times the convective velocity at 40 m on a sunny day, wind times slope of the ground; none at dawn.",
+        "Under clouds, over a slope (wind times slope), or where the log has no time and place by satellites.",
         "analysis",
-        "0.004 m/s: a still morning over flat ground; intervals contain it",
+        "by the sun's height, the wind and the runs of the log: 0.004 m/s before sunrise on a plain, 0.05 to 0.15 m/s"
+        " at noon; intervals contain it",
     ),
     "uncertainty.air_density": Key(
         '"0.2 %"',

@@ -35,7 +35,7 @@ from flight.messages import (
 from hw_fakes import ak8963, bridge, mpu9250, ms56xx
 from hw_fakes.esc_counter import BAUD, FakeEscCounter
 from hw_fakes.ms56xx import FakeMS56xx, pressure_counts, temperature_counts
-from hw_fakes.tray import UTC_AT_START, FakeTray
+from hw_fakes.tray import FakeTray
 from sim.sensor_truth import SensorTruth
 
 Array = NDArray[np.float64]
@@ -124,10 +124,10 @@ def write_direct_log(
     """Write the messages of a whole flight into `log`.
 
     tray: parts of this flight. compensations: of "baro" and "static". start_unix_ns: what the computer takes for Unix
-    time at the start; the true time is `hw_fakes.tray.UTC_AT_START`.
+    time at the start; the true time is that of the tray.
     """
     read_times = ReadTimes(sensor_truth.duration_s, tray.imu.clock_error)
-    solutions = list(gps_messages(sensor_truth, read_times, int(UTC_AT_START.timestamp() * 1e9)))
+    solutions = list(gps_messages(sensor_truth, read_times, int(tray.utc_at_start.timestamp() * 1e9)))
     streams = [_imu(sensor_truth, read_times), _mag(sensor_truth, read_times, tray.magnetometer.adjustment)]
     for name, part in (("baro", tray.baro), ("static", tray.static)):
         streams.append(_barometer(sensor_truth, read_times, name, part, compensations[name]))

@@ -96,6 +96,7 @@ class FakeTray:
             return zlib.crc32(f"{seed} {name}".encode())
 
         self._now_ns: Callable[[], int] = now_ns
+        self.utc_at_start = variant.utc_at_start
         self.imu = FakeMPU9250(sensor_truth, now_ns, seed_of("imu"), powered_ns)
         self.magnetometer = FakeAK8963(sensor_truth, now_ns, seed_of("magnetometer"), powered_ns)
 

@@ -5,7 +5,7 @@ It connects simulator, fake hardware and daemon; no module imports it.
 
 import math
 import sys
-from datetime import datetime
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 from zlib import crc32
@@ -46,7 +46,7 @@ from sim.output_folder import (
 if TYPE_CHECKING:
     from hw_fakes.direct_log import Compensation
     from hw_fakes.faults import Fault
-    from hw_fakes.tray import FakeTray
+    from hw_fakes.tray import FakeTray, TrayVariant
     from sim.sensor_truth import SensorTruth
 
 
@@ -136,11 +136,12 @@ def fly(
         written = write_autopilot_log(output, recorder, flight, sensor_truth, drawn, faults=traps)
         print(f"{written}: {flight.duration_s:.0f} s of {craft.title}, {flight_plan.title}", file=sys.stderr)
         return
+    variant = _tray_variant(craft, flight_plan.air.time_of_day_s)
     with progress_bar("recording", flight.duration_s) as report:
         if no_hardware:
-            _write_without_hardware(output, sensor_truth, seed, craft, report)
+            _write_without_hardware(output, sensor_truth, seed, variant, craft, report=report)
         else:
-            _record(output, sensor_truth, craft, seed=seed, faults=schedule, real_time=real_time, report=report)
+            _record(output, sensor_truth, variant, seed=seed, faults=schedule, real_time=real_time, report=report)
     print(f"{output / LOG}: {flight.duration_s:.0f} s of {craft.title}, {flight_plan.title}", file=sys.stderr)
 
 
@@ -155,10 +156,18 @@ def _aircraft(name: str, like: str | None, installation: str | None) -> Complete
     return craft if installation is None else of_installation(craft, installation)
 
 
+def _tray_variant(craft: CompleteAircraft, time_of_day_s: float) -> "TrayVariant":
+    """The tray aboard an aircraft at this time [s, UTC] of the simulator's day."""
+    from hw_fakes.tray import UTC_AT_START, TrayVariant
+
+    midnight = UTC_AT_START.replace(hour=0, minute=0)
+    return TrayVariant(pole_pairs=craft.propulsion.pole_pairs, utc_at_start=midnight + timedelta(seconds=time_of_day_s))
+
+
 def _record(
     output: Path,
     sensor_truth: "SensorTruth",
-    craft: CompleteAircraft,
+    variant: "TrayVariant",
     *,
     seed: int,
     faults: "tuple[Fault, ...]",
@@ -169,13 +178,11 @@ def _record(
     from daq.config import load_tray
     from daq.daemon import record
     from hw_fakes.clock import SimulatedClock
-    from hw_fakes.tray import UTC_AT_START, FakeTray, TrayVariant
+    from hw_fakes.tray import FakeTray
 
-    clock = SystemClock() if real_time else SimulatedClock(unix_at_start_ns=_believed_unix_ns(UTC_AT_START))
+    clock = SystemClock() if real_time else SimulatedClock(unix_at_start_ns=_believed_unix_ns(variant.utc_at_start))
     start_ns = clock.now_ns()
-    tray = FakeTray(
-        sensor_truth, clock, seed, variant=TrayVariant(pole_pairs=craft.propulsion.pole_pairs), faults=faults
-    )
+    tray = FakeTray(sensor_truth, clock, seed, variant=variant, faults=faults)
     record(
         load_tray(output / TRAY),
         buses=tray,
@@ -192,18 +199,24 @@ def _believed_unix_ns(now: datetime) -> int:
 
 
 def _write_without_hardware(
-    output: Path, sensor_truth: "SensorTruth", seed: int, craft: CompleteAircraft, report: Report
+    output: Path,
+    sensor_truth: "SensorTruth",
+    seed: int,
+    variant: "TrayVariant",
+    craft: CompleteAircraft,
+    *,
+    report: Report,
 ) -> None:
     from daq.attachments import load_attachments, write_attachments
     from daq.config import load_tray
     from flight.log_writer import LogWriter
     from hw_fakes.clock import SimulatedClock
     from hw_fakes.direct_log import write_direct_log
-    from hw_fakes.tray import UTC_AT_START, FakeTray, TrayVariant
+    from hw_fakes.tray import FakeTray
 
     tray = load_tray(output / TRAY)
-    parts = FakeTray(sensor_truth, SimulatedClock(), seed, variant=TrayVariant(pole_pairs=craft.propulsion.pole_pairs))
-    start_unix_ns = _believed_unix_ns(UTC_AT_START)
+    parts = FakeTray(sensor_truth, SimulatedClock(), seed, variant=variant)
+    start_unix_ns = _believed_unix_ns(variant.utc_at_start)
     try:
         with (output / LOG).open("xb") as stream:
             log = LogWriter(stream)

@@ -42,6 +42,7 @@ class Air:
     convection_mps: float = 0.0  # rms of updrafts and sinks that vary from place to place
     convection_length_m: float = 200.0
     convection_seed: int = 0
+    time_of_day_s: float = 34_200.0  # UTC, at the start; where the simulator flies, the sun rises at 10:09
     thermal_mps: float = 0.0  # core updraft of one thermal
     thermal_radius_m: float = 60.0
     thermal_north_m: float = 0.0

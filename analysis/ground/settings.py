@@ -1,7 +1,10 @@
 """Limits of measurements on the ground, with units and reasons."""
 
+import math
 from dataclasses import dataclass
 
+from analysis.signals.settings import STATISTICS
+from flight.aircraft import Uncertainty
 from flight.settings import Settings, setting
 
 
@@ -15,8 +18,12 @@ class ThrustStandSettings(Settings):
     largest_difference: float = setting(
         0.4, "1", "of the ratio from one: beyond it a unit, the diameter or the number of pole pairs is wrong"
     )
-    largest_error: float = setting(0.06, "1", "1 sigma of the ratio: a worse stand tells no more than the table")
-    same_table: float = setting(0.001, "1", "relative difference of thrust coefficients of one table")
+
+    @property
+    def largest_error(self) -> float:
+        """1 sigma of the ratio: a worse stand tells no more than the table, whose error at rest is scale - slope/2."""
+        stated = Uncertainty()
+        return STATISTICS.determined_share * math.hypot(stated.thrust_scale_fraction, stated.thrust_slope / 2)
 
 
 STAND_LIMITS = ThrustStandSettings()

@@ -77,8 +77,8 @@ class ThrustStand(msgspec.Struct, frozen=True, kw_only=True):
     def check_table(self, propeller: Propeller, where: str) -> None:
         """Raises InputError naming `where` if the propeller's table is not the one that was compared."""
         cT = np.asarray(propeller.table(np.zeros(len(self.revps)), 60 * np.array(self.revps))[0])
-        same_size = abs(propeller.diameter_m / self.diameter_m - 1) < STAND_LIMITS.same_table
-        if not same_size or np.any(np.abs(cT / np.array(self.table_cT) - 1) > STAND_LIMITS.same_table):
+        same_size = abs(propeller.diameter_m / self.diameter_m - 1) < EVIDENCE.negligible
+        if not same_size or np.any(np.abs(cT / np.array(self.table_cT) - 1) > EVIDENCE.negligible):
             raise InputError(
                 f"{where}: thrust on the stand was compared with another table ({self.propeller}) than that of this"
                 f" analysis ({propeller.name}); repeat `calibrate thrust` with --propeller {propeller.name}"

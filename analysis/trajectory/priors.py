@@ -12,6 +12,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.signals.rest import mean_at_rest
+from analysis.signals.settings import STATISTICS
 from analysis.trajectory.block_means import BlockMeans, moving_average
 from analysis.trajectory.equations import SENSOR_ERRORS, STATES
 from analysis.trajectory.measurements import LevelField
@@ -179,7 +180,7 @@ def initial_sensor_errors(prior_mean: Array, blocks: BlockMeans, x: Array, field
 def _with_ground_track(heading: Array, north: Array, east: Array, least_mps: float) -> Array:
     """The ground track where faster than `least_mps`; otherwise the integrated heading, its mean offset corrected."""
     fast = np.hypot(north, east) > least_mps
-    if fast.sum() > PRIORS.fewest_track_blocks:
+    if fast.sum() > STATISTICS.fewest_values:
         track = np.unwrap(np.arctan2(east, north)[fast])
         return np.interp(np.arange(len(heading)), np.flatnonzero(fast), track)
     offset = np.angle(np.sum(np.exp(1j * (np.arctan2(east, north) - heading))[fast]))

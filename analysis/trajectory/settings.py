@@ -90,7 +90,6 @@ class PriorSettings(Settings):
         0.01, "rad", "without GPS the compass defines north, and without a compass the initial heading does"
     )
     initial_blocks: int = setting(25, "1", "a log in which the aircraft is at rest within these began at rest")
-    fewest_track_blocks: int = setting(10, "1", "of such ground speed, to take the heading from the track")
 
 
 @dataclass(frozen=True)
@@ -161,6 +160,21 @@ class SolverSettings(Settings):
 
 
 @dataclass(frozen=True)
+class UpdraftSettings(Settings):
+    """Mean vertical motion of the air, where the aircraft file does not state it."""
+
+    slope: float = setting(
+        0.0008, "1", "of the ground under the runs, 1 sigma: 0.8 m in a kilometer, as on a plain; wind rises along it"
+    )
+    heating_share: float = setting(
+        0.45, "1", "of net radiation: a tenth warms the ground, half of the rest evaporates water (Bowen ratio 1)"
+    )
+    mixed_layer_m: float = setting(
+        1000.0, "m", "depth in fair weather at noon; with half or twice that the mean updraft is a quarter more or less"
+    )
+
+
+@dataclass(frozen=True)
 class ObservabilitySettings(Settings):
     """What a flight lacked to determine a sensor error, and which notes are written."""
 
@@ -194,5 +208,6 @@ PRIORS = PriorSettings()
 PROCESS = ProcessSettings()
 PREDICTION = PredictionSettings()
 SOLVER = SolverSettings()
+UPDRAFT = UpdraftSettings()
 SHOWN = ObservabilitySettings()
 PRIOR_CHECK = PriorCheckSettings()

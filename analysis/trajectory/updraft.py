@@ -1,0 +1,147 @@
+"""Mean vertical motion of the air over the runs of a flight, which nothing on board shows: its standard deviation.
+
+It has two parts. Wind over ground that slopes rises with it, at any hour. And the sun heats the ground: from the heat
+flux follows the convective velocity scale w* (Deardorff 1970, J. Atmos. Sci. 27, 1211), and from it how much the air
+rises and sinks in eddies as deep as the mixed layer. A flight meets several, so that their mean is smaller: it is
+derived from the places and times of the runs, in the air, which carries the eddies along.
+
+Turbulence by wind, and the smaller updrafts of convection, are vertical gusts: the trajectory finds their intensity,
+and their mean over the flight is in the standard error of angle of attack.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.trajectory.reconstruction import Trajectory
+from analysis.trajectory.settings import UPDRAFT
+from flight.aircraft import Uncertainty
+from flight.atmosphere import GRAVITY_MPS2
+from flight.log_reader import Log
+from flight.messages import Gps
+from flight.satellite_time import satellites_minus_log_time_ns
+
+Array = NDArray[np.float64]
+
+
+STILL_MPS = Uncertainty().updraft_mps  # before sunrise, in up to 5 m/s of wind
+
+
+class Updraft(NamedTuple):
+    """Standard deviation of the mean over the runs [m/s], and the sun above the horizon [rad]; None where the log
+    lacks time or place, in which case it is that of the hour before sunrise."""
+
+    sigma_mps: float
+    sun_rad: float | None
+
+
+def sun_elevation(utc_s: float, latitude_rad: float, longitude_rad: float) -> float:
+    """Elevation of the sun [rad], within 0.02 deg (Astronomical Almanac, low-precision formulas). utc_s: Unix time."""
+    days = utc_s / 86_400 - 10_957.5  # since 2000 January 1, 12:00
+    anomaly = math.radians(357.528 + 0.985_600_3 * days)
+    ecliptic = math.radians(280.460 + 0.985_647_4 * days + 1.915 * math.sin(anomaly) + 0.020 * math.sin(2 * anomaly))
+    tilt = math.radians(23.439 - 4e-7 * days)
+    right_ascension = math.atan2(math.cos(tilt) * math.sin(ecliptic), math.cos(ecliptic))
+    declination = math.asin(math.sin(tilt) * math.sin(ecliptic))
+    sidereal = math.radians(280.460_618_37 + 360.985_647_366_29 * days)
+    hour_angle = sidereal + longitude_rad - right_ascension
+    return math.asin(
+        math.sin(latitude_rad) * math.sin(declination)
+        + math.cos(latitude_rad) * math.cos(declination) * math.cos(hour_angle)
+    )
+
+
+def sun_over(log: Log) -> float | None:
+    """Highest elevation of the sun [rad] during a log; None without place or date by satellites."""
+    ahead_ns = satellites_minus_log_time_ns(log)
+    fixes = [
+        (entry.time_ns, math.radians(fix.latitude_deg), math.radians(fix.longitude_deg))
+        for entry in log.entries.get("/gps", [])
+        if isinstance(fix := entry.message, Gps) and fix.latitude_deg is not None and fix.longitude_deg is not None
+    ]
+    if ahead_ns is None or not fixes:
+        return None
+    return max(sun_elevation((time_ns + ahead_ns) * 1e-9, *place) for time_ns, *place in (fixes[0], fixes[-1]))
+
+
+def heat_flux_WPM2(sun_rad: float) -> float:
+    """Sensible heat flux from the ground into the air under a clear sky; 0 where the ground cools.
+
+    Net radiation: sunlight through a clear sky, less a fifth that grass reflects, less longwave (Stull 1988, An
+    Introduction to Boundary Layer Meteorology, sec. 7.3); a share of it heats the air.
+    """
+    solar_constant_WPM2, reflected, longwave_WPM2 = 1361.0, 0.2, 100.0
+    high = max(math.sin(sun_rad), 0.0)
+    sunlight = solar_constant_WPM2 * high * (0.6 + 0.2 * high)
+    return UPDRAFT.heating_share * max((1 - reflected) * sunlight - longwave_WPM2, 0.0)
+
+
+def convective_velocity(sun_rad: float) -> float:
+    """The convective velocity scale w* [m/s]: the cube root of g/T times heat flux times depth of the mixed layer."""
+    heat_capacity_JPM3K, temperature_K = 1200.0, 290.0  # of the air; the cube root of both hardly matters
+    warming_Kmps = heat_flux_WPM2(sun_rad) / heat_capacity_JPM3K
+    return math.cbrt(GRAVITY_MPS2 / temperature_K * warming_Kmps * UPDRAFT.mixed_layer_m)
+
+
+def mean_updraft(trajectory: Trajectory, runs_s: list[tuple[float, float]], sun_rad: float | None) -> Updraft:
+    """The mean over runs with these beginnings and ends, in the time of the trajectory's states."""
+    states = trajectory.states
+    t_s = states.index.to_numpy()
+    in_run = np.zeros(len(t_s), dtype=bool)
+    for start_s, end_s in runs_s:
+        in_run |= (t_s >= start_s) & (t_s <= end_s)
+    if not in_run.any():
+        in_run[:] = True
+    flown = states[in_run]
+    wind_mps = float(np.hypot(flown["wind_north"], flown["wind_east"]).mean())
+    by_slope = max(STILL_MPS, UPDRAFT.slope * wind_mps)
+    if sun_rad is None:
+        return Updraft(by_slope, None)
+    step_s = np.diff(t_s, prepend=t_s[0])
+    through_air = [
+        np.cumsum((states[f"v_{axis}"] - states[f"wind_{axis}"]).to_numpy() * step_s) for axis in ("north", "east")
+    ]
+    path_m = np.stack(through_air, axis=1)[in_run]
+    height_m = float(np.clip(flown["height"].mean(), 0.0, UPDRAFT.mixed_layer_m / 2))
+    return Updraft(math.hypot(by_slope, convective_mean(path_m, t_s[in_run], height_m, sun_rad)), sun_rad)
+
+
+def convective_mean(path_m: Array, t_s: Array, height_m: float, sun_rad: float) -> float:
+    """Standard deviation [m/s] of the mean of deep updrafts and sinks over instants t_s (n,) at places path_m (n, 2).
+
+    path_m : horizontal, in the frame that moves with the mean wind
+    Eddies that span a mixed layer of depth z_i have a standard deviation of 0.65 w* in its middle (the greatest of
+    1.8 w*^2 (z/z_i)^(2/3) (1 - 0.8 z/z_i)^2, Lenschow & Stephens 1980, Boundary-Layer Meteorol. 19, 509), and vanish
+    at its bottom and top: as the sine of pi z/z_i. Their integral length is 0.28 z_i (Lenschow & Stankov 1986, J.
+    Atmos. Sci. 43, 1198), and they change within the turnover time z_i / w*. The variance of the mean is the mean of
+    the covariance over all pairs of instants.
+    """
+    w_star = convective_velocity(sun_rad)
+    if w_star == 0:
+        return 0.0
+    depth_m = UPDRAFT.mixed_layer_m
+    sigma_mps = 0.65 * w_star * math.sin(math.pi * height_m / depth_m)
+    length_m, lifetime_s = 0.28 * depth_m, depth_m / w_star
+    some = np.unique(np.linspace(0, len(t_s) - 1, 400).astype(int))  # enough for the mean over all pairs
+    path_m, t_s = path_m[some], t_s[some]
+    apart_m = np.hypot(*(path_m[:, None] - path_m).transpose(2, 0, 1))
+    correlation = np.exp(-apart_m / length_m - np.abs(t_s[:, None] - t_s) / lifetime_s)
+    return sigma_mps * math.sqrt(float(correlation.mean()))
+
+
+def updraft_notes(updraft: Updraft) -> list[str]:
+    """What the reader has to know: an interval that is wider by the hour, or an hour that is not known."""
+    if updraft.sun_rad is None:
+        return [
+            "This log has no date, time or place by satellites: the mean updraft of the air is taken as that of a still"
+            f" morning, {STILL_MPS:g} m/s (1 sigma). After another hour state [uncertainty] updraft."
+        ]
+    if updraft.sigma_mps < 2 * STILL_MPS:
+        return []
+    return [
+        f"The sun was up to {math.degrees(updraft.sun_rad):.0f} deg high: on average over the runs the air may have"
+        f" risen or sunk by {updraft.sigma_mps:.2f} m/s (1 sigma), where it is {STILL_MPS:g} m/s before sunrise. The"
+        " interval is wider by that. Fly at dawn; after a flight under clouds state [uncertainty] updraft."
+    ]
