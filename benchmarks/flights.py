@@ -29,6 +29,7 @@ from flight.aircraft import Aircraft
 from flight.errors import InputError
 from flight.propeller_files import load_propeller
 from flight.runs import flying_Pa
+from flight.units import KNOT_MPS
 from sim.bench import ColumnSegment
 from sim.fly import Flight, fly
 from sim.plan import load_plan
@@ -43,7 +44,6 @@ Job = TypeVar("Job")
 Key = tuple[Any, ...]
 Line = dict[str, Any]
 
-KNOT_MPS = 0.514444
 # Of the water column, 1 sigma: its scale, as `calibrate transducers` takes by default, and 0.3 mm of each reading.
 COLUMN = "transducer-column"
 COLUMN_SCALE, READING_PA = 0.005, 3.0

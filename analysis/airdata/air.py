@@ -14,7 +14,7 @@ from flight.aircraft import Aircraft
 from flight.atmosphere import density, height_at, temperature_at
 from flight.motion import specific_force_at
 from flight.propeller import Propeller
-from flight.runs import AIRCRAFT_SIZE, LEVEL_RUN, flying_Pa
+from flight.runs import AIRCRAFT_SIZE, LEVEL_RUN, STANDING, flying_Pa
 from flight.units import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
@@ -182,7 +182,7 @@ def _add_thrust(table: pd.DataFrame, propeller: Propeller) -> None:
     (3.48); the advance ratio uses the whole airspeed.
     """
     n = table["n_revps"].to_numpy()
-    turning = n > 1.0
+    turning = n > STANDING.motor_revps
     n_safe = np.where(turning, n, 1.0)
     V = table["V_mps"].to_numpy()
     thrust, shaft = propeller.thrust_and_power(V, n_safe, table["rho"].to_numpy())

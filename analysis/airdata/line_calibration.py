@@ -55,6 +55,11 @@ class Lag:
     misfit: float  # rms of the residuals over the noise
 
     @property
+    def fits(self) -> bool:
+        """Whether the steps have the shape of the model of a line."""
+        return self.misfit <= LAG.largest_misfit
+
+    @property
     def bounded(self) -> bool:
         """Whether there is a lower bound."""
         return self.lo_s > 0

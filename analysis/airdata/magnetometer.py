@@ -40,6 +40,11 @@ class MagnetometerCalibration(msgspec.Struct, frozen=True, kw_only=True):
     residual_T: float  # and corrected
     directions: float  # smallest spread of the measured directions along any axis; 0.58 is uniform, 0 a plane
 
+    @property
+    def near_one_plane(self) -> bool:
+        """Whether the aircraft was turned about one axis only."""
+        return self.directions < MAGNETOMETER.flattest
+
     def corrected(self, field_T: Array) -> Array:
         """Flux density without the aircraft's own iron; (n, 3) to (n, 3)."""
         corrected: Array = (field_T - np.array(self.hard_iron_T)) @ np.array(self.soft_iron).T

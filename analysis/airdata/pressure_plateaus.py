@@ -92,9 +92,7 @@ def plateaus(table: pd.DataFrame, source: str) -> list[Plateau]:
     if not plateaus:
         return []
     zero = plateaus[0].readings_Pa[-1]
-    swing = max(abs(plateau.readings_Pa[-1] - zero) for plateau in plateaus)
-    nearest = max(GROUND.open_share * swing, allowed_Pa)
-    return [plateau._replace(open=abs(plateau.readings_Pa[-1] - zero) <= nearest) for plateau in plateaus]
+    return [plateau._replace(open=abs(plateau.readings_Pa[-1] - zero) <= allowed_Pa) for plateau in plateaus]
 
 
 def _steady(values: Array, allowed: float, reference: int) -> list[tuple[int, int]]:

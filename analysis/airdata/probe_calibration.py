@@ -18,6 +18,7 @@ from scipy.spatial import ConvexHull
 from analysis.airdata.polynomial_map import FittedMap, Powers, fit_map, polynomial_of_order, terms
 from analysis.airdata.probe import ProbeCalibration
 from analysis.airdata.settings import TUNNEL
+from analysis.log_checks.settings import UNITS
 from analysis.signals.settings import STATISTICS
 from flight.atmosphere import density
 from flight.errors import InputError
@@ -166,8 +167,8 @@ def calibrate(tunnel: TunnelData, source: str = "", *, angle_scale_sigma: float 
     a calibration: the maps predict too little of the variance of alpha or beta at points left out, or
     the standard error of the slope of alpha exceeds TUNNEL.largest_slope_sigma.
     """
-    if np.any(tunnel.speed_mps > TUNNEL.highest_speed_mps):
-        raise InputError(f"{source}: speeds above {TUNNEL.highest_speed_mps:.0f} m/s; is their unit right?")
+    if np.any(tunnel.speed_mps > UNITS.plausible.tip_mps[1]):
+        raise InputError(f"{source}: speeds above {UNITS.plausible.tip_mps[1]:.0f} m/s; is their unit right?")
     qbar = dynamic_pressure(tunnel)
     if len(qbar) < STATISTICS.fewest_values:
         raise InputError(

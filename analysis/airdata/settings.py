@@ -33,6 +33,9 @@ class LineLagSettings(Settings):
         " a sufficient one; the largest that is accepted",
     )
     resolved: float = setting(0.3, "1", "of a tick; a shorter lag is not resolved")
+    largest_misfit: float = setting(
+        2.0, "1", "rms of the residuals over the noise, beyond which the model of the line is doubted"
+    )
     largest_gain: float = setting(1.5, "1", "the noise of any frequency grows by this at most")
     highest_Hz: float = setting(3.0, "Hz", "of the aircraft's motion: three times its short period")
     smallest_remainder: float = setting(
@@ -73,6 +76,9 @@ class MagnetometerSettings(Settings):
         " share of the samples is, or if the median strength differs from the calibration's by this share …",
     )
     worst_rad: float = setting(np.radians(10.0), "rad", "… or if its heading has a larger error")
+    flattest: float = setting(
+        0.25, "1", "spread of directions across their flattest plane, below which a note is given; 0.58 is uniform"
+    )
     correlated: int = setting(5, "1", "neighboring samples that share errors of the model and count as one")
 
     @property
@@ -106,7 +112,6 @@ class TunnelSettings(Settings):
         0.04, "1", "two points whose speeds differ by more than this share belong to different tunnel speeds"
     )
     fewest_points_at_a_speed: int = setting(5, "1", "for a slope at this speed")
-    highest_speed_mps: float = setting(150.0, "m/s", "the air is taken as incompressible")
     least_predicted: float = setting(0.9, "1", "of the angles' variance, at points left out (predictive R^2)")
     largest_slope_sigma: float = setting(
         0.1, "1", "relative standard error of the slope of alpha, beyond which it is not determined"
@@ -126,9 +131,6 @@ class GroundCalibrationSettings(Settings):
     settling_s: float = setting(0.5, "s", "of the tubes, at both ends of a plateau; readings are averaged over it")
     steady_Pa: float = setting(3.0, "Pa", "largest departure of smoothed readings within a plateau …")
     steady_noises: float = setting(5.0, "1", "… or this times the noise, if larger")
-    open_share: float = setting(
-        0.05, "1", "nearer to the first plateau than this share of the largest pressure: tubes open again"
-    )
     fewest_good: float = setting(
         0.8, "1", "share of good readings of each transducer in a plateau; others were beyond its range"
     )

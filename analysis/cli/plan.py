@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from analysis.cli.settings import PLANS
+from analysis.planning.settings import LEG
 from flight.aircraft import Aircraft, load_aircraft
 from flight.command_line import application, quantity, run, takes_options
 from flight.errors import InputError
@@ -77,8 +77,8 @@ class PlanOptions:
             "--leg",
             parser=quantity("--leg", "m", '"1500 ft"', least=100, most=20000),
             metavar="LENGTH",
-            help=f"Longest straight flight; default: {PLANS.leg_in_sight_m:.0f} m in line of sight,"
-            f" {PLANS.leg_of_autopilot_m:.0f} m with an autopilot.",
+            help=f"Longest straight flight; default: {LEG.length_m[0]:.0f} m in line of sight,"
+            f" {LEG.length_m[1]:.0f} m with an autopilot.",
         ),
     ] = None
     height_m: Annotated[
@@ -148,7 +148,7 @@ class PlanOptions:
     def longest_leg_m(self) -> float:
         """The length given, or that of the pilot."""
         by_autopilot = self.pilot is PilotKind.AUTOPILOT
-        return self.leg_m or (PLANS.leg_of_autopilot_m if by_autopilot else PLANS.leg_in_sight_m)
+        return self.leg_m or (LEG.length_m[1] if by_autopilot else LEG.length_m[0])
 
     @property
     def place_deg(self) -> tuple[float, float] | None:

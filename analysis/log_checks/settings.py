@@ -77,7 +77,6 @@ class StructureSettings(Settings):
         "of /imu, from the daemon's 200 Hz to its 1 Hz; faster ones are averaged before they are written",
     )
     similar: float = setting(0.7, "1", "of 1, by difflib")
-    fewest_messages: int = setting(10, "1", "of a topic, to judge its times")
     largest_jump_s: float = setting(
         3600.0, "s", "longer than any of these aircraft flies: the clock was set, or is another"
     )
@@ -96,11 +95,10 @@ class UnitSettings(Settings):
         " Celsius or Fahrenheit; speed of the tips of a propeller that drives an aircraft, faster"
         " than it flies and slower than sound",
     )
+    upright: float = setting(-0.5, "1", "z over magnitude, median; level flight, turns and rest are all near -1")
     one_axis: float = setting(
         0.8, "1", "of the magnitude, at least, is the median of one axis in any unit, unless gravity was taken out"
     )
-    upright: float = setting(-0.5, "1", "z over magnitude, median; level flight, turns and rest are all near -1")
-    least_flight_Pa: float = setting(10.0, "Pa", "4 m/s at sea level")
     swapped: float = setting(
         1.3, "1", "times q_c; q_c is largest below some 20 deg of angle of attack, beyond every wing's stall"
     )

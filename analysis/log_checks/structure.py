@@ -12,6 +12,7 @@ import numpy as np
 from analysis.log_checks.settings import STRUCTURE
 from analysis.log_checks.units import check_units
 from analysis.signals.channels import COLUMNS, NEEDED_TOPICS, TOPICS, is_good, times_ns, values
+from analysis.signals.settings import STATISTICS
 from flight.errors import InputError
 from flight.log_entries import NO_ENTRIES, STATUSES
 from flight.log_reader import FORMAT_PAGE, Log, other_encoding
@@ -106,7 +107,7 @@ def _similar_topic(log: Log, topic: str) -> str:
 def check_clock(log: Log) -> None:
     """Raises InputError if the log times cannot be nanoseconds of one clock."""
     imu_ns = times_ns(log.entries.get("/imu", NO_ENTRIES))
-    if len(imu_ns) < STRUCTURE.fewest_messages:
+    if len(imu_ns) < STATISTICS.fewest_values:
         raise InputError(f"{log.path}: /imu: {len(imu_ns)} messages are too few to analyze")
     interval_s = float(np.median(np.diff(imu_ns))) / 1e9
     if not _plausible(interval_s):
@@ -118,7 +119,7 @@ def check_clock(log: Log) -> None:
         )
     for topic in TOPICS:
         taken_ns = times_ns(log.entries.get(topic, NO_ENTRIES))
-        if len(taken_ns) < STRUCTURE.fewest_messages:
+        if len(taken_ns) < STATISTICS.fewest_values:
             continue
         if taken_ns[-1] < imu_ns[0] or taken_ns[0] > imu_ns[-1]:
             apart_s = float(taken_ns[0] - imu_ns[0]) / 1e9

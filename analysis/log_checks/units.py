@@ -13,7 +13,7 @@ from analysis.signals.channels import field_of, is_good, times_ns, values
 from analysis.signals.settings import CHANNELS
 from flight.errors import InputError
 from flight.log_reader import Log
-from flight.runs import STANDING
+from flight.runs import AIRCRAFT_SIZE, STANDING
 from flight.units import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
@@ -154,20 +154,20 @@ def _check_differential_pressures(log: Log) -> None:
     """In flight the center port minus static is positive, and larger than both differences of the side ports."""
     q_c = _pressure(log, "airspeed")
     low, high = -_reached(-q_c), _reached(q_c)
-    if low < -UNITS.least_flight_Pa and -low > 2 * high:
+    if low < -AIRCRAFT_SIZE.least_flying_Pa and -low > 2 * high:
         raise InputError(
             f"{log.path}: /probe/airspeed: differential_pressure_Pa is negative in flight ({low:.0f} Pa): write center"
             " port minus static, or exchange the two tubes"
         )
     sides = {name: _reached(np.abs(side)) for name in ("alpha", "beta") if len(side := _pressure(log, name))}
     largest = max(sides, key=lambda name: sides[name])
-    if sides[largest] > max(UNITS.swapped * high, UNITS.least_flight_Pa):
+    if sides[largest] > max(UNITS.swapped * high, AIRCRAFT_SIZE.least_flying_Pa):
         raise InputError(
             f"{log.path}: /probe/{largest}: differential_pressure_Pa reaches {sides[largest]:.3g} Pa, but that of"
             f" /probe/airspeed only {high:.3g} Pa, which is larger in flight: the topics or tubes are exchanged, a"
             " tube is blocked, or one of the pressures is not in Pa"
         )
-    if high < UNITS.least_flight_Pa:
+    if high < AIRCRAFT_SIZE.least_flying_Pa:
         raise InputError(
             f"{log.path}: no flight in it: differential_pressure_Pa of /probe/airspeed reaches only {high:.2g} Pa, but"
             " 7 m/s make 30 Pa; is it in hPa (mbar), kPa or inches of water?"

@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from analysis.performance.level_flight import PerformanceModel, climb_angle
 from analysis.performance.power_train import corrected_thrust, full_throttle_revps
 from analysis.performance.propagation import SigmaPoints, UncertainValue, from_sigma_points
-from analysis.performance.settings import ASKED, PERFORMANCE
+from analysis.performance.settings import PERFORMANCE
 from analysis.polar import Condition, speed_at
 from analysis.schema import AvailableResult, Interval, PowerPoint
 from analysis.settings import CURVES
 from flight.atmosphere import density, pressure_at, temperature_at
 from flight.propeller import Propeller
+from flight.units import TROPOPAUSE_M
 
 Array = NDArray[np.float64]
 
@@ -114,7 +115,7 @@ def ceilings_m(model: PerformanceModel, condition: Condition, climbs_mps: tuple[
     NaN above the troposphere and below sea level. The climb is the best over the lift coefficients flown; the motor's
     voltage is that of the flight. condition: its weight counts, its density does not.
     """
-    heights_m = np.linspace(0.0, ASKED.highest_m, 23)  # 500 m apart: climb is linear between
+    heights_m = np.linspace(0.0, TROPOPAUSE_M, 23)  # 500 m apart: climb is linear between
     rho = density(pressure_at(heights_m), temperature_at(heights_m))[:, None]
     smallest_CL, largest_CL = model.flown_CL
     conditions = condition._replace(rho=rho)

@@ -30,6 +30,7 @@ from analysis.signals.smoothing import stretches
 from flight.aircraft import Propulsion
 from flight.complete_aircraft import CompletePropulsion
 from flight.propeller import Propeller, PropellerModel
+from flight.runs import STANDING
 
 Array = NDArray[np.float64]
 Floats = float | Array
@@ -226,7 +227,7 @@ def _slow_stretches(data: pd.DataFrame, propulsion: CompletePropulsion, propelle
     smooth = data["n"].rolling(max(1, round(POWER_TRAIN.smoothing_s / step_s)), center=True, min_periods=1).mean()
     acceleration = pd.Series(np.gradient(smooth.to_numpy(), step_s), data.index)  # rev/s^2
     complete = data[["V", "n", "rho", "battery_W"]].notna().all(axis=1) & data["covered"]
-    slow = complete & (smooth > POWER_TRAIN.slowest_revps) & (acceleration.abs() < POWER_TRAIN.slow_per_s * smooth)
+    slow = complete & (smooth > STANDING.motor_revps) & (acceleration.abs() < POWER_TRAIN.slow_per_s * smooth)
     segments = []
     for rows in stretches(slow.to_numpy()):
         if (rows.stop - rows.start) * step_s < POWER_TRAIN.shortest_s:
@@ -307,7 +308,7 @@ def with_assumed_motor(propulsion: Propulsion, data: pd.DataFrame, propeller: Pr
 
 def _highest_power(data: pd.DataFrame, propeller: PropellerModel) -> tuple[float, float]:
     """Highest shaft power of the flight by the propeller's table [W], and its speed of rotation [rev/s]."""
-    turning = data[data["covered"] & (data["n"] > POWER_TRAIN.slowest_revps)]
+    turning = data[data["covered"] & (data["n"] > STANDING.motor_revps)]
     if turning.empty:
         return 100.0, 100.0
     V, n, rho = (turning[name].to_numpy() for name in ("V", "n", "rho"))

@@ -22,7 +22,7 @@ from flight.atmosphere import (
     temperature_at,
 )
 from flight.errors import InputError
-from flight.units import GRAVITY_MPS2, to_si, weight_to_N
+from flight.units import GRAVITY_MPS2, TROPOPAUSE_M, to_si, weight_to_N
 
 CHARGE_AND_VOLTAGE = re.compile(r"(?P<charge>.*[hHC])\s*(?:,|at|@|[xX×*])?\s*(?P<voltage>[\d.]+\s*V)\s*")
 
@@ -136,9 +136,9 @@ def parse_weight(text: str, option: str = "--weights") -> float:
 
 
 def _height_m(text: str) -> float:
-    if not abs(_si_or_nan(text, "m")) < ASKED.highest_m:
+    if not abs(_si_or_nan(text, "m")) < TROPOPAUSE_M:
         raise InputError(
-            f"--density-altitudes {text.strip()!r}: should be heights below {ASKED.highest_m:.0f} m,"
+            f"--density-altitudes {text.strip()!r}: should be heights below {TROPOPAUSE_M:.0f} m,"
             ' such as "0 m, 5000 ft"'
         )
     return _si_or_nan(text, "m")

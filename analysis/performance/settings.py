@@ -22,7 +22,6 @@ class PowerTrain(Settings):
     smoothing_s: float = setting(1.0, "s", "motor speed is averaged over this before it is differentiated")
     slow_per_s: float = setting(0.04, "1/s", "largest relative change of motor speed that counts as slow")
     point_s: float = setting(5.0, "s", "each measured efficiency is a mean over this")
-    slowest_revps: float = setting(10.0, "rev/s", "below this a motor does not drive its propeller")
 
     @property
     def shortest_s(self) -> float:
@@ -55,12 +54,16 @@ class FullThrottleFlown(Settings):
     least: float = setting(0.97, "1", "of the stick's travel; less is not full throttle")
     steady: float = setting(0.005, "1", "a controller holds full throttle within this of the flight's largest")
     settling_s: float = setting(0.6, "s", "after the stick moves: ramp of the speed controller, inertia of the motor")
-    shortest_s: float = setting(1.0, "s", "a settled stretch that is shorter is left out")
 
     @property
     def needed_s(self) -> float:
         """Of settled full throttle in all, two stretches; with less it is not known."""
         return 2 * self.shortest_s
+
+    @property
+    def shortest_s(self) -> float:
+        """A settled stretch that is shorter is left out: one window of the average of motor speed."""
+        return POWER_TRAIN.smoothing_s
 
 
 @dataclass(frozen=True)
@@ -79,7 +82,6 @@ class Asked(Settings):
     hotter_K: float = setting(15.0, "K", "added to the temperature flown")
     higher_m: float = setting(1000.0, "m", "added to the density altitude flown")
     heaviest_kg: float = setting(1000.0, "kg", "far above any small aircraft: a larger weight is a mistake of units")
-    highest_m: float = setting(11_000.0, "m", "top of the troposphere of the standard atmosphere")
 
 
 POWER_TRAIN = PowerTrain()

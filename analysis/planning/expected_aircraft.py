@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.electrical.settings import PRIOR
 from analysis.planning.settings import TRAINER
 from flight.aircraft import Aircraft
 from flight.atmosphere import density, pressure_at, temperature_at
@@ -90,9 +91,10 @@ def expected_aircraft(
     rho = float(density(pressure_at(height_m), temperature_at(height_m)))
     basis = []
     if A is None:
-        K = 1 / (np.pi * TRAINER.oswald * aircraft.aspect_ratio)
-        A = np.array([TRAINER.CD0 + K * TRAINER.CL_of_least_drag**2, -2 * K * TRAINER.CL_of_least_drag, K])
-        basis.append(f"drag of a trainer (C_D0 {TRAINER.CD0}, e {TRAINER.oswald})")
+        CD0, oswald, CL_of_least_drag = PRIOR.CD0.mean, PRIOR.oswald.mean, PRIOR.CL_of_least_drag.mean
+        K = 1 / (np.pi * oswald * aircraft.aspect_ratio)
+        A = np.array([CD0 + K * CL_of_least_drag**2, -2 * K * CL_of_least_drag, K])
+        basis.append(f"drag of a small electric aircraft (C_D0 {CD0}, e {oswald})")
     else:
         basis.append("drag of the earlier flights")
     if stall_mps is None:

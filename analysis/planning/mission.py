@@ -17,10 +17,11 @@ from typing import NamedTuple
 from analysis.planning.expected_aircraft import ExpectedAircraft
 from analysis.planning.information import QUESTION_TITLES
 from analysis.planning.pieces import Hold, Land, Maneuver, Porpoise, Run, Stand, TakeOff, Turn, slowest_mps
-from analysis.planning.search import KNOT_MPS, FlightPlan, Request
+from analysis.planning.search import FlightPlan, Request
 from analysis.planning.settings import MARGINS, PATH
 from analysis.planning.time_history import climb_rate_mps
 from flight.runs import AIRCRAFT_SIZE
+from flight.units import KNOT_MPS
 
 
 class Command(IntEnum):

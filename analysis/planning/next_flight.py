@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.estimation.noise import NORMAL_95
-from analysis.planning.settings import SEARCH
 from analysis.polar import Condition, Polar, power_required, speed_at
+from analysis.settings import EVIDENCE
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.observability import MATTERS
 from analysis.trajectory.reconstruction import Trajectory
@@ -85,9 +85,9 @@ class Advice(NamedTuple):
 def next_flight(
     trajectory: Trajectory, estimate: DynamicEstimate, condition: Condition, flown_CL: tuple[float, float]
 ) -> Advice:
-    """What to fly next; nothing where the interval needs no other flight."""
+    """What to fly next; nothing where the standard error is negligible already."""
     found = lacking(trajectory, estimate, condition, flown_CL)
-    if found is None or found.percent < SEARCH.worth_percent:
+    if found is None or found.percent < 100 * NORMAL_95 * EVIDENCE.negligible:
         return Advice()
     sentences = [
         f"The next twenty minutes: {FLY[found.cause]}. The interval is widest at {found.speed_mps:.1f} m/s,"

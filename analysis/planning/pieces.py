@@ -12,6 +12,8 @@ from analysis.planning.settings import MANEUVERS, MARGINS
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2
 
+BANK_RAD, STEEP_BANK_RAD = MANEUVERS.banks_rad
+
 
 @dataclass(frozen=True)
 class Stand:
@@ -41,7 +43,7 @@ class Turn:
 
     speed_mps: float
     angle_rad: float = pi
-    bank_rad: float = MANEUVERS.bank_rad
+    bank_rad: float = BANK_RAD
 
     @property
     def width_m(self) -> float:
@@ -108,9 +110,14 @@ class Piece:
     autopilot: bool
 
 
+def margin_over_stall(wind_kt: float) -> float:
+    """Of speed, at the largest lift that is planned: at the end of a deceleration, in a turn, in porpoising."""
+    return MARGINS.slowest + MARGINS.slowest_per_kt * wind_kt
+
+
 def slowest_mps(expected: ExpectedAircraft, wind_kt: float) -> float:
     """The slowest speed that is planned [m/s]."""
-    return (MARGINS.slowest + MARGINS.slowest_per_kt * wind_kt) * expected.stall_mps
+    return margin_over_stall(wind_kt) * expected.stall_mps
 
 
 def before(expected: ExpectedAircraft) -> tuple[Maneuver, ...]:
@@ -126,7 +133,7 @@ def after(expected: ExpectedAircraft) -> tuple[Maneuver, ...]:
 def run_pairs(expected: ExpectedAircraft, space: Space, wind_kt: float) -> Iterator[Piece]:
     """An acceleration and a deceleration, with a turn at the end; on two legs where one is too short for both."""
     slow, fast = slowest_mps(expected, wind_kt), MARGINS.fastest * expected.fastest_mps
-    turn = Turn(MARGINS.turn * expected.stall_mps, pi, MANEUVERS.bank_rad)
+    turn = Turn(MARGINS.cruise * expected.stall_mps, pi, BANK_RAD)
     for ramp_s, settle_s, hold_s in ((13.0, 16.0, 5.0), (8.0, 10.0, 3.0)):
         up = Run(MANEUVERS.acceleration_throttle, ramp_s, fast)
         down = Run(MANEUVERS.deceleration_throttle, MANEUVERS.deceleration_ramp_s, slow)
@@ -136,7 +143,7 @@ def run_pairs(expected: ExpectedAircraft, space: Space, wind_kt: float) -> Itera
         if one_leg_m <= space.leg_m:
             legs: tuple[Maneuver, ...] = (settle, up, Hold(hold_s, fast), down, rest, turn)
         else:
-            fast_turn = Turn(fast, pi, MANEUVERS.bank_rad)
+            fast_turn = Turn(fast, pi, BANK_RAD)
             legs = (Hold(settle_s / 2, MARGINS.held * slow), up, fast_turn, Hold(hold_s, fast), down, rest, turn)
         title = f"accelerate and decelerate, throttle over {ramp_s:.0f} s"
         yield Piece(title, legs, "runs", False)
@@ -146,30 +153,31 @@ def circuits(expected: ExpectedAircraft, space: Space, wind_kt: float) -> Iterat
     """A leg at one speed and a turn back at the same speed."""
     slow, stall, fastest = slowest_mps(expected, wind_kt), expected.stall_mps, expected.fastest_mps
     for V in (MARGINS.held * slow, 1.3 * stall, 1.6 * stall, 0.77 * fastest, 0.85 * fastest, MARGINS.fastest * fastest):
-        turn = Turn(max(V, _turning_mps(expected, MANEUVERS.bank_rad)), pi, MANEUVERS.bank_rad)
+        turn = Turn(max(V, _turning_mps(expected, BANK_RAD, wind_kt)), pi, BANK_RAD)
         seconds = min(max(space.leg_m / V, 8.0), 60.0)
         yield Piece(f"level at {V:.1f} m/s, there and back", 2 * (Hold(seconds, V), turn), "circuit", True)
 
 
-def circles(expected: ExpectedAircraft) -> Iterator[Piece]:
+def circles(expected: ExpectedAircraft, wind_kt: float) -> Iterator[Piece]:
     """Two full circles at one speed."""
     fastest = expected.fastest_mps
-    for bank in (MANEUVERS.bank_rad, MANEUVERS.steep_bank_rad):
-        for V in (_turning_mps(expected, bank), 0.8 * fastest, MARGINS.fastest * fastest):
-            if V >= _turning_mps(expected, bank):
+    for bank in MANEUVERS.banks_rad:
+        slowest = _turning_mps(expected, bank, wind_kt)
+        for V in (slowest, 0.8 * fastest, MARGINS.fastest * fastest):
+            if V >= slowest:
                 title = f"two circles at {V:.1f} m/s, bank {bank * 180 / pi:.0f}°"
                 yield Piece(title, (Turn(V, 4 * pi, bank),), "circles", True)
 
 
-def porpoising(expected: ExpectedAircraft, space: Space, pilot: Pilot) -> Iterator[Piece]:
+def porpoising(expected: ExpectedAircraft, space: Space, pilot: Pilot, wind_kt: float) -> Iterator[Piece]:
     """Stick fore and aft along a leg, and a turn back."""
     stall, fast = expected.stall_mps, MARGINS.fastest * expected.fastest_mps
     for V in (1.5 * stall, 1.6 * stall, 1.75 * stall, 1.95 * stall, fast):
-        if (V / stall) ** 2 < MARGINS.lift * (1 + pilot.load) or V > fast:
+        if V < margin_over_stall(wind_kt) * (1 + pilot.load) ** 0.5 * stall or V > fast:
             continue
         for first, last in ((1.8, 1.3), (2.4, 1.8)):
             seconds = min(max(space.leg_m / V - 4.0, 10.0), 75.0)
-            turn = Turn(max(V, _turning_mps(expected, MANEUVERS.bank_rad)), pi, MANEUVERS.bank_rad)
+            turn = Turn(max(V, _turning_mps(expected, BANK_RAD, wind_kt)), pi, BANK_RAD)
             title = f"porpoise for {seconds:.0f} s at {V:.1f} m/s, {first:g} to {last:g} s a cycle"
             pieces = (Hold(4.0, V), Porpoise(seconds, V, pilot.load, first, last), turn)
             yield Piece(title, pieces, "porpoise", False)
@@ -188,29 +196,27 @@ def catalog(expected: ExpectedAircraft, space: Space, pilot: Pilot, wind_kt: flo
     found = [
         *run_pairs(expected, space, wind_kt),
         *circuits(expected, space, wind_kt),
-        *circles(expected),
-        *porpoising(expected, space, pilot),
+        *circles(expected, wind_kt),
+        *porpoising(expected, space, pilot, wind_kt),
     ]
-    kept = [piece for piece in (_with_room(piece, expected, space.side_m) for piece in found) if piece is not None]
+    narrowest_mps = _turning_mps(expected, STEEP_BANK_RAD, wind_kt)
+    kept = [piece for piece in (_with_room(piece, narrowest_mps, space.side_m) for piece in found) if piece is not None]
     if not any(piece.kind == "runs" for piece in kept):
-        mps, bank_rad = _turning_mps(expected, MANEUVERS.steep_bank_rad), MANEUVERS.steep_bank_rad
         raise InputError(
             f"--side {space.side_m:g}: too narrow for a turn of {expected.aircraft.name}; its narrowest, at"
-            f" {mps:.1f} m/s and a bank of {degrees(bank_rad):.0f}°, needs {ceil(Turn(mps, pi, bank_rad).width_m)} m"
+            f" {narrowest_mps:.1f} m/s and a bank of {degrees(STEEP_BANK_RAD):.0f}°, needs"
+            f" {ceil(Turn(narrowest_mps, pi, STEEP_BANK_RAD).width_m)} m"
         )
     return kept
 
 
-def _with_room(piece: Piece, expected: ExpectedAircraft, side_m: float) -> Piece | None:
+def _with_room(piece: Piece, narrowest_mps: float, side_m: float) -> Piece | None:
     """The piece with turns that fit: steeper, and slower where that is not enough. None where none fits; circles are
     left as they are, since their speed and bank are what they are flown for."""
-    narrowest_mps = _turning_mps(expected, MANEUVERS.steep_bank_rad)
     maneuvers: list[Maneuver] = []
     for maneuver in piece.maneuvers:
         if isinstance(maneuver, Turn) and maneuver.width_m > side_m:
-            steeper = replace(
-                maneuver, speed_mps=max(maneuver.speed_mps, narrowest_mps), bank_rad=MANEUVERS.steep_bank_rad
-            )
+            steeper = replace(maneuver, speed_mps=max(maneuver.speed_mps, narrowest_mps), bank_rad=STEEP_BANK_RAD)
             maneuver = steeper if steeper.width_m <= side_m else replace(steeper, speed_mps=narrowest_mps)
             if maneuver.width_m > side_m or piece.kind == "circles":
                 return None
@@ -229,7 +235,7 @@ def sequence(pieces: Sequence[Piece], expected: ExpectedAircraft) -> list[Maneuv
     return [*plan, *after(expected)]
 
 
-def _turning_mps(expected: ExpectedAircraft, bank_rad: float) -> float:
-    """The slowest speed of a turn: lift at the stall is MARGINS.lift times what the turn needs."""
+def _turning_mps(expected: ExpectedAircraft, bank_rad: float, wind_kt: float) -> float:
+    """The slowest speed of a turn: 15 % above that which has the margin over the stall."""
     load = 1 / max(1e-3, cos(bank_rad))
-    return float((MARGINS.lift * load) ** 0.5 * 1.15 * expected.stall_mps)
+    return float(load**0.5 * 1.15 * slowest_mps(expected, wind_kt))

@@ -37,10 +37,10 @@ from analysis.planning.settings import MARGINS, NOISE, PATH, SEARCH
 from analysis.planning.time_history import TimeHistory, fly
 from analysis.trajectory.settings import SOLVER
 from flight.errors import InputError
+from flight.units import KNOT_MPS
 
 Array = NDArray[np.float64]
 
-KNOT_MPS = 0.514444
 BY_HAND = ("porpoise",)  # kinds of pieces that no autopilot's mission holds
 
 
@@ -103,8 +103,11 @@ def plan_flight(aircraft: ExpectedAircraft, request: Request) -> FlightPlan:
     found = catalog(aircraft, request.space, request.pilot, request.wind_kt)
     pieces = [piece for piece in found if not (request.pilot.autopilot and piece.kind in BY_HAND)]
     pairs = [piece for piece in pieces if piece.kind == "runs"]
-    last = (full_throttle(aircraft),) if request.minutes * 60 >= SEARCH.full_throttle_from_min * 60 else ()
+    last: tuple[Piece, ...] = (full_throttle(aircraft),)
     base, base_seconds = _evaluated([*pairs[:1] * SEARCH.fewest_run_pairs, *last], aircraft, request)
+    if base_seconds > request.minutes * 60:
+        last = ()
+        base, base_seconds = _evaluated(pairs[:1] * SEARCH.fewest_run_pairs, aircraft, request)
     left = request.minutes * 60 - base_seconds
     if left < 0:
         raise InputError(

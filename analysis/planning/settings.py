@@ -7,12 +7,9 @@ from flight.settings import Settings, setting
 
 @dataclass(frozen=True)
 class Trainer(Settings):
-    """An aircraft of which neither an earlier flight nor the user says more: a trainer's wing, drag and power."""
+    """An aircraft of which nobody says more; its drag is the median of `analysis.electrical.settings.PRIOR`."""
 
     largest_CL: float = setting(1.2, "1", "of a plain wing without flaps")
-    CD0: float = setting(0.045, "1", "with fixed gear")
-    oswald: float = setting(0.75, "1", "of a straight wing with fuselage")
-    CL_of_least_drag: float = setting(0.15, "1", "of a cambered airfoil")
     CL_at_zero_alpha: float = setting(0.3, "1", "of a cambered airfoil, body axis along the fuselage")
     fastest_over_stall: float = setting(2.4, "1", "level, where the aircraft file has no motor")
 
@@ -28,12 +25,22 @@ class Margins(Settings):
     slowest_per_kt: float = setting(0.002, "1/kt", "added for each knot of wind at 20 ft, for its gusts")
     held: float = setting(1.04, "1", "of a speed that is held, over the slowest")
     fastest: float = setting(0.92, "1", "of the fastest level speed, which is approached for minutes")
-    lift: float = setting(1.2, "1", "lift at the stall over the largest lift of a turn or of porpoising")
-    cruise: float = setting(1.6, "1", "speed between maneuvers over the stall")
-    turn: float = setting(1.7, "1", "speed of the turn after a run over the stall")
+    cruise: float = setting(1.6, "1", "speed between maneuvers, and of the turn after a run, over the stall")
 
 
 MARGINS = Margins()
+
+
+@dataclass(frozen=True)
+class Leg(Settings):
+    """Straight flight over the ground, where the user gives no length."""
+
+    length_m: tuple[float, float] = setting(
+        (500.0, 1300.0), "m", "in line of sight of a pilot on the ground; of an autopilot, as docs/flying.md compares"
+    )
+
+
+LEG = Leg()
 
 
 @dataclass(frozen=True)
@@ -46,8 +53,9 @@ class Maneuvers(Settings):
     acceleration_throttle: float = setting(0.87, "1", "thrust that a battery half empty still gives")
     deceleration_throttle: float = setting(0.495, "1", "the propeller still pulls, where its table is best known")
     deceleration_ramp_s: float = setting(2.5, "s", "no faster than a pilot holds height")
-    bank_rad: float = setting(0.6, "rad", "34°: load factor 1.2")
-    steep_bank_rad: float = setting(0.8, "rad", "46°: load factor 1.4, where there is little room")
+    banks_rad: tuple[float, float] = setting(
+        (0.6, 0.8), "rad", "34°: load factor 1.2; where there is little room 46°: load factor 1.4"
+    )
 
 
 MANEUVERS = Maneuvers()
@@ -59,8 +67,7 @@ class PlannedPath(Settings):
 
     step_s: float = setting(0.04, "s", "that of the logger")
     take_off_s: float = setting(12.0, "s", "from standing to the least height at which anything is measured")
-    climb_mps: float = setting(3.0, "m/s", "comfortable for a trainer")
-    climb_over_stall: float = setting(0.3, "1", "of smaller aircraft, over their stall speed")
+    climb_over_stall: float = setting(0.3, "1", "rate of climb over the stall speed: 3 m/s of a trainer")
     speed_lag_s: float = setting(2.0, "s", "of a pilot who changes speed")
     hardest_mps2: float = setting(1.5, "m/s²", "of a change of speed between maneuvers")
     roll_s: float = setting(1.0, "s", "into and out of a turn")
@@ -94,9 +101,7 @@ class Search(Settings):
 
     mean_share: float = setting(0.1, "1", "of the mean half width over speeds, beside the worst")
     fewest_run_pairs: int = setting(2, "1", "one alone shows no repeatability")
-    full_throttle_from_min: float = setting(12.0, "min", "a shorter flight has no time for it")
     least_left: float = setting(0.02, "1", "of the information in any direction, when a piece is taken away")
-    worth_percent: float = setting(1.0, "%", "a narrower interval needs no other flight")
 
 
 SEARCH = Search()

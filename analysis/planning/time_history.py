@@ -149,7 +149,7 @@ def _porpoise(expected: ExpectedAircraft, V: float, porpoise: Porpoise) -> Path:
 
 def climb_rate_mps(expected: ExpectedAircraft) -> float:
     """Rate of climb and descent between the ground and the height of the flight [m/s]."""
-    return min(PATH.climb_mps, PATH.climb_over_stall * expected.stall_mps)
+    return PATH.climb_over_stall * expected.stall_mps
 
 
 def _take_off(expected: ExpectedAircraft, speed_mps: float, height_m: float) -> Path:

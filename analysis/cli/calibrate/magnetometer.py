@@ -3,7 +3,6 @@
 from typing import TYPE_CHECKING
 
 from analysis.cli.calibrate.runner import Calibrated, CalibrationFile, LogFile, calibration
-from analysis.cli.settings import CALIBRATIONS
 from flight.errors import InputError
 
 if TYPE_CHECKING:
@@ -51,6 +50,6 @@ def summary(found: "MagnetometerCalibration") -> list[str]:
         f"field strength varies by {1e6 * found.residual_before_T:.2f} uT rms as measured,"
         f" {1e6 * found.residual_T:.2f} uT corrected"
     )
-    if found.directions < CALIBRATIONS.flattest_directions:
+    if found.near_one_plane:
         lines.append("note: all directions lie near one plane; turn the aircraft about another axis, too")
     return lines

@@ -4,7 +4,6 @@ from typing import TYPE_CHECKING
 
 from analysis.cli.calibrate.runner import AircraftFileLines, Calibrated, LogFile, calibration
 from analysis.cli.options import AircraftOption
-from analysis.cli.settings import CALIBRATIONS
 from flight.errors import InputError
 
 if TYPE_CHECKING:
@@ -72,7 +71,7 @@ def summary(line: "LineLag") -> list[str]:
         lines.append(
             f"  for 5 %: about {lag.more_steps} more bursts like these in the same log, or a log at a higher rate"
         )
-    if lag.misfit > CALIBRATIONS.largest_misfit:
+    if not lag.fits:
         lines.append(f"  the steps do not fit the model of a line ({lag.misfit:.1f} times the noise): look for a leak")
     if line.unsupported:
         lines.append(f"  left out: {line.unsupported}")

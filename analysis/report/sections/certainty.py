@@ -4,13 +4,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy import special
 
 from analysis.estimation.noise import NORMAL_95
 from analysis.report.answers import stall_margin_percent
 from analysis.report.html_page import HtmlTable
 from analysis.report.sections.flight import CHANNELS, decimals
 from analysis.report.sections.summary import reference_point
-from analysis.report.settings import REPORT
 from analysis.results.trust import noise_limit
 from analysis.schema import IntervalPart, Results
 from analysis.settings import EVIDENCE
@@ -108,7 +108,7 @@ def _whiteness(results: Results) -> str:
     share = beyond / total
     verdict = (
         "Yes"
-        if share <= REPORT.colored_share
+        if special.bdtrc(beyond - 1, total, 0.05) > EVIDENCE.rare_false_alarms
         else "Not only: the residuals are colored, which the standard errors allow for"
     )
     return (

@@ -9,9 +9,9 @@ from scipy.constants import foot
 
 from analysis.report.answers import optimum_speed_text
 from analysis.report.html_page import HtmlTable
-from analysis.report.settings import REPORT
 from analysis.report.wording import every, listed_methods, meaning, short_name
 from analysis.schema import PitchRateResult, PowerPoint, Results
+from analysis.settings import FLOWN
 from flight.atmosphere import FOOT_POUND_PER_SECOND_W
 
 
@@ -74,7 +74,7 @@ def _best_range_on_battery(results: Results) -> str:
     if results.use is None or least_drag is None:
         return ""
     best = results.use.loadings[0].range_speed_mps.value
-    if abs(best - least_drag) < REPORT.range_differs_mps:
+    if abs(best / least_drag - 1) < FLOWN.nearby:
         return ""
     return f"; longest range on the battery at {best:.1f} m/s, where propeller and motor are more efficient"
 

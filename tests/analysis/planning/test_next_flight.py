@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from analysis.planning.next_flight import _effects_W, lacking, next_flight
-from analysis.planning.settings import SEARCH
 from analysis.polar import Condition, Polar
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.observability import MATTERS
@@ -85,7 +84,7 @@ def test_a_narrow_interval_needs_no_other_flight_and_calm_air_no_calmer_day() ->
         trajectory = flown({"alpha_bias": 1e-4}, gust_mps)
         return list(next_flight(trajectory, SimpleNamespace(polar=polar, noise=noise), AT, (0.25, 1.1)).sentences)  # type: ignore[arg-type]
 
-    assert said(0.99 * SEARCH.worth_percent, 0.5) == []
-    assert len(said(1.01 * SEARCH.worth_percent, 0.5)) == 2
-    assert len(said(1.01 * SEARCH.worth_percent, 0.0)) == 1
+    assert said(0.99 * 0.98, 0.5) == [], "a standard error of half a per cent"
+    assert len(said(1.01 * 0.98, 0.5)) == 2
+    assert len(said(1.01 * 0.98, 0.0)) == 1
     assert len(said(3.0, 0.5, "noise")) == 1, "more runs, whatever the air"

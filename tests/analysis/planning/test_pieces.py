@@ -16,8 +16,8 @@ WIND_KT = 10.0
 
 
 def turning_mps(bank_rad: float) -> float:
-    """Lift at the stall is 1.2 times what the turn needs, and 15 % of speed besides."""
-    return 1.15 * 10.0 * (1.2 / cos(bank_rad)) ** 0.5
+    """15 % above the speed at which the turn's lift is as near to the stall's as at the slowest speed."""
+    return 1.15 * SLOW / cos(bank_rad) ** 0.5
 
 
 @pytest.mark.parametrize(("i", "ramp_s", "settle_s", "hold_s"), [(0, 13.0, 16.0, 5.0), (1, 8.0, 10.0, 3.0)])
@@ -26,7 +26,7 @@ def test_runs_go_from_the_slowest_speed_to_the_fastest_and_back(i, ramp_s, settl
     settle, up, hold, down, rest, turn = piece.maneuvers
     assert settle == Hold(settle_s, pytest.approx(HELD)) and hold == Hold(hold_s, pytest.approx(FAST))
     assert up == Run(0.87, ramp_s, pytest.approx(FAST)) and down == Run(0.495, 2.5, pytest.approx(SLOW))
-    assert rest == Hold(4.0, 13.0) and turn == Turn(17.0, pi, 0.6)
+    assert rest == Hold(4.0, 13.0) and turn == Turn(16.0, pi, 0.6)
     assert f"throttle over {ramp_s:.0f} s" in piece.title
     # Both runs last 38 s; what does not fit into one leg is flown on two, with a turn at the fast speed.
     needed_m = SLOW * settle_s + (SLOW + FAST) / 2 * 38 + hold_s * FAST
@@ -49,24 +49,24 @@ def test_circuits_are_at_six_speeds_for_8_to_60_seconds() -> None:
 
 
 def test_circles_are_two_at_three_speeds_and_two_banks() -> None:
-    found = [piece.maneuvers[0] for piece in pieces.circles(AIRCRAFT)]
+    found = [piece.maneuvers[0] for piece in pieces.circles(AIRCRAFT, WIND_KT)]
     expected = [Turn(V, 4 * pi, bank) for bank in (0.6, 0.8) for V in (turning_mps(bank), 24.0, FAST)]
     assert [(one.speed_mps, one.angle_rad, one.bank_rad) for one in found] == [
         (pytest.approx(one.speed_mps), one.angle_rad, one.bank_rad) for one in expected
     ]
-    titles = [piece.title for piece in pieces.circles(AIRCRAFT)]
+    titles = [piece.title for piece in pieces.circles(AIRCRAFT, WIND_KT)]
     assert titles[1] == "two circles at 24.0 m/s, bank 34°" and degrees(0.6) == pytest.approx(34, abs=0.5)
     slow: Any = SimpleNamespace(stall_mps=10.0, fastest_mps=15.0)
-    assert [piece.maneuvers[0].speed_mps for piece in pieces.circles(slow)][1:2] != [12.0], "too slow to turn"
+    assert [piece.maneuvers[0].speed_mps for piece in pieces.circles(slow, WIND_KT)][1:2] != [12.0], "too slow to turn"
 
 
 @pytest.mark.parametrize(
     ("load", "over_stall"), [(0.8, [1.5, 1.6, 1.75, 1.95, 2.76]), (1.0, [1.6, 1.75, 1.95, 2.76]), (1.6, [1.95, 2.76])]
 )
-def test_porpoising_is_where_the_wing_carries_a_fifth_more_than_its_load(load: float, over_stall: list[float]) -> None:
-    """(V/V_stall)^2 >= 1.2 (1 + load), at two rates; for a leg less 4 s, from 10 to 75 s."""
+def test_porpoising_is_where_the_wing_carries_more_than_its_load(load: float, over_stall: list[float]) -> None:
+    """(V/V_stall)^2 >= 1.1^2 (1 + load), at two rates; for a leg less 4 s, from 10 to 75 s."""
     for leg_m, seconds in ((800.0, lambda V: 800 / V - 4.0), (100.0, lambda V: 10.0), (5000.0, lambda V: 75.0)):
-        found = list(pieces.porpoising(AIRCRAFT, Space(leg_m, 60.0), Pilot(autopilot=False, load=load)))
+        found = list(pieces.porpoising(AIRCRAFT, Space(leg_m, 60.0), Pilot(autopilot=False, load=load), WIND_KT))
         speeds = [10 * ratio for ratio in over_stall for _ in range(2)]
         cycles = [(1.8, 1.3), (2.4, 1.8)] * len(over_stall)
         for piece, V, (first, last) in zip(found, speeds, cycles, strict=True):
@@ -101,7 +101,7 @@ def test_a_turn_that_has_no_room_is_steeper_then_slower_then_left_out() -> None:
         (wide + 0.1, circuit.maneuvers[0]), (wide - 0.1, steep), (steep.width_m + 0.1, steep),
         (steep.width_m - 0.1, slow), (slow.width_m + 0.1, slow),
     ):  # fmt: skip
-        (found,) = pieces._with_room(circuit, AIRCRAFT, side_m).maneuvers
+        (found,) = pieces._with_room(circuit, turning_mps(0.8), side_m).maneuvers
         assert (found.speed_mps, found.bank_rad) == (pytest.approx(expected.speed_mps), expected.bank_rad)
-    assert pieces._with_room(circuit, AIRCRAFT, slow.width_m - 0.1) is None
-    assert pieces._with_room(pieces.replace(circuit, kind="circles"), AIRCRAFT, wide - 0.1) is None
+    assert pieces._with_room(circuit, turning_mps(0.8), slow.width_m - 0.1) is None
+    assert pieces._with_room(pieces.replace(circuit, kind="circles"), turning_mps(0.8), wide - 0.1) is None
