@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from analysis.drag import covariance
 from analysis.drag.forces import FlightForces
-from analysis.exports.settings import EXPORTS
 from analysis.files import write_file
 from analysis.ground.thrust_prior import J_REFERENCE, thrust_prior
 from analysis.signals.channels import is_good, times_ns, values
@@ -26,6 +25,7 @@ from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
 from flight.log_reader import Log
 from flight.propeller import Propeller
+from flight.runs import AIRCRAFT_SIZE
 
 Array = NDArray[np.float64]
 QUANTITIES = ("alpha_rad", "V_mps", "theta_rad", "thrust_N", "C_L", "C_D")
@@ -59,7 +59,9 @@ def derived(trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) ->
     heavier, _ = quantities(covariance.forces_with_more_weight(flight_forces), states, errors)
     variance += (heavier - nominal) ** 2
     variance[:, QUANTITIES.index("thrust_N") :] += _by_thrust_table(nominal, f, aircraft)
-    known = np.repeat(nominal[:, 1:2] > EXPORTS.slowest_mps, len(QUANTITIES), axis=1)
+    # At less dynamic pressure an airspeed is noise.
+    qbar_Pa = f["rho"].to_numpy() * nominal[:, 1] ** 2 / 2
+    known = np.repeat(qbar_Pa[:, None] > AIRCRAFT_SIZE.least_flying_Pa, len(QUANTITIES), axis=1)
     known[:, QUANTITIES.index("C_L") :] &= trajectory.block_means.flying[:, None]
     columns = dict(zip(QUANTITIES, np.where(known, nominal, np.nan).T, strict=True))
     spread = np.where(known, np.sqrt(variance), np.nan)

@@ -85,8 +85,8 @@ def with_first_rows_at(speed_mps: float):
     return derived(replace(trajectory, states=states), CERTAIN, PROPELLER)
 
 
-@pytest.mark.parametrize(("speed_mps", "known"), [(2.8, False), (3.2, True)])
-def test_below_three_meters_a_second_nothing_is_told(speed_mps: float, known: bool) -> None:
+@pytest.mark.parametrize(("speed_mps", "known"), [(3.5, False), (3.8, True)])
+def test_nothing_is_told_below_8_Pa_of_dynamic_pressure(speed_mps: float, known: bool) -> None:
     found = with_first_rows_at(speed_mps)
     assert found.iloc[:5][["V_mps", "theta_rad", "theta_rad_standard_error"]].notna().all(axis=None) == known
     assert found.iloc[5:].notna().all(axis=None)
