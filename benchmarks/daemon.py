@@ -39,8 +39,28 @@ app = typer.Typer(add_completion=False, no_args_is_help=True, help=__doc__)
 
 
 @app.command()
-def soak(seconds: float = 600.0, rate: float = 25.0, fifo: bool = False, file_min: float = 4.0) -> None:
-    """Record in real time; print what the log and the kernel say about it. --fifo: real-time priority, as the unit."""
+def soak(
+    seconds: float = 600.0,
+    rate: float = 25.0,
+    fifo: bool = False,
+    file_min: float = 4.0,
+    bit_rate: float = 0.0,
+    busy: int = 0,
+) -> None:
+    """Record in real time; print what the log and the kernel say about it.
+
+    --fifo: real-time priority, as the unit. --bit-rate: all parts on one bus of so many bits a second, instead of on
+    two of 400,000. --busy: so many processes that compute all the time run beside.
+    """
+    beside = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(busy)]
+    try:
+        _soak(seconds, rate, fifo=fifo, serve=["--file-min", str(file_min), "--bit-rate", str(bit_rate)])
+    finally:
+        for process in beside:
+            process.kill()
+
+
+def _soak(seconds: float, rate: float, *, fifo: bool, serve: list[str]) -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         # With --fifo the fake parts stand above the daemon: real ones do not wait for a computer's scheduler.
@@ -53,8 +73,7 @@ def soak(seconds: float = 600.0, rate: float = 25.0, fifo: bool = False, file_mi
                 str(folder),
                 "--rate",
                 str(rate),
-                "--file-min",
-                str(file_min),
+                *serve,
             ],
             stdout=subprocess.PIPE,
             text=True,
@@ -304,7 +323,7 @@ def resident_KiB() -> int:
 
 
 @app.command(hidden=True)
-def serve(folder: Path, rate: float = 25.0, file_min: float = 4.0) -> None:
+def serve(folder: Path, rate: float = 25.0, file_min: float = 4.0, bit_rate: float = 0.0) -> None:
     """The fake tray on device files, until SIGTERM."""
     from analytic_sensor_truth import AnalyticSensorTruth, sine
 
@@ -322,10 +341,10 @@ def serve(folder: Path, rate: float = 25.0, file_min: float = 4.0) -> None:
     stop = []
     signal.signal(signal.SIGTERM, lambda *_: stop.append(1))
     with ExitStack() as stack:
-        first = stack.enter_context(FuseI2C(fake.i2c(I2C_BUS), folder / "i2c-1"))
+        first = stack.enter_context(FuseI2C(fake.i2c(I2C_BUS), folder / "i2c-1", bit_rate or 400e3))
         second = stack.enter_context(FuseI2C(fake.i2c(I2C_BUS), folder / "i2c-3"))
         text = text.replace(f'"{I2C_BUS}"', f'"{first.path}"')
-        for driver in ON_SECOND_BUS:
+        for driver in () if bit_rate else ON_SECOND_BUS:
             text = text.replace(
                 f'driver = "{driver}"\nbus = "{first.path}"', f'driver = "{driver}"\nbus = "{second.path}"'
             )

@@ -21,7 +21,7 @@ from daq.sensors.axes import Axes, parse_axes
 from daq.sensors.bridge import TransferFunction
 from flight.errors import InputError
 from flight.files import read_text
-from flight.messages import TYPE_OF_TOPIC
+from flight.messages import DOUBLED, SECOND, TYPE_OF_TOPIC
 
 Address = Annotated[int, Meta(ge=0x03, le=0x77)]
 ZERO_FILE = "zero.json"
@@ -86,6 +86,11 @@ class SensorTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     blocking: ClassVar[bool] = False  # whether a read waits for the sensor's answer
 
 
+def topic_of(topic: str, *, second: bool) -> str:
+    """The topic that a sensor writes: the first of its kind, or the second one beside it."""
+    return topic + SECOND if second else topic
+
+
 class BusSensorTable(SensorTable, frozen=True):
     """A sensor on an I2C bus; give it an `address`."""
 
@@ -120,10 +125,14 @@ class Mpu9250Config(BusSensorTable, frozen=True, tag="mpu9250"):
     range_dps: Literal[250, 500, 1000, 2000] = 500
     sampling: Literal["fifo", "single"] = "fifo"
     axes: tuple[str, str, str] = ("x", "y", "z")
-    topics: ClassVar[tuple[str, ...]] = ("/imu",)
+    second: bool = False
 
     def __post_init__(self) -> None:
         parse_axes(self.axes)
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        return (topic_of("/imu", second=self.second),)
 
     @property
     def parsed_axes(self) -> Axes:
@@ -146,10 +155,11 @@ class Ak8963Config(BusSensorTable, frozen=True, tag="ak8963"):
 class _BarometerConfig(BusSensorTable, frozen=True):
     address: Literal[0x76, 0x77]
     measures: Literal["baro", "static"]
+    second: bool = False
 
     @property
     def topics(self) -> tuple[str, ...]:
-        return (f"/{self.measures}",)
+        return (topic_of(f"/{self.measures}", second=self.second),)
 
 
 class Ms5611Config(_BarometerConfig, frozen=True, tag="ms5611"):
@@ -166,9 +176,12 @@ class _TransducerConfig(BusSensorTable, frozen=True):
     part: str
     measures: Literal["alpha", "beta", "airspeed"]
     reversed_ports: bool = False
+    second: bool = False
 
     def __post_init__(self) -> None:
         self._decoded()
+        if self.second and f"/probe/{self.measures}" not in DOUBLED:
+            raise ValueError(f"second = true: a tray has one transducer for {self.measures}")
 
     def _decoded(self) -> tuple[int, TransferFunction]:
         raise NotImplementedError
@@ -183,7 +196,7 @@ class _TransducerConfig(BusSensorTable, frozen=True):
 
     @property
     def topics(self) -> tuple[str, ...]:
-        return (f"/probe/{self.measures}",)
+        return (topic_of(f"/probe/{self.measures}", second=self.second),)
 
 
 class Ms45xxDoConfig(_TransducerConfig, frozen=True, tag="ms45xxdo"):
@@ -199,13 +212,21 @@ class HoneywellConfig(_TransducerConfig, frozen=True, tag="honeywell"):
 class UBloxConfig(PortSensorTable, frozen=True, tag="ublox"):
     baud: Baud = 38400
     rate_Hz: Annotated[float, Meta(ge=1, le=10)] = 10.0
-    topics: ClassVar[tuple[str, ...]] = ("/gps",)
+    second: bool = False
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        return (topic_of("/gps", second=self.second),)
 
 
 class UBloxDdcConfig(BusSensorTable, frozen=True, tag="ublox_ddc"):
     address: Address = 0x42
     rate_Hz: Annotated[float, Meta(ge=1, le=10)] = 5.0
-    topics: ClassVar[tuple[str, ...]] = ("/gps",)
+    second: bool = False
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        return (topic_of("/gps", second=self.second),)
 
 
 class EscCounterConfig(PortSensorTable, frozen=True, tag="esc_counter"):
@@ -483,9 +504,14 @@ def _reject_conflicts(tray: TrayFile, where: str) -> None:
             if topic not in TYPE_OF_TOPIC:
                 raise InputError(f"{where}: {label} would write {topic}, which is no topic of a log")
             if topic in topics:
-                raise InputError(f"{where}: {topics[topic]} and {label} would both write {topic}")
+                remedy = "; a second sensor needs second = true" if topic in DOUBLED else ""
+                raise InputError(f"{where}: {topics[topic]} and {label} would both write {topic}{remedy}")
             topics[topic] = label
-    mounted = {sensor.parsed_axes for sensor in tray.sensors if isinstance(sensor, Mpu9250Config | Ak8963Config)}
+    mounted = {
+        sensor.parsed_axes
+        for sensor in tray.sensors
+        if isinstance(sensor, Ak8963Config) or (isinstance(sensor, Mpu9250Config) and not sensor.second)
+    }
     if len(mounted) > 1:
         raise InputError(f"{where}: the axes of mpu9250 and ak8963 differ, but the one contains the other")
     if tray.arm is not None and "/controls" not in topics:

@@ -12,7 +12,7 @@ from daq.sensors.ak8963 import AK8963Driver
 from daq.sensors.bridge import BridgeTransducerDriver
 from daq.sensors.esc_counter import EscCounterDriver
 from daq.sensors.ina2xx import INA226, INA228, PowerMonitorDriver
-from daq.sensors.mpu9250 import MPU9250Driver
+from daq.sensors.mpu9250 import MPU9250Driver, Ranges
 from daq.sensors.ms56xx import MS5611, MS5805, MS56xxDriver
 from daq.sensors.ublox import UBloxDriver
 from daq.sensors.ublox_ddc import DdcPort
@@ -49,11 +49,11 @@ def driver_factory(table: SensorTable, tray: Tray, buses: Buses, aircraft: Aircr
             return lambda: MPU9250Driver(
                 buses.i2c(table.bus),
                 table.address,
-                range_g=table.range_g,
-                range_dps=table.range_dps,
+                ranges=Ranges(table.range_g, table.range_dps),
                 fifo=table.sampling == "fifo",
                 axes=table.parsed_axes,
                 period_s=period_s,
+                topic=table.topics[0],
             )
         case config.Ak8963Config():
             return lambda: AK8963Driver(buses.i2c(table.bus), table.address, axes=table.parsed_axes)
@@ -75,9 +75,15 @@ def driver_factory(table: SensorTable, tray: Tray, buses: Buses, aircraft: Aircr
                 rate_Hz=table.rate_Hz,
                 baud=table.baud,
                 reopen=lambda baud: buses.port(table.port, baud),
+                topic=table.topics[0],
             )
         case config.UBloxDdcConfig():
-            return lambda: UBloxDriver(DdcPort(buses.i2c(table.bus), table.address), rate_Hz=table.rate_Hz, baud=None)
+            return lambda: UBloxDriver(
+                DdcPort(buses.i2c(table.bus), table.address),
+                rate_Hz=table.rate_Hz,
+                baud=None,
+                topic=table.topics[0],
+            )
         case config.Navio2Config():
             from daq.sensors.navio2 import Navio2Driver  # needs pymavlink too
 

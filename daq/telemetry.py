@@ -52,13 +52,16 @@ AUTOPILOT_SYSTEM = 1  # of an autopilot that was not heard yet: the default of A
 # Bits of SYS_STATUS (MAV_SYS_STATUS_SENSOR) by topic.
 SENSOR_BITS = {
     "/imu": 0x1 | 0x2,  # gyroscopes, accelerometers
+    "/imu/2": 0x20000 | 0x40000,
     "/mag": 0x4,
     "/baro": 0x8,
     "/static": 0x8,
     "/probe/alpha": 0x10,
     "/probe/beta": 0x10,
     "/probe/airspeed": 0x10,
+    "/probe/airspeed/2": 0x10,
     "/gps": 0x20,
+    "/gps/2": 0x20,
     "/rpm": 0x8000,  # motor outputs
     "/controls": 0x10000,  # RC receiver
     "/battery": 0x2000000,

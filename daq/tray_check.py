@@ -19,7 +19,7 @@ from daq.dry_run import DryRun, dry_run
 from daq.part_identity import PartIdentity, identify
 from daq.rest_check import OPEN_SKY, barometer_comparison, height_comparison, is_finite, rest_problem
 from daq.sensor_health import GOOD_STATUSES
-from flight.messages import Message, Status
+from flight.messages import SECOND, Message, Status
 
 MINIMUM_GOOD_FRACTION = 0.95  # of a topic's messages must carry a measurement
 BYTES_PER_S = 16_000  # log of the default tray at 25 Hz: 550 to 640 bytes a tick
@@ -148,6 +148,7 @@ def check_topic(
     slow: Sequence[str] = (),
 ) -> TopicCheck:
     """Judge a topic from the messages of `seconds`. slow: what to do about buses that are too slow."""
+    kind = topic.removesuffix(SECOND)
     statuses = Counter(message.status for message in messages)
     good = [message for message in messages if message.status is Status.OK and is_finite(message)]
     not_finite = statuses[Status.OK] - len(good)
@@ -162,7 +163,7 @@ def check_topic(
         advice = NOT_FINITE
     if not ok and next(iter(bad), None) is Status.TIMEOUT and slow:
         advice = "; ".join(slow)
-    if topic == "/gps" and not ok and any(getattr(message, "fix_type", None) is not None for message in messages):
+    if kind == "/gps" and not ok and any(getattr(message, "fix_type", None) is not None for message in messages):
         advice = NO_FIX
     if not ok and part.in_use:
         advice = STOP_PROGRAM
@@ -170,7 +171,7 @@ def check_topic(
         ok, advice = None, MOTOR_STOPPED
     if ok and (problem := rest_problem(good)):
         ok, advice = False, problem
-    values = [_value(good, *shown) for shown in SHOWN_FIELDS.get(topic, ())]
+    values = [_value(good, *shown) for shown in SHOWN_FIELDS.get(kind, ())]
     bus_errors = sum(statuses[status] for status in BUS_ERRORS)
     return TopicCheck(topic, part.text, ok, len(good) / seconds, values, bus_errors, trouble, advice)
 

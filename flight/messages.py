@@ -236,7 +236,11 @@ MESSAGES: tuple[type[Message], ...] = (
     Event,
     State,
 )
+SECOND = "/2"  # ends the topic of a second sensor of a kind
+DOUBLED = ("/imu", "/gps", "/baro", "/static", "/probe/airspeed")  # kinds of which a tray may have a second one
 TYPE_OF_TOPIC: dict[str, type[Message]] = {topic: kind for kind in MESSAGES for topic in kind.topics}
+TYPE_OF_TOPIC |= {topic + SECOND: TYPE_OF_TOPIC[topic] for topic in DOUBLED}
+SECOND_TOPICS = frozenset(topic + SECOND for topic in DOUBLED)
 
 
 def schema_of(kind: type[Message]) -> dict[str, Any]:

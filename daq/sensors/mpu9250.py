@@ -50,6 +50,13 @@ TEMPERATURE_COUNTS_PER_K, TEMPERATURE_ZERO_K = 333.87, 294.15  # PS 3.4.2: 21 de
 FULL_COUNT = 32767
 
 
+class Ranges(NamedTuple):
+    """Measuring ranges: of specific force [g] and of angular rate [deg/s], to each side of 0."""
+
+    g: int = 8
+    dps: int = 500
+
+
 class Counts(NamedTuple):
     """One sample, or the mean of several, in chip axes."""
 
@@ -62,7 +69,8 @@ SPARE_SAMPLES = 1  # read a tick beyond those that arrive in it, until the FIFO 
 
 
 class MPU9250Driver:
-    """The part on `bus` at `address`. axes: mounting of the chip, see `daq.sensors.axes`.
+    """The part on `bus` at `address`. axes: mounting of the chip, see `daq.sensors.axes`. topic: what it writes; only
+    the first IMU's magnetometer can be reached, because all answer at the same address.
 
     period_s: of the ticks. With it, a FIFO that has grown while the bus was held up is read in parts, one a tick: all
     at once would take the bus so long that the next tick would be passed over too, and the FIFO grow again.
@@ -73,17 +81,18 @@ class MPU9250Driver:
         bus: I2CBus,
         address: int = 0x68,
         *,
-        range_g: int = 8,
-        range_dps: int = 500,
+        ranges: Ranges = Ranges(),
         fifo: bool = True,
         axes: Axes = BODY_AXES,
         period_s: float | None = None,
+        topic: str = "/imu",
     ):
         self._bus, self._address = bus, address
-        self._range_g, self._range_dps = range_g, range_dps
+        self._ranges = ranges
         self._fifo = fifo
-        self._mps2_per_count, self._radps_per_count = accel_scale_mps2(range_g), gyro_scale_radps(range_dps)
+        self._mps2_per_count, self._radps_per_count = accel_scale_mps2(ranges.g), gyro_scale_radps(ranges.dps)
         self._axes = axes
+        self._topic = topic
         self._most_bytes = FIFO_BYTES
         if period_s is not None:
             self._most_bytes = SAMPLE.size * (math.ceil(SAMPLE_RATE_HZ * period_s) + SPARE_SAMPLES)
@@ -102,13 +111,13 @@ class MPU9250Driver:
             [
                 SAMPLE_RATE_DIVIDER if self._fifo else 0,
                 STOP_WHEN_FULL | gyro_filter,
-                RANGES_DPS[self._range_dps] << 3,
-                RANGES_G[self._range_g] << 3,
+                RANGES_DPS[self._ranges.dps] << 3,
+                RANGES_G[self._ranges.g] << 3,
                 accel_filter,
             ]
         )
         self._write(SMPLRT_DIV, *settings)
-        self._write(INT_PIN_CFG, BYPASS)
+        self._write(INT_PIN_CFG, BYPASS if self._topic == Imu.topics[0] else 0)
         yield GYRO_START_S
         if self._bus.write_read(self._address, bytes([SMPLRT_DIV]), len(settings)) != settings:
             raise SensorFailure(Status.FAULT, "MPU-9250 does not keep its settings")
@@ -119,7 +128,7 @@ class MPU9250Driver:
     def read(self, now_ns: int) -> list[Sample]:
         """Mean of the FIFO since the last tick, or one sample. The message has their number and delay."""
         message = self._read_fifo() if self._fifo else self._read_once()
-        return [Sample("/imu", now_ns, message)]
+        return [Sample(self._topic, now_ns, message)]
 
     def _read_once(self) -> Imu:
         if self._bus.write_read(self._address, bytes([CONFIG]), 1)[0] & 7 != SINGLE_FILTERS[0]:

@@ -65,8 +65,9 @@ class UBloxDriver:
         rate_Hz: float = 10.0,
         baud: int | None = 38400,
         reopen: Callable[[int], BytePort] | None = None,
+        topic: str = "/gps",
     ):
-        self._port = port
+        self._port, self._topic = port, topic
         self._baud = baud
         self._reopen = reopen
         self._silences = 0
@@ -99,7 +100,7 @@ class UBloxDriver:
         for frame in frames:
             kind = frame[2:4]
             if kind == NAV_PVT:
-                samples.append(Sample("/gps", now_ns, solution(frame, self._dynamic_model)))
+                samples.append(Sample(self._topic, now_ns, solution(frame, self._dynamic_model)))
             elif kind == CFG_NAV5 and len(frame) == NAV5_PAYLOAD + OVERHEAD:
                 self._dynamic_model = frame[8]
             elif kind in (ACK_ACK, ACK_NAK) and self._to_send and frame[6:8] == self._to_send[0][2:4]:
@@ -110,7 +111,7 @@ class UBloxDriver:
         if samples:
             self._last_ns, self._corrupt, self._silences = now_ns, False, 0
         elif now_ns - self._last_ns >= SILENCE_NS:
-            samples.append(Sample("/gps", now_ns, self._silence(now_ns)))
+            samples.append(Sample(self._topic, now_ns, self._silence(now_ns)))
         self._configure(now_ns)
         return samples
 

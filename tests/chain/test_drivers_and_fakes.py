@@ -17,7 +17,7 @@ from daq.sensors.ak8963 import AK8963Driver
 from daq.sensors.autopilot import AutopilotDriver
 from daq.sensors.bridge import BridgeTransducerDriver
 from daq.sensors.esc_counter import EscCounterDriver
-from daq.sensors.mpu9250 import MPU9250Driver
+from daq.sensors.mpu9250 import MPU9250Driver, Ranges
 from daq.sensors.ublox import UBloxDriver
 from daq.sensors.ublox_ddc import DdcPort
 from flight.aircraft import load_aircraft
@@ -77,7 +77,7 @@ I2C = "/dev/i2c-1"
 def test_specific_force(range_g):
     levels = [[f * range_g * G, -f * range_g * G, 0.1 * f] for f in (-0.99, -0.5, -0.1, 0.0, 0.3, 0.7, 0.99)]
     sensor_truth = AnalyticSensorTruth(force_mps2=staircase(levels))
-    samples = run(lambda tray: MPU9250Driver(tray.i2c(I2C), range_g=range_g), sensor_truth, 14)
+    samples = run(lambda tray: MPU9250Driver(tray.i2c(I2C), ranges=Ranges(g=range_g)), sensor_truth, 14)
     for level, m in settled(samples, levels):
         seen = (m.specific_force_x_mps2, m.specific_force_y_mps2, m.specific_force_z_mps2)
         assert seen == pytest.approx(level, abs=range_g / 32768 * G)
@@ -87,7 +87,7 @@ def test_specific_force(range_g):
 def test_angular_rate(range_dps):
     levels = [np.radians([f * range_dps, -f * range_dps, 3.0 * f]).tolist() for f in (-0.99, -0.5, 0.0, 0.3, 0.99)]
     sensor_truth = AnalyticSensorTruth(rate_radps=staircase(levels))
-    samples = run(lambda tray: MPU9250Driver(tray.i2c(I2C), range_dps=range_dps), sensor_truth, 10)
+    samples = run(lambda tray: MPU9250Driver(tray.i2c(I2C), ranges=Ranges(dps=range_dps)), sensor_truth, 10)
     for level, m in settled(samples, levels):
         seen = (m.angular_rate_x_radps, m.angular_rate_y_radps, m.angular_rate_z_radps)
         assert seen == pytest.approx(level, abs=math.radians(range_dps / 32750))
@@ -110,7 +110,9 @@ def test_the_logged_delay_is_the_one_that_was_made(fifo):
 
 def test_beyond_the_range_is_called_saturated():
     samples = run(
-        lambda tray: MPU9250Driver(tray.i2c(I2C), range_g=2), AnalyticSensorTruth(force_mps2=constant([30.0, 0, 0])), 1
+        lambda tray: MPU9250Driver(tray.i2c(I2C), ranges=Ranges(g=2)),
+        AnalyticSensorTruth(force_mps2=constant([30.0, 0, 0])),
+        1,
     )
     assert {sample.message.status for _, sample in samples[3:]} == {Status.SATURATED}
 

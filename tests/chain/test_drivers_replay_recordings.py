@@ -14,7 +14,7 @@ from daq.config import parse_tray
 from daq.daemon import record
 from daq.driver_factory import driver_factory
 from daq.sensors.esc_counter import EscCounterDriver
-from daq.sensors.mpu9250 import MPU9250Driver
+from daq.sensors.mpu9250 import MPU9250Driver, Ranges
 from daq.sensors.ms56xx import MS5611, MS56xxDriver
 from flight.aircraft import parse_aircraft
 from flight.errors import InputError
@@ -102,7 +102,7 @@ def test_the_file_is_lines_of_json_that_belong_to_one_sensor_each(bench):
 @pytest.mark.parametrize(
     ("sensor", "changed"),
     [
-        ("imu", lambda buses: MPU9250Driver(buses.i2c("/dev/i2c-1"), range_g=16)),  # another byte
+        ("imu", lambda buses: MPU9250Driver(buses.i2c("/dev/i2c-1"), ranges=Ranges(g=16))),  # another byte
         ("imu", lambda buses: MPU9250Driver(buses.i2c("/dev/i2c-1"), address=0x69)),  # another place
         ("imu", lambda buses: MPU9250Driver(buses.i2c("/dev/i2c-1"), fifo=False)),  # another way of reading
         ("imu", lambda buses: MPU9250Driver(buses.i2c("/dev/i2c-7"))),  # another bus

@@ -8,7 +8,7 @@ from scripted_parts import RegisterBus, bring_up
 
 from daq.sensors import SensorFailure
 from daq.sensors.axes import parse_axes
-from daq.sensors.mpu9250 import MPU9250Driver, mean
+from daq.sensors.mpu9250 import MPU9250Driver, Ranges, mean
 from flight.messages import Imu, Status
 
 ADDRESS = 0x68
@@ -66,14 +66,14 @@ def test_the_part_is_given_the_time_of_its_datasheet_to_start():
 
 def test_one_g_at_rest_in_any_range():
     for range_g, counts in ((2, 16384), (4, 8192), (8, 4096), (16, 2048)):
-        chip, sensor = started(range_g=range_g)
+        chip, sensor = started(ranges=Ranges(g=range_g))
         chip.put((0, 0, -counts, 0, 0, 0, 0))
         assert read(sensor).specific_force_z_mps2 == pytest.approx(-9.80665)
 
 
 def test_rate_scale_of_each_range():
     for range_dps, counts in ((250, 1310), (500, 655), (1000, 328), (2000, 164)):
-        chip, sensor = started(range_dps=range_dps)
+        chip, sensor = started(ranges=Ranges(dps=range_dps))
         chip.put((0, 0, 0, 0, counts, 0, 0))
         assert read(sensor).angular_rate_x_radps == pytest.approx(math.radians(10))
 

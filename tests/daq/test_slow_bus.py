@@ -40,15 +40,15 @@ class SlowPart:
 class Bench:
     """A worker on a clock that is moved by hand; every tick ends without an answer, unless it was permitted before."""
 
-    def __init__(self):
-        self.clock, self.part = HandClock(0), SlowPart()
+    def __init__(self, period_ns=PERIOD_NS):
+        self.clock, self.part, self.period_ns = HandClock(0), SlowPart(), period_ns
         self.supervisor = SensorSupervisor("imu", "i2c-1", ("/imu",), lambda: self.part, blocking=True)
-        self.worker = ThreadedBusWorker([self.supervisor], self.clock, PERIOD_NS, blocking=True)
+        self.worker = ThreadedBusWorker([self.supervisor], self.clock, period_ns, blocking=True)
 
-    def tick(self, number):
-        self.clock.ns = number * PERIOD_NS
+    def tick(self, number, to_deadline_ns=0):
+        self.clock.ns = number * self.period_ns
         self.worker.start_reading(number)
-        return self.worker.collect(self.clock.ns)  # the deadline has come
+        return self.worker.collect(self.clock.ns + to_deadline_ns)
 
     def answer(self):
         """The pending read returns, and its thread has signaled that before this returns."""
@@ -81,6 +81,24 @@ def test_a_tick_that_is_passed_over_is_a_timeout_and_degrades_the_sensor():
     expected = [(n, Status.TIMEOUT if n % 2 else Status.OK) for n in range(58)]
     assert [(s.tick, s.message.status) for s in found] == expected
     assert bench.supervisor.health.state is SensorState.DEGRADED and bench.supervisor.errors >= 29
+
+
+def test_a_read_that_ends_early_in_the_next_tick_is_followed_by_that_ticks_read():
+    """A bus that needs 90 % of a tick and was held up for 20 %: without it the next tick would be passed over."""
+    bench = Bench(GIVE_UP_S * 10**9)
+    bench.tick(0)
+    threading.Timer(0.05, bench.part.permit.release, ()).start()
+    threading.Timer(0.1, bench.part.permit.release, ()).start()
+    readings = bench.tick(1, round(0.8 * bench.period_ns))
+    assert [(s.tick, s.message.status) for s in readings.samples] == [(0, Status.OK), (None, Status.OK)]
+    assert bench.supervisor.errors == 0
+
+
+def test_a_read_that_ends_late_in_the_next_tick_is_not_followed():
+    bench = Bench(10**9)
+    bench.tick(0)
+    bench.tick(1, round(0.4 * bench.period_ns))  # later than half a tick before the deadline
+    assert bench.supervisor.errors == 1
 
 
 def test_one_tick_passed_over_is_counted_and_degrades_nothing():
