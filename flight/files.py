@@ -45,6 +45,13 @@ def check_writable(path: Path) -> None:
             folder.rmdir()
 
 
+def check_new_file(path: Path, *, replace: bool) -> None:
+    """Raises InputError if the file exists and is not to be replaced, or cannot be written."""
+    if path.is_file() and not replace:
+        raise InputError(f"{path}: exists already; give --replace, or another name with -o")
+    check_writable(path)
+
+
 # Small JSON files with a field `format`: calibrations and transducer zeros, as files or attached to a log.
 
 

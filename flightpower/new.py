@@ -12,7 +12,7 @@ import typer
 from flight.aircraft import shipped_aircraft
 from flight.command_line import application
 from flight.errors import InputError
-from flight.files import check_writable
+from flight.files import check_new_file
 from flightpower import templates
 
 app = application(help="Write a commented file to fill in.")
@@ -72,9 +72,7 @@ def _write(text: str, output: Path | None, replace: bool) -> None:
             sys.stdout.reconfigure(encoding="utf-8")  # the encoding of the files, if it is redirected into one
         print(text, end="")
         return
-    if output.is_file() and not replace:
-        raise InputError(f"{output}: exists already; give --replace, or another name with -o")
-    check_writable(output)
+    check_new_file(output, replace=replace)
     try:
         output.parent.mkdir(parents=True, exist_ok=True)
         output.write_text(text, "utf-8")

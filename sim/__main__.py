@@ -17,7 +17,7 @@ from flight.aircraft import aircraft_text
 from flight.command_line import application, run
 from flight.complete_aircraft import CompleteAircraft, load_complete_aircraft
 from flight.errors import InputError
-from flight.files import check_writable
+from flight.files import check_new_file
 from sim.options import (
     AircraftOption,
     BankOption,
@@ -147,13 +147,13 @@ def fly(
 
 def _aircraft(name: str, like: str | None, installation: str | None) -> CompleteAircraft:
     """The aircraft that is flown. Raises InputError where its file lacks a key, and no model for it is given."""
-    from sim.like import of_installation, scaled_from
+    from sim.like import scaled_from, with_installation
 
     if like is None:
         craft = load_complete_aircraft(name)
     else:
         craft = scaled_from(*aircraft_text(name), load_complete_aircraft(like))
-    return craft if installation is None else of_installation(craft, installation)
+    return craft if installation is None else with_installation(craft, installation)
 
 
 def _tray_variant(craft: CompleteAircraft, time_of_day_s: float) -> "TrayVariant":
@@ -350,9 +350,7 @@ def plot(
     from sim.plot import figure
     from sim.truth import read_truth
 
-    if output.is_file() and not replace:
-        raise InputError(f"{output}: already exists; give another name, or --replace")
-    check_writable(output)
+    check_new_file(output, replace=replace)
     table, metadata = read_truth(truth / TRUTH if truth.is_dir() else truth)
     drawn = figure(table, metadata)
     try:

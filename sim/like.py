@@ -95,7 +95,7 @@ def _propeller(own: Aircraft, model: CompleteAircraft) -> str:
     return own.propulsion.propeller or model.propulsion.propeller
 
 
-def of_installation(aircraft: CompleteAircraft, name: str) -> CompleteAircraft:
+def with_installation(aircraft: CompleteAircraft, name: str) -> CompleteAircraft:
     """The aircraft with this name of its installation in its file. Raises InputError when the file has another one."""
     stated = aircraft.installation.name
     if stated == name:

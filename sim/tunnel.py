@@ -12,7 +12,7 @@ import pandas as pd
 
 from flight.atmosphere import density
 from flight.errors import InputError
-from flight.files import check_writable
+from flight.files import check_new_file
 from sim.sensors.noise import rng_of
 from sim.sensors.probe import port_pressures
 
@@ -73,9 +73,7 @@ def simulated_measurements(tunnel: WindTunnel = WindTunnel(), seed: int = 0) -> 
 
 def write_calibration(path: Path, table: pd.DataFrame, *, replace: bool = False) -> None:
     """The table as CSV. Raises InputError when the file exists and is not to be replaced."""
-    if path.is_file() and not replace:
-        raise InputError(f"{path}: already exists; give another name, or --replace")
-    check_writable(path)
+    check_new_file(path, replace=replace)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         table.to_csv(path, index=False, float_format="%.4f")

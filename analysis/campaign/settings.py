@@ -6,7 +6,7 @@ from flight.settings import Settings, setting
 
 
 @dataclass(frozen=True)
-class Campaign(Settings):
+class CampaignLimits(Settings):
     """What one analysis among many may take, and how a cluster is kept busy."""
 
     memory_GB: float = setting(
@@ -18,4 +18,4 @@ class Campaign(Settings):
     )
 
 
-CAMPAIGN = Campaign()
+CAMPAIGN = CampaignLimits()

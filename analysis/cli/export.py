@@ -1,22 +1,19 @@
 """The command `flightpower export`: an analyzed flight as files that other programs open."""
 
 import os
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 from rich.console import Console
 
-from analysis.cli.options import LogOptions, QuietOption
+from analysis.cli.one_log import told_exit_code
+from analysis.cli.options import LogOptions, QuietOption, ReplaceOption
 from analysis.exports import FOLDERS, KINDS
-from flight.command_line import application, run, takes_options
+from flight.command_line import ExitCode, application, run, takes_options
 from flight.errors import InputError
-from flight.files import check_writable
-from flight.log_reader import Log, read_log
-
-if TYPE_CHECKING:
-    import pandas as pd
+from flight.files import check_new_file
+from flight.log_reader import read_log
 
 SUFFIX = {"parquet": ".parquet", "csv": ".csv", "mat": ".mat", "mcap": ".derived.mcap"}
 
@@ -38,8 +35,9 @@ def export(
         ),
     ] = None,
     options: LogOptions = LogOptions(),
+    replace: ReplaceOption = False,
     quiet: QuietOption = False,
-) -> None:
+) -> ExitCode:
     """Analyze a log and write its data for other programs: tables for pandas, MATLAB and spreadsheets, or an MCAP file
     for Foxglove and PlotJuggler.
 
@@ -52,7 +50,8 @@ def export(
       flightpower export log.mcap --to mat -o flight.mat
       flightpower export log.mcap --to mcap        opens in Foxglove beside the log
 
-    Exit code 0: done. 2: the input cannot be used; one line on stderr says why, and nothing was written.
+    Exit code 0: done. 1: written, but the result is not to be trusted; stderr says why. 2: the input cannot be used;
+    one line on stderr says why, and nothing was written.
     """
     if to not in KINDS:
         raise InputError(f"--to {to}: should be one of {', '.join(KINDS)}")
@@ -63,27 +62,23 @@ def export(
         raise InputError(f"{path}: is the log itself; give another name with -o")
     if path.is_dir() != (to in FOLDERS) and path.exists():
         raise InputError(f"{path}: is {'a folder' if path.is_dir() else 'a file'}; give another name with -o")
-    check_writable(path / "tables" if to in FOLDERS else path)
+    if path.is_dir() and any(path.iterdir()) and not replace:
+        raise InputError(f"{path}: is not empty; give --replace, or another folder with -o")
+    check_new_file(path / "tables" if to in FOLDERS else path, replace=replace)
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     stderr = Console(stderr=True, quiet=quiet)
     with stderr.status("reading the log …") as status:
         recorded = read_log(log)
-        tables = tables_from(recorded, options, lambda step: status.update(f"{step} …"))
-        from analysis.exports.tables import export_tables
+        given = options.replacements()
+        from analysis.exports.tables import export_tables, tables_of
+        from analysis.pipeline import analyze
 
+        analysis = analyze(recorded, given, lambda step: status.update(f"{step} …"), runs_file=options.runs)
         status.update("writing …")
-        export_tables(tables, recorded, to, path)
+        export_tables(tables_of(analysis), recorded, to, path)
     if not quiet:
         print(f"{path}: written")
-
-
-def tables_from(log: Log, options: LogOptions, progress: Callable[[str], None]) -> dict[str, "pd.DataFrame"]:
-    """Analyze a log, and give the tables of it. Raises InputError."""
-    given = options.replacements()
-    from analysis.exports.tables import tables_of
-    from analysis.pipeline import analyze
-
-    return tables_of(analyze(log, given, progress, runs_file=options.runs))
+    return told_exit_code(analysis.results)
 
 
 def main() -> None:

@@ -1,6 +1,7 @@
 """The command `plan`: what to fly for the narrowest interval. Arguments, messages and exit codes only."""
 
-from dataclasses import dataclass, replace
+import dataclasses
+from dataclasses import dataclass
 from enum import StrEnum
 from math import inf, radians
 from pathlib import Path
@@ -9,11 +10,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
+from analysis.cli.options import ReplaceOption
 from analysis.planning.settings import LEG
 from flight.aircraft import Aircraft, load_aircraft
 from flight.command_line import application, quantity, run, takes_options
 from flight.errors import InputError
-from flight.files import check_writable
+from flight.files import check_new_file
 
 if TYPE_CHECKING:
     from analysis.planning.search import FlightPlan
@@ -164,6 +166,7 @@ def plan(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="FOLDER", help="Default: plan-AIRCRAFT.")
     ] = None,
+    replace: ReplaceOption = False,
 ) -> None:
     """What to fly next: the sequence of maneuvers that makes the interval of the answer smallest.
 
@@ -180,7 +183,7 @@ def plan(
     place = options.place_deg
     flown = _aircraft(aircraft, options)
     folder = output or Path(f"plan-{flown.name}")
-    check_writable(folder / "plan.toml")
+    check_new_file(folder / "plan.toml", replace=replace)
 
     made = flight_plan(aircraft, options)
     from analysis.planning.card import card
@@ -204,7 +207,7 @@ def _aircraft(name_or_path: str, options: PlanOptions) -> Aircraft:
     flown = load_aircraft(name_or_path)
     if options.propeller is None:
         return flown
-    return replace(flown, propulsion=replace(flown.propulsion, propeller=options.propeller))
+    return dataclasses.replace(flown, propulsion=dataclasses.replace(flown.propulsion, propeller=options.propeller))
 
 
 def flight_plan(aircraft: str, options: PlanOptions) -> "FlightPlan":

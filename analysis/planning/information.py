@@ -28,7 +28,7 @@ from analysis.planning.expected_aircraft import ExpectedAircraft
 from analysis.planning.settings import NOISE, SEARCH
 from analysis.planning.time_history import TimeHistory
 from analysis.polar import Condition, Polar, best_range_lift, minimum_power_lift, power_required, speed_at
-from analysis.schema import FORMAT, Results
+from analysis.schema import FORMAT, Results, Trust
 from analysis.trajectory.equations import MEASUREMENT_INPUTS, PREDICTED_FLOW, SENSOR_ERRORS, STATES, EquationInputs
 from analysis.trajectory.gusts import Estimate, planned_ratios, with_slow_power
 from analysis.trajectory.observability import TITLES
@@ -44,9 +44,12 @@ Array = NDArray[np.float64]
 
 
 def read_results(path: Path) -> Results:
-    """A results.json. Raises InputError when it is something else."""
+    """A results.json. Raises InputError when it is something else, or not to be trusted."""
     of = "results of `analyze`"
-    return JsonFormat(Results, (FORMAT,), of).parsed(json_object_text(path, of), str(path))
+    found = JsonFormat(Results, (FORMAT,), of).parsed(json_object_text(path, of), str(path))
+    if found.trust is Trust.NOT_TO_BE_TRUSTED:
+        raise InputError(f"{path}: not to be trusted ({found.evidence[0].kind}); plan without it")
+    return found
 
 
 def polar(results: Sequence[Results]) -> Array | None:

@@ -41,6 +41,10 @@ WRONG = {
     "flightpower plan nexstar --home 91,0": "--home 91,0: latitude should be within 85",
     "flightpower plan nexstar --after probe.json": "probe.json: not results of `analyze`",
     "flightpower plan nexstar -o empty.txt": "empty.txt",
+    "flightpower plan nexstar -o planned": "planned/plan.toml: exists already; give --replace",
+    # export
+    "flightpower export stood.mcap --to mat -o probe.json": "probe.json: exists already; give --replace",
+    "flightpower export stood.mcap --to csv -o flown": "flown: is not empty; give --replace",
     # analyze: the log
     "analyze missing.mcap": "missing.mcap: cannot be read",
     "analyze .": ".: cannot be read, it is a folder; give a log, such as no-probe.mcap",
@@ -165,7 +169,7 @@ WRONG = {
     "sim fly -o empty.txt": "empty.txt: not a folder",
     "sim fly -o empty.txt/new": "cannot be written",
     "sim fly -o flown": "flown: already contains truth.parquet",
-    "sim tunnel -o tunnel.csv": "tunnel.csv: already exists",
+    "sim tunnel -o tunnel.csv": "tunnel.csv: exists already",
     "sim tunnel -o folder": "folder: cannot be written",
     "sim trim --speed nan": "--speed nan: should be above 0 and at most 300 m/s",
     "sim trim --speed '15 kg'": "--speed 15 kg",
@@ -178,7 +182,7 @@ WRONG = {
     "sim modes --speed 200": "level flight is possible up to",
     "sim plot missing -o new.html": "missing: no such file; give truth.parquet",
     "sim plot tunnel.csv -o new.html": "tunnel.csv: not the truth of a simulated flight",
-    "sim plot flown -o empty.txt": "empty.txt: already exists",
+    "sim plot flown -o empty.txt": "empty.txt: exists already",
     "sim plot flown -o empty.txt/new.html": "cannot be written",
     # daq
     "daq run": "Missing option '--config'",
@@ -237,6 +241,7 @@ def give(folder: Path) -> None:
     """Write the files that the commands above name into `folder`, and go there."""
     os.chdir(folder)
     Path("folder").mkdir()
+    Path("planned").mkdir()
     aircraft = load_aircraft("nexstar").text
     span = 'span = "5.73 ft"'
     tunnel_line = "15,{},0,10,0,140,1000,20\n"
@@ -244,6 +249,7 @@ def give(folder: Path) -> None:
     files = {
         "binary.bin": bytes(range(256)) * 8,
         "empty.txt": "",
+        "planned/plan.toml": "",
         "mine.toml": aircraft,
         "no-unit.toml": aircraft.replace(span, "span = 1.7"),
         "nan.toml": aircraft.replace(span, 'span = "nan m"'),

@@ -9,7 +9,7 @@ from flight.aircraft import aircraft_text, parse_aircraft
 from flight.complete_aircraft import load_complete_aircraft
 from flight.errors import InputError
 from sim.fly import fly
-from sim.like import of_installation, scaled_from
+from sim.like import scaled_from, with_installation
 from sim.plan import parse_plan
 from sim.plant import plant_of
 from sim.sensors import budget as budgets
@@ -94,11 +94,11 @@ def test_what_the_file_says_is_kept_and_the_rest_is_listed(model):
 
 
 def test_the_log_of_an_installation_has_its_name(model):
-    named = of_installation(model, "may")
+    named = with_installation(model, "may")
     assert parse_aircraft(named.text, "named.toml").installation.name == "may"
-    assert of_installation(named, "may") is named
+    assert with_installation(named, "may") is named
     with pytest.raises(InputError, match="may"):
-        of_installation(named, "june")
+        with_installation(named, "june")
 
 
 def test_errors_of_the_installation_stay_and_those_of_the_day_change():

@@ -51,7 +51,7 @@ def test_its_noise_is_what_it_says():
 def test_it_does_not_overwrite(tmp_path):
     path = tmp_path / "tunnel.csv"
     path.write_text("mine")
-    with pytest.raises(InputError, match="already exists"):
+    with pytest.raises(InputError, match="exists already"):
         write_calibration(path, simulated_measurements())
     assert path.read_text() == "mine"
     write_calibration(path, simulated_measurements(), replace=True)

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from analysis.cli.calibrate.runner import Calibrated, CalibrationFile, calibration, check_output
+from analysis.cli.calibrate.runner import Calibrated, CalibrationFile, calibration
 from flight.command_line import quantity
 from flight.errors import InputError
+from flight.files import check_new_file
 
 if TYPE_CHECKING:
     from analysis.airdata.probe import ProbeCalibration
@@ -63,7 +64,7 @@ def probe(
     where = report or output.with_suffix(".html")
     if where == output:
         raise InputError(f"{where}: report and calibration cannot be the same file; name another with --report")
-    check_output(where, replace)
+    check_new_file(where, replace=replace)
     measured = read_tunnel(tunnel)
     found = calibrate(measured, tunnel.name, angle_scale_sigma=angle_scale / 100)
     html = page.render(measured, found, angle_scale_sigma=angle_scale / 100)

@@ -12,8 +12,7 @@ import typer
 from analysis.cli.options import ReplaceOption
 from analysis.files import write_file
 from flight.command_line import ExitCode, as_command
-from flight.errors import InputError
-from flight.files import check_writable
+from flight.files import check_new_file
 
 LogFile = Annotated[Path, typer.Argument(metavar="LOG", help="A log recorded by the daemon.")]
 CalibrationFile = Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="Calibration file to write.")]
@@ -65,7 +64,8 @@ def calibration(file: Any, default: str | None = None) -> Callable[[Callable[...
         parameters.append(inspect.Parameter("replace", keyword, default=False, annotation=ReplaceOption))
 
         def run_calibration(**given: Any) -> None:
-            check_output(given["output"], given["replace"])
+            if given["output"] is not None:
+                check_new_file(given["output"], replace=given["replace"])
             found = calibrate(**{name: value for name, value in given.items() if name in signature})
             lines_to_stdout = file is AircraftFileLines and given["output"] is None and found.content is not None
             _report(found, given[source], sys.stderr if lines_to_stdout else sys.stdout)
@@ -101,12 +101,3 @@ def _write(found: Calibrated, output: Path | None) -> None:
 
 def _json(content: object) -> bytes:
     return msgspec.json.format(msgspec.json.encode(content), indent=1)
-
-
-def check_output(path: Path | None, replace: bool) -> None:
-    """Raises InputError if the file exists and must not be replaced, or cannot be written."""
-    if path is None:
-        return
-    if path.is_file() and not replace:
-        raise InputError(f"{path}: exists already; give --replace, or another name with -o")
-    check_writable(path)

@@ -1,13 +1,19 @@
 """Evidence against a result makes it doubtful or not to be trusted; `analyze` says so, and ends with exit code 1."""
 
 import json
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from msgspec.structs import replace
+from typer.testing import CliRunner
 
 from analysis.cli.analyze import _finish
 from analysis.cli.electrical import Done
+from analysis.cli.export import app as export_app
+from analysis.planning.information import read_results
+from analysis.results.files import to_json
 from analysis.results.settings import TRUST
 from analysis.results.trust import doubts, evidence_against, noise_limit, reasons_not_to_trust, trust_by, with_trust
 from analysis.schema import (
@@ -22,6 +28,8 @@ from analysis.schema import (
     RunAgainstOthers,
     Trust,
 )
+from flight.command_line import ExitCode
+from flight.errors import InputError
 
 NOT_TRUSTED = {
     EvidenceKind.NOT_CONVERGED: lambda r: replace(r, status=CurveStatus.NOT_CONVERGED, verdict="at a bound: A0 = 0"),
@@ -152,3 +160,31 @@ def test_the_motor_s_constants_may_be_wrong_by_some_percent(results: Results) ->
 def test_a_result_without_curve_of_drag_can_be_trusted(results: Results) -> None:
     electrical = replace(results, drag_polar=None, power_required=[], electrical_power=results.power_required)
     assert reasons_not_to_trust(electrical) == []
+
+
+def test_an_export_of_such_a_result_is_written_and_ends_with_exit_code_1(
+    results: Results, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """As `analyze` does; the program that called it is not to go on with the tables unaware."""
+    written: list[Path] = []
+    analyzed = SimpleNamespace(results=with_trust(NOT_TRUSTED[EvidenceKind.CROSS_CHECK](results)))
+    monkeypatch.setattr("analysis.cli.export.read_log", lambda path: None)
+    monkeypatch.setattr("analysis.pipeline.analyze", lambda *_, **__: analyzed)
+    monkeypatch.setattr("analysis.exports.tables.tables_of", lambda flight: {})
+    monkeypatch.setattr("analysis.exports.tables.export_tables", lambda tables, log, to, path: written.append(path))
+    (tmp_path / "log.mcap").touch()
+    outcome = CliRunner().invoke(export_app, [str(tmp_path / "log.mcap"), "--to", "mat"], standalone_mode=False)
+    assert outcome.return_value is ExitCode.FAILURE
+    assert written == [tmp_path / "log.mat"]
+
+
+def test_no_flight_is_planned_after_such_a_result(results: Results, tmp_path: Path) -> None:
+    file = tmp_path / "results.json"
+    for change, usable in ((NOT_TRUSTED[EvidenceKind.CROSS_CHECK], False), (lambda same: same, True)):
+        changed = with_trust(change(results))
+        file.write_bytes(to_json(changed))
+        if usable:
+            assert read_results(file) == changed
+        else:
+            with pytest.raises(InputError, match="plan without it"):
+                read_results(file)
