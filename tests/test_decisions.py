@@ -5,22 +5,20 @@ the same of names of estimated parameters. A text is a variable, attribute or ke
 """
 
 import ast
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+
+from analysis.pooling.flight_statistics import POOLED
+from analysis.trajectory.equations import SENSOR_ERRORS
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("analysis", "daq", "flight", "flightpower", "sim")
 TEXTS = {"verdict", "reason", "note", "title", "text", "message", "warning", "hint", "label", "problem", "sentence"}
 TEXTS |= {f"{word}s" for word in TEXTS}
 PARAMETER = {"name", "parameter"}
-# Names of what estimators find, as results list them. Polar and thrust, sensors, power train.
-ESTIMATED = {
-    "A0", "A1", "A2", "A3", "A4", "CLq", "alpha_bias", "alpha_scale", "air_data_lag", "beta_bias", "dp_alpha_zero",
-    "gps_latency", "heading_bias", "lag", "pitch", "q_c_zero", "thrust_beyond", "thrust_scale", "thrust_slope",
-    "V_scale", "airspeed_scale", "shaft_scale", "meter_scale", "friction", "copper",
-}  # fmt: skip
 LOOKS = {"startswith", "endswith", "removeprefix", "removesuffix", "find", "partition"}
 PATTERNS = {"match", "search", "fullmatch", "findall"}
 # Modules that read texts which others wrote: files, commands, messages of libraries and of the system.
@@ -135,7 +133,18 @@ def _literals(node: ast.expr, constants: set[str]) -> bool:
 
 
 def _estimated(node: ast.expr) -> bool:
-    return not ESTIMATED.isdisjoint(_strings(node))
+    return not estimated().isdisjoint(_strings(node))
+
+
+@cache
+def estimated() -> frozenset[str]:
+    """Names of what estimators find: sensor errors, what flights are pooled by, and every `Parameter(name="…")`."""
+    folders = [ROOT / "analysis" / name for name in ("drag", "performance", "electrical")]
+    paths = [path for folder in folders for path in folder.glob("*.py")]
+    calls = [one for path in paths for one in ast.walk(ast.parse(path.read_text("utf-8"))) if isinstance(one, ast.Call)]
+    parameters = [call for call in calls if _last_name(call.func) in ("Parameter", "ParameterVector")]
+    named = [[*call.args[:1], *(key.value for key in call.keywords if key.arg == "name")] for call in parameters]
+    return frozenset({*SENSOR_ERRORS, *POOLED, *(name for given in named for one in given for name in _strings(one))})
 
 
 def _text_constants(tree: ast.Module) -> set[str]:

@@ -1,6 +1,9 @@
 """What the documentation names exists: files, folders, modules, and the folders of analysis/."""
 
+import ast
 import re
+from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -90,3 +93,54 @@ def test_a_folder_of_analysis_imports_only_folders_below_it_in_the_table() -> No
             if room in rows and imported in rows and rows.index(imported) < rows.index(room):
                 upwards.append(f"{path.relative_to(ROOT)} imports {imported}")
     assert upwards == []
+
+
+# In backticks in docstrings, but not ours: a library, a style sheet, JSON Schema, files of propellers; a column.
+OF_OTHERS = {"scipy.ndimage", "rgba", "anyOf", "PER3", "apce_10x5_kt0821_5000.txt", "alpha_rad_standard_error"}
+NAME = re.compile(r"[A-Za-z_]\w*(?:\.\w+)*(?:\(.*\))?")
+
+
+@cache
+def names_of_the_code() -> frozenset[str]:
+    """What the packages define, use, or read from data: names, modules, files, and texts that are one name or path."""
+    named = {word for package in PACKAGES for path in (ROOT / package).rglob("*") for word in path.stem.split(".")}
+    for package in PACKAGES:
+        tables = [path.read_text("utf-8") for path in (ROOT / package).rglob("*.toml")]
+        named |= {word for text in tables for word in re.findall(r"\w+", text)}
+        for path in (ROOT / package).rglob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+                named |= set(_names(node))
+    return frozenset(named | {*PACKAGES})
+
+
+def _names(node: ast.AST) -> Iterator[str]:
+    match node:
+        case ast.Name(id=name) | ast.Attribute(attr=name) | ast.arg(arg=name) | ast.keyword(arg=str(name)):
+            yield name
+        case ast.FunctionDef(name=name) | ast.ClassDef(name=name):
+            yield name
+        case ast.alias(name=name):
+            yield from name.split(".")
+        case ast.Constant(value=str(text)) if re.fullmatch(r"[\w./-]+", text):
+            yield from re.findall(r"\w+", text)
+
+
+def docstrings(package: str) -> Iterator[tuple[str, str]]:
+    """Where, and the text."""
+    for path in sorted((ROOT / package).rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+                where = f"{path.relative_to(ROOT)} {getattr(node, 'name', '')}"
+                yield where, ast.get_docstring(node) or ""
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_code_that_a_docstring_names_exists(package: str) -> None:
+    missing = [
+        f"{where}: `{name}`"
+        for where, text in docstrings(package)
+        for name in IN_BACKTICKS.findall(text)
+        if NAME.fullmatch(name) and name.split("(")[0] not in OF_OTHERS
+        if not all(word in names_of_the_code() for word in name.split("(")[0].split("."))
+    ]
+    assert missing == []

@@ -232,7 +232,8 @@ def starting_values(aircraft: Aircraft, segments: Segment | Sequence[Segment], C
     CL, CD = stability_axes((c.m * ax - pooled("thrust")) / qS, c.m * az / qS, alpha)
     good = np.isfinite(CL) & np.isfinite(CD) & (qS > 0)
     CL, CD, alpha, elevator = CL[good], CD[good], alpha[good], pooled("elevator")[good]
-    start = {q.name: q.start for q in aerodynamic_parameters(c, Priors()) if q.free and q.name != "CLde"}
+    default = {q.name: q.start for q in aerodynamic_parameters(c, Priors())}
+    start = {name: default[name] for name in ("CL0", "CLa", "A0", "A1", "A2")}
     if len(CL) < len(start):
         return start
     line = np.linalg.lstsq(np.stack([np.ones_like(alpha), alpha], axis=1), CL - CLde * elevator, rcond=None)[0]
