@@ -37,6 +37,7 @@ Errors = tuple[Array, Array]
 
 AUTOPILOTS = {"px4": (write_px4_log, read_px4), "ardupilot": (write_ardupilot_log, read_ardupilot)}
 SPEEDS = 7
+CLOSED_LOOP = "laps"  # the plan that an energy controller flies, in a mean wind of W20
 MOTOR_REVPS = np.linspace(20.0, 250.0, 3000)
 
 
@@ -65,7 +66,9 @@ def one_flight(setup: Setup, *, autopilots: str = "px4", of: str = "electrical",
     """By autopilot and quantity. of: electrical; rpm or motor: power required by propeller table and motor speed, or
     by the motor's constants. Several are separated by commas. traps: with each fault of real logs, or its refusal."""
     aircraft, errors = load_complete_aircraft(setup.aircraft), setup.drawn
-    flight, sensors, _ = flown(aircraft, errors, setup.plan, setup.seed, setup.turbulence_kt)
+    flight, sensors, _ = flown(
+        aircraft, errors, setup.plan, setup.seed, setup.turbulence_kt, wind_too=setup.plan == CLOSED_LOOP
+    )
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "log"

@@ -100,15 +100,25 @@ class Flown(NamedTuple):
 
 
 def flown(
-    aircraft: Aircraft, errors: DrawnErrors, plan_name: str | Path, seed: int, turbulence_kt: float = 0.0
+    aircraft: Aircraft,
+    errors: DrawnErrors,
+    plan_name: str | Path,
+    seed: int,
+    turbulence_kt: float = 0.0,
+    *,
+    wind_too: bool = False,
 ) -> Flown:
     """Fly a plan; turbulence of W20 in place of the plan's where it is not 0. The table is the caller's own.
+
+    wind_too : the mean wind at 20 ft is W20, too, calm included
 
     The last flights are kept, because flying takes most of the time of many tests: truth must not be changed.
     """
     plan = load_plan(plan_name)
     if turbulence_kt:
         plan = dataclasses.replace(plan, air=dataclasses.replace(plan.air, turbulence_mps=turbulence_kt * KNOT_MPS))
+    if wind_too:
+        plan = dataclasses.replace(plan, air=dataclasses.replace(plan.air, wind_mps=turbulence_kt * KNOT_MPS))
     found = _flown(pickle.dumps((aircraft, errors, plan, seed)))
     return found._replace(table=found.table.copy())
 

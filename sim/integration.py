@@ -27,6 +27,7 @@ class Observation(NamedTuple):
     q: float
     r: float
     load_factor: float
+    forward_mps2: float  # specific force along the body's first axis
 
 
 def observation_of(x: AircraftState, now: FlightCondition) -> Observation:
@@ -43,6 +44,7 @@ def observation_of(x: AircraftState, now: FlightCondition) -> Observation:
         x.q,
         x.r,
         -now.specific_force[2] / GRAVITY_MPS2,
+        now.specific_force[0],
     )
 
 

@@ -1,6 +1,6 @@
-"""What happens to real logs, done to the messages of a PX4 or ArduPilot log: dropouts, a set clock, a late start."""
+"""What real logs have: dropouts, a set clock, a late start, no thermometer, several sensors, old formats."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import NamedTuple, Protocol, Self, TypeVar
 
 import numpy as np
@@ -8,11 +8,18 @@ from numpy.typing import NDArray
 
 FAULTS = (
     "landed", "wrong-battery-first", "pressure-offset", "dropouts", "clock-jump", "airborne-start", "appended",
-    "truncated", "no-airspeed",
+    "truncated", "no-airspeed", "no-thermometer", "second-airspeed", "old-firmware", "hover", "two-packs", "esc-power",
 )  # fmt: skip
 LONGEST_DROPOUT_MS, DROPOUTS = 4000, 12
 CLOCK_SET_US, CLOCK_SET_AT = 3_600_000_000, 0.15  # the latter as a share of the flight
 TRUNCATED_TO = 0.7  # of the file
+HOVER_AT, HOVER_A = (0.3, 0.42), 25.0  # when a VTOL's lifting motors help, as shares of the flight; what they draw
+
+
+def lifted(t_s: NDArray[np.float64], duration_s: float, faults: Collection[str]) -> NDArray[np.bool_]:
+    """Whether the lifting motors run, at times (n,) since the beginning."""
+    share = t_s / duration_s
+    return np.asarray((share >= HOVER_AT[0]) & (share < HOVER_AT[1]) & ("hover" in faults))
 
 
 class Dropout(NamedTuple):

@@ -15,6 +15,7 @@ import numpy as np
 from flight.aircraft import ControlSurface
 from flight.atmosphere import GRAVITY_MPS2 as g
 from flight.errors import InputError
+from sim.energy_controller import Cruise, EnergyController
 from sim.integration import Observation
 from sim.plant import Commands, Plant
 from sim.trim import Trimmer
@@ -60,6 +61,7 @@ class Gains:
     skill: float = 1.0  # factor on all feedback gains
     feedforward: float = 1.0  # share of the trim schedule used; 0: the trim of cruise at all speeds
     scheduled: bool = True  # elevator and aileron gains fall with dynamic pressure
+    energy: bool = False  # height and airspeed by total energy, as an autopilot (`energy_controller`)
 
 
 PILOTS = {
@@ -68,6 +70,7 @@ PILOTS = {
     "high-gain": Gains(skill=1.6),
     "unscheduled": Gains(scheduled=False),
     "schedule-free": Gains(feedforward=0.0),
+    "autopilot": Gains(energy=True),
 }
 
 
@@ -146,6 +149,11 @@ class Pilot:
         self._throttle = 0.0
         self._speed: float | None = None  # the commanded speed, rate-limited towards the target
         self._stick = 0.0  # the last commanded elevator, without the segment's addition
+        self._energy: EnergyController | None = None
+        if gains.energy:
+            level = schedule.at(self._V_reference)
+            speeds = 1.1 * trimmer.V_stall, 0.98 * trimmer.V_max
+            self._energy = EnergyController(Cruise(level.alpha, level.throttle, *speeds), dt)
 
     def fly(self, seen: Observation, want: Targets) -> Commands:
         """Commands for the next step."""
@@ -165,6 +173,11 @@ class Pilot:
             self._load_integral += k * 0.1 * stiffness * (want.load_factor - seen.load_factor) * dt
             elevator = elevator_ff + self._damping / V * q_wanted - self._load_integral
             elevator += k * gains.pitch_rate_s * stiffness * (seen.q - q_wanted)
+        elif self._energy is not None and want.height_m is not None and want.speed_mps is not None:
+            theta_wanted, throttle_wanted = self._energy.command(seen, want.height_m, want.climb_mps, want.speed_mps)
+            elevator = elevator_ff + k * stiffness * gains.pitch * (seen.theta - theta_wanted)
+            elevator += k * stiffness * gains.pitch_rate_s * (seen.q - g / V * sin(bank) ** 2)
+            want = want._replace(throttle=throttle_wanted)
         else:
             climb = want.climb_mps
             if want.height_m is not None:

@@ -93,9 +93,9 @@ def _gains(table: Any, where: str) -> Gains:
     for key, value in table.items():
         if key not in known:
             raise InputError(f"{where}: unknown key {key!r}; known here: {', '.join(known)}")
-        if key == "scheduled" and not isinstance(value, bool):
+        if known[key] is bool and not isinstance(value, bool):
             raise InputError(f"{where}: {key}: should be true or false, is {value!r}")
-        if key != "scheduled" and (isinstance(value, bool) or not isinstance(value, int | float)):
+        if known[key] is not bool and (isinstance(value, bool) or not isinstance(value, int | float)):
             raise InputError(f"{where}: {key}: should be a plain number, is {value!r}")
     return Gains(**table)
 

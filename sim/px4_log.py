@@ -9,9 +9,20 @@ from numpy.typing import NDArray
 
 from sim.autopilot_pitot import AutopilotPitot, indicated_airspeed
 from sim.fly import Flight
-from sim.log_faults import CLOCK_SET_AT, CLOCK_SET_US, TRUNCATED_TO, Dropout, begun_at, with_clock_set, with_dropouts
+from sim.log_faults import (
+    CLOCK_SET_AT,
+    CLOCK_SET_US,
+    HOVER_A,
+    TRUNCATED_TO,
+    Dropout,
+    begun_at,
+    lifted,
+    with_clock_set,
+    with_dropouts,
+)
 from sim.sensor_truth import SensorTruth
 from sim.sensors.budget import DrawnErrors
+from sim.sensors.noise import white
 from sim.ulog_writer import UlogContents, UlogTopic, write_ulog
 
 Array = NDArray[np.float64]
@@ -20,7 +31,7 @@ BOOT_US = 35_000_000  # clock of the autopilot when logging begins
 RATES_HZ = {"vehicle_angular_velocity": 50.0, "vehicle_acceleration": 20.0, "vehicle_attitude": 20.0,
             "airspeed_validated": 5.0, "differential_pressure": 1.0, "battery_status": 5.0,
             "vehicle_air_data": 5.0, "vehicle_gps_position": 5.0, "vehicle_status": 2.0,
-            "vehicle_land_detected": 1.0, "rpm": 10.0}  # fmt: skip
+            "vehicle_land_detected": 1.0, "rpm": 10.0, "actuator_controls_0": 10.0}  # fmt: skip
 AVIONICS_V, IDLE_A = 5.1, 0.05
 RAW_OFFSET_PA, RAW_STEP_PA = 100.0, 6.3
 HOT_K, AIRFLOW_WARMTH_K, KELVIN = 25.0, 2.0, 273.15  # of barometer and pitot sensor above the air
@@ -36,11 +47,16 @@ def write_px4_log(
     """Write a flight as ULog. faults: of sim.log_faults.FAULTS. Raises OSError where the file cannot be written."""
     topics = [
         *_sensor_topics(sensors),
-        *_air_topics(AutopilotPitot(flight, errors), sensors),
+        *_air_topics(AutopilotPitot(flight, errors), sensors, "no-thermometer" in faults),
         *_status_topics(sensors, faults),
         _rpm_topic(sensors),
+        _throttle_topic(flight, sensors),
     ]
     topics += _battery_topics(sensors, faults)
+    if "second-airspeed" in faults:
+        topics.append(_unused_airspeed(sensors, errors.seed))
+    if "old-firmware" in faults:
+        topics = [as_in_2018(one) for one in topics]
     if "no-airspeed" in faults:
         topics = [one for one in topics if one.name not in ("airspeed_validated", "differential_pressure")]
     if "pressure-offset" in faults:  # the raw pressure alone
@@ -97,6 +113,12 @@ def _rpm_topic(sensors: SensorTruth) -> UlogTopic:
     return _topic("rpm", t_s, {"rpm_estimate": 60 * sensors.motor_speed_revps(t_s)})
 
 
+def _throttle_topic(flight: Flight, sensors: SensorTruth) -> UlogTopic:
+    t_s, truth = _times("actuator_controls_0", sensors, 0.01), flight.truth
+    throttle = np.interp(t_s, truth["time_s"], np.nan_to_num(truth["throttle"].to_numpy(dtype=float)))
+    return _topic("actuator_controls_0", t_s, {f"control[{i}]": throttle if i == 3 else 0 * t_s for i in range(8)})
+
+
 def _quaternion(roll: Array, pitch: Array, yaw: Array) -> dict[str, Array]:
     (cr, cp, cy), (sr, sp, sy) = ([of(x / 2) for x in (roll, pitch, yaw)] for of in (np.cos, np.sin))
     q = (
@@ -108,14 +130,14 @@ def _quaternion(roll: Array, pitch: Array, yaw: Array) -> dict[str, Array]:
     return {f"q[{i}]": part for i, part in enumerate(q)}
 
 
-def _air_topics(pitot: AutopilotPitot, sensors: SensorTruth) -> list[UlogTopic]:
+def _air_topics(pitot: AutopilotPitot, sensors: SensorTruth, no_thermometer: bool) -> list[UlogTopic]:
     t_s = _times("airspeed_validated", sensors, 0.05)
     indicated = indicated_airspeed(pitot.pressure_Pa(t_s, VALIDATED_S))
     validated = _topic("airspeed_validated", t_s, {"indicated_airspeed_m_s": indicated},
                        selected_airspeed_index=np.ones(len(t_s)))  # fmt: skip
     t_s = _times("differential_pressure", sensors, 0.31)
     raw = np.round((pitot.pressure_Pa(t_s, 0.0) + RAW_OFFSET_PA) / RAW_STEP_PA) * RAW_STEP_PA
-    celsius = pitot.air_K(t_s) + AIRFLOW_WARMTH_K - KELVIN
+    celsius = 0 * t_s if no_thermometer else pitot.air_K(t_s) + AIRFLOW_WARMTH_K - KELVIN
     differential = _topic("differential_pressure", t_s, {"differential_pressure_pa": raw, "temperature": celsius})
     t_s = _times("vehicle_air_data", sensors, 0.11)
     static, hot = sensors.absolute_pressure_Pa("baro", t_s), pitot.air_K(t_s) + HOT_K - KELVIN
@@ -126,22 +148,61 @@ def _air_topics(pitot: AutopilotPitot, sensors: SensorTruth) -> list[UlogTopic]:
     ]
 
 
+def _unused_airspeed(sensors: SensorTruth, seed: int) -> UlogTopic:
+    """Of a second sensor, which is connected to nothing."""
+    t_s = _times("airspeed_validated", sensors, 0.06)
+    wild = 300 * np.abs(white(seed, "open port", t_s))
+    return _topic("airspeed", t_s, {"indicated_airspeed_m_s": indicated_airspeed(wild)}, 1)
+
+
 def _battery_topics(sensors: SensorTruth, faults: Collection[str]) -> list[UlogTopic]:
     t_s = _times("battery_status", sensors, 0.17)
     voltage, current = sensors.battery(t_s)
-    propulsion = _topic("battery_status", t_s, {"voltage_v": voltage, "current_a": np.maximum(current + IDLE_A, 0)})
-    other = _topic("battery_status", t_s, {"voltage_v": np.full(len(t_s), AVIONICS_V), "current_a": 0 * t_s}, 1)
-    if "wrong-battery-first" not in faults:
-        return [propulsion, other]
-    return [replace(other, instance=0), replace(propulsion, instance=1)]
+    current = current + HOVER_A * lifted(t_s, sensors.duration_s, faults)
+
+    def battery(instance: int, volt: Array, ampere: Array) -> UlogTopic:
+        return _topic("battery_status", t_s, {"voltage_v": volt, "current_a": np.maximum(ampere, 0)}, instance)
+
+    if "esc-power" in faults:
+        fields = {"esc_rpm": 60 * sensors.motor_speed_revps(t_s), "esc_voltage": voltage, "esc_current": current}
+        return [_topic("esc_status", t_s, {f"esc[0].{name}": x for name, x in fields.items()})]
+    if "two-packs" in faults:
+        return [battery(0, voltage, 0.55 * current + IDLE_A), battery(1, 0.98 * voltage, 0.45 / 0.98 * current)]
+    instance = 1 if "wrong-battery-first" in faults else 0
+    both = [battery(instance, voltage, current + IDLE_A), battery(1 - instance, 0 * t_s + AVIONICS_V, 0 * t_s)]
+    return sorted(both, key=lambda one: one.instance)
 
 
 def _status_topics(sensors: SensorTruth, faults: Collection[str]) -> list[UlogTopic]:
     t_s = _times("vehicle_status", sensors)
-    fixed_wing = _topic("vehicle_status", t_s, {}, vehicle_type=2 + 0 * t_s, system_type=1 + 0 * t_s)
+    kind = np.where(lifted(t_s, sensors.duration_s, faults), 1, 2)
+    fixed_wing = _topic("vehicle_status", t_s, {}, vehicle_type=kind, system_type=1 + 0 * t_s)
     t_s = _times("vehicle_land_detected", sensors)
     landed = np.where(sensors.motor_speed_revps(t_s) < 1.0, 1.0, 1.0 if "landed" in faults else 0.0)
     return [fixed_wing, _topic("vehicle_land_detected", t_s, {}, landed=landed)]
+
+
+# Of firmware of 2018, by today's topic and field: those it had.
+OLD = {
+    ("airspeed_validated", "indicated_airspeed_m_s"): ("airspeed", "indicated_airspeed_m_s", 1.0),
+    ("vehicle_air_data", "baro_pressure_pa"): ("sensor_baro", "pressure", 0.01),
+    ("vehicle_air_data", "baro_temp_celcius"): ("sensor_baro", "temperature", 1.0),
+    **{("vehicle_acceleration", f"xyz[{i}]"): ("sensor_combined", f"accelerometer_m_s2[{i}]", 1.0) for i in range(3)},
+    ("differential_pressure", "differential_pressure_pa"):
+        ("differential_pressure", "differential_pressure_raw_pa", 1.0),
+    ("differential_pressure", "temperature"): ("differential_pressure", "temperature", 1.0),
+}  # fmt: skip
+
+
+def as_in_2018(topic: UlogTopic) -> UlogTopic:
+    """A topic as old firmware wrote it: static pressure in hPa, and other names."""
+    if topic.name not in {name for name, _ in OLD}:
+        return topic
+    found = [(field, *OLD[topic.name, field]) for field in topic.columns if (topic.name, field) in OLD]
+    columns: dict[str, NDArray[np.generic]] = {
+        name: np.asarray(unit * topic.columns[field].astype(float), dtype=np.float32) for field, _, name, unit in found
+    }
+    return replace(topic, name=found[0][1], columns=columns)
 
 
 def airborne_us(flight: Flight) -> int:

@@ -25,8 +25,12 @@ Row = Mapping[str, Any]
 def write_telemetry(path: Path, kinds: Sequence[DataflashMessages]) -> None:
     """Write a recording. Raises OSError where it cannot be written."""
     senders = {AUTOPILOT: mavlink.MAVLink(None, AUTOPILOT, 1), GROUND_STATION: mavlink.MAVLink(None, GROUND_STATION, 1)}
-    pitots = [kind for kind in kinds if kind.name == "ARSP"]
-    kinds = [_with_pitot(kind, pitots) if kind.name == "BARO" else kind for kind in kinds]
+    pitots = [kind for kind in kinds if kind.name == "ARSP"][:1]
+    control = [kind for kind in kinds if kind.name == "CTUN"]
+    of_pitot, of_control = {"DiffPress": "DiffPress", "AirTemp": "Temp"}, {"ThO": "ThO"}
+    together = {"BARO": (pitots, of_pitot), "ARSP": (control, of_control)}  # two messages there are one here
+    kinds = [*pitots, *(kind for kind in kinds if kind.name != "ARSP")]
+    kinds = [_with(kind, *together[kind.name]) if kind.name in together else kind for kind in kinds]
     sent = [(time_us, AUTOPILOT, one) for kind in kinds if kind.name in SENT for time_us, one in _of(kind)]
     last_us = max((time_us for time_us, _, _ in sent), default=0)
     for time_us in range(min((time_us for time_us, _, _ in sent), default=0), last_us, HEARTBEAT_US):
@@ -53,7 +57,7 @@ def _heartbeat(kind: int, autopilot: int) -> Any:
 
 
 def _airspeed(row: Row) -> list[Any]:
-    return [mavlink.MAVLink_vfr_hud_message(row["Airspeed"], 0.0, 0, 0, 0.0, 0.0)]
+    return [mavlink.MAVLink_vfr_hud_message(row["Airspeed"], 0.0, 0, round(row["ThO"]), 0.0, 0.0)]
 
 
 def _pressure(row: Row) -> list[Any]:
@@ -63,11 +67,11 @@ def _pressure(row: Row) -> list[Any]:
     return [mavlink.MAVLink_scaled_pressure_message(milliseconds, row["Press"] / 100, difference, inside, outside)]
 
 
-def _with_pitot(kind: DataflashMessages, pitots: Sequence[DataflashMessages]) -> DataflashMessages:
-    """The barometer's messages with what the airspeed sensor, if there is one, shows at their times."""
+def _with(kind: DataflashMessages, others: Sequence[DataflashMessages], fields: Mapping[str, str]) -> DataflashMessages:
+    """Messages with what another kind, if there is one, shows at their times; fields: its own, by their new name."""
     at_us, more = kind.columns["TimeUS"].astype(float), {}
-    for name, of in (("DiffPress", "DiffPress"), ("AirTemp", "Temp")):
-        shown = [np.interp(at_us, one.columns["TimeUS"].astype(float), one.columns[of].astype(float)) for one in pitots]
+    for name, of in fields.items():
+        shown = [np.interp(at_us, one.columns["TimeUS"].astype(float), one.columns[of].astype(float)) for one in others]
         more[name] = shown[0] if shown else np.zeros(len(at_us))
     return replace(kind, columns=kind.columns | more)
 

@@ -1,18 +1,30 @@
 """Reads an ArduPilot log into the channels of an ordinary flight: dataflash (.BIN), its text (.log), or .tlog."""
 
-import re
-from collections.abc import Iterator
+from collections.abc import Mapping
+from enum import IntEnum
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.constants import zero_Celsius
 
 from analysis.autopilot_logs import recording
-from analysis.autopilot_logs.dataflash import DataflashLog
-from analysis.autopilot_logs.read import TEXT_MAGIC, is_telemetry
+from analysis.autopilot_logs.ardupilot_messages import (
+    AIRSPEED,
+    BAROMETER,
+    BATTERY,
+    CONTROLLERS,
+    FIELDS,
+    GPS,
+    IMU,
+    LIFT,
+    RPM,
+    WIND,
+    Messages,
+    Table,
+    read_messages,
+)
 from analysis.autopilot_logs.recording import (
+    Array,
     Battery,
     Channel,
     FlightRecording,
@@ -20,42 +32,34 @@ from analysis.autopilot_logs.recording import (
     measuring_battery,
     most_varying,
     turning_motor,
-    without_clock_jumps,
     without_hover,
+    without_jumps,
 )
 from analysis.autopilot_logs.settings import READABLE
-from analysis.autopilot_logs.telemetry import TelemetryLog
-from analysis.autopilot_logs.text_log import TextLog
-from flight.errors import InputError
 
-# Messages of one kind: later firmware numbers the instances within one message, earlier firmware has one for each.
-AIRSPEED, BATTERY = ("ARSP", "ASP2"), ("BAT", "BAT2", "CURR", "CUR2")
-CONTROLLERS, RPM = ("ESC", *(f"ESC{i}" for i in range(1, 9))), ("RPM",)
-SIMULATION = ("SIM", "SIM2")
-LIFT = ("QTUN",)  # control of a VTOL's lifting motors
-BAROMETER, IMU, GPS = ("BARO", "BAR2", "BAR3"), ("IMU", "IMU2", "IMU3"), ("GPS", "GPS2")
-FIELDS = {
-    **dict.fromkeys(AIRSPEED, ("Airspeed", "DiffPress", "Temp", "U", "H", "Pri")),
-    **dict.fromkeys(BATTERY, ("Volt", "Curr")),
-    **dict.fromkeys(BAROMETER, ("Press", "Temp", "Health", "H")),
-    **dict.fromkeys(IMU, ("AccX", "AccY", "AccZ")),
-    **dict.fromkeys(CONTROLLERS, ("RPM",)),
-    **dict.fromkeys(RPM, ("RPM", "rpm1")),
-    **dict.fromkeys(LIFT, ("ThO",)),
-    **dict.fromkeys(GPS, ("Status", "Spd", "GCrs", "VZ")),
-}
 ENABLED_BY = {
     recording.OF_AIRSPEED: ("ARSPD_TYPE", "ARSPD_USE"),
     recording.OF_BAROMETER: ("BARO_PRIMARY",),
     recording.OF_BATTERY: ("BATT_MONITOR",),
 }
-# Fields of the time since start, with their units [s]; TimeMS of early GPS messages is that of the week.
-CLOCKS = ((("TimeUS", 1e-6), ("TimeMS", 1e-3)), (("TimeUS", 1e-6), ("T", 1e-3)))
-INSTANCE = ("I", "Inst", "Instance")
-WINGLESS = re.compile(r"Ardu(Copter|Rover|Sub)|APM:(Copter|Rover|Sub)|^(Copter|Rover|Sub|Blimp|AntennaTracker)\b")
-KINDS = {"Copter": "a multicopter", "Rover": "a rover or boat", "Sub": "a submarine"}
 
-Table = dict[str, NDArray[np.float64]]  # by field
+
+class LiftedMode(IntEnum):
+    """Numbers of MODE in which a QuadPlane is on its lifting motors."""
+
+    QSTABILIZE = 17
+    QHOVER = 18
+    QLOITER = 19
+    QLAND = 20
+    QRTL = 21
+    QAUTOTUNE = 22
+    QACRO = 23
+
+
+class ServoFunction(IntEnum):
+    """SERVOn_FUNCTION"""
+
+    THROTTLE = 70
 
 
 def read_ardupilot(path: Path) -> FlightRecording:
@@ -63,10 +67,10 @@ def read_ardupilot(path: Path) -> FlightRecording:
 
     Raises InputError, in one line, when the file cannot be read, and for vehicles without wings.
     """
-    tables, parameters, notes = _tables(path)
+    log = read_messages(path)
+    tables, parameters, notes = log.tables, log.parameters, log.notes
     channels: dict[str, Channel] = {}
     airspeed, airspeed_notes = _airspeed(tables)
-    notes += airspeed_notes
     if airspeed is not None:
         channels[recording.AIRSPEED_PRESSURE] = airspeed
     for name, kinds, field in (
@@ -75,43 +79,81 @@ def read_ardupilot(path: Path) -> FlightRecording:
         (recording.FORCE_Y, IMU, "AccY"),
         (recording.FORCE_Z, IMU, "AccZ"),
     ):
-        for table in _working(tables, kinds)[:1]:
+        for table in _working(log.of(kinds))[:1]:
             channels[name] = channel(table["t_s"], table[field])
-    for table in sorted(_of(tables, GPS), key=lambda one: -np.mean(one["Status"] >= 3))[:1]:
+    for table in sorted(log.of(GPS), key=lambda one: -np.mean(one["Status"] >= 3))[:1]:
         channels |= _gps(table)
-    batteries = [
-        Battery(f"{kind} {instance}", channel(table["t_s"], table["Volt"]), channel(table["t_s"], table["Curr"]))
-        for (kind, instance), table in tables.items()
-        if kind in BATTERY
-    ]
-    battery, battery_notes = measuring_battery(batteries)
-    notes += battery_notes
+    batteries, controllers = _batteries(tables, BATTERY), _batteries(tables, CONTROLLERS)
+    battery, battery_notes = measuring_battery(batteries, controllers)
     if battery:
         channels |= {recording.VOLTAGE: battery.voltage, recording.CURRENT: battery.current}
-    motor, motor_notes = turning_motor(_motors(tables))
+    motor, motor_notes = turning_motor(_motors(log))
     if motor is not None:
         channels[recording.MOTOR] = motor
-    thermometers = _thermometers(tables, parameters)
-    if airspeed is not None:
-        both, jumps = without_clock_jumps(airspeed, {**channels, **thermometers})
-        channels = {name: both[name] for name in channels if name in both}
-        thermometers = {name: both[name] for name in thermometers if name in both}
-        notes = jumps + notes
-        if recording.AIRSPEED_PRESSURE in channels:
-            lifting = [table["t_s"][table["ThO"] > 0] for table in _of(tables, LIFT)]
-            wing, hover_notes = without_hover(channels[recording.AIRSPEED_PRESSURE], lifting)
-            channels[recording.AIRSPEED_PRESSURE] = wing
-            notes += hover_notes
+    if (throttle := _throttle(log)) is not None:
+        channels[recording.THROTTLE] = throttle
+    for table in log.of(WIND)[:1]:
+        north, east = (channel(table["t_s"], table[field]) for field in FIELDS[WIND[0]])
+        channels |= dict(zip(recording.WIND, (north, east), strict=True))
+    (channels, thermometers, truth), jumps = without_jumps(channels, _thermometers(log), _truth(log))
+    hover_notes: list[str] = []
+    if recording.AIRSPEED_PRESSURE in channels:
+        wing = channels[recording.AIRSPEED_PRESSURE]
+        channels[recording.AIRSPEED_PRESSURE], hover_notes = without_hover(wing, _lifting_s(log, wing.t_s))
     return FlightRecording(
         path,
         channels,
         thermometers,
-        tuple(notes + motor_notes),
+        (*jumps, *notes, *airspeed_notes, *battery_notes, *hover_notes, *motor_notes),
         parameters=parameters,
         inside=frozenset(f"{kind} {instance}" for kind, instance in tables if kind in BAROMETER),
         enabled_by={sensor: _as_set(names, parameters) for sensor, names in ENABLED_BY.items()}
         | _without_current(batteries),
+        truth=truth,
     )
+
+
+def _batteries(tables: Mapping[tuple[str, int], Table], kinds: tuple[str, ...]) -> list[Battery]:
+    return [
+        Battery(f"{kind} {instance}", channel(table["t_s"], table["Volt"]), channel(table["t_s"], table["Curr"]))
+        for (kind, instance), table in tables.items()
+        if kind in kinds
+    ]
+
+
+def _throttle(log: Messages) -> Channel | None:
+    """Of the propulsion, 0 to 1: as the controller gives it, or as the servo channel that drives it has it."""
+    for kind in ("CTUN", "AETR"):
+        for table in log.of((kind,)):
+            for field in FIELDS[kind]:
+                if len((found := channel(table["t_s"], table[field] / 100)).value):
+                    return found
+    number = next((i for i in range(1, 15) if log.parameters.get(f"SERVO{i}_FUNCTION") == ServoFunction.THROTTLE), 3)
+    ends = [log.parameters.get(f"SERVO{number}_{end}", log.parameters.get(f"RC3_{end}")) for end in ("MIN", "MAX")]
+    for table in log.of(("RCOU",)):
+        for field in (f"C{number}", f"Ch{number}", f"Chan{number}"):
+            pulses = channel(table["t_s"], table[field]) if field in table else channel([], [])
+            if len(pulses.value) and ends[0] is not None and ends[1] is not None and ends[1] > ends[0]:
+                share = (pulses.value - ends[0]) / (ends[1] - ends[0])
+                backward = log.parameters.get(f"SERVO{number}_REVERSED", 0.0) == 1
+                return Channel(pulses.t_s, 1 - share if backward else share)
+    return None
+
+
+def _lifting_s(log: Messages, t_s: Array) -> list[Array]:
+    """Times at which the lifting motors run: by their throttle, and those of t_s (n,) in whose mode they run."""
+    found = [table["t_s"][table["ThO"] > 0] for table in log.of(LIFT)]
+    for table in log.of(("MODE",)):
+        numbers = np.where(np.isfinite(table["ModeNum"]), table["ModeNum"], table["Mode"])
+        latest = np.searchsorted(table["t_s"], t_s, side="right") - 1
+        found.append(t_s[(latest >= 0) & np.isin(numbers[np.clip(latest, 0, None)], [*LiftedMode])])
+    return found
+
+
+def _truth(log: Messages) -> dict[str, Channel]:
+    """What ArduPilot's own simulation flew."""
+    names = (("SIM2", "As", recording.TRUE_AIRSPEED), ("SIM", "Alt", recording.TRUE_HEIGHT))
+    return {name: channel(one["t_s"], one[field]) for kind, field, name in names for one in log.of((kind,))[:1]}
 
 
 def _without_current(batteries: list[Battery]) -> dict[frozenset[str], str]:
@@ -127,17 +169,13 @@ def _as_set(names: tuple[str, ...], parameters: dict[str, float]) -> str:
     return f" ({', '.join(known) if known else ', '.join(names)})"
 
 
-def _of(tables: dict[tuple[str, int], Table], kinds: tuple[str, ...]) -> list[Table]:
-    return [table for (kind, _), table in tables.items() if kind in kinds]
-
-
-def _working(tables: dict[tuple[str, int], Table], kinds: tuple[str, ...]) -> list[Table]:
-    """The instances of some kinds, those first that the firmware does not call unhealthy."""
+def _working(tables: list[Table]) -> list[Table]:
+    """Instances of one kind of sensor, those first that the firmware does not call unhealthy."""
 
     def unhealthy(table: Table) -> bool:
         return any(float(np.mean(table[name] == 0)) > 0.5 for name in ("Health", "H") if name in table)
 
-    return sorted(_of(tables, kinds), key=unhealthy)
+    return sorted(tables, key=unhealthy)
 
 
 def _airspeed(tables: dict[tuple[str, int], Table]) -> tuple[Channel | None, list[str]]:
@@ -166,88 +204,28 @@ def _airspeed(tables: dict[tuple[str, int], Table]) -> tuple[Channel | None, lis
     return most_varying([_airspeed_pressure(table) for table in used]), []
 
 
-def _thermometers(tables: dict[tuple[str, int], Table], parameters: dict[str, float]) -> dict[str, Channel]:
+def _thermometers(log: Messages) -> dict[str, Channel]:
     """Exactly 0 °C throughout is what firmware writes without a thermometer. BARO_GND_TEMP is what the user said."""
     shown = {
         f"{kind} {instance}": channel(table["t_s"], np.asarray(table["Temp"], dtype=float) + zero_Celsius)
-        for (kind, instance), table in tables.items()
+        for (kind, instance), table in log.tables.items()
         if kind in (*AIRSPEED, *BAROMETER) and np.any(table["Temp"] != 0)
     }
-    ground = parameters.get("BARO_GND_TEMP", 0.0)
-    for table in _of(tables, BAROMETER)[:1]:
+    ground = log.parameters.get("BARO_GND_TEMP", 0.0)
+    for table in log.of(BAROMETER)[:1]:
         if ground:
             shown["BARO_GND_TEMP"] = channel(table["t_s"], np.full(len(table["t_s"]), ground + zero_Celsius))
     return shown
 
 
-def _motors(tables: dict[tuple[str, int], Table]) -> list[Channel]:
+def _motors(log: Messages) -> list[Channel]:
     """Speeds of rotation [rev/s]: by the speed controllers, or by RPM sensors."""
     for kinds in (CONTROLLERS, RPM):
-        motors = [channel(table["t_s"], table[name] / 60) for table in _of(tables, kinds) for name in FIELDS[kinds[0]]]
+        fields = [field for field in FIELDS[kinds[0]] if field.upper().startswith("RPM")]
+        motors = [channel(table["t_s"], table[field] / 60) for table in log.of(kinds) for field in fields]
         if any(np.any(one.value > 0) for one in motors):
             return motors
     return []
-
-
-def _messages(path: Path) -> DataflashLog | TelemetryLog | TextLog:
-    """By the first bytes of the file. Raises InputError where it cannot be read."""
-    try:
-        data = path.read_bytes()
-        if data.startswith(TEXT_MAGIC):
-            return TextLog(path, (*FIELDS, *SIMULATION, "MSG", "PARM", "DSF"))
-        return TelemetryLog(data) if is_telemetry(data[:9]) else DataflashLog(data)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
-    except ValueError as error:
-        raise InputError(f"{path}: cannot be read as an ArduPilot log ({error})") from None
-
-
-def _tables(path: Path) -> tuple[dict[tuple[str, int], Table], dict[str, float], list[str]]:
-    """By kind and instance of message, the times and FIELDS; the autopilot's parameters; and notes."""
-    log = _messages(path)
-    for text in log.columns("MSG").get("Message", ()):
-        _refuse_wingless(path, _text(text))
-    tables = {key: table for kind in FIELDS for key, table in _instances(kind, log.columns(kind))}
-    for (kind, _), table in tables.items():
-        for name in log.whole_numbers(kind) & {"Volt", "Curr"}:  # firmware before 2015: in hundredths
-            table[name] = 0.01 * table[name]
-    if not tables:
-        raise InputError(f"{path}: holds no message of airspeed, battery or barometer; is the log complete?")
-    settings = log.columns("PARM")
-    pairs = zip(settings.get("Name", ()), settings.get("Value", ()), strict=False)
-    dropped = log.columns("DSF").get("Dp", np.zeros(1))
-    lost = int(np.nanmax(np.asarray(dropped, dtype=float))) if len(dropped) else 0
-    notes = [*log.notes, *([f"The autopilot dropped {lost} messages."] if lost else [])]
-    if any(len(log.columns(name).get("TimeUS", ())) for name in SIMULATION):
-        notes.append("The flight is a simulation by ArduPilot; the truth in its SIM messages is not used.")
-    return tables, {_text(name): float(value) for name, value in pairs}, notes
-
-
-def _text(packed: bytes) -> str:
-    return packed.decode("ascii", "replace")
-
-
-def _instances(kind: str, columns: dict[str, NDArray[Any]]) -> Iterator[tuple[tuple[str, int], Table]]:
-    """The times [s] and FIELDS of each instance of a kind of message."""
-    numbers = {name: values for name, values in columns.items() if values.dtype.kind == "f"}
-    clock = next(((name, unit) for name, unit in CLOCKS[kind == "GPS"] if name in numbers), None)
-    if clock is None or not set(FIELDS[kind]) & set(numbers):
-        return
-    t_s = numbers[clock[0]] * clock[1]
-    field = next((name for name in INSTANCE if name in numbers), None)
-    instance = np.zeros(len(t_s)) if field is None else numbers[field]
-    for number in np.unique(instance[np.isfinite(instance)]):
-        rows = instance == number
-        unknown = np.full(int(rows.sum()), np.nan)
-        values = {name: numbers[name][rows] if name in numbers else unknown for name in FIELDS[kind]}
-        yield (kind, int(number)), {"t_s": t_s[rows], **values}
-
-
-def _refuse_wingless(path: Path, text: str) -> None:
-    found = WINGLESS.search(text)
-    if found:
-        kind = KINDS.get(next(group for group in found.groups() if group), "a vehicle without wings")
-        raise InputError(f"{path}: the log of {kind}; power required is that of a fixed wing")
 
 
 def _airspeed_pressure(table: Table) -> Channel:

@@ -20,6 +20,18 @@ PACKED = {"a": "(32,)<i2", "b": "i1", "B": "u1", "M": "u1", "h": "<i2", "H": "<u
           "L": "<i4", "q": "<i8", "Q": "<u8"}  # fmt: skip
 
 
+class Form(NamedTuple):
+    """Number of a kind of message, its fields, and a code for each."""
+
+    number: int
+    fields: tuple[str, ...]
+    codes: str
+
+    def whole_numbers(self) -> list[str]:
+        """The fields that are integers without a scale of their own."""
+        return [field for field, code in zip(self.fields, self.codes, strict=False) if code in "bBhHiIqQ"]
+
+
 class _Kind(NamedTuple):
     name: str
     codes: str
@@ -65,12 +77,10 @@ class DataflashLog:
         self._kinds[number] = _Kind(name, codes, fields, dtype)
         return int(number)
 
-    def whole_numbers(self, name: str) -> frozenset[str]:
-        """The fields of messages of a name that are integers without a scale."""
-        kinds = [kind for kind in self._kinds.values() if kind.name == name][:1]
-        return frozenset(
-            field for kind in kinds for field, code in zip(kind.fields, kind.codes, strict=True) if code in "bBhHiIqQ"
-        )
+    def form(self, name: str) -> Form | None:
+        """How messages of a name are packed; None where the log has none."""
+        found = next(((number, kind) for number, kind in self._kinds.items() if kind.name == name), None)
+        return None if found is None else Form(found[0], found[1].fields, found[1].codes)
 
     def columns(self, name: str) -> dict[str, NDArray[np.generic]]:
         """The fields of all messages of a name, (n,): numbers as float64, texts as bytes; without arrays of numbers."""

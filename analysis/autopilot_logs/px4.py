@@ -21,15 +21,16 @@ from analysis.autopilot_logs.recording import (
     measuring_battery,
     most_varying,
     turning_motor,
-    without_clock_jumps,
+    without_jumps,
 )
 from analysis.autopilot_logs.settings import READABLE
 from flight.errors import InputError
 
 TOPICS = (
-    "airspeed", "airspeed_validated", "battery_status", "differential_pressure", "esc_status", "rpm", "sensor_baro",
-    "sensor_combined",
-    "sensor_gps", "vehicle_acceleration", "vehicle_air_data", "vehicle_gps_position", "vehicle_status",
+    "actuator_controls_0", "actuator_controls_1", "airspeed", "airspeed_validated", "battery_status",
+    "differential_pressure", "esc_status", "rpm", "sensor_baro", "sensor_combined", "sensor_gps",
+    "vehicle_acceleration", "vehicle_air_data", "vehicle_gps_position", "vehicle_status", "vehicle_thrust_setpoint",
+    "wind", "wind_estimate",
 )  # fmt: skip
 AIRSPEED_TOPICS = (  # in order of preference
     ("airspeed_validated", ("indicated_airspeed_m_s",)),
@@ -73,26 +74,23 @@ def read_px4(path: Path) -> FlightRecording:
     topics, parameters, notes = _topics(path)
     _refuse_wingless(path, topics)
     airspeed, zeroed = _airspeed(topics)
-    channels = airspeed | _static(topics) | _force(topics) | _gps(topics)
+    channels = airspeed | _static(topics) | _force(topics) | _gps(topics) | _wind(topics)
     batteries = [
         Battery(f"battery_status {one.instance}", one.channel("voltage_v"), one.channel("current_a"))
         for one in topics.get("battery_status", [])
     ]
-    battery, battery_notes = measuring_battery(batteries)
+    battery, battery_notes = measuring_battery(batteries, _controllers(topics))
     if battery:
         channels |= {recording.VOLTAGE: battery.voltage, recording.CURRENT: battery.current}
     motor, motor_notes = turning_motor(_motors(topics))
     if motor is not None:
         channels[recording.MOTOR] = motor
-    thermometers = _thermometers(topics)
-    if recording.AIRSPEED_PRESSURE in channels:
-        main = channels[recording.AIRSPEED_PRESSURE]
-        both, jumps = without_clock_jumps(main, {**channels, **thermometers})
-        channels = {name: both[name] for name in channels if name in both}
-        thermometers = {name: both[name] for name in thermometers if name in both}
-        notes += jumps
-        if recording.AIRSPEED_PRESSURE in channels:  # only now: a long hover is no jump of the clock
-            channels[recording.AIRSPEED_PRESSURE] = _on_the_wing(channels[recording.AIRSPEED_PRESSURE], topics)
+    if (throttle := most_varying(_throttles(topics))) is not None:
+        channels[recording.THROTTLE] = throttle
+    (channels, thermometers), jumps = without_jumps(channels, _thermometers(topics))
+    notes += jumps
+    if recording.AIRSPEED_PRESSURE in channels:  # only now: a long hover is no jump of the clock
+        channels[recording.AIRSPEED_PRESSURE] = _on_the_wing(channels[recording.AIRSPEED_PRESSURE], topics)
     return FlightRecording(
         path,
         channels,
@@ -186,6 +184,8 @@ def _on_the_wing(one: Channel, topics: dict[str, list[_Topic]]) -> Channel:
         if status.has("vehicle_type"):
             latest = np.clip(np.searchsorted(status.t_s, one.t_s, side="right") - 1, 0, None)
             winged = status.values("vehicle_type")[latest] != VehicleType.ROTARY_WING
+            if status.has("in_transition_mode"):
+                winged &= status.values("in_transition_mode")[latest] == 0
             return Channel(one.t_s[winged], one.value[winged])
     return one
 
@@ -224,6 +224,31 @@ def _gps(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
                     for axis, field in zip(recording.GPS, fields, strict=True)
                 }
     return {}
+
+
+def _wind(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
+    """Of the estimator that the vehicle flies by, or of the airspeed's."""
+    for one in (*topics.get("wind", [])[:1], *topics.get("wind_estimate", [])[:1]):
+        fields = zip(recording.WIND, ("windspeed_north", "windspeed_east"), strict=True)
+        return {name: one.channel(field) for name, field in fields}
+    return {}
+
+
+def _throttles(topics: dict[str, list[_Topic]]) -> list[Channel]:
+    """Throttles of the propulsion, 0 to 1: newer firmware has a thrust along the first axis."""
+    newer = [one.channel("xyz[0]") for one in topics.get("vehicle_thrust_setpoint", [])]
+    vtol = any(one.has("is_vtol") and one.values("is_vtol").any() for one in topics.get("vehicle_status", []))
+    older = topics.get("actuator_controls_1" if vtol else "actuator_controls_0", [])
+    return newer or [one.channel("control[3]") for one in older]
+
+
+def _controllers(topics: dict[str, list[_Topic]]) -> list[Battery]:
+    return [
+        Battery(f"esc {i}", one.channel(f"esc[{i}].esc_voltage"), one.channel(f"esc[{i}].esc_current"))
+        for one in topics.get("esc_status", [])
+        for i in range(8)
+        if one.has(f"esc[{i}].esc_current")
+    ]
 
 
 def _motors(topics: dict[str, list[_Topic]]) -> list[Channel]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import reduce
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,7 +16,9 @@ Array = NDArray[np.float64]
 AIRSPEED_PRESSURE = "airspeed_pressure_Pa"  # pitot less static pressure, its zero not yet corrected
 STATIC, FORCE_X, FORCE_Y, FORCE_Z = "static_Pa", "ax_mps2", "ay_mps2", "az_mps2"
 VOLTAGE, CURRENT = "battery_V", "battery_A"
-MOTOR = "motor_revps"
+MOTOR, THROTTLE = "motor_revps", "throttle"  # the latter from 0 to 1, negative where it reverses
+WIND = ("wind_north_mps", "wind_east_mps")  # where the air goes, by the autopilot's estimator
+TRUE_AIRSPEED, TRUE_HEIGHT = "true_airspeed_mps", "true_height_m"  # of a simulation
 OF_AIRSPEED, OF_BAROMETER = frozenset({AIRSPEED_PRESSURE}), frozenset({STATIC})
 OF_BATTERY = frozenset({VOLTAGE, CURRENT})
 GPS = ("gps_north_mps", "gps_east_mps", "gps_down_mps")
@@ -31,7 +34,9 @@ POSSIBLE = {
     VOLTAGE: READABLE.possible["voltage_V"],
     CURRENT: READABLE.possible["current_A"],
     MOTOR: READABLE.possible["motor_revps"],
-    **dict.fromkeys(GPS, READABLE.possible["ground_mps"]),
+    THROTTLE: READABLE.possible["throttle"],
+    **dict.fromkeys((*GPS, *WIND, TRUE_AIRSPEED), READABLE.possible["ground_mps"]),
+    TRUE_HEIGHT: READABLE.possible["height_m"],
 }
 
 
@@ -54,6 +59,7 @@ class FlightRecording:
     air_temperature_K : in flight, where the user says it
     inside : which thermometers are inside electronics, and so warmer than the air
     enabled_by : by a sensor's channels, which parameters of the autopilot switch it on
+    truth : of a simulation by the firmware, TRUE_AIRSPEED and TRUE_HEIGHT; compared, never used
     """
 
     path: Path
@@ -65,6 +71,7 @@ class FlightRecording:
     air_temperature_K: float | None = None
     inside: frozenset[str] = frozenset()
     enabled_by: Mapping[frozenset[str], str] = field(default_factory=dict)
+    truth: Mapping[str, Channel] = field(default_factory=dict)
 
 
 def channel(t_s: ArrayLike, value: ArrayLike) -> Channel:
@@ -78,6 +85,15 @@ def pressure_of_indicated_airspeed(speed_mps: ArrayLike) -> Array:
     """Differential pressure [Pa] that an autopilot showed as this indicated airspeed; negative below zero."""
     speed = np.asarray(speed_mps, dtype=float)
     return np.asarray(np.sign(speed) * 1.225 / 2 * speed**2)  # indicated airspeed is defined at sea level
+
+
+def without_jumps(*groups: Mapping[str, Channel]) -> tuple[list[dict[str, Channel]], list[str]]:
+    """`without_clock_jumps` of the airspeed, which is in the first group, applied to channels in several groups."""
+    if AIRSPEED_PRESSURE not in groups[0]:
+        return [dict(group) for group in groups], []
+    together = {name: one for group in groups for name, one in group.items()}
+    kept, notes = without_clock_jumps(groups[0][AIRSPEED_PRESSURE], together)
+    return [{name: kept[name] for name in group if name in kept} for group in groups], notes
 
 
 def without_clock_jumps(main: Channel, channels: Mapping[str, Channel]) -> tuple[dict[str, Channel], list[str]]:
@@ -172,13 +188,20 @@ class Battery(NamedTuple):
     current: Channel
 
 
-def measuring_battery(batteries: Sequence[Battery]) -> tuple[Battery | None, list[str]]:
+def measuring_battery(
+    batteries: Sequence[Battery], controllers: Sequence[Battery] = ()
+) -> tuple[Battery | None, list[str]]:
     """The battery that gives most power, or the sum of two that feed the motor together, and notes; None where none
-    measures voltage and current.
+    measures voltage and current. controllers: what the speed controllers measure, which counts where no battery does
+    and unless it is always the same, as firmware fills in.
     """
     power = [_mean_power_W(battery) for battery in batteries]
     if not any(P > 0 for P in power):
-        return None, []
+        measuring = [one for one in controllers if _mean_power_W(one) > 0 and np.ptp(one.current.value) > 0]
+        if not measuring:
+            return None, []
+        note = "No power module measures current: power is that of the speed controllers, without the avionics."
+        return reduce(_together, measuring), [note]
     best = int(np.argmax(power))
     notes = []
     if best > 0:

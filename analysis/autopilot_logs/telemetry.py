@@ -52,9 +52,8 @@ class TelemetryLog:
                 rows[message.get_type()].append([time_us, *(getattr(message, name) for name in message.fieldnames)])
         self._columns = _as_dataflash({name: _table(name, many) for name, many in rows.items()})
 
-    def whole_numbers(self, name: str) -> frozenset[str]:
-        """The fields of messages of a name that are integers without a scale: none, units are SI here."""
-        return frozenset()
+    def form(self, name: str) -> None:
+        """How messages are packed: nothing, units are SI here."""
 
     def columns(self, name: str) -> Columns:
         """The fields of all messages of a name, (n,)."""
@@ -129,6 +128,10 @@ def _as_dataflash(tables: dict[str, Columns]) -> dict[str, Columns]:
         out["RPM"] = {"TimeUS": rpm["TimeUS"], "rpm1": rpm["rpm1"]}
     if (parameters := tables.get("PARAM_VALUE")) is not None:
         out["PARM"] = {"Name": parameters["param_id"].astype("S16"), "Value": parameters["param_value"]}
+    if shown is not None:
+        out["CTUN"] = {"TimeUS": shown["TimeUS"], "ThO": shown["throttle"]}
+    if (beats := tables.get("HEARTBEAT")) is not None:
+        out["MODE"] = {"TimeUS": beats["TimeUS"], "ModeNum": beats["custom_mode"]}
     kinds = tables.get("HEARTBEAT", {}).get("type", np.zeros(0))
     out["MSG"] = {"Message": np.array([FIRMWARE[kind] for kind in np.unique(kinds).tolist() if kind in FIRMWARE])}
     return {name: _as_numbers(columns) for name, columns in out.items()}

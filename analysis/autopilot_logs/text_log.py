@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pymavlink import DFReader
 
-TEXTS, ARRAYS, INTEGERS = "nNZ", "a", "bBhHiIqQ"  # codes of fields
+from analysis.autopilot_logs.dataflash import Form
+
+TEXTS, ARRAYS = "nNZ", "a"  # codes of fields
 
 
 class _Reader(DFReader.DFReader_text):  # type: ignore[misc]
@@ -37,12 +39,10 @@ class TextLog:
                 raise ValueError(f"{type(error).__name__} in its text") from None
         self._formats = {name: rows[0].fmt for name, rows in self._rows.items()}
 
-    def whole_numbers(self, name: str) -> frozenset[str]:
-        """The fields of messages of a name that are integers without a scale."""
+    def form(self, name: str) -> Form | None:
+        """The fields of messages of a name; None where the log has none."""
         form = self._formats.get(name)
-        if form is None:
-            return frozenset()
-        return frozenset(field for field, code in zip(form.columns, form.format, strict=False) if code in INTEGERS)
+        return None if form is None else Form(form.type, tuple(form.columns), form.format)
 
     def columns(self, name: str) -> dict[str, NDArray[Any]]:
         """The fields of all messages of a name, (n,): numbers as float64, texts as bytes; without arrays of numbers."""

@@ -74,11 +74,11 @@ def test_a_kind_has_number_0(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert speed_of(tmp_path / "a", airspeed(0, speed)) == pytest.approx(speed, rel=1e-5)
 
 
-def test_the_truth_of_a_simulation_is_told_and_not_used(tmp_path: Path) -> None:
+def test_the_truth_of_a_simulation_is_apart_from_what_was_measured(tmp_path: Path) -> None:
     speed = 15.0 + 0.5 * np.sin(1e-6 * T_US)
     truth = messages("SIM2", "Qf", As=99.0)
     assert speed_of(tmp_path / "a", airspeed(0, speed), truth) == pytest.approx(speed, rel=1e-5)
-    assert any("simulation" in note for note in read_ardupilot(tmp_path / "a").notes)
+    assert read_ardupilot(tmp_path / "a").truth[recording.TRUE_AIRSPEED].value == pytest.approx(99.0)
 
 
 def test_dropped_messages_are_told(tmp_path: Path) -> None:

@@ -24,6 +24,7 @@ STEPS = {
     recording.VOLTAGE: 0.0006,
     recording.CURRENT: 0.006,
     recording.MOTOR: 1e-4,
+    recording.THROTTLE: 0.005,
     **dict.fromkeys(recording.GPS, 0.02),
 }
 
@@ -46,6 +47,7 @@ def flight(firmware: str = "ArduPlane V4.5.7") -> list[DataflashMessages]:
         kind("BARO", "Qfc", Press=1e5 - 300 * wave, Temp=0 * t_s + 31.0),
         kind("BAT", "QBff", Inst=0 * t_s, Volt=15.2 - 0.3 * wave, Curr=12.0 + 5.0 * wave),
         kind("IMU", "Qfff", AccX=0.5 * wave, AccY=0.1 * wave, AccZ=-9.8 + wave),
+        kind("CTUN", "Qf", ThO=50 + 40 * wave),
         kind("RPM", "Qf", RPM=6000 + 600 * wave),
         kind("GPS", "QBfff", Status=0 * t_s + 3, Spd=14 + wave, GCrs=90 + 40 * wave, VZ=0.5 * wave),
     ]  # fmt: skip
