@@ -23,6 +23,7 @@ from flight.files import read_text
 from flight.units import GRAVITY_MPS2, NO_KEY
 
 Position = tuple[float, float, float]
+VIBRATION_REVPS = 100.0  # motor speed [1/s] at which an offset of the accelerometers by vibration is given
 LEAST_RATIO, LARGEST_RATIO = 0.2, 100.0  # aspect ratios of span and area in one unit
 
 
@@ -111,7 +112,7 @@ class PneumaticLine:
 
 @dataclass(frozen=True, kw_only=True)
 class ProbeInstallation:
-    """Installation of the five-port probe: position of its tip, upwash there, and its pneumatic lines.
+    """Installation of the five-port probe: position of its tip, upwash there, bending of its boom, pneumatic lines.
 
     The defaults are those of a probe on the nose of a small aircraft; `analysis.drag.assumed_values` has their standard
     deviations.
@@ -119,6 +120,7 @@ class ProbeInstallation:
 
     position_m: Position = (0.3, 0.0, 0.0)  # from the center of gravity, body axes
     upwash_per_CL_rad: float = 0.017453292519943295  # (alpha at the probe - alpha of the aircraft) / CL; 1 deg
+    boom_bending_rad: float = 0.0  # down, under each g of load factor; `calibrate boom` measures it
     lines: dict[str, PneumaticLine] = field(default_factory=dict)
 
 
@@ -172,9 +174,14 @@ class Uncertainty:
 
 @dataclass(frozen=True, kw_only=True)
 class Installation:
-    """Name of an installation of probe, tubes and tray. Flights of one name were made without moving any of these."""
+    """An installation of probe, tubes and tray. Flights of one name were made without moving any of these.
+
+    accelerometer_vibration_mps2 : what the accelerometers read more, forward, right and down, while the motor turns at
+        VIBRATION_REVPS; it grows with the square of the speed. `calibrate run-up` measures it
+    """
 
     name: str = ""
+    accelerometer_vibration_mps2: Position = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -177,6 +177,13 @@ KEYS: dict[str, Key] = {
         "analysis, simulator",
         "1 deg, ±1 deg; intervals contain it (`sim` takes 0)",
     ),
+    "probe.boom_bending": Key(
+        '"0.05 deg"',
+        "Angle by which the probe's boom bends down under each g of load factor.",
+        "Weights on its tip, `calibrate boom`.",
+        "analysis",
+        "0",
+    ),
     "probe.lines.LINE.length": Key('"0.6 m"', "Length of the tube.", "Tape measure.", "analysis, simulator", NO_LINE),
     "probe.lines.LINE.diameter": Key('"1.59 mm"', "Inner diameter.", "Data sheet.", "analysis, simulator", NO_LINE),
     "probe.lines.LINE.cavity": Key(
@@ -300,6 +307,14 @@ KEYS: dict[str, Key] = {
         "Choose one, and another whenever one of these is taken off or moved.",
         "pooling of flights",
         "the probe is taken to be mounted anew for each flight",
+    ),
+    "installation.accelerometer_vibration": Key(
+        '["0.1 m/s^2", "0 m/s^2", "0.02 m/s^2"]',
+        "What the accelerometers read more while the motor turns at 100 rev/s: forward, right, down. It grows with the"
+        " square of the speed.",
+        "Run-up on the strapped aircraft, `calibrate run-up`.",
+        "analysis",
+        "0",
     ),
     "aerodynamics": Key(
         "{ … }",

@@ -1,4 +1,5 @@
-"""Segments on the ground that rehearse the calibrations: bursts, a water column, turning by hand, deflections."""
+"""Segments on the ground that rehearse the calibrations: bursts, a water column, turning by hand, deflections, a
+strapped run-up of the motor, weights on the probe's boom."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,10 +9,14 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.optimize import brentq
 
-from flight.complete_aircraft import CompleteAircraft
 from flight.errors import InputError
+from flight.units import GRAVITY_MPS2
+from sim.air import ambient
 from sim.ground import Motion, motion_of, smooth_step, stand
+from sim.plant import Plant
+from sim.propulsion import ThrustFactor, power_train
 
 Array = NDArray[np.float64]
 
@@ -48,7 +53,7 @@ class BenchSegment:
         """The motion at times t (n,) from the segment's start."""
         return stand(position, attitude, len(t))
 
-    def columns(self, aircraft: CompleteAircraft, t: Array) -> dict[str, Array]:
+    def columns(self, plant: Plant, t: Array) -> dict[str, Array]:
         """Columns of the truth that differ from those of standing still, each (n,)."""
         return {}
 
@@ -160,9 +165,9 @@ class DeflectSegment(BenchSegment):
     def duration_s(self) -> float:
         return len(self.angle_rad) * (MOVE_S + self.hold_s) + MOVE_S
 
-    def columns(self, aircraft: CompleteAircraft, t: Array) -> dict[str, Array]:
+    def columns(self, plant: Plant, t: Array) -> dict[str, Array]:
         """Raises InputError if an angle is beyond the surface's travel."""
-        travel = np.degrees(getattr(aircraft, self.surface).angle_rad)
+        travel = np.degrees(getattr(plant.aircraft, self.surface).angle_rad)
         for angle in np.degrees(self.angle_rad).tolist():
             if not travel.min() <= angle <= travel.max():
                 raise InputError(
@@ -170,6 +175,101 @@ class DeflectSegment(BenchSegment):
                 )
         angle = _held(t, self.angle_rad, self.hold_s, MOVE_S)
         return {f"{self.surface}_command_rad": angle, f"{self.surface}_rad": angle}
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunUpSegment(BenchSegment):
+    """The motor is run up in steps of throttle, the aircraft strapped down; for `calibrate run-up`.
+
+    lean_rad : pitch by which the straps give at full throttle, nose down
+    """
+
+    throttle: tuple[float, ...] = (0.45, 0.6, 0.8, 1.0, 0.8, 0.6, 0.45)
+    hold_s: float = 12.0
+    move_s: float = 2.0
+    lean_rad: float = 0.01
+    kind = "run-up"
+
+    def check(self) -> None:
+        if not self.throttle or not all(0 < value <= 1 for value in self.throttle):
+            raise InputError("throttle: give the positions to hold, in order, above 0 and up to 1")
+
+    @property
+    def duration_s(self) -> float:
+        return len(self.throttle) * (self.move_s + self.hold_s) + self.move_s
+
+    def motion(self, position: Array, attitude: Array, t: Array) -> Motion:
+        return _pitching(position, attitude, t, -self.lean_rad * _held(t, self.throttle, self.hold_s, self.move_s) ** 2)
+
+    def columns(self, plant: Plant, t: Array) -> dict[str, Array]:
+        rho = float(ambient(plant.air, 0.0).density)
+        drawn = plant.deviations
+        factor = ThrustFactor(1 + drawn.thrust_scale, drawn.thrust_slope_J)
+
+        def acceleration(revps: float, throttle: float) -> float:
+            train = power_train(plant.aircraft.propulsion, plant.propeller, V=0.0, n=revps, throttle=throttle, rho=rho)
+            return float(train.motor_acceleration_revps2)
+
+        fastest = plant.aircraft.propulsion.max_rpm / 60 * 2
+        steady = [brentq(acceleration, 1.0, fastest, args=(throttle,)) for throttle in self.throttle]
+        revps, throttle = (_held(t, values, self.hold_s, self.move_s) for values in (steady, self.throttle))
+        train = power_train(
+            plant.aircraft.propulsion, plant.propeller, V=0.0, n=revps, throttle=throttle, rho=rho, thrust_factor=factor
+        )
+        return {
+            "motor_speed_revps": revps,
+            "throttle": throttle,
+            "thrust_N": np.where(revps > 0, train.thrust_N, 0.0),
+            "shaft_power_W": np.where(revps > 0, train.shaft_power_W, 0.0),
+            "battery_voltage_V": np.asarray(train.battery_voltage_V),
+            "battery_current_A": np.asarray(train.battery_current_A),
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class BoomWeightsSegment(BenchSegment):
+    """Weights are hung on the tip of the probe's boom, one after the other; for `calibrate boom`.
+
+    carried_kg : mass that bends the boom in flight: that of the probe, and a third of the boom's
+    give_rad_per_N : pitch by which the aircraft on its gear gives, nose down
+    """
+
+    mass_kg: tuple[float, ...] = (0.1, 0.2, 0.3, 0.2, 0.1)
+    hold_s: float = 10.0
+    move_s: float = 4.0
+    carried_kg: float = 0.05
+    give_rad_per_N: float = 0.002
+    kind = "boom-weights"
+
+    def check(self) -> None:
+        if not self.mass_kg or not all(mass > 0 for mass in self.mass_kg):
+            raise InputError("mass: give the weights to hang, in order")
+
+    @property
+    def duration_s(self) -> float:
+        return len(self.mass_kg) * (self.move_s + self.hold_s) + self.move_s
+
+    def motion(self, position: Array, attitude: Array, t: Array) -> Motion:
+        """Whoever hangs a weight rocks the aircraft."""
+        hung = _held(t, self.mass_kg, self.hold_s, self.move_s) * GRAVITY_MPS2
+        since = t % (self.move_s + self.hold_s) / self.move_s
+        rocking = np.where(since < 1, 0.03 * np.sin(pi * since) ** 2 * np.sin(8 * pi * since), 0.0)
+        return _pitching(position, attitude, t, rocking - self.give_rad_per_N * hung)
+
+    def tip_rad(self, boom_bending_rad: float) -> list[float]:
+        """What a level on the probe shows more than before, at rest, under each weight and without, nose up; for a boom
+        that bends by `boom_bending_rad` under each g of what it carries."""
+        per_kg = boom_bending_rad / self.carried_kg + self.give_rad_per_N * GRAVITY_MPS2
+        return [-per_kg * mass for mass in (0.0, *self.mass_kg, 0.0)]
+
+
+def _pitching(position: Array, attitude: Array, t: Array, pitch_rad: Array) -> Motion:
+    """Standing, with this pitch (n,) in addition."""
+    if len(t) < 2:
+        return stand(position, attitude, len(t))
+    spline = CubicSpline(t, attitude + np.outer(pitch_rad, [0.0, 1.0, 0.0]), bc_type="clamped")
+    zeros = np.zeros((len(t), 3))
+    return motion_of((np.tile(position, (len(t), 1)), zeros, zeros), (spline(t), spline(t, 1), spline(t, 2)))
 
 
 def _held(t: Array, values: Sequence[float], hold_s: float, move_s: float) -> Array:

@@ -244,7 +244,7 @@ class _FlightSimulation:
         try:
             segment.check()
             t: Array = np.arange(round(segment.duration_s / self.dt), dtype=np.float64) * self.dt
-            columns = segment.columns(self.aircraft, t)
+            columns = segment.columns(self.plant, t)
         except InputError as error:
             raise InputError(f"{where}: {error}") from None
         motion = segment.motion(self.pose.position, self.pose.attitude, t)

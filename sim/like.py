@@ -3,7 +3,7 @@
 from dataclasses import fields, replace
 from typing import Any, TypeVar
 
-from flight.aircraft import Aircraft, Installation, parse_aircraft
+from flight.aircraft import Aircraft, parse_aircraft
 from flight.aircraft_keys import SURFACES
 from flight.complete_aircraft import (
     CompleteAircraft,
@@ -100,8 +100,12 @@ def with_installation(aircraft: CompleteAircraft, name: str) -> CompleteAircraft
     stated = aircraft.installation.name
     if stated == name:
         return aircraft
-    if aircraft.has("installation"):
+    if aircraft.has("installation.name"):
         raise InputError(f'--installation {name}: the aircraft file has installation name = "{stated}"')
-    text = f'{aircraft.text.rstrip()}\n\n[installation]\nname = "{name}"\n'
+    section, line = "[installation]\n", f'name = "{name}"\n'
+    if aircraft.has("installation"):
+        text = aircraft.text.replace(section, section + line, 1)
+    else:
+        text = f"{aircraft.text.rstrip()}\n\n{section}{line}"
     keys = aircraft.keys | {"installation", "installation.name"}
-    return replace(aircraft, installation=Installation(name=name), text=text, keys=keys)
+    return replace(aircraft, installation=replace(aircraft.installation, name=name), text=text, keys=keys)

@@ -5,7 +5,14 @@ from dataclasses import dataclass
 from math import cos, pi, sin
 
 from flight.errors import InputError
-from sim.bench import BurstsSegment, ColumnSegment, DeflectSegment, HandTurnSegment
+from sim.bench import (
+    BoomWeightsSegment,
+    BurstsSegment,
+    ColumnSegment,
+    DeflectSegment,
+    HandTurnSegment,
+    RunUpSegment,
+)
 from sim.integration import Observation
 from sim.maneuvers import MultistepSegment, PorpoiseSegment, RollerCoasterSegment, WindUpTurnSegment
 from sim.pilot import Targets, wrap_angle
@@ -241,5 +248,7 @@ GROUND: dict[str, type] = {
         ColumnSegment,
         HandTurnSegment,
         DeflectSegment,
+        RunUpSegment,
+        BoomWeightsSegment,
     )
 }

@@ -10,7 +10,7 @@ from analysis.airdata.probe import ProbeCalibration, flow_at_probe
 from analysis.airdata.settings import AIR
 from analysis.signals.channels import COLUMNS, SPEED_SCALE
 from analysis.signals.settings import CHANNELS, STATISTICS
-from flight.aircraft import Aircraft
+from flight.aircraft import VIBRATION_REVPS, Aircraft
 from flight.atmosphere import density, height_at, temperature_at
 from flight.motion import specific_force_at
 from flight.propeller import Propeller
@@ -21,15 +21,19 @@ Array = NDArray[np.float64]
 
 
 def specific_force_at_cg(table: pd.DataFrame, aircraft: Aircraft) -> pd.DataFrame:
-    """The table with the specific force at the IMU replaced by that at the center of gravity."""
+    """The table with the specific force at the IMU replaced by that at the center of gravity, without what vibration
+    adds to it."""
     x, y, z = aircraft.imu_position_m
     p, q, r = (table[f"{axis}_radps"].to_numpy() for axis in "pqr")
     step_s = float(table.index[1] - table.index[0])
     pdot, qdot, rdot = (derivative(rate, step_s) for rate in (p, q, r))
     zero = np.zeros_like(p)
     extra = specific_force_at((zero, zero, zero), (p, q, r), (pdot, qdot, rdot), (x, y, z))
-    names = ("ax_mps2", "ay_mps2", "az_mps2")
-    return table.assign(**{name: table[name] - more for name, more in zip(names, extra, strict=True)})
+    square = np.nan_to_num(table["n_revps"].to_numpy(dtype=float) / VIBRATION_REVPS) ** 2  # 0 where the motor stands
+    errors = zip(
+        ("ax_mps2", "ay_mps2", "az_mps2"), extra, aircraft.installation.accelerometer_vibration_mps2, strict=True
+    )
+    return table.assign(**{name: table[name] - more - at_100 * square for name, more, at_100 in errors})
 
 
 def derivative(signal: Array, step_s: float) -> Array:
@@ -83,7 +87,8 @@ def air_data(
     """The table with speed, angles, density, height, thrust, bank and `flying` added.
 
     table: the zeros at rest subtracted, specific forces at the center of gravity. speed_scale: of the aircraft.
-    Angles are those at the center of gravity: corrected for upwash and for the velocity of the probe by rotation.
+    Angles are those at the center of gravity: corrected for upwash, for the velocity of the probe by rotation, and for
+    the bending of its boom.
     """
     notes: list[str] = []
     out = table.copy()
@@ -130,7 +135,9 @@ def air_data(
     # Rotation moves a probe ahead of the center of gravity upwards at q x and to the right at r x.
     out["alpha_by_upwash_rad"] = aircraft.probe.upwash_per_CL_rad * CL
     out["alpha_by_rotation_rad"] = -out["q_radps"] * x_probe / V
-    out["alpha_rad"] = flow.alpha_rad * nan_on_ground - out["alpha_by_upwash_rad"] - out["alpha_by_rotation_rad"]
+    bent_rad = aircraft.probe.boom_bending_rad * -out["az_mps2"] / GRAVITY_MPS2
+    at_probe_rad = flow.alpha_rad * nan_on_ground - bent_rad
+    out["alpha_rad"] = at_probe_rad - out["alpha_by_upwash_rad"] - out["alpha_by_rotation_rad"]
     measured = np.where(np.isfinite(sideslip), flow.beta_rad * nan_on_ground, np.nan)
     out["beta_by_rotation_rad"] = out["r_radps"] * x_probe / V
     out["beta_rad"] = measured - out["beta_by_rotation_rad"]

@@ -74,7 +74,7 @@ def plateaus(table: pd.DataFrame, source: str) -> list[Plateau]:
     smooth = table["airspeed"].rolling(window, center=True, min_periods=1).mean().to_numpy()
     spans = [
         (a, b)
-        for a, b in _steady(smooth, allowed_Pa, round(GROUND.reference_s / step_s))
+        for a, b in steady_stretches(smooth, allowed_Pa, round(GROUND.reference_s / step_s))
         if t_s[b] - t_s[a] >= GROUND.held_s[0]
     ]
     plateaus = []
@@ -95,7 +95,7 @@ def plateaus(table: pd.DataFrame, source: str) -> list[Plateau]:
     return [plateau._replace(open=abs(plateau.readings_Pa[-1] - zero) <= allowed_Pa) for plateau in plateaus]
 
 
-def _steady(values: Array, allowed: float, reference: int) -> list[tuple[int, int]]:
+def steady_stretches(values: Array, allowed: float, reference: int) -> list[tuple[int, int]]:
     """First and last row of stretches whose values stay within `allowed` of the median of their first rows."""
     stretches, start = [], 0
     middle = values[0]

@@ -26,4 +26,16 @@ class ThrustStandSettings(Settings):
         return STATISTICS.determined_share * math.hypot(stated.thrust_scale_fraction, stated.thrust_slope / 2)
 
 
+@dataclass(frozen=True)
+class RunUpSettings(Settings):
+    """Run-up of the motor on the strapped aircraft."""
+
+    transfer: float = setting(
+        0.2,
+        "1",
+        "of an offset by vibration, 1 sigma, that differs in flight, where no strap holds the aircraft; assumed",
+    )
+
+
+RUN_UP = RunUpSettings()
 STAND_LIMITS = ThrustStandSettings()

@@ -121,9 +121,9 @@ def calibrate(
     residuals = readings.thrust_N - table_N * ratio
     with_slope = residuals - change * slope
     by_speed = slope * float(np.ptp(change / table_N))
-    slope_sigma = _scaled(with_slope, 2) / math.sqrt(change @ change)
+    slope_sigma = student_sigma(with_slope, 2) / math.sqrt(change @ change)
     depends = abs(slope) > NORMAL_95 * slope_sigma and abs(by_speed) > EVIDENCE.negligible
-    scatter = (_scaled(with_slope, 2) if depends else _scaled(residuals, 1)) / math.sqrt(weight)
+    scatter = (student_sigma(with_slope, 2) if depends else student_sigma(residuals, 1)) / math.sqrt(weight)
     speed_error = abs(by_speed) / 2 if depends else 0.0
     found = ThrustStand(
         source=source,
@@ -150,7 +150,7 @@ def _speeds(revps: Array) -> list[float]:
     return found
 
 
-def _scaled(residuals: Array, parameters: int) -> float:
+def student_sigma(residuals: Array, parameters: int) -> float:
     """Standard deviation of a reading by its residuals, so that +-1.96 of it are Student's 95 %."""
     dof = len(residuals) - parameters
     factor = float(special.stdtrit(dof, 0.975)) / NORMAL_95

@@ -39,11 +39,22 @@ OF_A_COLUMN = {
     "calibrate transducers log.mcap": "",
     'calibrate transducers log.mcap --pressures "10 20 30 40 35 25 15 5 mm" -o transducers.json': "transducers.json",
 }
+OF_A_RUN_UP = {
+    "calibrate run-up log.mcap": "",
+    'calibrate run-up log.mcap --thrust "4.9 9.1 16 23 16 9 4.8 N"': "",
+}
+OF_A_BOOM = {
+    "calibrate boom log.mcap": "",
+    'calibrate boom log.mcap --weights "0 100 200 300 200 100 0 g" --angles "0 -2.1 -4.2 -6.3 -4.2 -2.1 0 deg"'
+    ' --carried "50 g"': "",
+}
+ON_THE_GROUND = {"transducer-column": OF_A_COLUMN, "run-up": OF_A_RUN_UP, "boom-weights": OF_A_BOOM}
 TABLE = "python -m flight.propeller_files apce_10x5_kt0821_5000.txt > mine.csv"
-RUN_HERE = {PX4_LOG, *OF_A_FLIGHT, *OF_A_COLUMN, PLAN, TABLE}
+RUN_HERE = {PX4_LOG, *OF_A_FLIGHT, *OF_A_COLUMN, *OF_A_RUN_UP, *OF_A_BOOM, PLAN, TABLE}
 # Patterns of commands that a test runs with files of other names, shorter input or one option less; and that test.
 RUN_ELSEWHERE = {
     "calibrate tubing LOG": "chain/test_documented_commands.py",
+    "calibrate run-up LOG": "chain/test_documented_commands_with_a_log.py",
     "daq run --config tray.toml( .*)?": "chain/test_documented_daemon_commands.py",
     "daq (check|zero) --config .*": "chain/test_documented_daemon_commands.py",
     "daq list": "daq/test_daemon.py",
@@ -146,11 +157,12 @@ def test_a_plan_of_four_keys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert load_plan(Path("plan-mine/plan.toml")).segments
 
 
-def test_a_column_of_water_on_the_transducers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("plan", ON_THE_GROUND)
+def test_calibrations_on_the_ground(plan: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    succeeds("sim fly --plan transducer-column --no-hardware -o out", "")
+    succeeds(f"sim fly --plan {plan} --no-hardware -o out", "")
     shutil.copy("out/log.mcap", "log.mcap")
-    for command, written in OF_A_COLUMN.items():
+    for command, written in ON_THE_GROUND[plan].items():
         succeeds(command, written)
 
 

@@ -11,9 +11,10 @@ from flight.aircraft import PneumaticLine, load_aircraft
 from flight.complete_aircraft import as_complete, load_complete_aircraft
 from flight.errors import InputError
 from flight.motion import attitude_derivative
-from sim.bench import BurstsSegment, ColumnSegment, HandTurnSegment
+from sim.bench import BoomWeightsSegment, BurstsSegment, ColumnSegment, HandTurnSegment, RunUpSegment
 from sim.fly import fly
 from sim.plan import parse_plan
+from sim.plant import plant_of
 from sim.sensors import FlightSensorTruth, draw, load_budget
 from sim.sensors.tubing import step_response, time_constant_s
 
@@ -72,6 +73,45 @@ def test_turning_by_hand_is_a_motion_that_an_imu_could_measure() -> None:
     assert motion.attitude[0] == pytest.approx(STANDING) and np.abs(motion.rates[[0, -1]]).max() < 1e-2
     assert np.cos(psi[-1] - psi[0]) == pytest.approx(1.0, abs=1e-6)
     assert np.ptp(phi) > np.pi and np.ptp(theta) > 2.4  # on its back, nose up and nose down
+
+
+def test_in_a_run_up_the_motor_is_in_balance_at_each_throttle_and_the_strapped_aircraft_leans(nexstar) -> None:
+    stand = '[[segment]]\nkind = "stand"\nduration = "2 s"\n\n'
+    plan = f'{stand}[[segment]]\nkind = "run-up"\nthrottle = [0.5, 1.0, 0.5]\n\n{stand}'
+    flight = fly(nexstar, parse_plan(plan, "mine"))
+    held = flight.truth.set_index("time_s").loc[[10.0, 24.0, 38.0]]
+    assert held["throttle"].tolist() == pytest.approx([0.5, 1.0, 0.5])
+    assert (held["motor_speed_revps"] > 50).all() and held["motor_speed_revps"].iloc[
+        1
+    ] < nexstar.propulsion.max_rpm / 60
+    friction_W = 0.1 * held["shaft_power_W"] + 20
+    assert (held["battery_voltage_V"] * held["battery_current_A"] > held["shaft_power_W"]).all()
+    motor_A = held["battery_current_A"] / held["throttle"]
+    heat_W = motor_A**2 * nexstar.propulsion.motor_resistance_ohm
+    lost_W = held["battery_voltage_V"] * held["battery_current_A"] - held["shaft_power_W"] - heat_W
+    assert (lost_W > 0).all() and (lost_W < friction_W).all()
+    assert held["thrust_N"].tolist() == pytest.approx(
+        [float(flight.plant.propeller.thrust_and_power(0.0, n, rho)[0])
+         for n, rho in zip(held["motor_speed_revps"], held["density_kgpm3"], strict=True)])  # fmt: skip
+    lean = RunUpSegment().lean_rad
+    assert held["pitch_rad"].tolist() == pytest.approx([-lean / 4, -lean, -lean / 4], rel=1e-6)
+    assert held["specific_force_x_mps2"].iloc[1] == pytest.approx(-9.80665 * np.sin(lean), rel=1e-4)
+    assert flight.truth["motor_speed_revps"].iloc[[0, -1]].tolist() == [0.0, 0.0]
+
+
+def test_a_weight_on_the_boom_pitches_the_aircraft_and_bends_the_boom() -> None:
+    segment = BoomWeightsSegment(mass_kg=(0.1, 0.2), carried_kg=0.05, give_rad_per_N=0.002)
+    t = np.arange(0.0, segment.duration_s, DT)
+    motion = segment.motion(np.zeros(3), STANDING, t)
+    at_rest = np.interp(13.0, t, motion.attitude[:, 1])
+    assert at_rest - STANDING[1] == pytest.approx(-0.002 * 0.1 * 9.80665, rel=1e-3)
+    assert np.abs(motion.rates[:, 1]).max() > 0.1  # the hand that hangs it
+    without, one, two, after = segment.tip_rad(0.01)
+    assert without == after == 0.0
+    assert one == pytest.approx(-0.01 * 0.1 / 0.05 - 0.002 * 0.1 * 9.80665)
+    assert two == pytest.approx(2 * one)
+    with pytest.raises(InputError, match="give the weights"):
+        BoomWeightsSegment(mass_kg=()).check()
 
 
 def test_deflected_surfaces_are_held_and_their_pulses_are_those_of_the_aircraft_file(nexstar) -> None:
@@ -138,6 +178,7 @@ def test_bursts_on_a_narrow_line_show_the_lag_of_the_simulator() -> None:
         ('kind = "deflect"\nsurface = "rudder"\nangle = []', "give the angles"),
         ('kind = "bursts"\nline = "static"', "not one of alpha, beta, airspeed"),
         ('kind = "bursts"\nline = "alpha"\ncount = 0', "count"),
+        ('kind = "run-up"\nthrottle = [0.5, 1.2]', "above 0 and up to 1"),
         ('kind = "turn-by-hand"\nseconds = "5 s"', "seconds"),
     ],
 )
@@ -145,7 +186,7 @@ def test_what_cannot_be_done_is_refused(nexstar, segment: str, said: str) -> Non
     (bench,) = parse_plan(f"[[segment]]\n{segment}\n", "mine").segments
     with pytest.raises(InputError, match=said):
         bench.check()
-        bench.columns(nexstar, np.arange(0.0, bench.duration_s, DT))
+        bench.columns(plant_of(nexstar), np.arange(0.0, bench.duration_s, DT))
 
 
 def test_a_refusal_names_plan_and_segment(nexstar) -> None:

@@ -3,8 +3,10 @@
 import os
 
 from analysis.cli.calibrate.airspeed import airspeed
+from analysis.cli.calibrate.boom import boom
 from analysis.cli.calibrate.magnetometer import magnetometer
 from analysis.cli.calibrate.probe import probe
+from analysis.cli.calibrate.run_up import run_up
 from analysis.cli.calibrate.surfaces import surfaces
 from analysis.cli.calibrate.thrust import thrust
 from analysis.cli.calibrate.transducers import transducers
@@ -17,8 +19,8 @@ app = application()
 
 @app.callback()
 def _group() -> None:
-    """Calibrations: the probe in a wind tunnel; transducers, tubes, magnetometer, surfaces and thrust on the bench;
-    airspeed in flight; weight and balance."""
+    """Calibrations: the probe in a wind tunnel; transducers, tubes, magnetometer, surfaces, thrust, vibration and boom
+    on the ground; airspeed in flight; weight and balance."""
     # The matrices are small: a thread pool gains nothing and slows down the start.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -31,6 +33,8 @@ for command, short_help in (
     (airspeed, "Scale error of the airspeed, and wind, from a flight."),
     (magnetometer, "Hard and soft iron, from a log with turns."),
     (thrust, "Thrust at rest against the propeller's table, from a stand."),
+    (run_up, "Vibration, motor and battery, from a strapped run-up."),
+    (boom, "Bending of the probe's boom, with weights on its tip."),
     (surfaces, "Surface angle and servo pulse, with a protractor."),
     (weight_and_balance, "Weight and center of gravity, from scales."),
 ):

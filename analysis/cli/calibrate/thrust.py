@@ -16,6 +16,18 @@ if TYPE_CHECKING:
     from flight.propeller import Propeller
 
 
+ScaleErrorOption = Annotated[
+    float,
+    typer.Option(
+        "--thrust-scale-error",
+        metavar="SHARE",
+        parser=quantity("--thrust-scale-error", "%", '"0.5%"', least=0, most=10),
+        help="Error common to all readings, 1 sigma, in %: load cell, its lever arm, air density. Errors of single"
+        " readings are found from their scatter.",
+    ),
+]
+
+
 @calibration(CalibrationFile, "stand.json")
 def thrust(
     stand: Annotated[
@@ -53,16 +65,7 @@ def thrust(
             help='Air temperature at the stand, such as "15 degC", for a file without it.',
         ),
     ] = None,
-    scale_error: Annotated[
-        float,
-        typer.Option(
-            "--thrust-scale-error",
-            metavar="SHARE",
-            parser=quantity("--thrust-scale-error", "%", '"0.5%"', least=0, most=10),
-            help="Error common to all readings, 1 sigma, in %: load cell, its lever arm, air density. Errors of single"
-            " readings are found from their scatter.",
-        ),
-    ] = 1.0,  # a load cell checked with a weight 0.5 %, its lever arm 0.7 %, density from a weather station 0.3 %
+    scale_error: ScaleErrorOption = 1.0,  # a load cell checked with a weight 0.5 %, its arm 0.7 %, density 0.3 %
 ) -> Calibrated:
     """Measure thrust at rest on a stand, and compare it with the propeller's table.
 
