@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from test_documented_commands import quick_commands
 
-from analysis.cli import export
+from analysis import pipeline
 from analysis.planning import search
 from flight.propeller_files import load_propeller
 from sim.plan import load_plan
@@ -130,14 +130,15 @@ def test_commands_of_a_flight(walk: Walk, tmp_path: Path, monkeypatch: pytest.Mo
         shutil.copy(walk.folder / "out" / "demo" / "log.mcap", name)
     succeeds(PX4_LOG, "out/px4/log.ulg")
     shutil.copy("out/px4/log.ulg", "log.ulg")
-    made: list[Any] = []
-    tables_from = export.tables_from
+    made: dict[tuple[str, ...], Any] = {}
+    analyze = pipeline.analyze
 
-    def once(*arguments: Any) -> Any:
-        made.extend([] if made else [tables_from(*arguments)])
-        return made[0]
+    def once(*arguments: Any, **options: Any) -> Any:
+        if tuple(options) not in made:
+            made[tuple(options)] = analyze(*arguments, **options)
+        return made[tuple(options)]
 
-    monkeypatch.setattr(export, "tables_from", once)
+    monkeypatch.setattr(pipeline, "analyze", once)
     for command, written in OF_A_FLIGHT.items():
         succeeds(command, written)
 
