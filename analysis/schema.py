@@ -73,10 +73,13 @@ class EvidenceKind(StrEnum):
     MOTOR_EFFICIENCY = "motor efficiency"
     SENSOR_ERROR = "sensor error against its prior"
     RUN_AGAINST_OTHERS = "run against the other runs"
+    INSTALLATIONS_DIFFER = "flights said to be of one installation"
+    FLIGHTS_DIFFER = "flight against the other flights"
     OUTSIDE_TABLE = "outside the propeller's table"
     INTERVAL_REACHES_ZERO = "interval reaches zero"
     DRAG_FALLS_WITH_LIFT = "drag falls with lift"
     CROSS_CHECK = "cross-check"
+    NO_VERDICT = "no verdict"  # the results are of an earlier version
 
 
 class PartOfResult(StrEnum):
@@ -93,6 +96,7 @@ class Evidence(msgspec.Struct, frozen=True, kw_only=True):
     kind: EvidenceKind
     level: Trust
     part: PartOfResult
+    log: str = ""  # of the flight, in the evidence against several; empty where it concerns all
     subject: str = ""  # the run, the sensor error or the parameter; empty where the kind says it
     figure: float | None = None
     unit: str = "1"
@@ -608,6 +612,7 @@ class ElectricalFlight(msgspec.Struct, frozen=True, kw_only=True):
     aircraft: AircraftResult
     test: ConditionResult
     electrical_power: list[PowerPoint]
+    evidence: list[Evidence] | None = None  # null in results of earlier versions
 
 
 def schema() -> bytes:

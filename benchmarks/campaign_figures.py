@@ -35,6 +35,7 @@ def print_figures(lines: list[dict[str, Any]], drawn: int = 0) -> None:
     print("\n".join(pools_table(campaigns)), end="\n\n")
     print("\n".join(singles_table(campaigns)), end="\n\n")
     print("\n".join(comparisons_table(campaigns)), end="\n\n")
+    print("\n".join(false_names_table(campaigns)), end="\n\n")
     if drawn:
         print("\n".join(drawn_table(flown, drawn)))
 
@@ -47,7 +48,7 @@ def groups(flights: Flights, size: int) -> Iterator[list[dict[str, Any]]]:
 
 
 def pooled(lines: list[dict[str, Any]]) -> Pool:
-    return pool_results([line["results"] for line in lines])
+    return pool_results([{"evidence": [], **line["results"]} for line in lines])
 
 
 def errors(found: Polar, pool: Pool, lines: list[dict[str, Any]], V: Array) -> tuple[Array, Array]:
@@ -160,6 +161,45 @@ def comparisons_table(campaigns: dict[Cell, dict[int, Flights]]) -> list[str]:
                 )
             wanted = f"{np.median(to_see):.0f}" if to_see else "-"
             out.append(f"| {world} | {weather:g} | {each} | {text} | {alarmed} | {wanted} |")
+    return out
+
+
+def false_names_table(campaigns: dict[Cell, dict[int, Flights]]) -> list[str]:
+    """Flights of another installation, whose files name that of A."""
+    out = [
+        "Configuration C is B on another installation, whose files name that of A. Denied: comparisons, and pools of"
+        " one flight of each, that do not believe it; named: those of which evidence says so.",
+        "",
+        "| world | W20, kt | flights each | comparisons | denied, named, % | coverage, % | half width"
+        " | pools denied, % |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for (world, weather, configuration), found in sorted(campaigns.items()):
+        others = campaigns.get((world, weather, "C"), {})
+        for each in EACH:
+            pairs = [
+                pair
+                for campaign in sorted(found.keys() & others.keys())
+                for pair in zip(groups(found[campaign], each), groups(others[campaign], each), strict=False)
+            ]
+            if configuration != "A" or not pairs:
+                continue
+            compared = [compare(pooled(ours), pooled(theirs)) for ours, theirs in pairs]
+            error = np.array([one.difference_percent for one in compared]) - 100 * TO_SEE
+            half = np.array([one.half_width_percent for one in compared])
+            pools = [pooled([ours[0], theirs[0]]) for ours, theirs in pairs]
+            denied, named, anew = (
+                100 * np.mean(of_all)
+                for of_all in (
+                    [one.denied is not None for one in compared],
+                    [bool(one.evidence()) for one in compared],
+                    [bool(pool.anew) for pool in pools],
+                )
+            )
+            out.append(
+                f"| {world} | {weather:g} | {each} | {len(pairs)} | {denied:.0f}, {named:.0f} | {_covered(error, half)}"
+                f" | {_listed(np.median(half, axis=0))} | {anew:.0f} |"
+            )
     return out
 
 

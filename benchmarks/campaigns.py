@@ -13,7 +13,7 @@ Campaigns below 10 are for development; figures of the documentation come from o
 
 import dataclasses
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -50,7 +50,9 @@ from sim.sensors.budget import DrawnErrors, of_installation
 from sim.world import World, load_world
 
 ROOT = Path(__file__).parents[1]
-PLAN, SEEDS_A_CAMPAIGN, SEEDS_B = "full-test-flight", 100, 50
+PLAN, SEEDS_A_CAMPAIGN = "full-test-flight", 100
+FIRST_SEED = {"A": 0, "B": 50, "C": 75}  # of each configuration in a campaign
+OF_AIRCRAFT = ("thrust_scale", "thrust_slope_J", "thrust_bow", "windmilling", "weight_scale")  # not of the installation
 FOLDERS = ("analysis/airdata", "analysis/drag", "analysis/estimation", "analysis/maneuvers", "analysis/signals",
            "analysis/trajectory", "flight", "sim")  # fmt: skip
 
@@ -68,7 +70,7 @@ class Job(NamedTuple):
     @property
     def seed(self) -> int:
         """Of the turbulence and of the errors of the day."""
-        return SEEDS_A_CAMPAIGN * self.campaign + SEEDS_B * (self.configuration == "B") + self.flight
+        return SEEDS_A_CAMPAIGN * self.campaign + FIRST_SEED[self.configuration] + self.flight
 
 
 def version(world: str) -> str:
@@ -81,17 +83,22 @@ def version(world: str) -> str:
     return digest.hexdigest()[:12]
 
 
-def drawn(world: World, campaign: int, seed: int) -> DrawnErrors:
-    """Errors of the installation by the campaign, those of the day by the seed."""
-    installation = flights.drawn(world.errors, SEEDS_A_CAMPAIGN * campaign)
-    return of_installation(flights.drawn(world.errors, seed), installation)
+def drawn(world: World, job: Job) -> DrawnErrors:
+    """Errors of the installation by the campaign, those of the day by the seed. C has another installation."""
+    first = SEEDS_A_CAMPAIGN * job.campaign
+    installation = flights.drawn(world.errors, first)
+    if job.configuration == "C":
+        other = flights.drawn(world.errors, first + FIRST_SEED["C"])
+        same = {name: getattr(installation.values, name) for name in OF_AIRCRAFT}
+        installation = dataclasses.replace(other, values=dataclasses.replace(other.values, **same))
+    return of_installation(flights.drawn(world.errors, job.seed), installation)
 
 
 def aircraft_of(configuration: str, world: World, campaign: int) -> Aircraft:
-    """The aircraft file of a flight; B has more drag, which the analysis does not read."""
+    """The aircraft file of a flight; B and C have more drag, which the analysis does not read."""
     aircraft = load_aircraft("nexstar")
     aerodynamics = dict(aircraft.aerodynamics or {})
-    if configuration == "B":
+    if configuration != "A":
         aerodynamics |= {name: (1 + MORE_DRAG) * aerodynamics[name] for name in ("CD0", "K")}
     return dataclasses.replace(
         aircraft,
@@ -130,7 +137,7 @@ def analyzed(
 def one_flight(job: Job) -> dict[str, Any]:
     """The line of one flight: the part of results.json that pooling reads, and the true power at `speeds`."""
     world, probe = load_world(job.world), flights.tunnel_probe()
-    aircraft, errors = aircraft_of(job.configuration, world, job.campaign), drawn(world, job.campaign, job.seed)
+    aircraft, errors = aircraft_of(job.configuration, world, job.campaign), drawn(world, job)
     plan = load_plan(PLAN)
     air = dataclasses.replace(plan.air, turbulence_mps=job.weather_kt * flights.KNOT_MPS)
     plan = world.plan(dataclasses.replace(plan, air=air), job.seed)
@@ -152,6 +159,7 @@ def one_flight(job: Job) -> dict[str, Any]:
         **job._asdict(),
         "power_W": np.interp(V, truth["speed_mps"], truth["power_W"]).tolist(),
         "results": {
+            "evidence": [],
             "log": f"{job.configuration}{job.seed}.mcap",
             "aircraft": {
                 "name": aircraft.name, "title": aircraft.title, "wing_area_m2": aircraft.geometry.wing_area_m2,
@@ -164,18 +172,17 @@ def one_flight(job: Job) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def jobs_of(worlds: list[str], weather_kt: list[float], campaigns: range, most: int, with_B: int) -> Iterator[Job]:
-    """All flights, five a campaign before more of any: an interrupted run has some of everything."""
+def jobs_of(worlds: list[str], weather_kt: list[float], campaigns: range, most: Mapping[str, int]) -> Iterator[Job]:
+    """All flights, five a campaign before more of any: an interrupted run has some of everything. most: of each
+    configuration; of B and C in the calmest weather alone."""
     versions = {name: version(name) for name in worlds}
-    for block in range(0, most, 5):
+    for block in range(0, max(most.values()), 5):
         for campaign in campaigns:
             for world in worlds:
                 for weather in weather_kt:
-                    for flight in range(block, min(block + 5, most)):
-                        yield Job(world, weather, "A", campaign, flight, versions[world])
-                    if weather == min(weather_kt):
-                        for flight in range(block, min(block + 5, with_B)):
-                            yield Job(world, weather, "B", campaign, flight, versions[world])
+                    for configuration in most if weather == min(weather_kt) else "A":
+                        for flight in range(block, min(block + 5, most[configuration])):
+                            yield Job(world, weather, configuration, campaign, flight, versions[world])
 
 
 def main(
@@ -185,6 +192,7 @@ def main(
     first: Annotated[int, typer.Option("--seed", help="The first campaign; its flights have 100 times this.")] = 10,
     most: Annotated[int, typer.Option("--flights", help="Flights of configuration A in each weather.")] = 20,
     with_B: Annotated[int, typer.Option("--flights-b", help="Flights of configuration B in the calmest weather.")] = 5,
+    with_C: Annotated[int, typer.Option("--flights-c", help="The same of C, with a false installation name.")] = 0,
     jobs: Annotated[int, typer.Option(help="Processes.")] = 1,
     file: Annotated[Path, typer.Option(help="Where flights are kept, one a line.")] = Path("out/campaigns.jsonl"),
     drawn: Annotated[int, typer.Option(help="Campaigns drawn from the flights' statistics, a row.")] = 0,
@@ -194,8 +202,9 @@ def main(
 ) -> None:
     """Fly what is missing and print the figures."""
     wanted = list(
-        jobs_of(worlds or ["study"], weather_kt or [3.0, 15.0], range(first, first + campaigns), most, with_B)
-    )
+        jobs_of(worlds or ["study"], weather_kt or [3.0, 15.0], range(first, first + campaigns),
+                {"A": most, "B": with_B, "C": with_C})
+    )  # fmt: skip
     if not fly_missing:
         places = {tuple(job)[:-1] for job in wanted}  # by any version
         campaign_figures.print_figures(

@@ -16,7 +16,9 @@ from analysis.trajectory.equations import SENSOR_ERRORS
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("analysis", "daq", "flight", "flightpower", "sim")
-TEXTS = {"verdict", "reason", "note", "title", "text", "message", "warning", "hint", "label", "problem", "sentence"}
+TEXTS = {
+    "verdict", "reason", "note", "title", "text", "message", "warning", "hint", "label", "problem", "sentence", "word",
+}  # fmt: skip
 TEXTS |= {f"{word}s" for word in TEXTS}
 PARAMETER = {"name", "parameter"}
 LOOKS = {"startswith", "endswith", "removeprefix", "removesuffix", "find", "partition"}

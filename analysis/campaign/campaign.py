@@ -26,8 +26,6 @@ from analysis.campaign.folders import (
     records,
 )
 from analysis.campaign.processes import Analyze, Job, Outcome, load_ahead, processors, run_jobs
-from analysis.results.files import from_content
-from analysis.results.trust import NOT_TO_TRUST, reasons_not_to_trust
 from flight.errors import InputError
 
 
@@ -204,11 +202,6 @@ class FlightResults(NamedTuple):
     electrical: list[dict[str, Any]]  # flights that give electrical power only
     left_out: list[str]
 
-    @property
-    def not_to_trust(self) -> list[str]:
-        """Flights to pool whose results are not to be trusted, each with the reason."""
-        return [f"{one['log']}: {reason}" for one in self.to_pool for reason in one[NOT_TO_TRUST]]
-
 
 def read_results(folders: Sequence[Path]) -> FlightResults:
     """The results in flights' folders. Flights without statistics for pooling are left out, with a reason.
@@ -219,7 +212,6 @@ def read_results(folders: Sequence[Path]) -> FlightResults:
     for folder in folders:
         content = read_json(folder / RESULTS)
         content["log"] = folder.name
-        content[NOT_TO_TRUST] = _reasons(content)
         content = {name: value for name, value in content.items() if name not in UNUSED}
         if content.get("pooling") is not None:
             found.to_pool.append(content)
@@ -229,14 +221,6 @@ def read_results(folders: Sequence[Path]) -> FlightResults:
         else:
             found.left_out.append(f"{folder.name}: has no accelerations and decelerations, and is not pooled")
     return found
-
-
-def _reasons(content: dict[str, Any]) -> list[str]:
-    """Reasons not to trust the results of a flight; none where another version wrote them."""
-    try:
-        return reasons_not_to_trust(from_content(content))
-    except msgspec.ValidationError:
-        return []
 
 
 def flight_folders_of(folder: Path) -> list[Path]:

@@ -13,8 +13,9 @@ from typer.core import TyperCommand
 
 from analysis.cli.compare import app as compare_app
 from analysis.cli.electrical import Done
-from analysis.cli.one_log import analyze_log, told_exit_code
+from analysis.cli.one_log import analyze_log
 from analysis.cli.options import Options, QuietOption
+from analysis.cli.verdict import tell
 from flight.command_line import ExitCode, application, run, takes_options
 from flight.errors import InputError
 
@@ -131,17 +132,16 @@ def analyze(
 
 
 def _finish(done: Done, json: bool, quiet: bool) -> ExitCode:
-    """Print the results, and on stderr doubts and why they are not to be trusted. Returns the exit code."""
+    """Print the results, and on stderr what speaks against them. Returns the exit code."""
     from analysis.results.files import to_json
-    from analysis.results.trust import doubts
 
-    for doubt in doubts(done.results):
-        print(f"doubtful: {doubt}", file=sys.stderr)
-    if json:
-        print(to_json(done.results).decode())
-    elif not quiet:
-        done.print_summary(Console())
-    return told_exit_code(done.results)
+    def print_results() -> None:
+        if json:
+            print(to_json(done.results).decode())
+        elif not quiet:
+            done.print_summary(Console())
+
+    return tell(done.results.evidence, print_results)
 
 
 def main() -> None:

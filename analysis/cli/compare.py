@@ -6,7 +6,8 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from flight.command_line import ExitCode, application
+from analysis.cli.verdict import tell
+from flight.command_line import application
 from flight.errors import InputError
 from flight.files import check_writable
 
@@ -32,8 +33,9 @@ def compare(
     Example:
       analyze compare old/ new/ -o difference
 
-    Exit code 0: done. 1: done, but the results of a flight are not to be trusted; lines on stderr say why. 2: the
-    folders cannot be compared; one line on stderr says why, and nothing was written.
+    Exit code 0: done; doubts about a flight, or about what the two share, are named first. 1: done, but the results of
+    a flight are not to be trusted; lines on stderr say why. 2: the folders cannot be compared; one line on stderr says
+    why, and nothing was written.
     """
     if output is not None:
         check_writable(output / "report.html")
@@ -44,24 +46,20 @@ def compare(
     from analysis.report.terminal import print_comparison
     from analysis.report.write import write_comparison
 
-    pools, not_to_trust = [], []
+    pools = []
     for folder in (a, b):
         found = read_results(flight_folders_of(folder))
         if not found.to_pool:
             raise InputError(f"{folder}: no flight to compare; {found.left_out[0]}")
         pools.append(pool_results(found.to_pool))
-        not_to_trust += found.not_to_trust
     names = [folder.resolve().name for folder in (a, b)]
     if names[0] == names[1]:
         names = [str(a), str(b)]
     comparison = compare_pools(*pools).results(*names)
     if output is not None:
         write_comparison(comparison, output)
-    print_comparison(comparison, output and output / "report.html", Console())
-    for line in not_to_trust:
-        Console(stderr=True).print(f"not to be trusted: {line}", highlight=False, markup=False, soft_wrap=True)
-    if not_to_trust:
-        raise typer.Exit(ExitCode.FAILURE)
+    page = output and output / "report.html"
+    raise typer.Exit(tell(comparison.evidence, lambda: print_comparison(comparison, page, Console())))
 
 
 def _check_no_other_results(path: Path) -> None:

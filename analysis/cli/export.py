@@ -7,8 +7,8 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from analysis.cli.one_log import told_exit_code
 from analysis.cli.options import LogOptions, QuietOption, ReplaceOption
+from analysis.cli.verdict import tell
 from analysis.exports import FOLDERS, KINDS
 from flight.command_line import ExitCode, application, run, takes_options
 from flight.errors import InputError
@@ -78,7 +78,7 @@ def export(
         export_tables(tables_of(analysis), recorded, to, path)
     if not quiet:
         print(f"{path}: written")
-    return told_exit_code(analysis.results)
+    return tell(analysis.results.evidence, lambda: None)
 
 
 def main() -> None:

@@ -1,6 +1,5 @@
 """The analysis of one log as the command line asks for it: reads the files that options name, writes the report."""
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,8 +13,6 @@ from analysis.cli.electrical import (
 )
 from analysis.cli.lean_imports import import_lean
 from analysis.cli.options import Options
-from analysis.schema import Results
-from flight.command_line import ExitCode
 from flight.errors import InputError
 from flight.files import check_writable
 from flight.log_reader import read_log
@@ -89,16 +86,6 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
         previous_runs,
         replaced_report,
     )
-
-
-def told_exit_code(results: Results) -> ExitCode:
-    """Prints on stderr why results are not to be trusted. Returns the exit code."""
-    from analysis.results.trust import reasons_not_to_trust
-
-    reasons = reasons_not_to_trust(results)
-    for reason in reasons:
-        print(f"not to be trusted: {reason}", file=sys.stderr)
-    return ExitCode.FAILURE if reasons else ExitCode.DONE
 
 
 def refuse_folder(log: Path) -> None:

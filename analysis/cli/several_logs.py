@@ -19,6 +19,7 @@ from analysis.campaign.processes import Progress as Step
 from analysis.cli.files_used import files_used
 from analysis.cli.one_log import analyze_log
 from analysis.cli.options import Options
+from analysis.cli.verdict import tell
 from flight.command_line import ExitCode
 from flight.errors import InputError
 
@@ -76,8 +77,8 @@ def analyze_logs(
             stderr.print(f"note: {note}", highlight=False, markup=False, soft_wrap=True)
         if not campaign.folders:
             raise InputError(f"{output}: none of the {len(logs)} logs can be used")
-        not_to_trust = _pool(campaign, output, stderr, quiet)
-    return ExitCode.FAILURE if campaign.failures or not_to_trust else ExitCode.DONE
+        found = _pool(campaign, output, quiet)
+    return ExitCode.FAILURE if campaign.failures else found
 
 
 def _load_report() -> None:
@@ -85,13 +86,14 @@ def _load_report() -> None:
         importlib.import_module(module)
 
 
-def _pool(campaign: Campaign, output: Path, stderr: Console, quiet: bool) -> list[str]:
-    """Write and print the results of all flights; lines on those that are not to be trusted.
+def _pool(campaign: Campaign, output: Path, quiet: bool) -> ExitCode:
+    """Write and print the results of all flights, and what speaks against them.
 
     Raises InputError when they cannot be pooled.
     """
     with Console(stderr=True, quiet=quiet).status(f"pooling {len(campaign.folders)} flights …"):
         from analysis.campaign.campaign import read_results
+        from analysis.pooling.evidence import against_electrical
         from analysis.pooling.pool import pool_results
         from analysis.report.terminal import print_pooled
         from analysis.report.write import write_electrical_flights, write_pooled
@@ -103,17 +105,18 @@ def _pool(campaign: Campaign, output: Path, stderr: Console, quiet: bool) -> lis
             pooled = pool_results(found.to_pool).results(found.left_out, campaign.failures)
             write_pooled(pooled, output)
         else:
-            write_electrical_flights(found.electrical, campaign.failures, output)
-    for line in found.not_to_trust:
-        stderr.print(f"not to be trusted: {line}", highlight=False, markup=False, soft_wrap=True)
-    if quiet:
-        return found.not_to_trust
-    if found.to_pool:
-        print_pooled(pooled, page, Console())
-    else:
-        note = f"{len(found.electrical)} flights give electrical power only, which is not pooled"
-        Console().print(f"{note}\nreport: {page}", highlight=False, markup=False)
-    return found.not_to_trust
+            flights = write_electrical_flights(found.electrical, campaign.failures, output)
+
+    def print_results() -> None:
+        if quiet:
+            return
+        if found.to_pool:
+            print_pooled(pooled, page, Console())
+        else:
+            note = f"{len(found.electrical)} flights give electrical power only, which is not pooled"
+            Console().print(f"{note}\nreport: {page}", highlight=False, markup=False)
+
+    return tell(pooled.evidence if found.to_pool else against_electrical(flights), print_results)
 
 
 def _processors() -> int:

@@ -15,7 +15,7 @@ from scipy.stats import norm
 
 from analysis.pooling.flight_statistics import INSTALLATION_ERRORS, POLAR, POOLED, FlightStatistics, M
 from analysis.pooling.joint import FlightStack, PooledEstimate, Prior, take, without_each
-from analysis.pooling.results import Trend
+from analysis.pooling.results import Trend, TrendQuantity
 from analysis.pooling.settings import POOLING
 from analysis.settings import EVIDENCE
 
@@ -135,11 +135,27 @@ def outliers(stack: FlightStack, prior: Prior) -> dict[int, Difference]:
     return differing
 
 
-def flights_covariance(stack: FlightStack, pool: PooledEstimate, part: slice = POLAR_PART) -> Array:
+def mounted_anew(stack: FlightStack, prior: Prior) -> frozenset[int]:
+    """Numbers of the flights that deny having one installation: those that differ, or all where the others differ, too.
+
+    stack: of the flights as their files say
+    """
+    if len(stack.values) < 2 or not homogeneity(stack, prior, INSTALLATION_PART).differs:
+        return frozenset()
+    n = len(stack.values)
+    level = EVIDENCE.false_alarms / (2 * n)
+    moved = {i for i, difference in outliers(stack, prior).items() if difference.p_installation < level}
+    others = [i for i in range(n) if i not in moved]
+    if moved and not homogeneity(take(stack, others), prior, INSTALLATION_PART).differs:
+        return frozenset(moved)
+    return frozenset(range(n))
+
+
+def flights_covariance(stack: FlightStack, prior: Prior, part: slice = POLAR_PART) -> Array:
     """Covariance (k n, k n) of k parameters that each of n flights estimates alone; common errors correlate them."""
     n, k = stack.values[:, part].shape
     a = stack.prior_part[:, part].reshape(n * k, M)
-    covariance = a @ pool.prior_covariance @ a.T
+    covariance = a @ prior.covariance @ a.T
     for change in stack.changes.values():
         flat = change[:, part].ravel()
         covariance = covariance + np.outer(flat, flat)
@@ -148,10 +164,10 @@ def flights_covariance(stack: FlightStack, pool: PooledEstimate, part: slice = P
     return np.asarray(covariance)
 
 
-def homogeneity(stack: FlightStack, pool: PooledEstimate, part: slice = POLAR_PART) -> Test:
+def homogeneity(stack: FlightStack, prior: Prior, part: slice = POLAR_PART) -> Test:
     """Whether the flights differ by more than their errors: generalized least squares on common parameters."""
     n, k = stack.values[:, part].shape
-    covariance = flights_covariance(stack, pool, part)
+    covariance = flights_covariance(stack, prior, part)
     scale = np.sqrt(np.diag(covariance))
     factor = np.linalg.cholesky(covariance / np.outer(scale, scale))
     z = np.linalg.solve(factor, stack.values[:, part].ravel() / scale)
@@ -183,14 +199,15 @@ def quadratic_form(d: Array, C: Array) -> float:
 def trends(flights: Sequence[FlightStatistics], deviations_percent: Array, covariance: Array) -> list[Trend]:
     """Change of power over date, temperature and battery voltage, by generalized least squares.
 
-    deviations_percent (n,): of each flight from a common curve, covariance (n, n). Quantities that fewer than
-    `POOLING.fewest_for_trend` flights have, or that are the same in all, are left out.
+    deviations_percent (n,): of each flight from a common curve, covariance (n, n). The change is that from the lowest
+    to the highest value flown. Quantities that fewer than `POOLING.fewest_for_trend` flights have, or that are the same
+    in all, are left out.
     """
     found = []
     for quantity, unit, values in (
-        ("date", "day", [_or_nan(f.content.pooling.start_unix_s) / 86400.0 for f in flights]),
-        ("air temperature", "K", [_or_nan(f.content.air_temperature_K) for f in flights]),
-        ("battery voltage", "V", [_or_nan(f.content.pooling.battery_V) for f in flights]),
+        (TrendQuantity.DATE, "days since 1970", [_or_nan(f.content.pooling.start_unix_s) / 86400.0 for f in flights]),
+        (TrendQuantity.TEMPERATURE, "K", [_or_nan(f.content.air_temperature_K) for f in flights]),
+        (TrendQuantity.BATTERY, "V", [_or_nan(f.content.pooling.battery_V) for f in flights]),
     ):
         x = np.array(values)
         known = np.isfinite(x)
@@ -200,12 +217,15 @@ def trends(flights: Sequence[FlightStatistics], deviations_percent: Array, covar
         weights = np.linalg.inv(covariance[np.ix_(known, known)])
         C = np.linalg.inv(X.T @ weights @ X)
         slope, error = float((C @ X.T @ weights @ deviations_percent[known])[1]), float(np.sqrt(C[1, 1]))
+        lowest, highest = float(x[known].min()), float(x[known].max())
         found.append(
             Trend(
                 quantity=quantity,
                 unit=unit,
-                slope_percent=slope,
-                standard_error_percent=error,
+                lowest=lowest,
+                highest=highest,
+                change_percent=slope * (highest - lowest),
+                standard_error_percent=error * (highest - lowest),
                 p=float(2 * norm.sf(abs(slope / error))),
                 flights=int(known.sum()),
             )

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
@@ -18,14 +19,16 @@ from analysis.drag import covariance
 from analysis.drag.rejected_assumptions import Assumption
 from analysis.estimation.noise import NORMAL_95
 from analysis.polar import Condition, Polar, power_required, speed_at
-from analysis.pooling.agreement import Test, quadratic_form
+from analysis.pooling.agreement import INSTALLATION_PART, Test, homogeneity, quadratic_form
+from analysis.pooling.evidence import against_installation
 from analysis.pooling.flight_statistics import POLAR, THRUST_CORRECTIONS, M
-from analysis.pooling.joint import Group, Prior, shared_prior, solve
+from analysis.pooling.joint import Group, Prior, shared_prior, solve, stacked
 from analysis.pooling.joint_pool import JointPool
 from analysis.pooling.results import ComparisonResults, Configuration, FlightsToSee, PowerDifference
 from analysis.pooling.settings import POOLING
-from analysis.pooling.wording import SharedErrors
-from analysis.schema import ConditionResult
+from analysis.pooling.wording import SharedErrors, installations_text
+from analysis.results.trust import trust_by, worst_first
+from analysis.schema import ConditionResult, Evidence, EvidenceKind
 from analysis.settings import EVIDENCE
 from flight.errors import InputError
 
@@ -41,6 +44,7 @@ class Comparison:
     difference_percent, half_width_percent : of the power of A, with its 95 % interval
     independent_half_width_percent : what it would be if the two shared no error
     test : whether the two curves differ at all
+    denied : by which the flights deny the one installation that the files of both name; None where they do not
     """
 
     a: JointPool
@@ -55,6 +59,7 @@ class Comparison:
     same_installation: bool
     same_propeller: bool
     test: Test
+    denied: Test | None
 
     @property
     def differs(self) -> bool:
@@ -70,9 +75,29 @@ class Comparison:
             return SharedErrors.INSTALLATION_AND_PROPELLER if self.same_propeller else SharedErrors.INSTALLATION
         return SharedErrors.PROPELLER if self.same_propeller else SharedErrors.NONE
 
+    def evidence(self, a_name: str = "", b_name: str = "") -> list[Evidence]:
+        """Against the flights of both and what they are said to share, the worst first. a_name, b_name: of the two."""
+        named = [
+            msgspec.structs.replace(one, log="/".join(filter(None, (name, one.log))))
+            for pool, name in ((self.a, a_name), (self.b, b_name))
+            for one in pool.evidence
+        ]
+        return worst_first([*named, *against_installation(self.denied)])
+
     def results(self, a_name: str = "", b_name: str = "") -> ComparisonResults:
         """The contents of the comparison's results.json. a_name, b_name: of the two configurations."""
+        evidence = self.evidence(a_name, b_name)
+        notes = [
+            f"{name}: {note}" if name else note
+            for pool, name in ((self.a, a_name), (self.b, b_name))
+            for note in pool.notes
+        ]
+        if self.denied and EvidenceKind.INSTALLATIONS_DIFFER not in {one.kind for one in evidence}:
+            notes.append(installations_text(self.denied))
         return ComparisonResults(
+            trust=trust_by(evidence),
+            evidence=evidence,
+            notes=notes,
             software_version=version("flightpower"),
             a=_configuration(self.a, a_name),
             b=_configuration(self.b, b_name),
@@ -98,7 +123,9 @@ def compare(a: JointPool, b: JointPool) -> Comparison:
     if both:
         name = next(flight.name for flight in a.flights if flight.values.tobytes() in both)
         raise InputError(f"{name} is in both pools of the comparison; a flight belongs to one configuration: remove it")
-    same_installation, same_propeller = _same_installation(a, b), _same_propeller(a, b)
+    stated_same = _same_installation(a, b)
+    denied = _denied(a, b) if stated_same else None
+    same_installation, same_propeller = stated_same and denied is None, _same_propeller(a, b)
     condition_b = Condition(a.condition.weight_N, a.condition.rho, b.condition.wing_area_m2)
     V = _common_speeds(a, b, condition_b)
     polars = _joint_polars(a, b, same_installation, same_propeller)
@@ -124,6 +151,7 @@ def compare(a: JointPool, b: JointPool) -> Comparison:
         same_installation=same_installation,
         same_propeller=same_propeller,
         test=Test(chi_square, _N_POLAR, float(chi2.sf(chi_square, _N_POLAR))),
+        denied=denied,
     )
 
 
@@ -176,6 +204,18 @@ def _same_installation(a: JointPool, b: JointPool) -> bool:
     if first.installation != other.installation or first.probe_calibration != other.probe_calibration:
         return False
     return bool(first.installation) or first.aircraft.name == other.aircraft.name
+
+
+def _denied(a: JointPool, b: JointPool) -> Test | None:
+    """The test by which flights of A and B deny having one installation; None where they do not deny it.
+
+    Flights that deny it in their own pool have errors of their own, and are left out.
+    """
+    own, others = ([one for i, one in enumerate(pool.flights) if i not in pool.anew] for pool in (a, b))
+    if not own or not others:
+        return a.installation_homogeneity if not own else b.installation_homogeneity
+    test = homogeneity(stacked([*own, *others]), shared_prior([*own, *others]), INSTALLATION_PART)
+    return test if test.differs else None
 
 
 def _same_propeller(a: JointPool, b: JointPool) -> bool:

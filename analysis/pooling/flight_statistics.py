@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from analysis.polar import Condition
 from analysis.schema import POOLING_FORMAT as FORMAT
-from analysis.schema import AircraftResult, ConditionResult, PoolingStatistics, PowerPoint
+from analysis.schema import AircraftResult, ConditionResult, Evidence, PoolingStatistics, PowerPoint, Trust
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
@@ -52,7 +52,8 @@ class FlightContent(msgspec.Struct, frozen=True, kw_only=True):
     air_temperature_K: float | None = None
     power_required: list[PowerPoint] = []
     pooling: PoolingStatistics
-    not_to_trust: list[str] = []  # reasons, added by who reads the file
+    trust: Trust = Trust.TRUSTED
+    evidence: list[Evidence] | None = None  # null in results of earlier versions, which have no verdict
 
 
 class FlightStatistics(NamedTuple):

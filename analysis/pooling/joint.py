@@ -9,10 +9,11 @@ zeros) have been marginalized: they are in its covariance.
 
 Where nothing says that the probe stayed mounted, each flight has its own deviation from the shared errors of the
 installation, with the variance Q. The prior of the shared part is smaller by Q, so that a single flight has its own
-prior again.
+prior again. A flight that denies the installation it is said to have is taken to be mounted anew: its deviation has the
+variance of the prior.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -116,17 +117,26 @@ class PooledEstimate(NamedTuple):
     total: Array
 
 
-def remounting_variance(flight: FlightStatistics) -> Array:
-    """Variance (M,) of a flight's own deviations: 0 where the installation has a name."""
+def remounting_variance(flight: FlightStatistics, *, anew: bool) -> Array:
+    """Variance (M,) of a flight's own deviations: 0 where the installation has a name. anew: it denies the name."""
+    if flight.installation and not anew:
+        return np.zeros(M)
+    share = 1.0 if anew else POOLING.remounted
     with np.errstate(divide="ignore"):
-        variance = np.where(_INSTALLATION, POOLING.remounted**2 / flight.prior_information, 0.0)
-    return np.zeros(M) if flight.installation else variance
+        return np.where(_INSTALLATION, share**2 / flight.prior_information, 0.0)
 
 
-def stacked(flights: Sequence[FlightStatistics]) -> FlightStack:
-    """Flights as arrays."""
+def stacked(flights: Sequence[FlightStatistics], anew: Collection[int] = ()) -> FlightStack:
+    """Flights as arrays. anew: numbers of those that were mounted anew, whatever their files say."""
     normal_matrix, vector, gain, prior_part, own_covariance = (
-        np.stack(part) for part in zip(*(_normal_equations(flight) for flight in flights), strict=True)
+        np.stack(part)
+        for part in zip(
+            *(
+                _normal_equations(flight, remounting_variance(flight, anew=i in anew))
+                for i, flight in enumerate(flights)
+            ),
+            strict=True,
+        )
     )
     names = sorted({name for flight in flights for name in flight.changes} - OWN_CHANGES)
     changes = {name: np.stack([flight.changes.get(name, np.zeros(M)) for flight in flights]) for name in names}
@@ -161,8 +171,8 @@ def _without_prior(covariance: Array, prior: Array) -> _DataInformation:
     return _DataInformation(information, excess)
 
 
-def _normal_equations(flight: FlightStatistics) -> tuple[Array, Array, Array, Array, Array]:
-    """Of `FlightStack`: normal_matrix, vector, gain, prior_part, own_covariance.
+def _normal_equations(flight: FlightStatistics, Q: Array) -> tuple[Array, Array, Array, Array, Array]:
+    """Of `FlightStack`: normal_matrix, vector, gain, prior_part, own_covariance. Q: (M,) of the flight's deviations.
 
     s: errors of the installation, the first step, with the covariance S_ss. r: drag and thrust, the second step, which
     change by `slope` times s and have the covariance S_rr - slope S_ss slope' for given s. Their data and priors were
@@ -187,7 +197,6 @@ def _normal_equations(flight: FlightStatistics) -> tuple[Array, Array, Array, Ar
     excess = excess + by_first @ first.excess @ by_first.T
 
     normal_matrix, vector = gain - P, gain @ flight.values - flight.prior_vector
-    Q = remounting_variance(flight)
     moved = Q > 0
     shrink = np.eye(M)
     if moved.any():

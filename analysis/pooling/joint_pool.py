@@ -11,10 +11,15 @@ from analysis.drag import covariance
 from analysis.estimation.noise import NORMAL_95
 from analysis.polar import Condition, Polar, power_required, speed_at
 from analysis.pooling.agreement import INSTALLATION_PART, Difference, Test, differences_to_others, homogeneity, outliers
+from analysis.pooling.evidence import against_flights, against_installation, against_outliers, against_polars
 from analysis.pooling.flight_statistics import POLAR, FlightStatistics
 from analysis.pooling.joint import FlightStack, PooledEstimate, Prior, pooled_estimate, without_each
+from analysis.pooling.results import Agreement
 from analysis.pooling.settings import POOLING
-from analysis.settings import CURVES
+from analysis.pooling.wording import NOT_NAMED, installations_text, polars_text
+from analysis.results.trust import worst_first
+from analysis.schema import Evidence, EvidenceKind
+from analysis.settings import CURVES, EVIDENCE
 
 Array = NDArray[np.float64]
 
@@ -25,12 +30,16 @@ _N_POLAR = len(POLAR)
 class JointPool:
     """The joint estimate of one or more flights of one aircraft, propeller and installation.
 
+    as_stated, stack : with the installation that the files state; with the flights `anew` mounted anew
+    anew : numbers of the flights that deny having the same installation as the others
     condition : mean weight and density of the flights, at which curves are given
     flown_CL : lift coefficients that at least one flight covers
     """
 
     flights: tuple[FlightStatistics, ...]
+    as_stated: FlightStack
     stack: FlightStack
+    anew: frozenset[int]
     prior: Prior
     estimate: PooledEstimate
     polar: Polar
@@ -50,23 +59,66 @@ class JointPool:
 
     @cached_property
     def differences(self) -> list[Difference]:
-        """Each flight against the pool of all others; empty for one flight."""
-        return differences_to_others(self.stack, self.prior) if len(self.flights) > 1 else []
+        """Each flight against the pool of all others; empty for one flight. Installations are compared as stated."""
+        if len(self.flights) < 2:
+            return []
+        found, stated = (differences_to_others(one, self.prior) for one in (self.stack, self.as_stated))
+        return [one._replace(p_installation=as_said.p_installation) for one, as_said in zip(found, stated, strict=True)]
 
     @cached_property
     def outliers(self) -> dict[int, Difference]:
         """By number, flights that differ from the pool of those that agree."""
-        return outliers(self.stack, self.prior)
+        return outliers(self.as_stated, self.prior)
+
+    @property
+    def outlying_curves(self) -> list[str]:
+        """Names of the flights whose curve differs from those of the others."""
+        level = EVIDENCE.false_alarms / (2 * len(self.flights))
+        return [self.flights[i].name for i, one in sorted(self.outliers.items()) if one.p < level]
 
     @cached_property
     def homogeneity(self) -> Test | None:
         """Test of whether the polars of the flights agree; None for one flight."""
-        return homogeneity(self.stack, self.estimate) if len(self.flights) > 1 else None
+        return homogeneity(self.stack, self.prior) if len(self.flights) > 1 else None
 
     @cached_property
     def installation_homogeneity(self) -> Test | None:
-        """Test of whether the errors of the installation are the same in all flights; None for one flight."""
-        return homogeneity(self.stack, self.estimate, INSTALLATION_PART) if len(self.flights) > 1 else None
+        """Test of whether the errors of the installation are as the same as stated; None for one flight."""
+        return homogeneity(self.as_stated, self.prior, INSTALLATION_PART) if len(self.flights) > 1 else None
+
+    @cached_property
+    def evidence(self) -> list[Evidence]:
+        """Against the flights and the pool, the worst first."""
+        return worst_first(
+            [
+                *against_flights(self.flights),
+                *against_polars(self.homogeneity),
+                *against_installation(self.installation_homogeneity),
+                *against_outliers(self.flights, self.outliers),
+            ]
+        )
+
+    @property
+    def notes(self) -> list[str]:
+        """What the reader has to know beside the evidence."""
+        told = {one.kind for one in self.evidence if not one.log}
+        polars, installations = self.homogeneity, self.installation_homogeneity
+        notes = [NOT_NAMED] if len(self.flights) > 1 and not self.flights[0].installation else []
+        if polars and polars.differs and EvidenceKind.FLIGHTS_DIFFER not in told:
+            notes.append(polars_text(polars))
+        if installations and installations.differs and EvidenceKind.INSTALLATIONS_DIFFER not in told:
+            notes.append(installations_text(installations))
+        return notes
+
+    @cached_property
+    def agreement(self) -> Agreement | None:
+        """Whether the flights agree, by the tests and the outliers; None for one flight."""
+        polars, installations = self.homogeneity, self.installation_homogeneity
+        if polars is None or installations is None:
+            return None
+        if polars.differs or self.outlying_curves:
+            return Agreement.NOT_THE_CURVES
+        return Agreement.NOT_THE_INSTALLATION if installations.differs or self.outliers else Agreement.YES
 
     def power(self, V: Array) -> tuple[Array, Array]:
         """Power required and its standard error [W], each (n,), at speeds V (n,) [m/s]."""

@@ -11,7 +11,14 @@ from numpy.typing import NDArray
 
 from analysis.estimation.noise import NORMAL_95
 from analysis.polar import Condition, Polar, lift_coefficient, power_required
-from analysis.pooling.agreement import Test, differences_in_pool, flights_covariance, likely_cause, trends
+from analysis.pooling.agreement import (
+    Test,
+    differences_in_pool,
+    flights_covariance,
+    likely_cause,
+    mounted_anew,
+    trends,
+)
 from analysis.pooling.comparison import plans_to_see
 from analysis.pooling.flight_statistics import POLAR, POOLED, FlightStatistics, check_one_aircraft, read_statistics
 from analysis.pooling.joint import pooled_estimate, shared_prior, stacked
@@ -28,14 +35,8 @@ from analysis.pooling.results import (
     SharedParameter,
     Trend,
 )
-from analysis.pooling.wording import (
-    INSTALLATION_NOT_NAMED,
-    Note,
-    NoteKind,
-    cause_text,
-    installations_text,
-    polars_text,
-)
+from analysis.pooling.wording import cause_text, installations_text, polars_text
+from analysis.results.trust import trust_by
 from analysis.schema import ConditionResult, PowerPoint
 from flight.errors import InputError
 
@@ -49,11 +50,6 @@ _UNITS = {"alpha_bias": "rad", "beta_bias": "rad", "air_data_lag": "s"}
 class Pool(JointPool):
     """The joint estimate of flights, and the form of its results.json."""
 
-    @property
-    def notes(self) -> list[Note]:
-        """What the reader of the pooled results has to know."""
-        return _notes(self)
-
     def results(self, left_out: Sequence[str] = (), failures: Sequence[str] = ()) -> PooledResults:
         """The contents of the pooled results.json.
 
@@ -64,6 +60,8 @@ class Pool(JointPool):
         shared = zip(POOLED[_N_POLAR:], self.estimate.x[_N_POLAR:], error[_N_POLAR:], strict=True)
         polars, installations = self.homogeneity, self.installation_homogeneity
         return PooledResults(
+            trust=trust_by(self.evidence),
+            evidence=self.evidence,
             software_version=version("flightpower"),
             aircraft=self.flights[0].aircraft,
             installation=self.flights[0].installation,
@@ -76,7 +74,8 @@ class Pool(JointPool):
             ],
             power_required=_curve(self),
             between_flights=_between_flights(self),
-            homogeneity=_agreement(polars, polars_text(polars)) if polars else None,
+            agreement=self.agreement,
+            homogeneity=_agreement(polars, polars_text(polars, self.outlying_curves)) if polars else None,
             installation_homogeneity=(
                 _agreement(installations, installations_text(installations)) if installations else None
             ),
@@ -88,7 +87,7 @@ class Pool(JointPool):
             one_more=_one_more(self, flights),
             flights_to_see=plans_to_see(self),
             trends=_trends(self),
-            notes=[note.text for note in self.notes],
+            notes=self.notes,
             left_out=list(left_out),
             failures=list(failures),
         )
@@ -109,11 +108,15 @@ def pool(flights: Sequence[FlightStatistics]) -> Pool:
     """The same from the statistics of the flights."""
     _refuse_repeated(flights)
     check_one_aircraft(flights)
-    stack, prior = stacked(flights), shared_prior(flights)
+    as_stated, prior = stacked(flights), shared_prior(flights)
+    anew = mounted_anew(as_stated, prior)
+    stack = stacked(flights, anew) if anew else as_stated
     estimate = pooled_estimate(stack, prior)
     return Pool(
         flights=tuple(flights),
+        as_stated=as_stated,
         stack=stack,
+        anew=anew,
         prior=prior,
         estimate=estimate,
         polar=pooled_polar(flights, estimate),
@@ -223,6 +226,8 @@ def _flights(pooled: JointPool) -> list[PooledFlight]:
                 p_installation=difference.p_installation if difference else None,
                 outlier=outlier is not None,
                 reason=cause_text(likely_cause(outlier)) if outlier else "",
+                trust=flight.content.trust,
+                mounted_anew=i in pooled.anew,
             )
         )
     return flights
@@ -244,28 +249,11 @@ def _trends(pooled: JointPool) -> list[Trend]:
     """At the speed where the flights alone are most certain."""
     n = len(pooled.flights)
     J = _percent(pooled, pooled.speeds_mps)
-    C = flights_covariance(pooled.stack, pooled.estimate)
+    C = flights_covariance(pooled.stack, pooled.prior)
     blocks = C.reshape(n, 3, n, 3)
     at = int(np.argmin(np.einsum("vi,figj,vj,fg->v", J, blocks, J, np.eye(n), optimize=True)))
     deviations = np.array([J[at] @ (flight.values[:_N_POLAR] - pooled.polar.A) for flight in pooled.flights])
     return trends(pooled.flights, deviations, np.einsum("i,figj,j->fg", J[at], blocks, J[at]))
-
-
-def _notes(pooled: JointPool) -> list[Note]:
-    notes = []
-    if len(pooled.flights) > 1 and not pooled.flights[0].installation:
-        notes.append(INSTALLATION_NOT_NAMED)
-    notes += [
-        Note(NoteKind.FLIGHT_NOT_TO_TRUST, f"{flight.name} is not to be trusted. {reason}")
-        for flight in pooled.flights
-        for reason in flight.content.not_to_trust
-    ]
-    polars, installations = pooled.homogeneity, pooled.installation_homogeneity
-    if polars and polars.differs:
-        notes.append(Note(NoteKind.POLARS_DIFFER, polars_text(polars)))
-    if installations and installations.differs:
-        notes.append(Note(NoteKind.INSTALLATIONS_DIFFER, installations_text(installations)))
-    return notes
 
 
 def _refuse_repeated(flights: Sequence[FlightStatistics]) -> None:

@@ -3,12 +3,22 @@
 Percentages of a pool are of its power required; those of a comparison are of the power of A.
 """
 
+from enum import StrEnum
+
 import msgspec
 
-from analysis.schema import AircraftResult, ConditionResult, PowerPoint
+from analysis.schema import AircraftResult, ConditionResult, Evidence, PowerPoint, Trust
 
-POOLED_FORMAT = "flightpower-pooled-1"
+POOLED_FORMAT = "flightpower-pooled-2"
 COMPARISON_FORMAT = "flightpower-comparison-1"
+
+
+class Agreement(StrEnum):
+    """Whether the flights of a pool agree."""
+
+    YES = "yes"
+    NOT_THE_INSTALLATION = "the curves, not the installation"
+    NOT_THE_CURVES = "no"
 
 
 class PolarCoefficients(msgspec.Struct, frozen=True, kw_only=True):
@@ -71,6 +81,8 @@ class PooledFlight(msgspec.Struct, frozen=True, kw_only=True):
     p_installation: float | None
     outlier: bool
     reason: str  # the likely one, where it is an outlier
+    trust: Trust  # of its own results
+    mounted_anew: bool  # it denies the installation that the files state
 
 
 class Outlier(msgspec.Struct, frozen=True, kw_only=True):
@@ -97,14 +109,24 @@ class FlightsToSee(msgspec.Struct, frozen=True, kw_only=True):
     flights_each: int | None  # null where it takes more than `EVIDENCE.most_repetitions`
 
 
-class Trend(msgspec.Struct, frozen=True, kw_only=True):
-    """Change of power per unit of a quantity."""
+class TrendQuantity(StrEnum):
+    """What power is compared with."""
 
-    quantity: str
+    DATE = "date"
+    TEMPERATURE = "air temperature"
+    BATTERY = "battery voltage"
+
+
+class Trend(msgspec.Struct, frozen=True, kw_only=True):
+    """Change of power over the range of a quantity that was flown."""
+
+    quantity: TrendQuantity
     unit: str
-    slope_percent: float
+    lowest: float
+    highest: float
+    change_percent: float  # from lowest to highest
     standard_error_percent: float
-    p: float  # probability of a slope this far from zero without a trend
+    p: float  # probability of a change this far from zero without a trend
     flights: int  # with this quantity
 
 
@@ -112,6 +134,8 @@ class PooledResults(msgspec.Struct, frozen=True, kw_only=True):
     """The contents of the `results.json` of a pool."""
 
     format: str = POOLED_FORMAT
+    trust: Trust  # as bad as the worst of:
+    evidence: list[Evidence]  # against the flights and the pool, the worst first
     software_version: str
     aircraft: AircraftResult
     installation: str
@@ -121,6 +145,7 @@ class PooledResults(msgspec.Struct, frozen=True, kw_only=True):
     parameters: list[SharedParameter]
     power_required: list[PowerPoint]
     between_flights: list[Scatter]  # empty in a pool of one flight
+    agreement: Agreement | None  # of the flights, by the tests and the outliers; null in a pool of one flight
     homogeneity: AgreementTest | None  # of the polars; null in a pool of one flight
     installation_homogeneity: AgreementTest | None
     flights: list[PooledFlight]
@@ -158,11 +183,13 @@ class ComparisonResults(msgspec.Struct, frozen=True, kw_only=True):
     """The contents of the `results.json` of a comparison."""
 
     format: str = COMPARISON_FORMAT
+    trust: Trust  # as bad as the worst of:
+    evidence: list[Evidence]  # against the flights of both, and against what they are said to share, the worst first
     software_version: str
     a: Configuration
     b: Configuration
     test: ConditionResult  # those of A, at which both curves are given
-    same_installation: bool
+    same_installation: bool  # as the files say, unless the flights deny it
     same_propeller: bool
     differences: list[PowerDifference]
     chi_square: float
@@ -170,4 +197,5 @@ class ComparisonResults(msgspec.Struct, frozen=True, kw_only=True):
     p: float
     differs: bool  # with at most 5 % of false alarms
     text: str
+    notes: list[str]
     flights_to_see: list[FlightsToSee]

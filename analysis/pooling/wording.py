@@ -1,7 +1,7 @@
 """Sentences about pools and comparisons, made last from what was found."""
 
+from collections.abc import Sequence
 from enum import Enum
-from typing import NamedTuple
 
 from analysis.pooling.agreement import LikelyCause, Test
 from analysis.trajectory.observability import TITLES
@@ -38,14 +38,16 @@ def cause_text(cause: LikelyCause | None) -> str:
     )
 
 
-def polars_text(test: Test) -> str:
-    """Whether the polars of the flights agree."""
+def polars_text(test: Test, outliers: Sequence[str] = ()) -> str:
+    """Whether the curves of the flights agree. outliers: names of those that differ from all others."""
+    named = f" {' and '.join(outliers)} {'differ' if len(outliers) > 1 else 'differs'} from the others."
     if not test.differs:
-        return f"The flights agree within their errors (p = {test.p:.2g})."
+        agree = f"The curves of the flights agree within their errors (p = {test.p:.2g})"
+        return f"{agree}, taken together, but{named}" if outliers else f"{agree}."
     return (
-        f"The flights differ by more than their errors explain (p = {test.p:.2g}): the interval of the pooled curve may"
-        " be too narrow. Look at the outliers and trends: something changed between flights, or an error is larger than"
-        " assumed."
+        f"The curves of the flights differ by more than their errors explain (p = {test.p:.2g}): the interval of the"
+        f" pooled curve may be too narrow.{named if outliers else ''} Look at the outliers and trends: something"
+        " changed between flights, or an error is larger than assumed."
     )
 
 
@@ -54,31 +56,15 @@ def installations_text(test: Test) -> str:
     if not test.differs:
         return f"The errors of the installation are the same in all flights within their errors (p = {test.p:.2g})."
     return (
-        f"The errors of the installation differ between flights (p = {test.p:.2g}): probe, tubes or tray were moved."
-        " Give the flights before and after different [installation] names, or none."
+        f"The errors of the installation differ between flights (p = {test.p:.2g}): probe, tubes or tray were moved,"
+        " and they are taken to be mounted anew. Give the flights before and after different [installation] names,"
+        " or none."
     )
 
 
-class NoteKind(Enum):
-    """What the reader of a pool has to know."""
-
-    INSTALLATION_NOT_NAMED = "each flight has its own deviation of the installation"
-    FLIGHT_NOT_TO_TRUST = "the results of a flight are not to be trusted"
-    POLARS_DIFFER = "the flights differ by more than their errors"
-    INSTALLATIONS_DIFFER = "the errors of the installation differ by more than their errors"
-
-
-class Note(NamedTuple):
-    """text : of the flight, or of the test"""
-
-    kind: NoteKind
-    text: str
-
-
-INSTALLATION_NOT_NAMED = Note(
-    NoteKind.INSTALLATION_NOT_NAMED,
+NOT_NAMED = (
     "The aircraft file has no [installation] name: the probe is taken to be mounted anew for each flight. Give flights"
-    " between which nothing was moved one name.",
+    " between which nothing was moved one name."
 )
 
 

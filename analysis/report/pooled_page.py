@@ -1,6 +1,7 @@
 """The page of several flights together, from the content of their pooled results.json (docs/pooling.md)."""
 
 from collections.abc import Sequence
+from datetime import UTC, datetime
 from typing import NamedTuple
 from urllib.parse import quote
 
@@ -16,12 +17,14 @@ from analysis.pooling.results import (
     Scatter,
     SharedParameter,
     Trend,
+    TrendQuantity,
 )
 from analysis.report.answers import HeadlineAnswer
 from analysis.report.figures import pooled as figures
 from analysis.report.html_page import HtmlTable, html_figure, render_page
-from analysis.report.wording import every, meaning
-from analysis.schema import ConditionResult, ElectricalFlight
+from analysis.report.wording import VERDICT, every, meaning
+from analysis.results.trust import sentence
+from analysis.schema import ConditionResult, ElectricalFlight, Evidence, EvidenceKind, Trust
 from analysis.settings import EVIDENCE
 from flight.units import GRAVITY_MPS2
 
@@ -45,6 +48,20 @@ class ElectricalRow(NamedTuple):
     speed: str
 
 
+class Verdict(NamedTuple):
+    """What is said first: the heading, its class in page.css, and a sentence for each piece of evidence."""
+
+    heading: str
+    color_class: str
+    reasons: list[str]
+
+
+def verdict(trust: Trust, evidence: Sequence[Evidence]) -> Verdict:
+    heading, color_class = VERDICT[trust]
+    none = ["Nothing speaks against the flights, nor against taking them together."]
+    return Verdict(heading, color_class, [sentence(one) for one in evidence] or none)
+
+
 def render_pooled(pooled: PooledResults) -> str:
     """The page as one HTML file."""
     flights = pooled.flights
@@ -57,6 +74,7 @@ def render_pooled(pooled: PooledResults) -> str:
         "pooled.html",
         title=f"{pooled.aircraft.title}: power required, {count(len(flights), 'flight')}",
         condition=_condition(pooled.test, pooled.aircraft.propeller, pooled.installation),
+        verdict=verdict(pooled.trust, pooled.evidence),
         answers=pooled_answers(pooled),
         figures={name: html_figure(figure, name) for name, figure in drawn.items()},
         warnings=pooled_warnings(pooled),
@@ -66,7 +84,7 @@ def render_pooled(pooled: PooledResults) -> str:
             f" is {best.log}."
         ),
         to_see=to_see_table(pooled.flights_to_see),
-        agreement=pooled.homogeneity.text if pooled.homogeneity else "",
+        agreement=[test.text for test in (pooled.homogeneity, pooled.installation_homogeneity) if test],
         compared_at=f"{more.speed_mps[middle]:.1f} m/s",
         scatter=_scatter(pooled.between_flights),
         trends=_trends(pooled.trends),
@@ -112,6 +130,8 @@ def render_comparison(comparison: ComparisonResults) -> str:
         title=f"{comparison.b.name} against {comparison.a.name}",
         condition=_condition(comparison.test, "", ""),
         text=comparison.text,
+        verdict=verdict(comparison.trust, comparison.evidence),
+        warnings=comparison.notes,
         answers=comparison_answers(comparison),
         figures={"difference": html_figure(figure, "difference")},
         differences=differences_table(comparison.differences),
@@ -125,8 +145,11 @@ def render_comparison(comparison: ComparisonResults) -> str:
 
 
 def pooled_warnings(pooled: PooledResults) -> list[str]:
-    """Notes, and the outliers with the likely reason."""
-    return [*pooled.notes, *(f"{one.log} is an outlier: {one.reason}" for one in pooled.outliers)]
+    """Notes, and the outliers with the likely reason that are not among the evidence."""
+    differ = (EvidenceKind.FLIGHTS_DIFFER, EvidenceKind.INSTALLATIONS_DIFFER)
+    told = {one.log for one in pooled.evidence if one.kind in differ}
+    outliers = [one for one in pooled.outliers if one.log not in told]
+    return [*pooled.notes, *(f"{one.log} is an outlier: {one.reason}" for one in outliers)]
 
 
 def pooled_answers(pooled: PooledResults) -> list[HeadlineAnswer]:
@@ -136,7 +159,6 @@ def pooled_answers(pooled: PooledResults) -> list[HeadlineAnswer]:
     least, most = int(np.argmin(shares)), int(np.argmax(shares))
     more = pooled.one_more
     worst = int(np.argmax(more.half_width_percent))
-    test, outliers = pooled.homogeneity, [one.log for one in pooled.outliers]
     answers = [
         HeadlineAnswer(
             "Certainty of the curve",
@@ -144,14 +166,16 @@ def pooled_answers(pooled: PooledResults) -> list[HeadlineAnswer]:
             f"Best at {points[least].speed_mps:.1f} m/s, worst at {points[most].speed_mps:.1f} m/s (95 % interval).",
         )
     ]
-    if test:
-        agree = test.p >= EVIDENCE.false_alarms and not outliers
+    polars, installations = pooled.homogeneity, pooled.installation_homogeneity
+    if pooled.agreement and polars and installations:
+        outliers = [one.log for one in pooled.outliers]
         named = f"Outliers: {', '.join(outliers)}. " if outliers else ""
         answers.append(
             HeadlineAnswer(
                 "Agreement of the flights",
-                "yes" if agree else "no",
-                f"{named}Probability of a scatter this large by the known errors alone: {probability(test.p)}.",
+                pooled.agreement,
+                f"{named}Probability of differences this large by the known errors alone: of the curves"
+                f" {probability(polars.p)}, of the installation {probability(installations.p)}.",
             )
         )
     answers.append(
@@ -282,11 +306,12 @@ def _scatter(rows: Sequence[Scatter]) -> HtmlTable:
 
 def _trends(rows: Sequence[Trend]) -> HtmlTable:
     return HtmlTable(
-        ("power against", "change of power", "standard error", "flights", ""),
+        ("power against", "flown from", "to", "change of power", "standard error", "flights", ""),
         [
             (
                 row.quantity,
-                f"{row.slope_percent:+.2g} % per {row.unit}",
+                *_range(row),
+                f"{row.change_percent:+.2g} %",
                 f"{row.standard_error_percent:.2g} %",
                 str(row.flights),
                 f"{'a trend' if row.p < EVIDENCE.false_alarms else 'none seen'} ({probability(row.p)})",
@@ -296,8 +321,20 @@ def _trends(rows: Sequence[Trend]) -> HtmlTable:
     )
 
 
+def _range(row: Trend) -> tuple[str, str]:
+    if row.quantity == TrendQuantity.DATE:
+        days = [datetime.fromtimestamp(86400 * value, UTC) for value in (row.lowest, row.highest)]
+        return f"{days[0]:%Y-%m-%d %H:%M} UTC", f"{days[1]:%Y-%m-%d %H:%M} UTC"
+    return f"{row.lowest:.1f} {row.unit}", f"{row.highest:.1f} {row.unit}"
+
+
 def _flight_row(flight: PooledFlight) -> FlightRow:
     half = flight.half_width_percent
+    remarks = [
+        *([flight.trust] if flight.trust is not Trust.TRUSTED else []),
+        *([f"outlier: {flight.reason}"] if flight.outlier else []),
+        *(["taken to be mounted anew"] if flight.mounted_anew else []),
+    ]
     return FlightRow(
         name=flight.log,
         link=f"{quote(flight.log)}/report.html",
@@ -305,7 +342,7 @@ def _flight_row(flight: PooledFlight) -> FlightRow:
         density=f"{flight.test.air_density_kgpm3:.3f} kg/m³",
         alone=f"{min(half):.1f} to {max(half):.1f}",
         share=f"{100 * flight.share_of_information:.0f} %",
-        remark=f"outlier: {flight.reason}" if flight.outlier else "",
+        remark="; ".join(remarks),
     )
 
 

@@ -61,6 +61,7 @@ def print_comparison(comparison: ComparisonResults, page: Path | None, console: 
     _print_table(console, title, differences_table(comparison.differences, 8))
     _print_answers(console, comparison_answers(comparison))
     console.print(escape(comparison.text), highlight=False)
+    _print_notes(console, comparison.notes)
     if page:
         _print_page(console, page)
 

@@ -4,9 +4,16 @@ from collections.abc import Sequence
 from typing import TypeVar
 
 from analysis.maneuvers.kinds import LEVEL_RUNS
-from analysis.schema import MethodResult, Results
+from analysis.schema import MethodResult, Results, Trust
 
 T = TypeVar("T")
+
+# The heading of a verdict, and its class in page.css.
+VERDICT = {
+    Trust.TRUSTED: ("To be trusted", "good"),
+    Trust.DOUBTFUL: ("Doubtful", "doubt"),
+    Trust.NOT_TO_BE_TRUSTED: ("Not to be trusted as it stands", "bad"),
+}
 
 
 def every(points: Sequence[T], rows: int = 12) -> Sequence[T]:

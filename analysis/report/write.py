@@ -76,13 +76,17 @@ def write_pooled(pooled: PooledResults, folder: Path) -> None:
     _write(render_pooled(pooled), pooled, folder)
 
 
-def write_electrical_flights(flights: list[dict[str, Any]], failures: list[str], folder: Path) -> None:
+def write_electrical_flights(
+    contents: list[dict[str, Any]], failures: list[str], folder: Path
+) -> list[ElectricalFlight]:
     """Write report.html and results.json of flights whose electrical power stands side by side, not pooled.
 
-    flights: contents of their results.json. Raises InputError when the folder cannot be written.
+    contents: of their results.json. Returns the flights. Raises InputError when the folder cannot be written.
     """
-    content = {"format": FLIGHTS_FORMAT, "flights": flights, "failures": failures}
-    _write(render_electrical_flights(msgspec.convert(flights, list[ElectricalFlight]), failures), content, folder)
+    flights = msgspec.convert(contents, list[ElectricalFlight])
+    content = {"format": FLIGHTS_FORMAT, "flights": contents, "failures": failures}
+    _write(render_electrical_flights(flights, failures), content, folder)
+    return flights
 
 
 def write_comparison(comparison: ComparisonResults, folder: Path) -> None:

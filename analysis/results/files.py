@@ -2,34 +2,14 @@
 
 import csv
 import io
-from collections.abc import Mapping
-from typing import Any
 
 import msgspec
 
-from analysis.schema import CurveStatus, Results
+from analysis.schema import Results
 
 
 def to_json(results: Results) -> bytes:
     return msgspec.json.format(msgspec.json.encode(results), indent=1)
-
-
-def from_content(content: Mapping[str, Any]) -> Results:
-    """Of a `results.json`, also of version 0.1.0, which says in words alone how the estimation ended.
-
-    Raises msgspec.ValidationError where it has another form.
-    """
-    results = msgspec.convert(content, Results)
-    if results.status is not None:
-        return results
-    words = results.verdict
-    if words.startswith("by "):
-        status = CurveStatus.BY_ANOTHER_METHOD
-    elif words.startswith("converged") and not words.startswith("converged at a bound"):
-        status = CurveStatus.CONVERGED
-    else:
-        status = CurveStatus.NOT_CONVERGED
-    return msgspec.structs.replace(results, status=status)
 
 
 def to_csv(results: Results) -> str:

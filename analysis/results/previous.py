@@ -67,14 +67,14 @@ def _replaced(folder: Path, results: Results) -> str:
 
 def _options(command_line: str) -> list[str]:
     """The options that change results, in order of the alphabet; not the log, which its hash identifies."""
-    words, options = shlex.split(command_line)[1:], []
-    while words:
-        word = words.pop(0)
-        name, _, value = word.partition("=")
+    arguments, options = shlex.split(command_line)[1:], []
+    while arguments:
+        argument = arguments.pop(0)
+        name, _, value = argument.partition("=")
         if not name.startswith("-") or name in QUIET:
             continue
-        if not value and words and name not in QUIET:
-            value = words.pop(0)
+        if not value and arguments and name not in QUIET:
+            value = arguments.pop(0)
         if name not in OUTPUT:
             options.append(f"{name}={value}")
     return sorted(options)

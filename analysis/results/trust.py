@@ -26,7 +26,6 @@ from analysis.schema import (
 )
 from analysis.settings import FLOWN
 
-NOT_TO_TRUST = "not_to_trust"  # name under which the results of a flight in a pool have its reasons
 _WORST_FIRST = (Trust.NOT_TO_BE_TRUSTED, Trust.DOUBTFUL, Trust.TRUSTED)
 
 # What usually makes a sensor error larger than assumed, by its name in `path`.
@@ -61,8 +60,13 @@ def evidence_against(results: Results) -> list[Evidence]:
         *_outside_table(results),
         *_curve(results),
     ]
+    return worst_first(found)
+
+
+def worst_first(evidence: Iterable[Evidence]) -> list[Evidence]:
+    """Of one level causes before their consequences."""
     kinds = list(EvidenceKind)
-    return sorted(found, key=lambda one: (_WORST_FIRST.index(one.level), kinds.index(one.kind)))
+    return sorted(evidence, key=lambda one: (_WORST_FIRST.index(one.level), kinds.index(one.kind)))
 
 
 def trust_by(evidence: Iterable[Evidence]) -> Trust:
@@ -78,12 +82,12 @@ def with_trust(results: Results) -> Results:
 
 def reasons_not_to_trust(results: Results) -> list[str]:
     """Each in one or two sentences; empty for a result that can be used within its interval, with doubts or without."""
-    return [one.text for one in evidence_against(results) if one.level is Trust.NOT_TO_BE_TRUSTED]
+    return [one.text for one in results.evidence if one.level is Trust.NOT_TO_BE_TRUSTED]
 
 
-def doubts(results: Results) -> list[str]:
-    """Each in one or two sentences, with the part of the result that is doubtful."""
-    return [f"{one.text} In doubt: {one.part}." for one in evidence_against(results) if one.level is Trust.DOUBTFUL]
+def sentence(one: Evidence) -> str:
+    """With the flight, where there are several, and what is in doubt."""
+    return f"{f'{one.log}: ' if one.log else ''}{one.text} In doubt: {one.part}."
 
 
 def _estimation(results: Results) -> Iterator[Evidence]:
@@ -309,7 +313,7 @@ def _curve(results: Results) -> Iterator[Evidence]:
     if results.cross_check_differs:
         yield Evidence(
             kind=EvidenceKind.CROSS_CHECK,
-            level=Trust.NOT_TO_BE_TRUSTED,
+            level=Trust.DOUBTFUL,
             part=PartOfResult.CURVE,
             text="The cross-check by output error differs from the curve by more than their intervals allow.",
         )

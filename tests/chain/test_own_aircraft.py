@@ -12,6 +12,7 @@ from running import done, read_once, rewritten
 from analysis.campaign.campaign import read_results
 from analysis.performance.analysis import compute
 from analysis.performance.request import Request
+from analysis.pooling.pool import pool_results
 from flight.aircraft import load_aircraft
 
 pytestmark = pytest.mark.xdist_group("chain")
@@ -68,15 +69,14 @@ def test_options_replace_what_a_log_has_or_lacks(flown: Path, tmp_path: Path) ->
     assert results(tmp_path / "report")["power_required"] == results(flown / "log.report")["power_required"]
 
 
-def test_the_reasons_not_to_trust_a_flight_are_read_for_its_pool(four: Path, tmp_path: Path) -> None:
+def test_the_evidence_against_a_flight_is_read_for_its_pool(four: Path, tmp_path: Path) -> None:
     content = json.loads((four / "four" / "results.json").read_text("utf-8"))
-    of_0_1 = {name: value for name, value in content.items() if name != "status"}
-    for written, reasons in (
-        (content, 0),
-        (content | {"status": "not converged"}, 1),
-        (of_0_1, 0),
-        (of_0_1 | {"verdict": "not converged"}, 1),
-        (of_0_1 | {"verdict": "converged at a bound: A0 = 0"}, 1),
+    against = {"kind": "not converged", "level": "not to be trusted", "part": "the whole curve", "text": "No."}
+    of_0_1 = {name: value for name, value in content.items() if name not in ("trust", "evidence")}
+    for written, found in (
+        (content, content["trust"]),
+        (content | {"evidence": [against]}, "not to be trusted"),
+        (of_0_1, "doubtful"),
     ):
         (tmp_path / "results.json").write_text(json.dumps(written), "utf-8")
-        assert len(read_results([tmp_path]).not_to_trust) == reasons
+        assert pool_results(read_results([tmp_path]).to_pool).results().trust == found

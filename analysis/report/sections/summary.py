@@ -6,8 +6,9 @@ import numpy as np
 from scipy.constants import foot, kmh
 
 from analysis.report.answers import HeadlineAnswer, headline_answers
-from analysis.results.trust import evidence_against, trust_by
-from analysis.schema import CurveStatus, PowerPoint, Results, Trust
+from analysis.report.wording import VERDICT
+from analysis.results.trust import sentence
+from analysis.schema import CurveStatus, PowerPoint, Results
 from flight.units import GRAVITY_MPS2
 
 
@@ -62,14 +63,6 @@ class NamedPoint(NamedTuple):
     meaning: str
 
 
-# The heading of the verdict, and its class in page.css.
-_HEADING = {
-    Trust.TRUSTED: ("To be trusted", "good"),
-    Trust.DOUBTFUL: ("Doubtful", "doubt"),
-    Trust.NOT_TO_BE_TRUSTED: ("Not to be trusted as it stands", "bad"),
-}
-
-
 class VerdictSection(NamedTuple):
     number: str
     interval: str
@@ -104,8 +97,7 @@ def _point_at(results: Results, speed_mps: float) -> PowerPoint:
 
 def verdict_section(results: Results) -> VerdictSection:
     at, meaning = reference_point(results)
-    evidence = evidence_against(results)
-    heading, color_class = _HEADING[trust_by(evidence)]
+    heading, color_class = VERDICT[results.trust]
     return VerdictSection(
         number=f"{at.power_W:.1f} W",
         interval=f"{at.power_lo_W:.1f} to {at.power_hi_W:.1f} W",
@@ -115,7 +107,7 @@ def verdict_section(results: Results) -> VerdictSection:
         ),
         heading=heading,
         color_class=color_class,
-        reasons=" ".join(f"{one.text} In doubt: {one.part}." for one in evidence) or _support(results),
+        reasons=" ".join(map(sentence, results.evidence)) or _support(results),
     )
 
 

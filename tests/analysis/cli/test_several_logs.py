@@ -16,7 +16,6 @@ from analysis.cli.compare import app as compare_app
 from analysis.cli.files_used import _attachments, files_used
 from analysis.cli.one_log import Options
 from analysis.cli.several_logs import FlightAnalysis, ProgressOnConsole, settings
-from analysis.results.trust import NOT_TO_TRUST
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from flight.log_writer import LogWriter
@@ -111,10 +110,7 @@ def test_folders_of_a_pool_of_several_flights_and_of_one(tmp_path: Path) -> None
     assert [folder.name for folder in flight_folders_of(tmp_path / "pool")] == ["a", "b", "removed"]
     (tmp_path / "pool" / "results.json").write_text(json.dumps({"flights": [{"log": "a"}, {"log": "b"}]}))
     found = read_results(flight_folders_of(tmp_path / "pool"))
-    assert (
-        found.to_pool == [{"pooling": {"x": 1}, "log": "a", NOT_TO_TRUST: []}]
-        and "electrical power only" in found.left_out[0]
-    )
+    assert found.to_pool == [{"pooling": {"x": 1}, "log": "a"}] and "electrical power only" in found.left_out[0]
     assert flight_folders_of(tmp_path / "pool" / "a") == [tmp_path / "pool" / "a"]
     (tmp_path / "pool" / "a" / "empty").mkdir()
     with pytest.raises(InputError, match=r"no results\.json"):

@@ -75,6 +75,8 @@ def flight(x: Array, rng: np.random.Generator, name: str, noise: float = 1.0, **
     total = S[:3, :3] + covariance.floor() + sum(np.outer(c[:3], c[:3]) for c in CHANGES.values())
     return {
         "log": f"{name}.mcap",
+        "trust": "trusted",
+        "evidence": [],
         "aircraft": {
             "name": facts.get("aircraft", "mine"),
             "title": "Mine",

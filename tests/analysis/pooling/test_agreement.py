@@ -12,7 +12,9 @@ from analysis.polar import Condition, speed_at
 from analysis.pooling.agreement import differences_in_pool, likely_cause, quadratic_form, trends
 from analysis.pooling.flight_statistics import POOLED
 from analysis.pooling.pool import Pool, _thrust_known, pool_results
-from analysis.pooling.wording import NoteKind, cause_text
+from analysis.pooling.results import Agreement, TrendQuantity
+from analysis.pooling.wording import cause_text
+from analysis.schema import EvidenceKind
 
 
 def test_homogeneity_is_calibrated_on_flights_drawn_from_the_model() -> None:
@@ -66,7 +68,8 @@ def test_an_outlier_is_named_and_the_scatter_between_flights_exceeds_what_is_exp
     assert likely_cause(found.outliers[2]) is None
     assert found.homogeneity is not None and found.homogeneity.p < 1e-3
     assert found.results().between_flights[-1].excess_percent > 1
-    assert NoteKind.POLARS_DIFFER in [note.kind for note in found.notes]
+    differing = [one.log for one in found.evidence if one.kind is EvidenceKind.FLIGHTS_DIFFER]
+    assert differing == ["", "2.mcap"] and found.agreement is Agreement.NOT_THE_CURVES
 
 
 def test_a_probe_that_was_moved_in_one_flight_is_named() -> None:
@@ -76,7 +79,10 @@ def test_a_probe_that_was_moved_in_one_flight_is_named() -> None:
     assert "offset of angle of attack differs by +1." in cause_text(cause)
     assert found.installation_homogeneity is not None and found.installation_homogeneity.p < 1e-3
     assert found.homogeneity is not None and found.homogeneity.p > 1e-3
-    assert [note.kind for note in found.notes] == [NoteKind.INSTALLATIONS_DIFFER]
+    assert {(one.kind, one.log) for one in found.evidence} == {
+        (EvidenceKind.INSTALLATIONS_DIFFER, ""), (EvidenceKind.INSTALLATIONS_DIFFER, "2.mcap")
+    }  # fmt: skip
+    assert found.agreement is Agreement.NOT_THE_INSTALLATION
 
 
 def test_flights_that_agree_have_no_outlier() -> None:
@@ -127,10 +133,25 @@ def test_a_trend_is_the_slope_of_generalized_least_squares() -> None:
         for day, T in zip(days, (280.0, None, 290.0, 295.0), strict=True)
     ]
     (found,) = trends(flights, 3.0 + 0.5 * days, 0.04 * np.eye(4))  # type: ignore[arg-type]
-    assert (found.quantity, found.unit, found.flights) == ("date", "day", 4)
-    assert found.slope_percent == pytest.approx(0.5)
-    assert found.standard_error_percent == pytest.approx(0.2 / np.sqrt(np.sum((days - 2.0) ** 2)))
-    assert found.p == pytest.approx(2 * norm.sf(0.5 / found.standard_error_percent))
+    assert (found.quantity, found.lowest, found.highest, found.flights) == (TrendQuantity.DATE, 0.0, 5.0, 4)
+    assert found.change_percent == pytest.approx(5 * 0.5)
+    assert found.standard_error_percent == pytest.approx(5 * 0.2 / np.sqrt(np.sum((days - 2.0) ** 2)))
+    assert found.p == pytest.approx(2 * norm.sf(2.5 / found.standard_error_percent))
+
+
+def test_a_trend_is_told_over_the_range_flown_alone() -> None:
+    """Flights within 0.1 K say nothing of a kelvin: the change is that of 0.1 K, as uncertain as the flights."""
+    flights = [
+        SimpleNamespace(
+            content=SimpleNamespace(
+                pooling=SimpleNamespace(start_unix_s=None, battery_V=None), air_temperature_K=288.0 + 0.1 * i / 4
+            )
+        )
+        for i in range(5)
+    ]
+    (found,) = trends(flights, np.array([0.3, -0.2, 0.1, 0.4, -0.1]), 0.09 * np.eye(5))  # type: ignore[arg-type]
+    assert found.highest - found.lowest == pytest.approx(0.1)
+    assert abs(found.change_percent) < 0.5 and found.standard_error_percent < 0.5
 
 
 def test_thrust_is_known_where_a_flight_that_was_there_had_it_within_the_table() -> None:

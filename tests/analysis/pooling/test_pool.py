@@ -11,12 +11,13 @@ from synthetic_flights import CHANGES, POLAR, PRIOR_MEAN, PRIOR_SIGMA, flight, t
 from analysis.drag import covariance
 from analysis.estimation.noise import NORMAL_95
 from analysis.polar import Polar
+from analysis.pooling.comparison import compare
 from analysis.pooling.flight_statistics import POOLED
 from analysis.pooling.joint import _without_prior, without_each
 from analysis.pooling.pool import Pool, pool_results
 from analysis.pooling.settings import POOLING
-from analysis.pooling.wording import NoteKind
-from analysis.results.trust import NOT_TO_TRUST
+from analysis.pooling.wording import NOT_NAMED
+from analysis.schema import EvidenceKind, PartOfResult, Trust
 from flight.errors import InputError
 
 
@@ -192,7 +193,7 @@ def test_the_common_part_of_mountings_is_known_no_better_than_their_scatter_allo
     at = POOLED.index("alpha_bias")
     scatter = 0.95 * POOLING.remounted * PRIOR_SIGMA[at] / np.sqrt(6)  # the prior knows a little more
     assert unnamed.estimate.total[at, at] ** 0.5 > scatter > 2 * named.estimate.total[at, at] ** 0.5
-    assert [note.kind for note in unnamed.notes] == [NoteKind.INSTALLATION_NOT_NAMED]
+    assert unnamed.notes == [NOT_NAMED]
     assert not named.notes
 
 
@@ -239,12 +240,28 @@ def test_the_pool_of_files_equals_that_of_their_content(tmp_path: Path) -> None:
     assert pool_results(paths).results() == pool_results(results).results()
 
 
-def test_a_flight_that_is_not_to_be_trusted_is_noted() -> None:
-    good, bad = campaign(10, 2)
-    reason = "The estimation did not converge: not converged."
-    (note,) = pool_results([{**good, NOT_TO_TRUST: []}, {**bad, NOT_TO_TRUST: [reason]}]).notes
-    assert note.kind is NoteKind.FLIGHT_NOT_TO_TRUST
-    assert note.text == f"10-1.mcap is not to be trusted. {reason}"
+def evidence(level: Trust) -> dict[str, Any]:
+    return {"kind": EvidenceKind.MOTOR_SPEED, "level": level, "part": PartOfResult.CURVE, "text": "Check the poles."}
+
+
+def test_a_pool_and_a_comparison_are_as_bad_as_their_worst_flight_and_name_it() -> None:
+    good, bad, other = campaign(10, 3)
+    for level in (Trust.DOUBTFUL, Trust.NOT_TO_BE_TRUSTED):
+        pools = pool_results([good, {**bad, "evidence": [evidence(level)], "trust": level}]), pool_results([other])
+        (one,) = pools[0].evidence
+        assert (one.log, one.level, one.kind) == ("10-1.mcap", level, EvidenceKind.MOTOR_SPEED)
+        pooled, (alone, with_bad) = pools[0].results(), (compare(*order).results("old", "new") for order in (
+            pools, pools[::-1]))  # fmt: skip
+        assert {pooled.trust, alone.trust, with_bad.trust} == {level}
+        assert [flight.trust for flight in pooled.flights] == [Trust.TRUSTED, level]
+        assert [found.evidence[0].log for found in (alone, with_bad)] == ["old/10-1.mcap", "new/10-1.mcap"]
+    assert pool_results([good, other]).results().trust is Trust.TRUSTED
+
+
+def test_a_flight_of_an_earlier_version_has_no_verdict() -> None:
+    good, old = campaign(10, 2)
+    (one,) = pool_results([good, {name: value for name, value in old.items() if name != "evidence"}]).evidence
+    assert (one.log, one.kind, one.level) == ("10-1.mcap", EvidenceKind.NO_VERDICT, Trust.DOUBTFUL)
 
 
 def test_a_calm_flight_contributes_most_and_another_like_it_is_offered() -> None:
@@ -270,7 +287,8 @@ def test_a_trend_over_temperature_is_found_and_none_over_date() -> None:
         results.append(flight(drift, rng, str(i), 0.3, temperature_K=280.0 + 5 * i, start_unix_s=1.7e9 + i % 2 * 1e6))
     temperature, date = sorted(pool_results(results).results().trends, key=lambda trend: trend.p)
     assert temperature.quantity == "air temperature"
-    assert temperature.slope_percent == pytest.approx(0.2, abs=3 * temperature.standard_error_percent)
+    assert (temperature.lowest, temperature.highest) == (280.0, 315.0)
+    assert temperature.change_percent == pytest.approx(7.0, abs=3 * temperature.standard_error_percent)
     assert temperature.p < 0.01
     assert date.quantity == "date"
 

@@ -16,6 +16,7 @@ from analysis.report.sections.certainty import (
     thrust_share,
 )
 from analysis.report.sections.summary import reference_point, verdict_section
+from analysis.results.trust import with_trust
 from analysis.schema import (
     Correlation,
     CurveStatus,
@@ -117,9 +118,12 @@ def test_the_verdict_is_the_curve_at_the_speed_of_least_drag(results: Results) -
     assert "but 1 pair of methods disagree" in verdict_section(results).reasons
     agreeing = replace(results, disagreements=[])
     assert "1 other method agrees within the intervals" in verdict_section(agreeing).reasons
-    for wrong in ({"status": CurveStatus.NOT_CONVERGED}, {"cross_check_differs": True}):
-        headings = [verdict_section(one).heading for one in (agreeing, replace(agreeing, **wrong))]
-        assert headings == ["To be trusted", "Not to be trusted as it stands"]
+    for wrong, heading in (
+        ({"status": CurveStatus.NOT_CONVERGED}, "Not to be trusted as it stands"),
+        ({"cross_check_differs": True}, "Doubtful"),
+    ):
+        headings = [verdict_section(with_trust(one)).heading for one in (agreeing, replace(agreeing, **wrong))]
+        assert headings == ["To be trusted", heading]
 
 
 def test_a_fit_of_the_runs_alone_is_said_to_agree_only_where_it_is_compared(results: Results) -> None:

@@ -39,14 +39,21 @@ def flight(k: int) -> dict[str, Any]:
         "against_pool": [
             {"speed_mps": v, "difference_percent": d, "limit_percent": m} for v, d, m in deviations
         ],
-        "outlier": outlier, "reason": "was the probe touched?" if outlier else "",
+        "outlier": outlier, "reason": "was the probe touched?" if outlier else "", "mounted_anew": False,
+        "trust": "doubtful" if k == 3 else "trusted",
     }  # fmt: skip
+
+
+def doubt(log: str) -> dict[str, Any]:
+    return {"kind": "motor speed against the motor's constant", "level": "doubtful", "part": "the whole curve",
+            "log": log, "text": "Check the poles."}  # fmt: skip
 
 
 def pooled(flights: int) -> PooledResults:
     several = flights > 1
     content = {
         "software_version": "0", "aircraft": AIRCRAFT, "installation": "tray 1", "test": CONDITION,
+        "trust": "doubtful", "evidence": [doubt("2026-05-01-03 <flight>")], "agreement": "no" if several else None,
         "parameters": [{"name": "V_scale", "value": 0.001, "standard_error": 0.002, "unit": ""}],
         "power_required": [power(12 + k / 5) for k in range(61)],
         "between_flights": [
@@ -54,6 +61,9 @@ def pooled(flights: int) -> PooledResults:
         ] if several else [],
         "homogeneity": {
             "chi_square": 99.0, "degrees_of_freedom": 3, "p": 1e-9, "text": "The flights differ."
+        } if several else None,
+        "installation_homogeneity": {
+            "chi_square": 5.0, "degrees_of_freedom": 5, "p": 0.42, "text": "The installation is the same."
         } if several else None,
         "flights": [flight(k) for k in range(flights)],
         "outliers": [{"log": flight(7)["log"], "p": 1e-9, "reason": "was the probe touched?"}] if several else [],
@@ -63,11 +73,11 @@ def pooled(flights: int) -> PooledResults:
         },
         "flights_to_see": [{"difference_percent": 2.0, "flights_each": 5}],
         "trends": [
-            {"quantity": "date", "unit": "day", "slope_percent": 0.1, "standard_error_percent": 0.02, "p": 1e-6,
-             "flights": flights}
+            {"quantity": "air temperature", "unit": "K", "lowest": 281.0, "highest": 293.0, "change_percent": 1.2,
+             "standard_error_percent": 0.2, "p": 1e-6, "flights": flights}
         ] if several else [],
         "notes": ["mind <this>"], "left_out": [], "failures": ["x.mcap: not an MCAP file"],
-        "drag_polar": {"A0": 0.04, "A1": 0.0, "A2": 0.06}, "polar_covariance": [], "installation_homogeneity": None,
+        "drag_polar": {"A0": 0.04, "A1": 0.0, "A2": 0.06}, "polar_covariance": [],
     }  # fmt: skip
     return msgspec.convert(content, PooledResults)
 
@@ -84,6 +94,9 @@ def test_a_page_of_a_hundred_flights_is_small_and_names_them() -> None:
     text = body(page)
     assert "±2.0 to ±2.0 %" in text and "from ±2.0 to ±1.5 %" in text and "5 flights" in text
     assert "2026-05-01-07 &lt;flight&gt; is an outlier: was the probe touched?" in text
+    assert "+1.2 %" in text and "281.0 K" in text and "293.0 K" in text
+    said_first = text.index("2026-05-01-03 &lt;flight&gt;: Check the poles.")
+    assert text.index("Doubtful:") < said_first < text.index("Certainty of the curve")
     assert "a trend (p = below 0.0001)" not in text and "a trend (p below 0.0001)" in text
     assert "x.mcap: not an MCAP file" in text and "mind &lt;this&gt;" in text
     assert page.count('href="2026-05-01-') == 100 and "%3Cflight%3E/report.html" in page
@@ -106,11 +119,17 @@ def test_a_comparison_says_what_cancels() -> None:
         "software_version": "0", "a": side, "b": {**side, "name": "new"}, "test": CONDITION, "differences": rows,
         "p": 0.001, "differs": True, "text": "B differs from A.",
         "flights_to_see": [{"difference_percent": 1.0, "flights_each": None}],
+        "trust": "doubtful", "evidence": [doubt("new/x")], "notes": ["mind <this>"],
         "same_installation": True, "same_propeller": True, "chi_square": 20.0, "degrees_of_freedom": 3,
     }  # fmt: skip
     text = body(render_comparison(msgspec.convert(content, ComparisonResults)))
     assert (
-        "new against old" in text and "+3.0 % (+1.8 to +4.2)" in text and "±4.0 %" in text and "more than 200" in text
+        "mind &lt;this&gt;" in text
+        and text.index("new/x: Check the poles.") < text.index("Narrowest interval")
+        and "new against old" in text
+        and "+3.0 % (+1.8 to +4.2)" in text
+        and "±4.0 %" in text
+        and "more than 200" in text
     )
 
 

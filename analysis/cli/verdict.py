@@ -1,0 +1,27 @@
+"""What speaks against results, told on the terminal: doubts before them, reasons not to trust them at the end."""
+
+import sys
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from flight.command_line import ExitCode
+
+if TYPE_CHECKING:
+    from analysis.schema import Evidence
+
+
+def tell(evidence: Sequence["Evidence"], print_results: Callable[[], None]) -> ExitCode:
+    """Print doubts on stderr, then the results, then why they are not to be trusted. Returns the exit code."""
+    from analysis.results.trust import sentence
+    from analysis.schema import Trust
+
+    def said(level: Trust) -> list[str]:
+        return [f"{level}: {sentence(one)}" for one in evidence if one.level is level]
+
+    for line in said(Trust.DOUBTFUL):
+        print(line, file=sys.stderr)
+    print_results()
+    against = said(Trust.NOT_TO_BE_TRUSTED)
+    for line in against:
+        print(line, file=sys.stderr)
+    return ExitCode.FAILURE if against else ExitCode.DONE
