@@ -355,6 +355,11 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     altitude_change_m: float
     notes: list[str]
 
+    @property
+    def name(self) -> str:
+        """As `analysis.maneuvers.kinds.Maneuver.name`, by which estimates name it."""
+        return f"{self.kind} at {self.start_s:.0f} s"
+
 
 class RejectedResult(msgspec.Struct, frozen=True, kw_only=True):
     kind: str

@@ -68,7 +68,8 @@ class Browser:
             details = content["exceptionDetails"]
             self.complaints.append(details.get("exception", {}).get("description", details["text"]))
         elif event == "Runtime.consoleAPICalled":
-            self.complaints.append(str([argument.get("value") for argument in content["args"]]))
+            said = [argument.get("value", argument.get("description")) for argument in content["args"]]
+            self.complaints.append(str(said))
         elif event == "Network.requestWillBeSent":
             self.requests.append(content["request"]["url"])
 

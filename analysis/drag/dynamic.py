@@ -107,6 +107,18 @@ class RunFit(NamedTuple):
     modeled: dict[str, Array]
 
 
+class RunShares(NamedTuple):
+    """The normal equations of the regression at its solution, by run: what the curve without some runs follows from.
+
+    information : (m, m) of all runs and priors     by_run : S^T S (m, m) and S^T e (m,), whitened, by name of the run
+    noise_factor : the polar's noise covariance over the inverse of `information`: what colored residuals add
+    """
+
+    information: Array
+    by_run: dict[str, tuple[Array, Array]]
+    noise_factor: float
+
+
 @dataclass(frozen=True)
 class DynamicEstimate:
     """A drag polar with its covariance, and data for the report.
@@ -116,6 +128,7 @@ class DynamicEstimate:
     noise, systematic : the parts (5, 5) of their covariance, by noise and by errors common to all runs
     joint : with the sensor errors, for the joint estimate of several flights; None by another method
     convergence : of the regression of drag; None by another method
+    shares : of each run; None by another method
     """
 
     polar: Polar
@@ -129,6 +142,7 @@ class DynamicEstimate:
     systematic: Array
     joint: JointEstimate | None = None
     convergence: Convergence | None = None
+    shares: RunShares | None = None
 
 
 def estimate_polar(
@@ -192,7 +206,21 @@ def estimate_polar(
         systematic=systematic,
         joint=joint,
         convergence=fit.convergence,
+        shares=_run_shares(fit, noise[:3, :3]),
     )
+
+
+def _run_shares(fit: Fit, polar_noise: Array) -> RunShares:
+    """polar_noise : (3, 3), the noise part of the polar's covariance"""
+    by_run = {}
+    for one in fit.segment_fits:
+        weight = np.sqrt(one.white.weight)
+        S = np.zeros((weight.size, len(fit.values)))
+        S[:, one.columns] = (weight[..., None] * one.white.S).reshape(weight.size, -1)
+        by_run[one.segment.name] = (S.T @ S, S.T @ (weight * one.white.e).ravel())
+    information = fit.information + fit.prior_information
+    white_noise = np.linalg.inv(information)[:3, :3]
+    return RunShares(information, by_run, float(np.trace(np.linalg.solve(white_noise, polar_noise))) / 3)
 
 
 def _status(fit: Fit, trajectory: Trajectory) -> CurveStatus:

@@ -26,16 +26,17 @@ class HtmlTable(NamedTuple):
 
 
 class HtmlFigure(NamedTuple):
-    """A figure or several side by side: ids of the elements and what is drawn in them."""
+    """A figure or several side by side: ids of the elements and what is drawn in them. run: the one that they show."""
 
     parts: list[tuple[str, Figure]]
+    run: str = ""
 
 
-def html_figure(drawn: Figure | Sequence[Figure], name: str) -> HtmlFigure:
-    """name: id of the element; of several figures, with their number."""
+def html_figure(drawn: Figure | Sequence[Figure], name: str, run: str = "") -> HtmlFigure:
+    """name: id of the element; of several figures, with their number. run: the one that is shown, if it is one."""
     if isinstance(drawn, Figure):
-        return HtmlFigure([(name, drawn)])
-    return HtmlFigure([(f"{name}-{i}", figure) for i, figure in enumerate(drawn, start=1)])
+        return HtmlFigure([(name, drawn)], run)
+    return HtmlFigure([(f"{name}-{i}", figure) for i, figure in enumerate(drawn, start=1)], run)
 
 
 def render_page(template: str, **context: object) -> str:

@@ -53,23 +53,24 @@ def figures_by_name(analysis: Analysis) -> dict[str, Drawn]:
     return figures
 
 
-def run_fits(analysis: Analysis) -> list[Drawn]:
-    """The fit of each run."""
-    return [flight.run_fit(*fit) for fit in analysis.drag.main.fits]
+def run_fits(analysis: Analysis) -> dict[str, Drawn]:
+    """The fit of each run, by its name."""
+    return {fit.run: flight.run_fit(*fit) for fit in analysis.drag.main.fits}
 
 
 def render(
     results: Results,
     figures: Mapping[str, Figure | Sequence[Figure]],
-    run_fits: Sequence[Figure | Sequence[Figure]],
+    run_fits: Mapping[str, Figure | Sequence[Figure]],
     *,
     performance: Performance | None = None,
+    runs: Mapping[str, object] | None = None,
     replaced: str = "",
 ) -> str:
     """The page as one HTML file.
 
-    figures: by name (`figures_by_name`); run_fits: one for each run. performance: for the controls of weight, air and
-    battery. replaced: what the report replaces.
+    figures: by name (`figures_by_name`); run_fits: by the name of the run. performance: for the controls of weight, air
+    and battery. runs: what the page knows of each (`embedded_runs`). replaced: what the report replaces.
     """
     return render_page(
         "report.html",
@@ -86,5 +87,6 @@ def render(
         sensors=sensors_section(results),
         autopilot=autopilot_section(results),
         figures={name: html_figure(figure, name) for name, figure in figures.items()},
-        run_fits=[html_figure(figure, f"fit-{i}") for i, figure in enumerate(run_fits)],
+        run_fits=[html_figure(figure, f"fit-{i}", run) for i, (run, figure) in enumerate(run_fits.items())],
+        runs=runs,
     )

@@ -13,6 +13,7 @@ from analysis.pooling.results import ComparisonResults, PooledResults
 from analysis.report import field_table, page
 from analysis.report.page import figures_by_name, run_fits
 from analysis.report.pooled_page import render_comparison, render_electrical_flights, render_pooled
+from analysis.report.runs import embedded_runs
 from analysis.results.files import to_csv, to_json
 from analysis.results.previous import replaced
 from analysis.schema import ElectricalFlight
@@ -50,7 +51,9 @@ def write_report(analysis: Analysis, folder: Path) -> str:
         files["field_table.csv"] = field_table.to_csv(results, results.use)
     before = replaced(folder, results, files)
     figures, fits = figures_by_name(analysis), run_fits(analysis)
-    files["report.html"] = page.render(results, figures, fits, performance=analysis.performance, replaced=before)
+    files["report.html"] = page.render(
+        results, figures, fits, performance=analysis.performance, runs=embedded_runs(analysis), replaced=before
+    )
     for name, content in files.items():
         write_file(folder / name, content)
     return before

@@ -62,7 +62,7 @@ def timeline(table: pd.DataFrame, runs: Sequence[Maneuver], rejected: Sequence[R
 def _shades(runs: Sequence[Maneuver], rejected: Sequence[RejectedResult]) -> list[dict[str, object]]:
     """Rectangles across all panels."""
     stretches: list[dict[str, object]] = [
-        {"x0": run.start_s, "x1": run.end_s, "fillcolor": RUN_COLOR.get(run.kind, OTHER_RUN),
+        {"name": run.name, "x0": run.start_s, "x1": run.end_s, "fillcolor": RUN_COLOR.get(run.kind, OTHER_RUN),
          "opacity": 0.22 if run.kind == STEADY else 0.16, "line": {"width": 0}}
         for run in runs
     ] + [
@@ -101,7 +101,7 @@ def run_fit(run: str, t_s: Array, measured: dict[str, Array], modeled: dict[str,
         for figure, values in ((both, measured[quantity]), (differences, difference)):
             figure.add_scatter(
                 x=rounded(t_s), y=rounded(values), mode="markers", panel=i, marker=point, name="measured",
-                legendgroup="measured", showlegend=i == 1 and figure is both,
+                legendgroup="measured", showlegend=i == 1 and figure is both, meta={"run": run},
             )  # fmt: skip
         both.add_scatter(
             x=rounded(t_s), y=rounded(modeled[quantity]), mode="lines", panel=i, line=model, name="model",
@@ -128,7 +128,7 @@ def autocorrelation(residuals: Sequence[RunResidual]) -> Figure:
         figure.add_scatter(
             x=rounded(lags), y=rounded(np.array(run.autocorrelation)), mode="lines", name=kind, legendgroup=kind,
             line={"color": RUN_COLOR.get(kind, OTHER_RUN), "width": 1.8}, showlegend=kind not in in_legend,
-            hovertemplate=f"{run.run}: %{{y:.2f}}<extra></extra>",
+            hovertemplate=f"{run.run}: %{{y:.2f}}<extra></extra>", meta={"run": run.run},
         )  # fmt: skip
         in_legend.add(kind)
     longest = max((run.step_s * (len(run.autocorrelation) - 1) for run in residuals), default=1.0)
@@ -186,7 +186,7 @@ def ground_track(track: Track, runs: Sequence[Maneuver], air: AirFound | None) -
         figure.add_scatter(
             x=rounded(east[rows]), y=rounded(north[rows]), mode="lines", name=run.kind, legendgroup=run.kind,
             line={"color": RUN_COLOR.get(run.kind, OTHER_RUN), "width": 4}, showlegend=run.kind not in in_legend,
-            hovertemplate=f"{run.name}<extra></extra>",
+            hovertemplate=f"{run.name}<extra></extra>", meta={"run": run.name},
         )  # fmt: skip
         in_legend.add(run.kind)
     figure.add_scatter(x=[east[0]], y=[north[0]], mode="markers", name="start", hoverinfo="skip",

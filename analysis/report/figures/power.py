@@ -207,7 +207,7 @@ def run_by_run(results: Results) -> Figure:
             figure.add_scatter(
                 x=rounded(V), y=rounded(P), mode="lines", line={"color": RUN_COLOR.get(kind, OTHER_RUN), "width": 2},
                 name=kind, legendgroup=kind, showlegend=kind not in in_legend,
-                hovertemplate=f"{run.title}: %{{y:.1f}} W<extra></extra>",
+                hovertemplate=f"{run.title}: %{{y:.1f}} W<extra></extra>", meta={"run": run.title},
             )  # fmt: skip
             in_legend.add(kind)
     figure.update_xaxis(title="true airspeed, m/s")

@@ -16,6 +16,7 @@ class FlightSection(NamedTuple):
 def flight_section(results: Results) -> FlightSection:
     runs = [
         (
+            f"{number}",
             run.kind,
             f"{run.start_s:.1f}",
             f"{run.end_s - run.start_s:.1f}",
@@ -23,11 +24,11 @@ def flight_section(results: Results) -> FlightSection:
             f"{run.altitude_change_m:+.1f}",
             "; ".join(run.notes),
         )
-        for run in results.runs
+        for number, run in enumerate(results.runs, start=1)
     ]
     rejected = [(r.kind, f"{r.start_s:.1f}", f"{r.end_s - r.start_s:.1f}", r.reason) for r in results.rejected]
     return FlightSection(
-        HtmlTable(("run", "start, s", "length, s", "speed, m/s", "height change, m", "notes"), runs),
+        HtmlTable(("", "run", "start, s", "length, s", "speed, m/s", "height change, m", "notes"), runs),
         HtmlTable(("similar to", "start, s", "length, s", "reason"), rejected) if rejected else None,
     )
 

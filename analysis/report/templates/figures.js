@@ -1,7 +1,10 @@
 "use strict";
 // Draws the figures of the page: when they come into view, in the colors of the page, and anew for paper.
 const figures = {};  // by the id of the element: data and layout
-const drawn = new Map();  // by the same, the width and colors that it was drawn with
+const drawn = new Map();  // by the same, the width, colors and marks that it was drawn with
+const added = {};  // by the same: traces that the reader asked for, by what they are
+const told = new Set();  // figures whose clicks are told
+const marks = [];  // what changes figures before they are drawn: {key(), mark(data, layout)}
 const NARROW_PX = 520;
 const PAPER_HEIGHT = 0.8;  // of a figure's height on a screen
 const root = document.documentElement;
@@ -37,10 +40,14 @@ function narrowed(layout, data) {
 function draw(name) {
   const element = document.getElementById(name), width = element.clientWidth;
   if (!width) return;
-  const inDark = dark.matches && !onPaper(), key = `${width} ${inDark} ${onPaper()}`;
+  const inDark = dark.matches && !onPaper(), extra = Object.values(added[name] || {}).flat();
+  const key = [width, inDark, onPaper(), extra.length, ...marks.map(mark => mark.key())].join();
   if (drawn.get(name) === key) return;
   drawn.set(name, key);
   let {data, layout} = structuredClone(figures[name]);
+  data.push(...structuredClone(extra));
+  if (extra.length && layout.yaxis.range) layout.yaxis.range[1] = 1.06 * highest(extra, layout.yaxis.range[1] / 1.06);
+  for (const {mark} of marks) mark(data, layout);
   if (inDark) [data, layout] = [recolored(data), recolored(layout)];
   layout = {...layout, width, height: Math.round(layout.height * (onPaper() ? PAPER_HEIGHT : 1))};
   if (width < NARROW_PX) layout = narrowed(layout, data);
@@ -49,6 +56,34 @@ function draw(name) {
     if (layout[name].title) Object.assign(layout[name].title, {font: {size: layout.font.size}, standoff: 10});
   element.style.height = `${layout.height}px`;
   Plotly.react(element, data, layout, {displayModeBar: false, scrollZoom: false});
+  if (!told.has(name)) tellClicks(name, element);
+}
+
+function highest(traces, least) {
+  return traces.reduce((top, trace) => trace.y.reduce((most, value) => value > most ? value : most, top), least);
+}
+
+// Traces in a figure beside its own, instead of those that were added by the same name before.
+function add(name, what, traces) {
+  if (!(name in figures)) return;
+  added[name] = {...added[name], [what]: traces};
+  drawn.delete(name);
+  draw(name);
+}
+
+// A click in a figure is told to the page: the traces under the pointer, and x.
+function tellClicks(name, element) {
+  let traces = [];
+  told.add(name);
+  element.on("plotly_hover", event => { traces = event.points.map(point => point.data); });
+  element.on("plotly_unhover", () => { traces = []; });
+  // Plotly lays a sheet over the page while a button is down: the browser sees no click in the figure.
+  element.addEventListener("pointerdown", down => addEventListener("pointerup", up => {
+    if (Math.hypot(up.clientX - down.clientX, up.clientY - down.clientY) > 5) return;
+    const {xaxis} = element._fullLayout, inside = up.clientX - element.getBoundingClientRect().left - xaxis._offset;
+    const x = inside >= 0 && inside <= xaxis._length ? xaxis.p2d(inside) : NaN;
+    document.dispatchEvent(new CustomEvent("figure-click", {detail: {name, traces, x}}));
+  }, {once: true}), true);
 }
 
 function drawAll() { for (const name of Object.keys(figures)) draw(name); }

@@ -10,7 +10,6 @@ function otherConditions(embedded) {
   const relative = (height, kelvin) => pressureAt(height) / kelvin;
   const start = {mass: flown.weight_N / air.gravity_mps2, height: flown.pressure_altitude_m,
                  temperature: flown.temperature_K - 273.15, battery: embedded.battery_Wh, share: 100 * embedded.usable};
-  const asFlown = figures.power && structuredClone(figures.power);
 
   function asked(values) {
     const density = relative(values.height, values.temperature + 273.15) / relative(start.height, flown.temperature_K);
@@ -40,25 +39,19 @@ function otherConditions(embedded) {
   }
 
   function drawAsked(performance, name) {
-    if (!asFlown) return;
-    figures.power = structuredClone(asFlown);
-    if (performance) {
-      const {V, required} = performance.flight, {data, layout} = figures.power, group = {legendgroup: name, name};
-      const side = sign => required.map(one => one.value + sign * z * one.error);
-      data.push({...group, type: "scatter", mode: "lines", x: [...V, ...V.slice().reverse()], y: [...side(1), ...side(-1).reverse()],
-                 fill: "toself", fillcolor: ASKED_BAND, line: {width: 0}, hoverinfo: "skip", showlegend: false});
-      data.push({...group, type: "scatter", mode: "lines", x: V, y: required.map(one => one.value),
-                 line: {color: ASKED_COLOR, width: 5}, hovertemplate: "%{y:.1f} W"});
-      if (performance.full) {
-        const {full} = performance, top = Math.max(V[V.length - 1], 1.03 * (full.maximumSpeed.value || 0));
-        const x = full.V.filter(v => v <= top);
-        data.push({...group, type: "scatter", mode: "lines", x, y: x.map((_, k) => full.power[k].value), showlegend: false,
+    if (!performance) return add("power", "asked", []);
+    const {flight: {V, required}, full} = performance, group = {legendgroup: name, name, type: "scatter", mode: "lines"};
+    const side = sign => required.map(one => one.value + sign * z * one.error);
+    const traces = [
+      {...group, x: [...V, ...V.slice().reverse()], y: [...side(1), ...side(-1).reverse()],
+       fill: "toself", fillcolor: ASKED_BAND, line: {width: 0}, hoverinfo: "skip", showlegend: false},
+      {...group, x: V, y: required.map(one => one.value), line: {color: ASKED_COLOR, width: 5}, hovertemplate: "%{y:.1f} W"}];
+    if (full) {
+      const top = Math.max(V[V.length - 1], 1.03 * (full.maximumSpeed.value || 0)), x = full.V.filter(v => v <= top);
+      traces.push({...group, x, y: x.map((_, k) => full.power[k].value), showlegend: false,
                    line: {color: ASKED_COLOR, width: 3, dash: "dot"}, hovertemplate: "%{y:.1f} W available"});
-      }
-      layout.yaxis.range = [0, Math.max(layout.yaxis.range[1], 1.12 * Math.max(...side(1)))];
     }
-    drawn.delete("power");
-    draw("power");
+    add("power", "asked", traces);
   }
 
   function values() { return Object.fromEntries(Object.entries(fields).map(([name, field]) => [name, field.value()])); }

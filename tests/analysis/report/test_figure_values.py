@@ -135,7 +135,7 @@ def test_the_battery_s_power_and_the_flight_are_drawn_whole(results: Results) ->
 def test_the_time_line_shows_revolutions_a_minute_and_shades_the_runs() -> None:
     t = np.arange(0, 10, 0.5)
     table = pd.DataFrame({"V_mps": 15 + 0 * t, "height_m": 40 + t, "n_revps": 100 + t}, index=t)
-    run = SimpleNamespace(kind=ACCELERATION, start_s=2.0, end_s=5.0)
+    run = SimpleNamespace(name="run", kind=ACCELERATION, start_s=2.0, end_s=5.0)
     parked = SimpleNamespace(kind=STANDING, start_s=0.0, end_s=1.0)
     rejected = SimpleNamespace(start_s=6.0, end_s=7.0)
     figure = flight.timeline(table, [run, parked], [rejected])  # type: ignore[list-item]

@@ -43,7 +43,7 @@ def drawings(results: Results) -> dict[str, Figure]:
 
 
 def test_the_page_says_all_of_it_and_escapes_what_users_wrote(results: Results) -> None:
-    text = page.render(results, drawings(results), [])
+    text = page.render(results, drawings(results), {})
     for said in (
         "A &amp; B",
         "mind &lt;this&gt;",
@@ -81,7 +81,7 @@ def test_text_of_a_user_is_text_wherever_it_stands(with_battery: Results) -> Non
         ),
     )  # fmt: skip
     figures = drawings(results) | {"methods": every_method(results)}
-    text = page.render(results, figures, [run_fit(HOSTILE, T, {"V": T}, {"V": T})])
+    text = page.render(results, figures, {HOSTILE: run_fit(HOSTILE, T, {"V": T}, {"V": T})})
     drawn = text.count("<script>figures[")
     assert drawn == len(drawings(r)) + 2 and text.count("<script>") == drawn + 3, "Plotly, figures.js and its start"
     assert "alert('x')" not in text
@@ -89,7 +89,7 @@ def test_text_of_a_user_is_text_wherever_it_stands(with_battery: Results) -> Non
 
 
 def test_what_a_battery_gives_stands_on_the_page(with_battery: Results) -> None:
-    text = page.render(with_battery, drawings(with_battery), [])
+    text = page.render(with_battery, drawings(with_battery), {})
     assert "<b>14.0</b> m/s<small> (12.6 to 16.8)</small>" in text
     assert "50 km/h · 46 ft/s" in text  # 14 m/s
     assert "74 Wh of which 80 % are used" in text
@@ -101,14 +101,14 @@ def test_what_a_battery_gives_stands_on_the_page(with_battery: Results) -> None:
 
 def test_the_caption_names_the_circles_where_there_are_some(results: Results) -> None:
     without = replace(results, methods=[method for method in results.methods if not method.points])
-    assert "Circles: steady points, with the thrust" in page.render(results, drawings(results), [])
-    assert "Circles: steady points, with the thrust" not in page.render(without, drawings(without), [])
+    assert "Circles: steady points, with the thrust" in page.render(results, drawings(results), {})
+    assert "Circles: steady points, with the thrust" not in page.render(without, drawings(without), {})
 
 
 def test_methods_that_agree_are_said_to_agree(results: Results) -> None:
     agreeing = replace(results, disagreements=[])
-    assert "All methods agree within their intervals." in page.render(agreeing, drawings(results), [])
-    differing = page.render(replace(agreeing, cross_check_differs=True), drawings(results), [])
+    assert "All methods agree within their intervals." in page.render(agreeing, drawings(results), {})
+    differing = page.render(replace(agreeing, cross_check_differs=True), drawings(results), {})
     assert "All methods agree within their intervals, but for the cross-check: see the warning above." in differing
 
 

@@ -30,7 +30,7 @@ def test_the_head_of_the_page_is_in_kilograms_and_degrees_celsius(results: Resul
 def test_runs_are_told_with_their_lengths(results: Results) -> None:
     rejected = RejectedResult(kind="steady", start_s=30.0, end_s=37.5, reason="too short")
     section = flight_section(replace(results, rejected=[rejected]))
-    assert section.runs.rows[0] == ("acceleration", "10.0", "8.0", "12.0 to 24.0", "+0.0", "")
+    assert section.runs.rows[0] == ("1", "acceleration", "10.0", "8.0", "12.0 to 24.0", "+0.0", "")
     assert section.rejected is not None and section.rejected.rows == [("steady", "30.0", "7.5", "too short")]
 
 

@@ -1,0 +1,154 @@
+"use strict";
+// One run shown in every figure, and the curve previewed without some of them.
+const WITHOUT_COLOR = "#8a2f8f", WITHOUT_BAND = "rgba(138, 47, 143, 0.25)", ALONE_COLOR = "#c64b00";
+
+// The solution of a symmetric positive definite system, by columns of the right side.
+function solved(matrix, columns) {
+  const n = matrix.length, rows = matrix.map((row, i) => [...row, ...columns.map(column => column[i])]);
+  for (let i = 0; i < n; i++)
+    for (let k = 0; k < n; k++) {
+      if (k === i) continue;
+      const factor = rows[k][i] / rows[i][i];
+      for (let j = i; j < rows[k].length; j++) rows[k][j] -= factor * rows[i][j];
+    }
+  return columns.map((_, c) => rows.map((row, i) => row[n + c] / row[i]));
+}
+
+const unit = (n, i) => Array.from({length: n}, (_, k) => Number(k === i));
+
+// The curve without some runs: {V, power, half}, the normal equations less their shares.
+function curveWithout(shares, names) {
+  const n = shares.information.length, gradient = new Array(n).fill(0);
+  const information = shares.information.map(row => [...row]);
+  for (const name of names) {
+    const share = shares.by_run[name];
+    share.gradient.forEach((value, i) => { gradient[i] += value; });
+    share.information.forEach((row, i) => row.forEach((value, k) => { information[i][k] -= value; }));
+  }
+  const [step, ...after] = solved(information, [gradient, unit(n, 0), unit(n, 1), unit(n, 2)]);
+  const before = solved(shares.information, [0, 1, 2].map(i => unit(n, i)));
+  const A = shares.A.map((value, i) => value - step[i]);
+  const covariance = shares.covariance.map((row, i) =>
+    row.map((value, k) => value + shares.noise_factor * (after[i][k] - before[i][k])));
+  const V = shares.speeds, power = [], half = [];
+  for (const v of V) {
+    const qSV = shares.rho * v ** 3 / 2 * shares.wing_area_m2, CL = shares.weight_N * v / qSV, row = [1, CL, CL ** 2];
+    power.push(qSV * row.reduce((sum, value, i) => sum + value * A[i], 0));
+    let variance = 0;
+    row.forEach((x, i) => row.forEach((y, k) => { variance += x * y * covariance[i][k]; }));
+    half.push(shares.normal_95 * qSV * Math.sqrt(Math.max(variance, 0)));
+  }
+  return {V, power, half};
+}
+
+function runsOfThePage({runs, file, shares}) {
+  const table = document.querySelector("#flight .table tbody"), shown = document.getElementById("run-shown");
+  const preview = document.getElementById("preview"), left = new Set();
+  const byName = new Map(runs.map(run => [run.name, run]));
+  let selected = "";
+  const canLeave = name => Boolean(shares && shares.by_run[name]) && Object.keys(shares.by_run).length - left.size > (left.has(name) ? 0 : 1);
+
+  marks.push({
+    key: () => selected + [...left].join(),
+    mark(data, layout) {
+      for (const trace of data.filter(trace => trace.meta && trace.meta.run)) {
+        const {run} = trace.meta;
+        if (run === selected) { if (trace.line) trace.line.width *= 1.8; }
+        else if (selected || left.has(run)) trace.opacity = left.has(run) ? 0.12 : 0.25;
+      }
+      for (const shape of (layout.shapes || []).filter(shape => byName.has(shape.name)))
+        shape.opacity = shape.name === selected ? 0.5 : left.has(shape.name) ? 0.04 : selected ? 0.08 : shape.opacity;
+    },
+  });
+
+  function alone() {
+    const trace = selected && figures.one_by_one && figures.one_by_one.data.find(trace => trace.meta && trace.meta.run === selected);
+    add("power", "alone", trace ? [{...trace, showlegend: true, legendgroup: "alone", name: `${byName.get(selected).label}, alone`,
+                                    meta: null, line: {color: ALONE_COLOR, width: 3, dash: "dash"}}] : []);
+  }
+
+  function without() {
+    preview.hidden = !left.size;
+    if (!left.size) return add("power", "without", []);
+    const {V, power, half} = curveWithout(shares, left), numbers = runs.map((run, i) => left.has(run.name) ? i + 1 : 0).filter(Boolean);
+    const name = `preview without run${numbers.length > 1 ? "s" : ""} ${numbers.join(", ")}`, group = {legendgroup: name, name, type: "scatter", mode: "lines"};
+    add("power", "without", [
+      {...group, x: [...V, ...V.slice().reverse()], y: [...power.map((p, k) => p + half[k]), ...power.map((p, k) => p - half[k]).reverse()],
+       fill: "toself", fillcolor: WITHOUT_BAND, line: {width: 0}, hoverinfo: "skip", showlegend: false},
+      {...group, x: V, y: power, line: {color: WITHOUT_COLOR, width: 4, dash: "dashdot"}, hovertemplate: "%{y:.1f} W"}]);
+    const middle = Math.floor(V.length / 2), change = k => {
+      const before = interpolate(V[k], figures.power.data[1].x, figures.power.data[1].y);
+      return `${(100 * (power[k] / before - 1)).toFixed(1).replace("-0.0", "0.0")} % at ${V[k].toFixed(1)} m/s`;
+    };
+    preview.querySelector("span").textContent = `${name[0].toUpperCase()}${name.slice(1)}: power changes by ${[0, middle, V.length - 1].map(change).join(", ")}. `
+      + "Numbers and answers on this page are still those of all runs. To have them without: save the list, and run";
+  }
+
+  function update() {
+    [...table.rows].forEach((row, i) => {
+      const {name} = runs[i];
+      row.classList.toggle("selected", name === selected);
+      row.classList.toggle("left-out", left.has(name));
+      row.setAttribute("aria-selected", String(name === selected));
+    });
+    shown.hidden = !selected;
+    if (selected) {
+      const {label, says} = byName.get(selected), leave = shown.querySelector("[data-do=leave]");
+      shown.querySelector("b").textContent = label;
+      shown.querySelector("span").textContent = says;
+      leave.hidden = !shares || !shares.by_run[selected];
+      leave.disabled = !canLeave(selected);
+      leave.textContent = left.has(selected) ? "take it again" : "leave it out (preview)";
+    }
+    document.querySelectorAll("#fits figure[data-run]").forEach(figure =>
+      figure.classList.toggle("faded", Boolean(selected) && figure.dataset.run !== selected));
+    alone();
+    without();
+    drawAgain();
+  }
+
+  function select(name) { selected = name === selected ? "" : name; update(); }
+  function step(by) {
+    const i = runs.findIndex(run => run.name === selected);
+    select(runs[(i + by + runs.length) % runs.length].name);
+  }
+
+  [...table.rows].forEach((row, i) => {
+    row.tabIndex = 0;
+    row.addEventListener("click", () => select(runs[i].name));
+    row.addEventListener("keydown", event => { if (event.key === "Enter" || event.key === " ") { event.preventDefault(); select(runs[i].name); } });
+  });
+  // A line of a run; in figures over time, the band under the pointer.
+  document.addEventListener("figure-click", ({detail: {name, traces, x}}) => {
+    const run = traces.map(trace => trace.meta && trace.meta.run).find(run => byName.has(run));
+    if (run) return select(run);
+    if (!(figures[name].layout.shapes || []).some(shape => byName.has(shape.name))) return;
+    const under = runs.filter(one => one.start_s <= x && x <= one.end_s && figures[name].layout.shapes.some(shape => shape.name === one.name));
+    if (under.length) select(under[0].name);
+  });
+  const actions = {
+    leave: () => { if (left.has(selected)) left.delete(selected); else if (canLeave(selected)) left.add(selected); update(); },
+    previous: () => step(-1), next: () => step(1), close: () => select(selected),
+    all: () => { left.clear(); update(); },
+    save: () => {
+      const link = document.createElement("a");
+      link.href = URL.createObjectURL(new Blob([editedRuns()], {type: "application/toml"}));
+      link.download = "runs.toml";
+      link.click();
+    },
+  };
+  document.querySelectorAll("[data-do]").forEach(button => button.addEventListener("click", actions[button.dataset.do]));
+  addEventListener("keydown", event => { if (event.key === "Escape" && selected) select(selected); });
+
+  // The list of runs with `keep = false` for those that are left out.
+  function editedRuns() {
+    const separator = "\n[[run]]\n";
+    return file.split(separator).map(block => {
+      const of = field => (new RegExp(`^${field} = "(.*)"$`, "m").exec(block) || [])[1];
+      const out = [...left].map(name => byName.get(name)).some(run =>
+        of("start") === `${run.start_s.toFixed(2)} s` && run.name.startsWith(`${of("kind")} at `));
+      return out ? block.replace("keep = true", "keep = false") : block;
+    }).join(separator);
+  }
+  preview.editedRuns = editedRuns;
+}
