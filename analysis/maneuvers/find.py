@@ -19,8 +19,8 @@ from analysis.maneuvers.kinds import (
     Unsuitable,
     maneuver_in,
 )
-from analysis.maneuvers.quality import smooth
-from analysis.maneuvers.settings import FLIGHT, STEADY_POINT, STEPS
+from analysis.maneuvers.quality import load_factor, smooth
+from analysis.maneuvers.settings import FLIGHT, LOADS, STEADY_POINT, STEPS
 from analysis.signals.channels import least_height_m
 from analysis.signals.smoothing import stretches
 from flight.runs import LEVEL_RUN, Rejection, RunRejected
@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 
 def find_steady(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuver]]:
     """Steady points and rejected stretches, each in order of time. table: of `air_data`."""
-    motion = smooth(table, STEADY_POINT.smoothing_s)
+    motion, n = smooth(table, STEADY_POINT.smoothing_s), load_factor(table, LOADS.load_smoothing_s)
     # Bank is not smoothed: a turn can be shorter than the smoothing window.
     steady = np.isfinite(motion.V) & table["flying"].to_numpy() & (np.abs(motion.Vdot) < STEADY_POINT.largest_mps2)
     steady &= (np.abs(np.nan_to_num(motion.climb, nan=np.inf)) < STEADY_POINT.largest_climb_mps) & (
@@ -43,15 +43,16 @@ def find_steady(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeu
         seconds = float(data.index[-1] - data.index[0])
         if seconds < STEADY_POINT.mentioned_s:
             continue
-        if rejection := _rejection(data, motion.V[rows], seconds):
+        if rejection := _rejection(data, motion.V[rows], n[rows]):
             rejected.append(RejectedManeuver(STEADY, float(data.index[0]), float(data.index[-1]), rejection))
         else:
             points.append(maneuver_in(STEADY, rows, table, motion.V, quality.notes(data, motion.bank[rows])))
     return points, rejected
 
 
-def _rejection(data: pd.DataFrame, V: Array, seconds: float) -> Rejection | None:
-    """Why a stretch is no steady point; None if it is one."""
+def _rejection(data: pd.DataFrame, V: Array, load: Array) -> Rejection | None:
+    """Why a stretch is no steady point; None if it is one. V, load: (n,), smoothed speed and load factor."""
+    seconds = float(data.index[-1] - data.index[0])
     if seconds < STEADY_POINT.shortest_s:
         return Rejection(RunRejected.TOO_SHORT, seconds, STEADY_POINT.shortest_s)
     if low := quality.too_low(data):
@@ -59,6 +60,8 @@ def _rejection(data: pd.DataFrame, V: Array, seconds: float) -> Rejection | None
     share = float(np.ptp(V) / np.mean(V))
     if share > STEADY_POINT.largest_speed_change:
         return Rejection(Unsuitable.SPEED_DRIFTED, share, STEADY_POINT.largest_speed_change)
+    if (rms := float(np.nanstd(load))) > LOADS.beyond.roller_coaster:
+        return Rejection(Unsuitable.LOAD_VARIED, rms, LOADS.beyond.roller_coaster)
     n = data["n_revps"]
     if not n.notna().any() or n.mean() < 1:
         return Rejection(Unsuitable.MOTOR_STOPPED)
@@ -71,8 +74,9 @@ def find(table: pd.DataFrame, rest: list[slice]) -> Maneuvers:
     """Maneuvers of all kinds in a flight. table: of `air_data`; rest: rows in which the aircraft stood still."""
     steps, no_steps = find_3211(table)
     maneuvers, rejected = [*steps, *_standing_and_flying(table, rest)], [*no_steps]
-    for finder in (find_runs, find_steady, find_loads):
-        of_kind, unsuitable = finder(table)
+    loads = find_loads(table)
+    level = table.assign(flying=table["flying"] & ~_porpoised(table, loads[0]))
+    for of_kind, unsuitable in (find_runs(level), find_steady(level), loads):
         # The load factor during a 3-2-1-1 input looks like a roller coaster.
         maneuvers += [maneuver for maneuver in of_kind if not _within(maneuver, steps)]
         rejected += [stretch for stretch in unsuitable if not _within(stretch, steps)]
@@ -91,6 +95,19 @@ def _standing_and_flying(table: pd.DataFrame, rest: list[slice]) -> list[Maneuve
     return [maneuver_in(STANDING, rows, table, np.zeros(len(table))) for rows in rest] + [
         maneuver_in(FLYING, rows, table, V) for rows in flights
     ]
+
+
+def _porpoised(table: pd.DataFrame, loads: list[Maneuver]) -> NDArray[np.bool_]:
+    """Rows (n,) of the table within a porpoise, and the second of smoothing on either side of it.
+
+    Neither a run nor steady flight is part of one: lift varies, and drag with its square.
+    """
+    within = np.zeros(len(table), dtype=bool)
+    margin = round(LOADS.smoothing_s / float(table.index[1] - table.index[0]))
+    for one in loads:
+        if one.kind == PORPOISING:
+            within[max(0, one.rows.start - margin) : one.rows.stop + margin] = True
+    return within
 
 
 def _within(stretch: Maneuver | RejectedManeuver, steps: list[Maneuver]) -> bool:

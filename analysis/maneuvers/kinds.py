@@ -50,6 +50,7 @@ class Unsuitable(StrEnum):
     MOTOR_VARIED = "motor varied"
     PORPOISE_TOO_GENTLE = "porpoise too gentle"
     LOAD_NOT_STEADY = "load not steady"
+    LOAD_VARIED = "load varied"
     NOT_FLYING = "not flying"
     NO_3211 = "no 3-2-1-1"
     LEFT_OUT = "left out"
@@ -77,6 +78,7 @@ def reason_in_words(rejection: Rejection) -> str:
         Unsuitable.MOTOR_STOPPED: "the motor stood still",
         Unsuitable.MOTOR_VARIED: f"the motor's speed varied by {percent}",
         Unsuitable.PORPOISE_TOO_GENTLE: f"too gentle to count: load factor {quantity} is needed",
+        Unsuitable.LOAD_VARIED: f"the load factor varied by {measured:.2f} rms, {limit:.2f} are allowed",
         Unsuitable.LOAD_NOT_STEADY: f"the load factor did not rise steadily: {quantity}",
         Unsuitable.NOT_FLYING: "not in flight throughout",
         Unsuitable.NO_3211: f"steps held for {quantity} s are not a 3-2-1-1",

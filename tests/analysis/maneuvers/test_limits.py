@@ -142,15 +142,18 @@ def test_a_channel_that_is_missing_for_more_than_2_per_cent_rules_a_maneuver_out
 
 @pytest.mark.parametrize(("V", "drifted"), [((15.0, 15.85), False), ((15.0, 16.1), True)])
 def test_a_steady_point_s_speed_stays_within_6_per_cent(V: tuple[float, float], drifted: bool) -> None:
-    rejection = steady_rejection(steady_flight(), np.linspace(*V, 750), 30.0)
+    rejection = steady_rejection(steady_flight(), np.linspace(*V, 750), np.ones(750))
     assert (rejection is not None and rejection.reason is Unsuitable.SPEED_DRIFTED) == drifted
     assert rejection is None or reason_in_words(rejection) == "speed drifted by 7 % of its mean, 6 % are allowed"
 
 
 def test_a_steady_point_lasts_8_seconds() -> None:
-    rejection = steady_rejection(steady_flight(), np.full(750, 15.0), 7.9)
-    assert rejection is not None and reason_in_words(rejection) == "too short: 7.9 s, 8 s are needed"
-    assert steady_rejection(steady_flight(), np.full(750, 15.0), 8.1) is None
+    def rejection(samples: int) -> Rejection | None:
+        return steady_rejection(steady_flight().iloc[:samples], np.full(samples, 15.0), np.ones(samples))
+
+    short = rejection(198)  # of 25 a second
+    assert short is not None and reason_in_words(short) == "too short: 7.9 s, 8 s are needed"
+    assert rejection(204) is None
 
 
 @pytest.mark.parametrize(

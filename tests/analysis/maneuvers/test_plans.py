@@ -72,6 +72,8 @@ def test_porpoising_is_found_as_such_and_is_neither_a_roller_coaster_nor_a_3211(
     assert (run.start_s, run.end_s) == (pytest.approx(start, abs=2), pytest.approx(end, abs=2))
     assert not found.of("roller coaster") and len(found.of("3-2-1-1")) == 1
     assert not [stretch for stretch in found.rejected if start < stretch.start_s < end]
+    others = found.of("acceleration", "deceleration", "steady")
+    assert others and not [one for one in others if one.start_s < run.end_s and run.start_s < one.end_s]
 
 
 def test_steady_points_are_found_in_every_long_hold_and_nowhere_else(probe) -> None:

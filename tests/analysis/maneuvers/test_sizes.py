@@ -7,8 +7,10 @@ import pandas as pd
 import pytest
 
 from analysis.flown import flown_condition, flown_lift
+from analysis.maneuvers.find import find, find_steady
 from analysis.maneuvers.find_level import find_runs
 from analysis.maneuvers.find_loads import find_loads
+from analysis.maneuvers.kinds import Unsuitable
 from analysis.maneuvers.quality import too_low
 from analysis.polar import speed_at
 from analysis.signals.channels import SPEED_SCALE, speed_scale
@@ -93,6 +95,30 @@ def test_a_porpoise_too_gentle_to_count_is_told_and_gusts_are_not() -> None:
     assert find_loads(oscillating(0.2, irregular=True))[1] == []
     enough, rejected = find_loads(oscillating(0.6))
     assert [one.kind for one in enough] == ["porpoising"] and rejected == []
+
+
+@pytest.mark.parametrize(("amplitude", "steady"), [(0.0, True), (0.3, True), (0.42, False)])
+def test_steady_flight_has_a_steady_load_factor(amplitude: float, steady: bool) -> None:
+    """A quarter of the lift, rms, is not steady; gusts of 15 kt are."""
+    t = np.arange(round(40 * RATE_HZ)) / RATE_HZ
+    wave = np.sin(2 * np.pi * t / 2.0)
+    data = flight(np.full(len(t), 15.0)).assign(n_revps=90.0, az_mps2=-GRAVITY_MPS2 * (1 + amplitude * wave))
+    found, rejected = find_steady(data)
+    assert bool(found) == steady
+    assert [one.rejection.reason for one in rejected] == ([] if steady else [Unsuitable.LOAD_VARIED])
+
+
+@pytest.mark.parametrize("amplitude", [0.0, 0.5])
+def test_no_run_is_part_of_a_porpoise(amplitude: float) -> None:
+    """A speed that rises by a third in 10 s, with swings of the load factor throughout or not."""
+    t = np.arange(round(30 * RATE_HZ)) / RATE_HZ
+    data = flight(np.interp(t, [10.0, 20.0], [12.0, 16.5])).assign(
+        n_revps=90.0, az_mps2=-GRAVITY_MPS2 * (1 + amplitude * np.sin(2 * np.pi * t / 1.5))
+    )
+    found = find(data, [])
+    assert bool(found.of("porpoising")) == (amplitude > 0)
+    assert [run.kind for run in found.level_runs] == ([] if amplitude else ["acceleration"])
+    assert bool(found.of("steady")) == (amplitude == 0)
 
 
 def test_noise_of_speed_does_not_make_the_slowest_speed_of_a_light_aircraft_lower() -> None:
