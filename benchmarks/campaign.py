@@ -33,9 +33,8 @@ from rich.console import Console
 from analysis.campaign.campaign import Work, run
 from analysis.campaign.folders import exclusive
 from analysis.campaign.processes import Outcome
-from analysis.cli.files_used import files_used
 from analysis.cli.one_log import Options
-from analysis.cli.several_logs import settings
+from analysis.cli.several_logs import files_used, settings
 from flight.log_index import MAGIC, RECORD_HEAD
 from flight.log_writer import LogWriter
 

@@ -18,10 +18,9 @@ import pandas as pd
 from scipy.interpolate import CubicSpline
 
 from analysis.airdata.air import air_data, specific_force_at_cg
-from analysis.airdata.pressure_plateaus import CHANNELS, Plateau
 from analysis.airdata.probe import ProbeCalibration
 from analysis.airdata.probe_calibration import calibrate, read_tunnel
-from analysis.airdata.transducers import TransducerCalibration
+from analysis.airdata.transducers import CHANNELS, Plateau, TransducerCalibration
 from analysis.airdata.transducers import calibrate as calibrate_transducers
 from analysis.signals.channels import speed_scale
 from analysis.signals.rest import Zeros, rest_segments, without_zeros, zeros

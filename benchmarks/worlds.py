@@ -33,8 +33,7 @@ from estimators import OVER_STALL, speeds
 from flights import COLUMN, COLUMN_SCALE, as_read, column_pressures, error_rows, fly_missing, tunnel_probe
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.airdata.pressure_plateaus import plateaus, readings
-from analysis.airdata.transducers import TransducerCalibration, calibrate
+from analysis.airdata.transducers import TransducerCalibration, calibrate, plateaus, readings
 from analysis.drag import cross_check
 from analysis.log_contents import Replacements
 from analysis.pipeline import Analysis, analyze

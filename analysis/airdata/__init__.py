@@ -2,7 +2,7 @@
 
 `flight_data` is the sequence for a log: it synchronizes channels, takes out lags of `lines` and zeros at rest, and
 moves the specific force to the center of gravity; `air` computes the air data by the map of the `probe`. Calibrations
-on the ground: `probe_calibration` (`polynomial_map`), `transducers` (`pressure_plateaus`), `line_calibration`
+on the ground: `probe_calibration`, `transducers`, `line_calibration`
 (`tubing`), `magnetometer`, `surfaces`.
 
 Vocabulary. The table has one row a sample, index t_s [s] from the beginning of the log; NaN where nothing was measured.

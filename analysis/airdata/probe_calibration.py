@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from scipy import special
 from scipy.spatial import ConvexHull
 
-from analysis.airdata.polynomial_map import FittedMap, Powers, fit_map, polynomial_of_order, terms
-from analysis.airdata.probe import ProbeCalibration
+from analysis.airdata.probe import FittedMap, Powers, ProbeCalibration, fit_map, polynomial_of_order, terms
 from analysis.airdata.settings import TUNNEL
 from analysis.log_checks.settings import UNITS
 from analysis.signals.settings import STATISTICS

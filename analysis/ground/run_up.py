@@ -14,8 +14,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.airdata.pressure_plateaus import steady_stretches
 from analysis.airdata.settings import GROUND
+from analysis.airdata.transducers import steady_stretches
 from analysis.ground.settings import RUN_UP, STAND_LIMITS
 from analysis.ground.thrust_stand import StandReadings, student_sigma
 from flight.aircraft import VIBRATION_REVPS, Propulsion

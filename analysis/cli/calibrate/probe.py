@@ -59,7 +59,7 @@ def probe(
       static [hPa],temperature [degC]     (on one line; then a line a point)
     """
     from analysis.airdata.probe_calibration import calibrate, read_tunnel
-    from analysis.report import calibration as page
+    from analysis.report import calibration_page as page
 
     where = report or output.with_suffix(".html")
     if where == output:

@@ -8,8 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from analysis.airdata.polynomial_map import FittedMap, polynomial_of_order
-from analysis.airdata.probe import PROBE_FILE, ProbeCalibration, _inside, flow_at_probe
+from analysis.airdata.probe import PROBE_FILE, FittedMap, ProbeCalibration, _inside, flow_at_probe, polynomial_of_order
 from analysis.airdata.probe_calibration import TunnelData, calibrate, dynamic_pressure, read_tunnel, speed_dependence
 from analysis.cli.calibrate.probe import summary as probe_summary
 from flight.atmosphere import density

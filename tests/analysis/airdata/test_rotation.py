@@ -7,8 +7,7 @@ import pandas as pd
 import pytest
 
 from analysis.airdata.air import _ground, _stuck, air_data, bank_angle, specific_force_at_cg
-from analysis.airdata.polynomial_map import FittedMap
-from analysis.airdata.probe import ProbeCalibration
+from analysis.airdata.probe import FittedMap, ProbeCalibration
 from analysis.signals.channels import COLUMNS, speed_scale
 from flight.aircraft import Aircraft, ProbeInstallation
 from flight.probe_maps import FIRST_FORMAT

@@ -8,8 +8,14 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from analysis.airdata.pressure_plateaus import in_words, plateaus
-from analysis.airdata.transducers import TRANSDUCERS_FILE, TransducerCalibration, air_data_errors, calibrate
+from analysis.airdata.transducers import (
+    TRANSDUCERS_FILE,
+    TransducerCalibration,
+    air_data_errors,
+    calibrate,
+    in_words,
+    plateaus,
+)
 from analysis.cli.calibrate import app
 from analysis.cli.calibrate.transducers import pressures_Pa
 from analysis.trajectory.equations import SENSOR_ERRORS

@@ -13,9 +13,8 @@ from analysis.campaign.campaign import Campaign, flight_folders_of, read_results
 from analysis.campaign.processes import Outcome
 from analysis.cli.analyze import app
 from analysis.cli.compare import app as compare_app
-from analysis.cli.files_used import _attachments, files_used
 from analysis.cli.one_log import Options
-from analysis.cli.several_logs import FlightAnalysis, ProgressOnConsole, settings
+from analysis.cli.several_logs import FlightAnalysis, ProgressOnConsole, _attachments, files_used, settings
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from flight.log_writer import LogWriter

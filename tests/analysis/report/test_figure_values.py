@@ -11,8 +11,10 @@ from msgspec.structs import replace
 from analysis.estimation.noise import NORMAL_95
 from analysis.maneuvers.kinds import ACCELERATION, STANDING
 from analysis.pooling.results import Deviation
-from analysis.report import calibration as calibration_page
-from analysis.report.figures import electrical, flight, pooled, power, probe_calibration
+from analysis.report import calibration_page as calibration_page
+from analysis.report import calibration_page as probe_calibration
+from analysis.report import electrical_page, pooled_page
+from analysis.report.figures import flight, power
 from analysis.report.figures.style import Figure
 from analysis.schema import MeasuredEfficiencyPoint, PowerPoint, Results
 from analysis.trajectory.consistency import ANGLES, SPEED, Consistency
@@ -97,7 +99,7 @@ def test_a_flight_of_a_pool_lies_off_the_pool_by_its_difference() -> None:
 
     flights: Any = [flight("a", 4.0, 3.0), flight("b", -20.0, 5.0)]
     content: Any = SimpleNamespace(power_required=[point(V) for V in (10.0, 15.0, 20.0)], flights=flights)
-    figure = pooled.power_required(content)
+    figure = pooled_page.power_required(content)
     (alone,) = named(figure, "each flight alone")
     expected = [1.04 * 60, 1.04 * 80, np.nan, 0.8 * 60, 0.8 * 80, np.nan]
     assert np.asarray(alone["y"]) == pytest.approx(expected, abs=0.01, nan_ok=True)
@@ -105,28 +107,28 @@ def test_a_flight_of_a_pool_lies_off_the_pool_by_its_difference() -> None:
     solid, dashed = named(figure, "power required, all flights")
     assert np.isnan(solid["y"][-1]) and dashed["y"][-1] == 100.0
     content.flights = flights[:1]
-    assert not named(pooled.power_required(content), "each flight alone")
-    against = pooled.against_pool(flights, 1)
+    assert not named(pooled_page.power_required(content), "each flight alone")
+    against = pooled_page.against_pool(flights, 1)
     for name, difference, limit in (("flight", 4.0, 3.0), ("outlier", -20.0, 5.0)):
         (mark,) = named(against, name)
         assert (mark["x"][0], mark["error_x"]["array"][0]) == (difference, limit)
     low, high = against.layout["yaxis"]["range"]
     assert -1 < low < -0.5 and 1.5 < high < 2, "all rows are seen, the first flight on top"
     assert against.layout["yaxis"]["categoryarray"] == ["b", "a"]
-    many = pooled.against_pool(flights * 10, 0)
-    assert many.layout["height"] - against.layout["height"] == 17 * pooled.ROW_PX, "a row each, three at least"
+    many = pooled_page.against_pool(flights * 10, 0)
+    assert many.layout["height"] - against.layout["height"] == 17 * pooled_page.ROW_PX, "a row each, three at least"
 
 
 def test_the_battery_s_power_and_the_flight_are_drawn_whole(results: Results) -> None:
     estimate = SimpleNamespace(measured_V_mps=np.array([12.0, 14.0]), measured_W=np.array([50.0, 60.0]))
     shown = replace(results, electrical_power=results.power_required)
-    figure = electrical.electrical_power(shown, estimate)  # type: ignore[arg-type]
+    figure = electrical_page.electrical_power(shown, estimate)  # type: ignore[arg-type]
     highest = max(point.power_hi_W for point in results.power_required)
     assert highest < figure.layout["yaxis"]["range"][1] < 1.5 * highest
     t = np.arange(0, 10, 0.5)
     table = pd.DataFrame({"height_m": 2 * t, "power_W": 30 + t}, index=t)
     flown = SimpleNamespace(table=table, airborne=[slice(4, 12)])
-    figure = electrical.flight(flown, 15 + 0 * t)  # type: ignore[arg-type]
+    figure = electrical_page.flight_figure(flown, 15 + 0 * t)  # type: ignore[arg-type]
     assert np.asarray(named(figure, "height, m")[0]["y"]) == pytest.approx(2 * t)
     (shade,) = figure.layout["shapes"]
     assert (shade["x0"], shade["x1"]) == (2.0, 5.5)
@@ -212,7 +214,7 @@ def test_the_page_draws_residuals_in_degrees_and_per_cent(monkeypatch: pytest.Mo
         raise Drawn(*residuals)
 
     monkeypatch.setattr(calibration_page, "dynamic_pressure", lambda tunnel: 0.6 * tunnel.speed_mps**2)
-    monkeypatch.setattr(calibration_page.figures, "residual_maps", drawn)
+    monkeypatch.setattr(calibration_page, "residual_maps", drawn)
     with pytest.raises(Drawn) as found:
         calibration_page.render(measured, SimpleNamespace(maps=maps), angle_scale_sigma=0.0)  # type: ignore[arg-type]
     alpha, beta, ratio = found.value.args
