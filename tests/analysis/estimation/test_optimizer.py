@@ -95,6 +95,18 @@ def test_a_whole_step_that_succeeds_is_followed_by_less_damping(damping: float, 
     assert none is None and most > LARGEST_DAMPING
 
 
+def test_a_step_that_raises_the_cost_is_halved_before_it_is_damped() -> None:
+    """Steps five times too long: the first two of 1, 1/2, 1/4 end higher than they began."""
+    parabola = Parabola(share=5.0)
+    parabola.start = 3.0
+    at, tried = parabola.evaluate(np.array([3.0])), []
+    evaluate = parabola.evaluate
+    parabola.evaluate = lambda theta: tried.append(theta[0]) or evaluate(theta)  # type: ignore[method-assign]
+    better, damping = _improve(parabola, at, _EigenSystem.of(at.information), np.array([0]), 0.0)
+    assert tried == pytest.approx([3 - 15.0, 3 - 15.0 / 2, 3 - 15.0 / 4])
+    assert better is not None and better.theta[0] == tried[-1] and damping == 0.0
+
+
 @pytest.mark.parametrize("most", [1, 4])
 def test_as_many_steps_are_made_as_allowed(most: int) -> None:
     """Each goes a third of the way: none of the first few ends at the optimum."""

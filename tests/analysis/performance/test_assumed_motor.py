@@ -35,5 +35,9 @@ def test_an_assumed_motor_loses_a_fifth_of_its_highest_power(propeller, data):
 
 
 def test_nothing_flown_within_the_table_still_gives_a_motor(propeller, data):
+    """One of 100 W at 100 revolutions a second, which loses a tenth of that to friction and to copper."""
     motor = with_assumed_motor(replace(Propulsion()), data.assign(covered=False), propeller)
-    assert np.isfinite([motor.motor_kv_rpm_per_volt, motor.motor_resistance_ohm, motor.motor_no_load_current_A]).all()
+    k = 60 / (2 * np.pi * motor.motor_kv_rpm_per_volt)
+    torque_Nm = 100.0 / (2 * np.pi * 100.0)
+    assert 2 * np.pi * 100.0 * k * motor.motor_no_load_current_A == pytest.approx(10.0)
+    assert motor.motor_resistance_ohm * (torque_Nm / k) ** 2 == pytest.approx(10.0)
