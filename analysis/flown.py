@@ -22,18 +22,18 @@ from flight.units import GRAVITY_MPS2
 Array = NDArray[np.float64]
 
 
-def flown_condition(flown: pd.DataFrame, aircraft: Aircraft) -> Condition:
-    """Weight of the aircraft and mean density of the air. flown: rows of `air_data`."""
-    return Condition(aircraft.mass.weight_N, float(flown["rho"].mean()), aircraft.geometry.wing_area_m2)
+def flown_condition(rows_flown: pd.DataFrame, aircraft: Aircraft) -> Condition:
+    """Weight of the aircraft and mean density of the air. rows_flown: of `air_data`."""
+    return Condition(aircraft.mass.weight_N, float(rows_flown["rho"].mean()), aircraft.geometry.wing_area_m2)
 
 
-def flown_lift(flown: pd.DataFrame, aircraft: Aircraft) -> tuple[float, float]:
-    """Range of the lift coefficients of level flight at the speeds flown. flown: rows of `air_data`.
+def flown_lift(rows_flown: pd.DataFrame, aircraft: Aircraft) -> tuple[float, float]:
+    """Range of the lift coefficients of level flight at the speeds flown. rows_flown: of `air_data`.
 
     Of slow aircraft, whose speed is noisy, means are taken: noise would make the slowest speed lower than was flown.
     """
-    V = flown["V_mps"].rolling(round(speed_scale_of(flown) ** -4), center=True, min_periods=1).mean()
-    CL = 2 * aircraft.mass.weight_N / (flown["rho"] * V**2 * aircraft.geometry.wing_area_m2)
+    V = rows_flown["V_mps"].rolling(round(speed_scale_of(rows_flown) ** -4), center=True, min_periods=1).mean()
+    CL = 2 * aircraft.mass.weight_N / (rows_flown["rho"] * V**2 * aircraft.geometry.wing_area_m2)
     low, high = np.percentile(CL.dropna(), FLOWN.robust_percentiles)
     return float(low), float(high)
 
@@ -65,35 +65,35 @@ def largest_lift(table: pd.DataFrame, condition: Condition) -> float:
     return float(np.percentile(known, 99.9)) if len(known) else -np.inf
 
 
-def thrust_known(flown: pd.DataFrame, V: Array) -> NDArray[np.bool_]:
+def thrust_known(rows_flown: pd.DataFrame, V: Array) -> NDArray[np.bool_]:
     """Speeds V (k,) near which the propeller table covers at least FLOWN.least_covered of the samples flown.
 
-    flown : rows of the runs, columns V_mps and propeller_covered. A speed without samples nearby counts as known; it is
+    rows_flown : of the runs, columns V_mps and propeller_covered. A speed without samples nearby counts as known; it is
     an extrapolation for another reason.
     """
-    speed, covered = flown["V_mps"].to_numpy(), flown["propeller_covered"].to_numpy(dtype=float)
+    speed, covered = rows_flown["V_mps"].to_numpy(), rows_flown["propeller_covered"].to_numpy(dtype=float)
     near = np.abs(speed / V[:, None] - 1) < FLOWN.nearby
     return np.asarray((near @ covered >= FLOWN.least_covered * near.sum(axis=1)) | ~near.any(axis=1))
 
 
 def thrust_coverage(
-    flown: pd.DataFrame, propeller: Propeller, kinds: Set[str] = frozenset(), runs_file: str = ""
+    rows_flown: pd.DataFrame, propeller: Propeller, kinds: Set[str] = frozenset(), runs_file: str = ""
 ) -> list[str]:
     """A warning where some of the runs lie outside the propeller table.
 
-    flown : rows of the runs, columns J, n_revps and propeller_covered.     kinds : of the runs
+    rows_flown : of the runs, columns J, n_revps and propeller_covered.     kinds : of the runs
     runs_file : the file that selected the runs, for messages; empty where they were found in the data
     Raises InputError where most of them do.
     """
-    outside = 1 - float(flown["propeller_covered"].mean())
+    outside = 1 - float(rows_flown["propeller_covered"].mean())
     if outside <= STATISTICS.unmentioned_share:
         return []
     largest_J = max(row.J[-1] for row in propeller.rows)
-    if (flown["J"][~flown["propeller_covered"]] > largest_J).mean() > 0.5:
-        low, high = np.nanpercentile(flown["J"], (2.5, 97.5))
+    if (rows_flown["J"][~rows_flown["propeller_covered"]] > largest_J).mean() > 0.5:
+        low, high = np.nanpercentile(rows_flown["J"], (2.5, 97.5))
         range_text = f"ends at J = {largest_J:.2f} (flown: {low:.2f} to {high:.2f})"
     else:
-        low, high = np.nanpercentile(60 * flown["n_revps"], (2.5, 97.5))
+        low, high = np.nanpercentile(60 * rows_flown["n_revps"], (2.5, 97.5))
         rpm = propeller.rows[0].rpm, propeller.rows[-1].rpm
         range_text = f"goes from {rpm[0]:.0f} to {rpm[1]:.0f} rpm (flown: {low:.0f} to {high:.0f})"
     text = f"propeller {propeller.name}: {100 * outside:.0f} % of the runs lie outside its table, which {range_text}"

@@ -181,8 +181,8 @@ def plan(
       flightpower plan my.toml --pilot autopilot --home 48.1,11.5 --heading 250
     """
     place = options.place_deg
-    flown = _aircraft(aircraft, options)
-    folder = output or Path(f"plan-{flown.name}")
+    craft = _aircraft(aircraft, options)
+    folder = output or Path(f"plan-{craft.name}")
     check_new_file(folder / "plan.toml", replace=replace)
 
     made = flight_plan(aircraft, options)
@@ -191,7 +191,7 @@ def plan(
 
     files = {
         "plan.toml": simulator_plan(made.maneuvers, made.aircraft, made.request),
-        "card.html": card(made, flown.title),
+        "card.html": card(made, craft.title),
     }
     if place is not None:
         where = Home(*place, radians(options.heading_deg))
@@ -204,10 +204,10 @@ def plan(
 
 
 def _aircraft(name_or_path: str, options: PlanOptions) -> Aircraft:
-    flown = load_aircraft(name_or_path)
+    craft = load_aircraft(name_or_path)
     if options.propeller is None:
-        return flown
-    return dataclasses.replace(flown, propulsion=dataclasses.replace(flown.propulsion, propeller=options.propeller))
+        return craft
+    return dataclasses.replace(craft, propulsion=dataclasses.replace(craft.propulsion, propeller=options.propeller))
 
 
 def flight_plan(aircraft: str, options: PlanOptions) -> "FlightPlan":

@@ -121,8 +121,8 @@ def plan_flight(aircraft: ExpectedAircraft, request: Request) -> FlightPlan:
     increments = [increment for piece, increment in zip(found, every, strict=True) if piece in pieces]
     for _ in range(4):  # pieces take more or less time beside others than alone
         counts = _exchanged(increments, left, start, asked)
-        flown = [piece for piece, n in zip(pieces, counts, strict=True) for _ in range(n)]
-        chosen = _ordered(flown + pairs[:1] * SEARCH.fewest_run_pairs, last)
+        planned = [piece for piece, n in zip(pieces, counts, strict=True) for _ in range(n)]
+        chosen = _ordered(planned + pairs[:1] * SEARCH.fewest_run_pairs, last)
         history = _history(chosen, aircraft, request)
         over_s = len(history.table) * PATH.step_s - request.minutes * 60
         if over_s <= 0:
@@ -189,12 +189,12 @@ def _increment(
     """
     before, before_s = base
     repeated = 2  # of a piece in the flight that its information is computed from
-    flown = [*[pair] * SEARCH.fewest_run_pairs, *[piece] * repeated, *last]
+    planned = [*[pair] * SEARCH.fewest_run_pairs, *[piece] * repeated, *last]
     if piece.kind == "runs":
-        found, seconds = _evaluated(flown, aircraft, request)
+        found, seconds = _evaluated(planned, aircraft, request)
         errors, polar = found.errors, _gain(found.noise, before.noise) / repeated
     else:
-        history = _history(flown, aircraft, request)
+        history = _history(planned, aircraft, request)
         errors = sensor_error_covariance(
             history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma
         )

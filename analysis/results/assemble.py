@@ -39,10 +39,15 @@ def assemble(
     electrical: None where the log does not determine the electrical curve. command_line: that started the analysis.
     """
     aircraft, propeller, drag = flight.aircraft, flight.propeller, flight.drag
-    condition, maneuvers, flown, trajectory = flight.condition, flight.maneuvers, flight.rows_flown, flight.trajectory
+    condition, maneuvers, rows_flown, trajectory = (
+        flight.condition,
+        flight.maneuvers,
+        flight.rows_flown,
+        flight.trajectory,
+    )
     polar, flown_CL = drag.main.polar, drag.flown_CL
     standard = Condition(aircraft.mass.standard_weight_N, SEA_LEVEL_DENSITY, aircraft.geometry.wing_area_m2)
-    power_required = power_curves.power_curve(polar, condition, flown_CL, (flown, condition))
+    power_required = power_curves.power_curve(polar, condition, flown_CL, (rows_flown, condition))
     check = drag.cross_check
     results = Results(
         software_version=version("flightpower"),
@@ -56,16 +61,16 @@ def assemble(
         ),
         test=ConditionResult(weight_N=condition.weight_N, air_density_kgpm3=condition.rho),
         standard=ConditionResult(weight_N=standard.weight_N, air_density_kgpm3=standard.rho),
-        air_temperature_K=float(flown["temperature_K"].mean()),
-        air_pressure_Pa=float(flown["static_Pa"].mean()),
+        air_temperature_K=float(rows_flown["temperature_K"].mean()),
+        air_pressure_Pa=float(rows_flown["static_Pa"].mean()),
         runs=msgspec.convert(maneuvers.maneuvers, list[RunResult], from_attributes=True),
         rejected=msgspec.convert(maneuvers.rejected, list[RejectedResult], from_attributes=True),
         parameters=drag.main.parameters
         + ([flight_found.static_thrust(drag.main)] if aircraft.propulsion.static_thrust_ratio is not None else []),
         drag_polar=power_curves.drag_polar(polar, aircraft),
         power_required=power_required,
-        power_required_standard=power_curves.power_curve(polar, standard, flown_CL, (flown, condition)),
-        cross_check=power_curves.power_curve(check.polar, condition, flown_CL, (flown, condition))
+        power_required_standard=power_curves.power_curve(polar, standard, flown_CL, (rows_flown, condition)),
+        cross_check=power_curves.power_curve(check.polar, condition, flown_CL, (rows_flown, condition))
         if check and check.converged
         else [],
         cross_check_differs=drag.cross_check_differs,
@@ -87,7 +92,7 @@ def assemble(
         use=performance,
         pooling=_pooling(flight),
         provenance=provenance(flight, flight.runs_file, command_line),
-        air=flight_found.air_found(trajectory, flown, condition),
+        air=flight_found.air_found(trajectory, rows_flown, condition),
         run_residuals=flight_found.run_residuals(drag.main, {run.name: run.kind for run in maneuvers.level_runs}),
         parameter_correlation=flight_found.parameter_correlation(drag.main),
         track=flight_found.track(trajectory),

@@ -36,21 +36,21 @@ def path_result(
     )
 
 
-def air_found(trajectory: Trajectory, flown: pd.DataFrame, condition: Condition) -> AirFound:
-    """Mean wind over the runs, gusts, temperature, and heights. flown: rows of the air data within the runs."""
-    rows = trajectory.states.index.isin(flown.index)
+def air_found(trajectory: Trajectory, rows_flown: pd.DataFrame, condition: Condition) -> AirFound:
+    """Mean wind over the runs, gusts, temperature, and heights. rows_flown: of the air data, within the runs."""
+    rows = trajectory.states.index.isin(rows_flown.index)
     rows = rows if rows.any() else np.asarray(trajectory.block_means.flying)
     wind = trajectory.states.loc[rows, ["wind_north", "wind_east"]].mean()
     errors = trajectory.states_error().loc[rows, ["wind_north", "wind_east"]].to_numpy()
     north, east = float(wind["wind_north"]), float(wind["wind_east"])
-    height = flown["height_m"].dropna()
+    height = rows_flown["height_m"].dropna()
     return AirFound(
         wind_mps=float(np.hypot(north, east)),
         wind_from_deg=float(np.degrees(np.arctan2(-east, -north)) % 360),
         wind_standard_error_mps=float(np.sqrt(np.mean(errors**2))),
         gust_mps=trajectory.gust_mps,
         gust_length=trajectory.gust_length,
-        temperature_K=float(flown["temperature_K"].mean()),
+        temperature_K=float(rows_flown["temperature_K"].mean()),
         density_altitude_m=float(density_altitude_m(condition.rho)),
         lowest_height_m=float(height.min()),
         highest_height_m=float(height.max()),

@@ -61,11 +61,11 @@ def start_unix_s(log: Log) -> float | None:
     return start_s if start_s > RESULTS.clock_set_unix_s else None
 
 
-def mean_battery_V(flown: pd.DataFrame) -> float | None:
-    """Mean voltage of the battery over the runs; None where it was not measured. flown: rows of `air_data`."""
-    if "battery_V" not in flown or flown["battery_V"].isna().all():
+def mean_battery_V(rows_flown: pd.DataFrame) -> float | None:
+    """Mean voltage of the battery over the runs; None where it was not measured. rows_flown: of `air_data`."""
+    if "battery_V" not in rows_flown or rows_flown["battery_V"].isna().all():
         return None
-    return float(flown["battery_V"].mean())
+    return float(rows_flown["battery_V"].mean())
 
 
 def _lower_triangle(matrix: NDArray[np.float64]) -> list[list[float]]:
