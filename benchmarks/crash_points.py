@@ -64,11 +64,12 @@ class Write(NamedTuple):
 
 
 class LogState(NamedTuple):
-    """A log on a rebuilt disk. last_s: monotonic time of its last tick."""
+    """A log on a rebuilt disk. first_s, last_s: monotonic times of its first and last tick."""
 
     complete: bool
     ticks: int
     messages: int
+    first_s: float | None
     last_s: float | None
     error: str
 
@@ -225,9 +226,10 @@ def state_of(path: Path) -> LogState:
         if complete:
             stock = sum(1 for _ in make_reader(io.BytesIO(data)).iter_messages())
             assert stock == messages, f"the stock reader finds {stock} messages, not {messages}"
-        return LogState(complete, len(ticks), messages, (ticks[-1].time_ns + offset_ns) / 1e9 if ticks else None, "")
+        first_s, last_s = ((ticks[at].time_ns + offset_ns) / 1e9 if ticks else None for at in (0, -1))
+        return LogState(complete, len(ticks), messages, first_s, last_s, "")
     except Exception as error:
-        return LogState(complete, 0, 0, None, f"{type(error).__name__}: {error}"[:100])
+        return LogState(complete, 0, 0, None, None, f"{type(error).__name__}: {error}"[:100])
 
 
 def judge(logs: Path, cut_s: float) -> tuple[float | None, list[str]]:

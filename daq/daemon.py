@@ -24,9 +24,11 @@ from daq.recording_status import RecordingState, RecordingStatus, RunNews
 from daq.sampling_loop import Cycle, StopFlag, cycles
 from daq.sensor_supervisor import SensorSupervisor, cause_of
 from daq.sensors import Sample
+from daq.still_air_zero import parse_zero
 from flight.aircraft import Aircraft
 from flight.errors import InputError
 from flight.messages import Event, Time
+from flight.probe_maps import load_probe_maps
 
 REPORT_EVERY_NS = 1_000_000_000
 STOP_SERVICE = "sudo systemctl stop flightpower-daq"
@@ -180,7 +182,8 @@ def record(
     limits = FileLimits(round(tray.files.new_after_min * 60e9), round(tray.files.new_after_MB * 1e6))
     log_files = LogFiles(name, begin, offset_ns=offset_ns, limits=limits, disk_space=disk_space)
     arm_switch = ArmSwitch(tray.arm)
-    plausibility = Plausibility()
+    probe = load_probe_maps(Path(tray.probe_calibration)) if tray.probe_calibration else None
+    plausibility = Plausibility(probe, parse_zero(attachments.zero, tray.zero) if attachments.zero else None)
     missed_ticks = MissedTicks(round(1e9 / tray.rate_Hz))
     if disk_space.sufficient and arm_switch.recording:
         log_files.open(start_ns)

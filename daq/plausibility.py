@@ -4,8 +4,8 @@ The sampling thread keeps the latest readings, and compares them once a second. 
 (event, state, ground station, page) and so marked in the log; no reading is changed.
 """
 
-import enum
 import math
+from collections import deque
 from collections.abc import Iterable
 from typing import TypeVar
 
@@ -13,27 +13,52 @@ import msgspec
 
 from daq.rest_check import MAX_BAROMETER_DIFFERENCE_PA, MIN_SATELLITES, THREE_DIMENSIONAL
 from daq.sensors import Sample
-from daq.sensors.ublox import AIRBORNE
-from flight.messages import OK, AbsolutePressure, Battery, DifferentialPressure, Event, Gps, Rpm
+from daq.still_air_zero import DIFFERENCE, Zero
+from flight.messages import (
+    AIRBORNE_MODELS,
+    OK,
+    AbsolutePressure,
+    Attitude,
+    Battery,
+    Comparison,
+    DifferentialPressure,
+    Event,
+    Gps,
+    Rpm,
+)
+from flight.probe_maps import ProbeMaps
 
-TOPICS = frozenset(("/probe/airspeed", "/gps", "/baro", "/static", "/battery", "/rpm"))
+TOPICS = frozenset(
+    (
+        "/probe/airspeed",
+        "/probe/airspeed/2",
+        "/probe/alpha",
+        "/probe/beta",
+        "/attitude",
+        "/gps",
+        "/gps/2",
+        "/baro",
+        "/static",
+        "/battery",
+        "/rpm",
+    )
+)
 M = TypeVar("M")
 DENSITY_KGPM3 = 1.2  # 10 % of it is 5 % of airspeed, far less than the wind
 # Airspeed and speed over the ground differ by the wind at most; nobody flies tests in more than this.
 STRONGEST_WIND_MPS = 10.0
 MAX_SPEED_ACCURACY_MPS = 1.0  # in flight; `daq check` demands half of it
 IDLE_CURRENT_A = 3.0  # receiver, servos and computer stay below
+# Angle of attack and attitude less climb differ by the mounting of probe and autopilot, upwash and vertical gusts, as
+# means over 20 s of steady flight; exchanged lines of the probe turn the sign of the angle of attack. While speed
+# changes, an autopilot's attitude is wrong by up to 10 deg.
+MAX_ALPHA_DIFFERENCE_RAD = math.radians(6.0)
+MEAN_OF_COMPARISONS = 20
+STEADY_OVER, STEADY_MPS = 5, 1.0  # comparisons within which airspeed changes by less
+LEAST_AIRSPEED_MPS, LARGEST_BANK_RAD = 8.0, math.radians(25.0)  # where angle of attack follows from attitude
+MAX_SECOND_DIFFERENCE_MPS = 3.0  # of speed by two sensors: places on the aircraft, turns, position errors
 COMPARE_EVERY_NS, MAX_AGE_NS = 1_000_000_000, 2_000_000_000
 WRONG_FOR_NS = 5_000_000_000  # before it is told; and right for as long, before it is plausible again
-
-
-class Comparison(enum.StrEnum):
-    """What is compared."""
-
-    AIRSPEED = "airspeed"
-    BAROMETERS = "barometers"
-    MOTOR = "motor speed"
-    GPS = "GPS"
 
 
 class Values(msgspec.Struct, frozen=True, kw_only=True):
@@ -46,9 +71,15 @@ class Values(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Plausibility:
-    """Compares the readings of all sensors with one another."""
+    """Compares the readings of all sensors with one another. probe, zero: of the tray, for the angle of attack."""
 
-    def __init__(self) -> None:
+    def __init__(self, probe: ProbeMaps | None = None, zero: Zero | None = None) -> None:
+        self._probe = probe
+        self._zeros_Pa = (
+            {topic: of[DIFFERENCE].mean for topic, of in zero.readings.items() if DIFFERENCE in of} if zero else {}
+        )
+        self._airspeeds_mps: deque[float] = deque(maxlen=STEADY_OVER)
+        self._alpha_differences: deque[float] = deque(maxlen=MEAN_OF_COMPARISONS)
         self._latest: dict[str, tuple[int, object]] = {}
         self._due_ns = 0
         self._changed_ns: dict[Comparison, int] = {}  # since when it has not been as it was last told
@@ -59,10 +90,16 @@ class Plausibility:
         """What is wrong at present, a clause each."""
         return list(self._told.values())
 
+    @property
+    def mean_alpha_difference_rad(self) -> float | None:
+        """Angle of attack by the probe less that by attitude and climb, over the latest comparisons; None of few."""
+        differences = self._alpha_differences
+        return sum(differences) / len(differences) if len(differences) == MEAN_OF_COMPARISONS else None
+
     def add(self, samples: Iterable[Sample], now_ns: int) -> list[Event]:
         """Take a tick's messages; returns an event for each comparison that has become wrong, or right again."""
         for topic, time_ns, message, _ in samples:
-            if topic in TOPICS and (message.status is OK or topic == "/gps"):
+            if topic in TOPICS and (message.status is OK or isinstance(message, Gps)):
                 self._latest[topic] = (time_ns, message)
         if now_ns < self._due_ns:
             return []
@@ -77,10 +114,10 @@ class Plausibility:
             del self._changed_ns[comparison]
             if text:
                 self._told[comparison] = text
-                events.append(Event(severity="warning", sensor="daq", text=text))
+                events.append(Event(severity="warning", sensor="daq", text=text, compared=comparison))
             else:
                 del self._told[comparison]
-                events.append(Event(sensor="daq", text=f"{comparison} plausible again"))
+                events.append(Event(sensor="daq", text=f"{comparison} plausible again", compared=comparison))
         return events
 
     def values(self, now_ns: int) -> Values:
@@ -97,22 +134,81 @@ class Plausibility:
         """What is wrong with each; empty where nothing is, or a reading is missing, which its status tells."""
         return {
             Comparison.AIRSPEED: self._airspeed_problem(now_ns),
+            Comparison.ANGLE_OF_ATTACK: self._alpha_problem(now_ns),
             Comparison.BAROMETERS: self._barometer_problem(now_ns),
             Comparison.MOTOR: self._motor_problem(now_ns),
             Comparison.GPS: self._receiver_problem(now_ns),
+            Comparison.SECOND_SENSORS: self._second_problem(now_ns),
         }
 
-    def _airspeed_mps(self, now_ns: int) -> float | None:
-        q_c = self._of(DifferentialPressure, "/probe/airspeed", now_ns)
+    def _airspeed_mps(self, now_ns: int, topic: str = "/probe/airspeed") -> float | None:
+        q_c = self._of(DifferentialPressure, topic, now_ns)
         if q_c is None or q_c.differential_pressure_Pa is None:
             return None
         return math.sqrt(2 * max(q_c.differential_pressure_Pa, 0.0) / DENSITY_KGPM3)
 
-    def _airspeed_problem(self, now_ns: int) -> str:
-        airspeed, gps = self._airspeed_mps(now_ns), self._of(Gps, "/gps", now_ns)
-        if airspeed is None or gps is None or gps.velocity_north_mps is None or gps.velocity_east_mps is None:
+    def _speed_over_ground_mps(self, now_ns: int, topic: str = "/gps") -> float | None:
+        gps = self._of(Gps, topic, now_ns)
+        if gps is None or gps.velocity_north_mps is None or gps.velocity_east_mps is None:
+            return None
+        return math.hypot(gps.velocity_north_mps, gps.velocity_east_mps)
+
+    def _difference_Pa(self, topic: str, now_ns: int) -> float | None:
+        """A pressure difference less its zero."""
+        reading = self._of(DifferentialPressure, topic, now_ns)
+        if reading is None or reading.differential_pressure_Pa is None:
+            return None
+        return reading.differential_pressure_Pa - self._zeros_Pa.get(topic, 0.0)
+
+    def _alpha_problem(self, now_ns: int) -> str:
+        airspeed = self._airspeed_mps(now_ns) or 0.0
+        self._airspeeds_mps.append(airspeed)
+        if airspeed < LEAST_AIRSPEED_MPS:
+            self._alpha_differences.clear()
+        steady = max(self._airspeeds_mps) - min(self._airspeeds_mps) < STEADY_MPS
+        if steady and (difference := self._alpha_difference_rad(now_ns)) is not None:
+            self._alpha_differences.append(difference)
+        mean = self.mean_alpha_difference_rad
+        if mean is None or abs(mean) <= MAX_ALPHA_DIFFERENCE_RAD:
             return ""
-        over_ground = math.hypot(gps.velocity_north_mps, gps.velocity_east_mps)
+        return (
+            f"angle of attack {math.degrees(mean):+.0f} deg from attitude less climb: are lines of the probe off or"
+            " exchanged?"
+        )
+
+    def _alpha_difference_rad(self, now_ns: int) -> float | None:
+        """Angle of attack by the probe less that by attitude and flight path, which neglects the vertical wind."""
+        attitude, gps = self._of(Attitude, "/attitude", now_ns), self._of(Gps, "/gps", now_ns)
+        dp_alpha, q_c = self._difference_Pa("/probe/alpha", now_ns), self._difference_Pa("/probe/airspeed", now_ns)
+        if self._probe is None or attitude is None or gps is None or dp_alpha is None or q_c is None or q_c <= 0:
+            return None
+        roll, pitch, down_mps = attitude.roll_rad, attitude.pitch_rad, gps.velocity_down_mps
+        if roll is None or pitch is None or down_mps is None or abs(roll) > LARGEST_BANK_RAD:
+            return None
+        flow = self._probe.flow(dp_alpha / q_c, (self._difference_Pa("/probe/beta", now_ns) or 0.0) / q_c)
+        airspeed = math.sqrt(2 * q_c / flow.q_ratio / DENSITY_KGPM3)
+        climb = math.asin(min(max(-down_mps / airspeed, -1.0), 1.0))
+        return flow.alpha_rad - (pitch - climb) / math.cos(roll)
+
+    def _second_problem(self, now_ns: int) -> str:
+        pairs = (
+            ("airspeed", self._airspeed_mps(now_ns), self._airspeed_mps(now_ns, "/probe/airspeed/2")),
+            (
+                "speed over the ground",
+                self._speed_over_ground_mps(now_ns),
+                self._speed_over_ground_mps(now_ns, "/gps/2"),
+            ),
+        )
+        return "; ".join(
+            f"{what} {first:.0f} m/s, {second:.0f} by the second sensor"
+            for what, first, second in pairs
+            if first is not None and second is not None and abs(first - second) > MAX_SECOND_DIFFERENCE_MPS
+        )
+
+    def _airspeed_problem(self, now_ns: int) -> str:
+        airspeed, over_ground = self._airspeed_mps(now_ns), self._speed_over_ground_mps(now_ns)
+        if airspeed is None or over_ground is None:
+            return ""
         if abs(over_ground - airspeed) <= STRONGEST_WIND_MPS:
             return ""
         return f"airspeed {airspeed:.0f} m/s, {over_ground:.0f} over the ground: is a line of the probe off or blocked?"
@@ -141,7 +237,7 @@ class Plausibility:
         gps = self._of(Gps, "/gps", now_ns)
         if gps is None or gps.fix_type is None or gps.status is not OK:
             return ""
-        if gps.dynamic_model is not None and gps.dynamic_model not in AIRBORNE:
+        if gps.dynamic_model is not None and gps.dynamic_model not in AIRBORNE_MODELS:
             return f"the GPS receiver's dynamic model is {gps.dynamic_model}: it smooths velocity"
         if gps.fix_type != THREE_DIMENSIONAL or (gps.satellites or 0) < MIN_SATELLITES:
             return f"GPS has a fix of type {gps.fix_type} with {gps.satellites} satellites"

@@ -4,9 +4,8 @@ import math
 from collections.abc import Mapping, Sequence
 from statistics import fmean
 
-from daq.sensors.ublox import AIRBORNE
 from daq.still_air_zero import COVER, PRESSURE
-from flight.messages import AbsolutePressure, DifferentialPressure, Gps, Imu, Magnetometer, Message
+from flight.messages import AIRBORNE_MODELS, AbsolutePressure, DifferentialPressure, Gps, Imu, Magnetometer, Message
 from flight.units import GRAVITY_MPS2
 
 THREE_DIMENSIONAL = 3  # fix
@@ -69,7 +68,7 @@ def receiver_problem(messages: Sequence[Message]) -> str:
     if not solutions:
         return ""
     last = solutions[-1]
-    if last.dynamic_model not in AIRBORNE:
+    if last.dynamic_model not in AIRBORNE_MODELS:
         known = "does not say its dynamic model" if last.dynamic_model is None else f"is set to {last.dynamic_model}"
         return f"the receiver {known}, and smooths velocity unless it is 6 to 8 (airborne): switch it off and on"
     if last.fix_type != THREE_DIMENSIONAL or (last.satellites or 0) < MIN_SATELLITES:

@@ -102,6 +102,9 @@ class DifferentialPressure(Message):
     temperature_K: float | None = None
 
 
+AIRBORNE_MODELS = frozenset({6, 7, 8})  # of a receiver's filter (CFG-NAV5 dynModel): airborne below 1, 2, 4 g
+
+
 class Gps(Message):
     """A navigation solution (u-blox NAV-PVT); `log_time` is the time of arrival, `itow_ms` the time of validity."""
 
@@ -197,6 +200,17 @@ class Tick(Message):
     duration_ns: dict[str, int] = {}  # by sensor
 
 
+class Comparison(enum.StrEnum):
+    """Readings that the daemon compares in flight, because one may be wrong while its status is `ok`."""
+
+    AIRSPEED = "airspeed"  # with the speed over the ground
+    ANGLE_OF_ATTACK = "angle of attack"  # with attitude less flight-path angle
+    BAROMETERS = "barometers"  # with each other
+    MOTOR = "motor speed"  # with the current
+    GPS = "GPS"  # its fix, its accuracy, its dynamic model
+    SECOND_SENSORS = "second sensors"  # with the first of their kind
+
+
 class Event(Message):
     """News for the user: a sensor failed or recovered, a file was started."""
 
@@ -205,6 +219,7 @@ class Event(Message):
     severity: str = "info"  # info, warning, error
     sensor: str = ""
     text: str = ""
+    compared: Comparison | None = None  # readings that cannot be true together; with `info`: again plausible
 
 
 class State(Message):

@@ -2,6 +2,8 @@
 
 import random
 import re
+import subprocess
+import sys
 import time
 from itertools import pairwise
 from pathlib import Path
@@ -97,27 +99,45 @@ def figures(machine: Machine) -> list[Row]:
     return [Row(what, machine.run(command)[1].strip(), True) for what, command in commands.items()]
 
 
-def power_pulls(folder: Path, disk: Path, count: int, rng: random.Random) -> list[Row]:
-    """Boot, record, pull the power, read the card; each time on the card as the last pull left it."""
+def power_pulls(folder: Path, disk: Path, *, count: int, rng: random.Random) -> list[Row]:
+    """Boot, pull the power while that or the recording goes on, by turns, read the card; on the card as it was left."""
     known, rows = logs_on(folder, disk), []
+    boots_s: list[float] = []  # of this computer's time, until data were on the card
+    first_messages_s: list[float] = []
     for number in range(1, count + 1):
+        booting = number % 2 == 0
         with Machine(folder, disk) as machine:
-            machine.wait_for_recording(len(known))
-            begin_s = machine.heartbeat.guest_s
-            machine.wait(rng.uniform(*RECORDED_S))
+            if booting:
+                time.sleep(rng.uniform(0.0, 1.0) * boots_s[-1])
+            else:
+                machine.wait_for_recording(len(known))
+                boots_s.append(time.monotonic() - machine.started_s)
+                machine.wait(rng.uniform(*RECORDED_S))
             cut_s = machine.pull_power()
         logs = logs_on(folder, disk)
         wrong = trouble(known, logs)
         new = [log.state for name, log in logs.items() if name not in known]
         last_s = max((state.last_s for state in new if state.last_s is not None), default=None)
         completed = sum(not known[name].state.complete and logs[name].state.complete for name in known if name in logs)
-        lost = "nothing can be read" if last_s is None else f"lost {cut_s - last_s:.2f} s"
-        good = not wrong and last_s is not None and cut_s - last_s <= LARGEST_LOSS_S
-        text = f"{lost}; recording at {begin_s:.0f} s, cut at {cut_s:.0f} s; {len(logs)} logs, {completed} completed"
-        rows.append(Row(f"power pull {number}", "; ".join([text, *wrong]), good))
+        if last_s is None:
+            lost, good = "nothing was recorded", booting and not wrong
+        else:
+            lost, good = f"lost {cut_s - last_s:.2f} s", not wrong and cut_s - last_s <= LARGEST_LOSS_S
+            first_messages_s += [state.first_s for state in new if state.first_s is not None][-1:]
+        when = "booting" if booting else "recording"
+        text = f"{lost}; cut at {cut_s:.1f} s; {len(logs)} logs, {completed} completed"
+        rows.append(Row(f"power pull {number}, {when}", "; ".join([text, *wrong]), good))
         print(f"{rows[-1].what}: {rows[-1].figure}", flush=True)
         known = logs
-    return rows
+    seen = f"{min(first_messages_s):.1f} to {max(first_messages_s):.1f} s in {len(first_messages_s)} boots"
+    return [*rows, Row("first message, after the kernel's start", seen, True)]
+
+
+def eight_hours() -> list[Row]:
+    """A recording of eight hours in simulated time, on this computer."""
+    command = [sys.executable, str(Path(__file__).resolve().parents[1] / "daemon.py"), "day", "--hours", "8"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    return [Row("eight hours", "; ".join((done.stdout or done.stderr).splitlines()[-4:]), done.returncode == 0)]
 
 
 def unplugged(folder: Path, disk: Path) -> list[Row]:

@@ -6,7 +6,6 @@ in brackets are sections of the description. The tests compare with pyubx2, whic
 """
 
 import calendar
-import enum
 import struct
 from collections.abc import Callable, Iterator
 from itertools import accumulate
@@ -27,28 +26,13 @@ LONGEST_PAYLOAD = 1024  # longer than any requested message: not a frame
 NAV_PVT, ACK_ACK, ACK_NAK = b"\x01\x07", b"\x05\x01", b"\x05\x00"
 CFG_PRT, CFG_MSG, CFG_RATE = b"\x06\x00", b"\x06\x01", b"\x06\x08"  # 32.10.25, 32.10.18, 32.10.27
 CFG_NAV5, NAV5_PAYLOAD, ONLY_DYNAMIC_MODEL = b"\x06\x24", 36, 0x0001  # 32.10.19; its mask of what is to be changed
+AIRBORNE_4G = 8  # dynModel (8.1): set at the factory is 0, portable, which smooths velocity
 FACTORY_BAUD = 9600
 SWITCH_S = 0.1  # CFG-PRT lasts 29 ms at 9600 baud, and the receiver takes a moment to change
 MAX_FRAME_NS = 300_000_000  # a frame incomplete for this long is discarded; 100 bytes take 0.1 s at 9600 baud
 ACK_TIMEOUT_NS = 1_000_000_000
 SILENCE_NS = 1_500_000_000  # no solution for this long is `no_data`; a receiver without fix still sends solutions
 WITH_POSITION = (2, 3, 4)  # fixType: 2D, 3D, GNSS with dead reckoning
-
-
-class DynamicModel(enum.IntEnum):
-    """What the receiver's filter takes the vehicle to be (CFG-NAV5 dynModel, 8.1)."""
-
-    PORTABLE = 0  # set at the factory: low accelerations are expected, and velocity is smoothed
-    STATIONARY = 2
-    PEDESTRIAN = 3
-    AUTOMOTIVE = 4
-    SEA = 5
-    AIRBORNE_1G = 6
-    AIRBORNE_2G = 7
-    AIRBORNE_4G = 8
-
-
-AIRBORNE = frozenset({DynamicModel.AIRBORNE_1G, DynamicModel.AIRBORNE_2G, DynamicModel.AIRBORNE_4G})
 
 
 class UBloxDriver:
@@ -161,7 +145,7 @@ def configuration(rate_Hz: float, baud: int | None) -> list[bytes]:
         frame_of(CFG_PRT, struct.pack("<B3xIIHH4x", port_id, mode, baud or 0, ubx, ubx)),
         frame_of(CFG_RATE, struct.pack("<HHH", round(1000 / rate_Hz), 1, 1)),  # each measurement; GPS time
         frame_of(CFG_MSG, NAV_PVT + on_ports),
-        frame_of(CFG_NAV5, struct.pack("<HB33x", ONLY_DYNAMIC_MODEL, DynamicModel.AIRBORNE_4G)),
+        frame_of(CFG_NAV5, struct.pack("<HB33x", ONLY_DYNAMIC_MODEL, AIRBORNE_4G)),
         frame_of(CFG_NAV5, b""),
     ]
 

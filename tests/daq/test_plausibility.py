@@ -2,16 +2,39 @@
 
 import pytest
 
-from daq.plausibility import Comparison, Plausibility
+from daq.plausibility import Plausibility
 from daq.sensors import Sample
-from flight.messages import AbsolutePressure, Battery, DifferentialPressure, Event, Gps, Rpm, Status
+from daq.still_air_zero import DIFFERENCE, Zero, ZeroReading
+from flight.messages import (
+    AbsolutePressure,
+    Attitude,
+    Battery,
+    Comparison,
+    DifferentialPressure,
+    Event,
+    Gps,
+    Rpm,
+    Status,
+)
+from flight.probe_maps import FORMAT, PolynomialMap, ProbeMaps
 
 SECOND_NS = 10**9
 GPS = {
-    "velocity_north_mps": 15.0, "velocity_east_mps": 0.0, "fix_type": 3, "satellites": 12, "speed_accuracy_mps": 0.2,
+    "velocity_north_mps": 15.0, "velocity_east_mps": 0.0, "velocity_down_mps": 0.0,
+    "fix_type": 3, "satellites": 12, "speed_accuracy_mps": 0.2,
     "dynamic_model": 8, "height_msl_m": 120.0,
 }  # fmt: skip
+ALPHA_RAD = 0.1
+PROBE = ProbeMaps(  # alpha = 0.5 C_alpha, q_c is qbar
+    format=FORMAT,
+    alpha_rad=PolynomialMap([(1, 0)], [0.5]),
+    beta_rad=PolynomialMap([(0, 1)], [0.5]),
+    q_ratio=PolynomialMap([(0, 0)], [1.0]),
+    hull=[(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)],
+)
 GOOD = {
+    "/probe/alpha": DifferentialPressure(differential_pressure_Pa=135.0 * ALPHA_RAD / 0.5),
+    "/attitude": Attitude(roll_rad=0.0, pitch_rad=ALPHA_RAD, yaw_rad=0.0),
     "/probe/airspeed": DifferentialPressure(differential_pressure_Pa=135.0),  # 15 m/s
     "/gps": Gps(**GPS),
     "/baro": AbsolutePressure(pressure_Pa=99_000.0),
@@ -32,6 +55,10 @@ def flown(plausibility: Plausibility, seconds: range, **changes) -> list[Event]:
     return events
 
 
+def climbing(mps: float) -> Gps:
+    return Gps(**{**GPS, "velocity_down_mps": -mps})
+
+
 LINE_OFF = DifferentialPressure(differential_pressure_Pa=0.0)
 
 
@@ -49,15 +76,47 @@ LINE_OFF = DifferentialPressure(differential_pressure_Pa=0.0)
         ({"gps": Gps(**{**GPS, "dynamic_model": 0})}, Comparison.GPS),
         ({"gps": Gps(**{**GPS, "satellites": 4})}, Comparison.GPS),
         ({"gps": Gps(**{**GPS, "speed_accuracy_mps": 1.4})}, Comparison.GPS),
+        (
+            {"probe_alpha": DifferentialPressure(differential_pressure_Pa=-27.0)},
+            Comparison.ANGLE_OF_ATTACK,
+        ),  # exchanged
+        ({"attitude": Attitude(roll_rad=0.0, pitch_rad=0.22)}, Comparison.ANGLE_OF_ATTACK),  # 7 deg
+        ({"attitude": Attitude(roll_rad=0.0, pitch_rad=0.18)}, None),  # 4.6 deg
+        ({"attitude": Attitude(roll_rad=0.6, pitch_rad=0.5)}, None),  # a turn
+        ({"attitude": Attitude(roll_rad=0.0, pitch_rad=0.3), "gps": climbing(3.0)}, None),  # 0.2 rad steep
+        ({"attitude": Attitude(roll_rad=0.0, pitch_rad=ALPHA_RAD), "gps": climbing(3.0)}, Comparison.ANGLE_OF_ATTACK),
+        ({"probe_airspeed_2": DifferentialPressure(differential_pressure_Pa=140.0)}, None),
+        ({"probe_airspeed_2": LINE_OFF}, Comparison.SECOND_SENSORS),
+        ({"gps_2": Gps(velocity_north_mps=9.0, velocity_east_mps=0.0)}, Comparison.SECOND_SENSORS),
         ({"gps": None, "baro": None, "battery": None}, None),  # a sensor that is not there
     ],
 )
 def test_what_cannot_be_true_together_is_told_once(changes, comparison):
-    plausibility = Plausibility()
+    plausibility = Plausibility(PROBE)
     events = flown(plausibility, range(60), **changes)
+    assert [event.compared for event in events] == [comparison] * (comparison is not None)
     assert [event.severity for event in events] == ["warning"] * (comparison is not None)
     assert list(plausibility._told) == [comparison] * (comparison is not None)
     assert plausibility.implausible == [event.text for event in events]
+
+
+def test_an_autopilots_attitude_is_not_believed_while_speed_changes():
+    """It takes 3 m/s^2 for 17 deg of pitch: seven decelerations of 5 s, with 3 s of speed held after each."""
+    plausibility, wrong = Plausibility(PROBE), {"attitude": Attitude(roll_rad=0.0, pitch_rad=0.4)}
+    for start in range(0, 56, 8):
+        for second in range(5):
+            q_c = DifferentialPressure(differential_pressure_Pa=0.6 * (20 - 1.5 * second) ** 2)
+            assert flown(plausibility, range(start + second, start + second + 1), probe_airspeed=q_c, **wrong) == []
+        assert flown(plausibility, range(start + 5, start + 8)) == []
+
+
+def test_zeros_of_the_ground_are_subtracted():
+    reading = ZeroReading(mean=-54.0, standard_deviation=1.0, samples=250)
+    zero = Zero(
+        format="", taken_unix_ns=0, seconds=10.0, temperature_K={}, readings={"/probe/alpha": {DIFFERENCE: reading}}
+    )
+    plausibility = Plausibility(PROBE, zero)
+    assert flown(plausibility, range(60), probe_alpha=DifferentialPressure(differential_pressure_Pa=-27.0)) == []
 
 
 def test_five_seconds_make_it_news_and_five_seconds_end_it():
