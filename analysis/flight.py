@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 from analysis.airdata.flight_data import FlightData, flight_data
 from analysis.flown import check_lift, flown_condition, flown_lift, thrust_coverage
 from analysis.log_checks.axes import check_axes
-from analysis.log_checks.structure import check_decodable, check_log
+from analysis.log_checks.structure import check_decodable, check_log, receiver_notes
 from analysis.log_contents import LogContents, Replacements, contents
 from analysis.maneuvers.kinds import Maneuvers
 from analysis.maneuvers.runs_file import select
@@ -131,7 +131,8 @@ def recorded(log: Log, replacements: Replacements, progress: Progress = lambda _
     """Raises InputError when the log lacks something that nothing replaces, or cannot be decoded."""
     check_decodable(log)
     found = contents(log, replacements)
-    return Recorded(log=log, replacements=replacements, contents=found, notes=tuple(found.notes), progress=progress)
+    notes = (*found.notes, *receiver_notes(log))
+    return Recorded(log=log, replacements=replacements, contents=found, notes=notes, progress=progress)
 
 
 def synchronized(flight: Recorded) -> Measured:

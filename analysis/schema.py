@@ -9,6 +9,8 @@ from enum import StrEnum
 
 import msgspec
 
+from flight.messages import Comparison
+
 FORMAT = "flightpower-results-2"
 POOLING_FORMAT = "flightpower-pooling-3"
 
@@ -71,6 +73,7 @@ class EvidenceKind(StrEnum):
     MOTOR_SPEED = "motor speed against the motor's constant"
     PROPELLER_EFFICIENCY = "propeller efficiency"
     MOTOR_EFFICIENCY = "motor efficiency"
+    IMPLAUSIBLE_READINGS = "readings that cannot be true together"
     SENSOR_ERROR = "sensor error against its prior"
     RUN_AGAINST_OTHERS = "run against the other runs"
     INSTALLATIONS_DIFFER = "flights said to be of one installation"
@@ -163,6 +166,14 @@ class SensorHealth(msgspec.Struct, frozen=True, kw_only=True):
     faults: dict[str, int]  # number of messages by status, where the sensor reported or showed a fault
 
 
+class ImplausibleReadings(msgspec.Struct, frozen=True, kw_only=True):
+    """A time in which readings could not be true together, as the daemon found in flight (`daq.plausibility`)."""
+
+    compared: Comparison
+    start_s: float  # as the runs' times
+    end_s: float
+
+
 class Provenance(msgspec.Struct, frozen=True, kw_only=True):
     """When and where the log was recorded, with what, and how it was analyzed."""
 
@@ -182,6 +193,7 @@ class Provenance(msgspec.Struct, frozen=True, kw_only=True):
     ticks_missed: int | None
     sensors: list[SensorHealth]
     events: list[str]  # warnings and errors of the daemon, with the second of the log
+    implausible: list[ImplausibleReadings] = []
 
 
 class AirFound(msgspec.Struct, frozen=True, kw_only=True):

@@ -16,7 +16,7 @@ from analysis.signals.settings import STATISTICS
 from flight.errors import InputError
 from flight.log_entries import NO_ENTRIES, STATUSES
 from flight.log_reader import FORMAT_PAGE, Log, other_encoding
-from flight.messages import TYPE_OF_TOPIC
+from flight.messages import AIRBORNE_MODELS, TYPE_OF_TOPIC
 
 
 def check_log(log: Log, propeller_diameter_m: float) -> None:
@@ -90,6 +90,18 @@ def _why_empty(log: Log, topic: str, unknown: list[str], good: bool) -> str:
 
 def _no_topic(log: Log, topic: str) -> InputError:
     return InputError(f"{log.path}: no topic {topic}, which the power curve needs{_similar_topic(log, topic)}")
+
+
+def receiver_notes(log: Log) -> list[str]:
+    """Says so if the receiver's filter was not set for flight (`dynamic_model` of /gps)."""
+    entries = log.entries.get("/gps", NO_ENTRIES)
+    known = {int(model) for model in values(entries, "dynamic_model") if not np.isnan(model)}
+    if not (wrong := known - AIRBORNE_MODELS):
+        return []
+    return [
+        f"The GPS receiver's dynamic model was {min(wrong)}, not 6 to 8 (airborne): it smooths velocity, and speed over"
+        " ground is late in runs. Set it (u-blox CFG-NAV5); the daemon does at every start."
+    ]
 
 
 def _match(log: Log, topic: str) -> str | None:

@@ -6,10 +6,10 @@ from pathlib import Path
 
 from analysis.flight import Recorded
 from analysis.log_contents import LogContents, Replacements
-from analysis.schema import Clock, Provenance, SensorHealth, SourceFile
+from analysis.schema import Clock, ImplausibleReadings, Provenance, SensorHealth, SourceFile
 from flight.log_entries import STATUS_CODE
 from flight.log_reader import Log
-from flight.messages import Event, Gps, Status, Tick
+from flight.messages import Comparison, Event, Gps, Status, Tick
 from flight.satellite_time import satellites_minus_log_time_ns
 from flight.shipped_propellers import FOLDER, shipped_propellers
 
@@ -59,6 +59,7 @@ def provenance(flight: Recorded, runs_file: Path | None, command_line: str) -> P
             for entry in log.entries.get("/daq/event", [])
             if isinstance(entry.message, Event) and entry.message.severity != "info"
         ],
+        implausible=_implausible(log, end_ns),
     )
 
 
@@ -87,6 +88,26 @@ def _start(log: Log, start_ns: int) -> tuple[str | None, Clock]:
         return _iso(start_ns + offset_ns), Clock.SATELLITES
     stated = log.metadata.get("flightpower", {}).get("start_unix_ns", "")
     return (_iso(int(stated)), Clock.COMPUTER) if stated.isdigit() and int(stated) else (None, Clock.NONE)
+
+
+def _implausible(log: Log, end_ns: int) -> list[ImplausibleReadings]:
+    """From each warning of a comparison to the news that it is plausible again, or the end of the log."""
+    start_ns = next((entry.time_ns for entry in log.entries.get("/imu", [])), 0)
+    found: list[ImplausibleReadings] = []
+    since_ns: dict[Comparison, int] = {}
+    for entry in log.entries.get("/daq/event", []):
+        event = entry.message
+        if not isinstance(event, Event) or event.compared is None:
+            continue
+        if event.severity != "info":
+            since_ns.setdefault(event.compared, entry.time_ns)
+        elif event.compared in since_ns:
+            found.append(_period(event.compared, since_ns.pop(event.compared) - start_ns, entry.time_ns - start_ns))
+    return found + [_period(compared, at_ns - start_ns, end_ns - start_ns) for compared, at_ns in since_ns.items()]
+
+
+def _period(compared: Comparison, start_ns: int, end_ns: int) -> ImplausibleReadings:
+    return ImplausibleReadings(compared=compared, start_s=start_ns / 1e9, end_s=end_ns / 1e9)
 
 
 def _iso(unix_ns: int) -> str | None:

@@ -25,6 +25,7 @@ from analysis.schema import (
     Trust,
 )
 from analysis.settings import FLOWN
+from flight.messages import Comparison
 
 _WORST_FIRST = (Trust.NOT_TO_BE_TRUSTED, Trust.DOUBTFUL, Trust.TRUSTED)
 
@@ -55,6 +56,7 @@ def evidence_against(results: Results) -> list[Evidence]:
         *_thrust(results.pooling),
         *_motor_speed(results),
         *_efficiencies(results),
+        *_implausible(results),
         *_sensor_errors(results),
         *_runs(results),
         *_outside_table(results),
@@ -243,6 +245,41 @@ def _sensor_errors(results: Results) -> Iterator[Evidence]:
                 f" {_CULPRIT[name]}: mend it, or state a larger [uncertainty] in the aircraft file."
             ),
         )
+
+
+# What each comparison of the daemon doubts. It spares the others: GPS is an aid, whose faults the trajectory tells.
+_DOUBTED = {
+    Comparison.AIRSPEED: "airspeed, which the speed over the ground contradicts by more than any wind",
+    Comparison.ANGLE_OF_ATTACK: "angle of attack, which attitude and climb contradict",
+    Comparison.BAROMETERS: "static pressure, which the barometer in the fuselage contradicts",
+    Comparison.MOTOR: "motor speed, which the current contradicts",
+}
+
+
+def _implausible(results: Results) -> Iterator[Evidence]:
+    """Runs that were flown while the daemon found readings that cannot be true together."""
+    found = results.provenance.implausible if results.provenance else []
+    for compared, doubted in _DOUBTED.items():
+        periods = [(one.start_s, one.end_s) for one in found if one.compared is compared]
+        shared_s = sum(
+            max(0.0, min(end_s, run.end_s) - max(start_s, run.start_s))
+            for run in results.runs
+            for start_s, end_s in periods
+        )
+        if shared_s > 0:
+            yield Evidence(
+                kind=EvidenceKind.IMPLAUSIBLE_READINGS,
+                level=Trust.DOUBTFUL,
+                part=PartOfResult.CURVE,
+                subject=compared,
+                figure=shared_s,
+                unit="s",
+                limit=0.0,
+                text=(
+                    f"In {shared_s:.0f} s of the runs the daemon doubted the {doubted}: look at it in those runs, and"
+                    " leave them out (runs.toml) if it was wrong."
+                ),
+            )
 
 
 def _runs(results: Results) -> Iterator[Evidence]:

@@ -14,11 +14,13 @@ from analysis.cli.electrical import Done
 from analysis.cli.export import app as export_app
 from analysis.planning.information import read_results
 from analysis.results.files import to_json
+from analysis.results.provenance import provenance_of_file
 from analysis.results.settings import TRUST
 from analysis.results.trust import evidence_against, noise_limit, reasons_not_to_trust, trust_by, with_trust
 from analysis.schema import (
     CurveStatus,
     EvidenceKind,
+    ImplausibleReadings,
     Interval,
     LevelEfficiencyPoint,
     PathResult,
@@ -30,6 +32,7 @@ from analysis.schema import (
 )
 from flight.command_line import ExitCode
 from flight.errors import InputError
+from flight.messages import Comparison
 
 NOT_TRUSTED = {
     EvidenceKind.NOT_CONVERGED: lambda r: replace(r, status=CurveStatus.NOT_CONVERGED, verdict="at a bound: A0 = 0"),
@@ -48,8 +51,17 @@ DOUBTFUL = {
     EvidenceKind.OUTSIDE_TABLE: lambda r: replace(
         r, power_required=[replace(point, extrapolated=True) for point in r.power_required]
     ),
+    EvidenceKind.IMPLAUSIBLE_READINGS: lambda r: doubted(r, Comparison.AIRSPEED),
     EvidenceKind.SENSOR_ERROR: lambda r: replace(r, path=path(V_scale=-4.8), pooling=statistics()),
 }
+
+
+def doubted(results: Results, compared: Comparison, after_s: float = 0.0) -> Results:
+    """With two seconds of readings that cannot be true together, begun so long after the begin of its run."""
+    (run,) = results.runs
+    period = ImplausibleReadings(compared=compared, start_s=run.start_s + after_s, end_s=run.start_s + after_s + 2.0)
+    origin = provenance_of_file(Path(__file__), "", None, "")
+    return replace(results, provenance=replace(origin, implausible=[period]))
 
 
 def statistics(stand: float = 0.0, **sigmas: float) -> PoolingStatistics:
@@ -112,6 +124,18 @@ def test_a_doubtful_result_says_so_first_and_ends_with_exit_code_0(
     assert _finish(Done(changed, print), json=True, quiet=False) == 0
     printed = capsys.readouterr()
     assert json.loads(printed.out)["trust"] == Trust.DOUBTFUL and len(printed.err.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("compared", "after_s", "shared_s"),
+    [(Comparison.AIRSPEED, 7.0, 1.0), (Comparison.AIRSPEED, 9.0, 0.0), (Comparison.GPS, 0.0, 0.0)],
+)
+def test_readings_are_doubted_only_in_runs(
+    results: Results, compared: Comparison, after_s: float, shared_s: float
+) -> None:
+    """The receiver's faults are those of an aid, and told by the trajectory."""
+    told = [e.figure for e in evidence_against(doubted(results, compared, after_s))]
+    assert told == [shared_s] * (shared_s > 0)
 
 
 def test_the_evidence_of_a_sound_result_is_none(with_battery: Results) -> None:

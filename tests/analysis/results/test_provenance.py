@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 from analysis.flight import Recorded
+from analysis.log_checks.structure import receiver_notes
 from analysis.log_contents import Replacements
 from analysis.results.flight_found import autocorrelation, parameter_correlation, track
 from analysis.results.previous import replaced
@@ -17,7 +18,7 @@ from analysis.results.provenance import provenance
 from analysis.schema import Provenance
 from flight.log_entries import LogEntry, entries_of
 from flight.log_reader import Log
-from flight.messages import Event, Gps, Imu, Status, Tick
+from flight.messages import Comparison, Event, Gps, Imu, Status, Tick
 
 START_NS = 5_000_000_000
 
@@ -67,6 +68,27 @@ def test_date_place_and_health_are_those_of_the_log(log: Log) -> None:
     assert (imu.messages, imu.measurements, imu.faults) == (3, 2, {"corrupt": 1})
     assert found.events == ["30 s: gps lost"]
     assert found.log_sha256 == hashlib.sha256(b"recorded").hexdigest()
+
+
+def test_implausible_readings_last_until_they_are_plausible_again_or_the_log_ends(log: Log) -> None:
+    """Times are those of the runs, from the first message of the IMU; a second warning changes nothing."""
+
+    def event(seconds: float, severity: str, compared: Comparison | None) -> LogEntry:
+        return LogEntry(START_NS + round(seconds * 1e9), 0, Event(severity=severity, compared=compared))
+
+    log.entries["/daq/event"] = entries_of([
+        event(10, "warning", Comparison.AIRSPEED), event(12, "warning", None),
+        event(15, "warning", Comparison.AIRSPEED), event(20, "info", Comparison.AIRSPEED),
+        event(25, "info", Comparison.GPS), event(50, "warning", Comparison.MOTOR),
+    ])  # fmt: skip
+    found = [(one.compared, one.start_s, one.end_s) for one in made(log).implausible]
+    assert found == [(Comparison.AIRSPEED, 10.0, 20.0), (Comparison.MOTOR, 50.0, 60.0)]
+
+
+@pytest.mark.parametrize(("models", "notes"), [([8, 8], 0), ([None, None], 0), ([8, 0], 1)])
+def test_a_receiver_that_smooths_velocity_is_noted(log: Log, models: list[int | None], notes: int) -> None:
+    log.entries["/gps"] = entries_of([LogEntry(START_NS, 0, Gps(dynamic_model=model)) for model in models])
+    assert len(receiver_notes(log)) == notes
 
 
 def test_a_log_without_satellites_has_the_computer_s_date_or_none(log: Log) -> None:
