@@ -376,6 +376,7 @@ class TrayFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     rate_Hz: Annotated[float, Meta(ge=1, le=200)] = 25.0
     directory: str = "logs"
     aircraft: str | None = None
+    card: str | None = None
     probe_calibration: str | None = None
     magnetometer_calibration: str | None = None
     transducer_calibration: str | None = None
@@ -434,6 +435,7 @@ def parse_tray(text: str, where: str, folder: Path) -> Tray:
     resolved = {
         "directory": str(folder / file.directory),
         "aircraft": _resolve_name(file.aircraft, folder),
+        "card": _resolve(file.card, folder),
         "probe_calibration": _resolve(file.probe_calibration, folder),
         "magnetometer_calibration": _resolve(file.magnetometer_calibration, folder),
         "transducer_calibration": _resolve(file.transducer_calibration, folder),
@@ -516,5 +518,7 @@ def _reject_conflicts(tray: TrayFile, where: str) -> None:
         raise InputError(f"{where}: the axes of mpu9250 and ak8963 differ, but the one contains the other")
     if tray.arm is not None and "/controls" not in topics:
         raise InputError(f"{where}: arm: no sensor writes /controls, which the switch is read from")
+    if tray.card is not None and (tray.telemetry is None or tray.aircraft is None):
+        raise InputError(f"{where}: card: needs aircraft and [telemetry], whose process judges the runs")
     if tray.telemetry is not None and tray.telemetry.to in {sensor.device for sensor in tray.sensors}:
         raise InputError(f"{where}: telemetry.to: {tray.telemetry.to} is already used by a sensor")

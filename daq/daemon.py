@@ -15,6 +15,7 @@ from daq.clock import Clock
 from daq.config import EscCounterConfig, SensorTable, Tray
 from daq.disk_space import DiskSpace
 from daq.driver_factory import DriverFactory, driver_factory
+from daq.flight_card import load_card
 from daq.log_files import FileLimits, LogFiles
 from daq.log_names import numbered_logs, numbered_names, part_names
 from daq.missed_ticks import MissedTicks
@@ -116,6 +117,8 @@ def open_devices(supervisors: list[SensorSupervisor], now_ns: int) -> None:
 
 def check_configuration(tray: Tray, buses: Buses) -> None:
     """Raises InputError when the tray or a file that it names is wrong. Opens no device."""
+    if tray.card is not None:
+        load_card(tray.card)
     sensor_supervisors(tray, buses, load_attachments(tray).aircraft)
 
 
@@ -233,6 +236,8 @@ def record(
                     implausible=plausibility.implausible,
                     values=plausibility.values(cycle.now_ns),
                     run=news.progress,
+                    card=news.card,
+                    reached=news.reached,
                 )
                 reported_ticks, reported_ns = ticks, cycle.now_ns
                 own.append(Sample("/daq/state", cycle.now_ns, status.message))

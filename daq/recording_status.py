@@ -40,6 +40,8 @@ class RecordingStatus(msgspec.Struct, frozen=True, kw_only=True):
     implausible: list[str] = []  # readings that cannot be true together
     values: Values = Values()
     run: str = ""  # progress of the run that is being flown
+    card: list[str] = []  # planned runs, and how many of them are flown
+    reached: str = ""  # runs, speeds and interval of power so far
 
     @property
     def failing(self) -> list[str]:
@@ -93,10 +95,12 @@ class RecordingStatus(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RunNews(msgspec.Struct, frozen=True, kw_only=True):
-    """Verdicts on runs, and the progress of the one that is being flown, as a text; empty while there is none."""
+    """Verdicts on runs, the progress of the one that is being flown, the card, and what is reached, as texts."""
 
     verdicts: list[Event] = []
     progress: str = ""
+    card: list[str] = []
+    reached: str = ""
 
 
 class PublishedStatus(msgspec.Struct, frozen=True, kw_only=True):

@@ -9,6 +9,7 @@ from collections import deque
 from typing import NamedTuple
 
 from daq.energy_balance import EnergyBalance
+from daq.flight_card import FlightCard
 from daq.legs import Leg, Legs, Row
 from daq.motion_means import Motion, MotionFromMeans
 from daq.thrust import load_thrust
@@ -99,8 +100,16 @@ def _short_text(rejection: Rejection, seconds: float) -> str:
 class RunMonitor:
     """Fed with means, gives verdicts; `texts` is what the pilot reads."""
 
-    def __init__(self, aircraft: Aircraft, probe: ProbeMaps | None, zeros: dict[str, float] | None = None):
-        """zeros: of `daq zero`, by field of `Means`; those at rest before the flight replace them."""
+    def __init__(
+        self,
+        aircraft: Aircraft,
+        probe: ProbeMaps | None,
+        zeros: dict[str, float] | None = None,
+        card: FlightCard | None = None,
+    ):
+        """zeros: of `daq zero`, by field of `Means`; those at rest before the flight replace them. card: the plan's."""
+        self.card = card
+        self._ticked_off: Verdict | None = None
         name = aircraft.propulsion.propeller
         thrust = load_thrust(name, folding=aircraft.propulsion.beyond_zero_thrust == "fold") if name else None
         self.motion = MotionFromMeans(aircraft, probe, thrust, zeros or {})
@@ -145,9 +154,19 @@ class RunMonitor:
         for verdict in self.add(means):
             if verdict.good:
                 texts += [("info", verdict.text), ("info", self.interval_text())]
+                texts += [("info", text) for text in self._ticked(verdict)]
             elif verdict.told:
                 texts.append(("warning", verdict.text))
         return texts
+
+    def _ticked(self, verdict: Verdict) -> list[str]:
+        """What the card says after a good run; nothing if it is not planned, or was ticked off before its end."""
+        if self.card is None or (self._ticked_off and abs(self._ticked_off.start_s - verdict.start_s) < 1.0):
+            return []
+        if not self.card.tick_off(verdict.kind, verdict.first_mps, verdict.last_mps):
+            return []
+        self._ticked_off = verdict
+        return [self.card.text]
 
     def progress(self) -> Progress | None:
         """On the stretch that is being flown; None if it is none, or cannot become a run any more.

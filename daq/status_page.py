@@ -123,6 +123,8 @@ def _daemon(path: Path, now_s: float) -> tuple[str, bool, list[str]]:
     rows += [("bus", text, False) for text in status.slow]
     rows += [("readings", text, False) for text in status.implausible]
     rows += [("run", status.run, True)] if status.run else []
+    rows += [("reached", status.reached, True)] if status.reached else []
+    rows += [("card", line, True) for line in status.card]
     rows += _values(status.values)
     sensors: list[Row] = [(name, state, state in IN_ORDER) for name, state in status.sensors.items()]
     events: list[Row] = [(event.severity, event.text, event.severity == "info") for event in published.events]

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from daq.config import AutopilotConfig, TelemetryConfig, Tray
+from daq.flight_card import FlightCard, load_card
 from daq.linux_bus import LinuxSerial
 from daq.recording_status import IN_ORDER, RecordingState, RecordingStatus, RunNews
 from daq.run_monitor import Progress, RunMonitor
@@ -108,7 +109,7 @@ class TelemetryLink:
         self._news_end, self._news_write_end = os.pipe2(os.O_CLOEXEC)
         os.set_blocking(self._news_end, False)
         self._unfinished_news = b""
-        self._progress = ""
+        self._last_news = RunNews()
         if telemetry.vehicle is None:
             alone = not any(isinstance(sensor, AutopilotConfig) for sensor in tray.sensors)
             telemetry = msgspec.structs.replace(telemetry, vehicle=alone)
@@ -120,6 +121,7 @@ class TelemetryLink:
             tray.probe_calibration or "",
             tray.zero if Path(tray.zero).exists() else "",
             tray.aircraft or "",
+            tray.card or "",
         ]
         self._process: subprocess.Popen[bytes] | None = None
         self._closing = threading.Event()
@@ -172,7 +174,7 @@ class TelemetryLink:
         try:
             data = os.read(self._news_end, select.PIPE_BUF)
         except OSError:  # nothing has been said
-            return RunNews(progress=self._progress)
+            return self._last_news
         *lines, self._unfinished_news = (self._unfinished_news + data).split(b"\n")
         verdicts: list[Event] = []
         for line in lines:
@@ -181,8 +183,8 @@ class TelemetryLink:
             except msgspec.MsgspecError:  # the end of a line, of a process that was started again
                 continue
             verdicts += news.verdicts
-            self._progress = news.progress
-        return RunNews(verdicts=verdicts, progress=self._progress)
+            self._last_news = msgspec.structs.replace(news, verdicts=[])
+        return msgspec.structs.replace(self._last_news, verdicts=verdicts)
 
     def close(self) -> None:
         """End the other process; waits 1 s at most before killing it."""
@@ -204,7 +206,7 @@ class TelemetryLink:
             try:
                 self._process = subprocess.Popen(self._command, stdin=self._read_end, stdout=self._news_write_end)
                 self._process.wait()
-                self._progress = ""
+                self._last_news = msgspec.structs.replace(self._last_news, progress="")
             except OSError as error:
                 self._events.append(
                     Event(severity="warning", sensor="telemetry", text=f"telemetry cannot be started: {error}")
@@ -391,10 +393,12 @@ def main(arguments: list[str]) -> None:
     telemetry = msgspec.json.decode(arguments[0], type=TelemetryConfig)
     probe = load_probe_maps(Path(arguments[1])) if arguments[1] else None
     zero = parse_zero(Path(arguments[2]).read_text("utf-8"), arguments[2]) if arguments[2] else None
-    monitor = run_monitor(load_aircraft(arguments[3]), probe, zero) if arguments[3] else None
+    card = load_card(arguments[4]) if arguments[4] else None
+    monitor = run_monitor(load_aircraft(arguments[3]), probe, zero, card) if arguments[3] else None
     ground = MavlinkEncoder(telemetry, probe, zero)
     port: LinuxSerial | UdpSender | None = None
     progress: Progress | None = None
+    said = RunNews()
     decoder = msgspec.json.Decoder(Snapshot)
     for lines in newest_lines(0):
         snapshot = decoder.decode(lines[-1])
@@ -404,8 +408,9 @@ def main(arguments: list[str]) -> None:
             means = [each for some in (*earlier, snapshot) for each in some.means]
             news, told = run_news(monitor, means, before=progress)
             snapshot.events += told
-            if news.verdicts or news.progress != (progress.text if progress else ""):
+            if news != said:
                 os.write(1, msgspec.json.encode(news) + b"\n")
+                said = msgspec.structs.replace(news, verdicts=[])
             progress = monitor.progress()
         try:
             port = port or open_port(telemetry)
@@ -429,11 +434,13 @@ def run_news(monitor: RunMonitor, means: list[Means], *, before: Progress | None
     begun = now is not None and (before is None or before.kind != now.kind)
     reached = now is not None and before is not None and before.more_s > 0 and now.more_s == 0
     told = [Event(sensor="runs", text=now.text)] if now is not None and (begun or reached) else []
-    return RunNews(verdicts=verdicts, progress=now.text if now else ""), told + verdicts
+    card = monitor.card.lines if monitor.card else []
+    so_far = monitor.interval_text() if monitor.runs else ""
+    return RunNews(verdicts=verdicts, progress=now.text if now else "", card=card, reached=so_far), told + verdicts
 
 
-def run_monitor(aircraft: Aircraft, probe: ProbeMaps | None, zero: Zero | None) -> RunMonitor:
-    """The monitor of an aircraft's runs, with the zeros of `daq zero` where there are any."""
+def run_monitor(aircraft: Aircraft, probe: ProbeMaps | None, zero: Zero | None, card: FlightCard | None) -> RunMonitor:
+    """The monitor of an aircraft's runs, with the zeros of `daq zero` and the card where there are any."""
     readings = zero.readings if zero else {}
     zeros = {
         name: readings[topic][field].mean
@@ -441,7 +448,7 @@ def run_monitor(aircraft: Aircraft, probe: ProbeMaps | None, zero: Zero | None) 
         for name, field in fields
         if field in readings.get(topic, {})
     }
-    return RunMonitor(aircraft, probe, zeros)
+    return RunMonitor(aircraft, probe, zeros, card)
 
 
 def drop_priority() -> None:

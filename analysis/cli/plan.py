@@ -170,8 +170,8 @@ def plan(
 ) -> None:
     """What to fly next: the sequence of maneuvers that makes the interval of the answer smallest.
 
-    Writes a card to print (card.html), a plan for the simulator (plan.toml) and, with --home, a mission for an
-    autopilot (mission.plan, mission.waypoints).
+    Writes a card to print (card.html) and one for the daemon, which ticks off the runs (card.toml), a plan for the
+    simulator (plan.toml) and, with --home, a mission for an autopilot (mission.plan, mission.waypoints).
 
     \b
     Examples:
@@ -186,12 +186,13 @@ def plan(
     check_new_file(folder / "plan.toml", replace=replace)
 
     made = flight_plan(aircraft, options)
-    from analysis.planning.card import card
+    from analysis.planning.card import card, runs_to_tick_off
     from analysis.planning.mission import Home, qgroundcontrol_plan, simulator_plan, waypoint_file
 
     files = {
         "plan.toml": simulator_plan(made.maneuvers, made.aircraft, made.request),
         "card.html": card(made, craft.title),
+        "card.toml": runs_to_tick_off(made),
     }
     if place is not None:
         where = Home(*place, radians(options.heading_deg))

@@ -21,6 +21,7 @@ from analysis.planning.pieces import (
 )
 from analysis.planning.search import FlightPlan
 from analysis.planning.settings import MARGINS
+from flight.runs import ACCELERATION, DECELERATION
 
 
 class Row(NamedTuple):
@@ -90,6 +91,24 @@ def margin(plan: FlightPlan) -> str:
         f" {MARGINS.held * slow:.1f} m/s is held ({100 * (MARGINS.held * slow / stall - 1):.0f} % above). The margin is"
         f" {100 * (MARGINS.slowest - 1):.0f} % in still air and {MARGINS.slowest_per_kt * 100:.1f} % more for each knot"
         " of wind."
+    )
+
+
+def runs_to_tick_off(plan: FlightPlan) -> str:
+    """The runs of the plan, as the daemon ticks them off (`card.toml`, `daq.flight_card`)."""
+    times: dict[tuple[str, str, str], int] = {}
+    speed_mps = 0.0
+    for maneuver in plan.maneuvers:
+        if isinstance(maneuver, Run):
+            kind = ACCELERATION if maneuver.until_mps > speed_mps else DECELERATION
+            run = kind, f"{speed_mps:.1f}", f"{maneuver.until_mps:.1f}"
+            times[run] = times.get(run, 0) + 1
+            speed_mps = maneuver.until_mps
+        speed_mps = getattr(maneuver, "speed_mps", speed_mps)
+    head = '# The runs of the plan, for the daemon: card = "card.toml" in the tray file.\n'
+    return head + "".join(
+        f'\n[[run]]\nkind = "{kind}"\nfrom_mps = {from_mps}\nto_mps = {to_mps}\ntimes = {count}\n'
+        for (kind, from_mps, to_mps), count in times.items()
     )
 
 
