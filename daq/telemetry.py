@@ -68,10 +68,11 @@ SENSOR_BITS = {
     "/battery": 0x2000000,
 }
 LOGGING_BIT = 0x1000000
+ALL_BITS = 0xFFFFFFFF  # what is not there does not fail: MAVProxy would say "fence breach"
 
 
 class SensorBits(NamedTuple):
-    """For SYS_STATUS: which kinds of sensors are there, and of which all work."""
+    """For SYS_STATUS: which kinds of sensors are there, and all kinds less those of which one fails."""
 
     present: int
     healthy: int
@@ -372,7 +373,7 @@ def sensor_bits(status: RecordingStatus, topics: Mapping[str, Sequence[str]]) ->
             bits = SENSOR_BITS.get(topic, 0)
             present |= bits
             failed |= 0 if state in IN_ORDER else bits
-    return SensorBits(present, present & ~failed)
+    return SensorBits(present, ALL_BITS & ~failed)
 
 
 def airspeed_mps(qbar_Pa: float | None, static_Pa: float | None, temperature_K: float | None) -> float:

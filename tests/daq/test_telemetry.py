@@ -564,7 +564,9 @@ def test_sys_status_has_a_bit_for_each_kind_of_sensor_and_only_an_aircraft_of_it
     gps, logging = mavlink.MAV_SYS_STATUS_SENSOR_GPS, mavlink.MAV_SYS_STATUS_LOGGING
     imu = mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO | mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL
     motor = mavlink.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
-    assert bits == (imu | gps | motor | logging, imu | motor | logging)
+    assert bits.present == imu | gps | motor | logging
+    assert bits.present & bits.healthy == imu | motor | logging
+    assert bits.healthy & mavlink.MAV_SYS_STATUS_GEOFENCE, "without a fence none is breached"
     assert not sensor_bits(status(state=RecordingState.CARD_FULL), topics).healthy & logging
     for vehicle in (True, False):
         ground = MavlinkEncoder(TelemetryConfig(to="udp:127.0.0.1:9", vehicle=vehicle), None, None)
