@@ -57,18 +57,23 @@ def test_a_mode_is_only_left_through_power_down():
     assert modes == [0xF, 0x0, 0x6]
 
 
-def test_overflow_of_the_sensor_is_saturation():
+@pytest.fixture
+def started():
+    """Registers, and a driver that has been brought up."""
     bus = registers()
     sensor = AK8963Driver(bus)
     bring_up(sensor)
+    return bus, sensor
+
+
+def test_overflow_of_the_sensor_is_saturation(started):
+    bus, sensor = started
     measured(bus, 30000, 30000, 0, status2=0x18)
     assert sensor.read(0)[0].message.status is Status.SATURATED
 
 
-def test_nothing_new_is_stale_and_a_part_that_stopped_is_brought_up_again():
-    bus = registers()
-    sensor = AK8963Driver(bus)
-    bring_up(sensor)
+def test_nothing_new_is_stale_and_a_part_that_stopped_is_brought_up_again(started):
+    bus, sensor = started
     measured(bus, 1, 2, 3, ready=0)
     assert sensor.read(0)[0].message.status is Status.STALE
     with pytest.raises(SensorFailure, match="stopped"):
@@ -76,10 +81,8 @@ def test_nothing_new_is_stale_and_a_part_that_stopped_is_brought_up_again():
             sensor.read(0)
 
 
-def test_a_lost_supply_is_noticed():
-    bus = registers()
-    sensor = AK8963Driver(bus)
-    bring_up(sensor)
+def test_a_lost_supply_is_noticed(started):
+    bus, sensor = started
     bus.registers[0x0C][0x0A] = 0
     with pytest.raises(SensorFailure, match="supply"):
         sensor.read(0)

@@ -59,6 +59,9 @@ def test_the_installation_may_be_named():
     assert tray.installation is not None and tray.installation.name == "boom, May"
 
 
+BARO = '[[sensors]]\ndriver="{}"\nbus="b"\naddress=0x76\n'
+MAG = '[[sensors]]\ndriver="ak8963"\nbus="b"\n'
+PORT = '[[sensors]]\ndriver="{}"\nport="/dev/ttyUSB0"\n'
 IMU = '[[sensors]]\ndriver="mpu9250"\nbus="/dev/i2c-1"\n'
 
 
@@ -91,17 +94,21 @@ IMU = '[[sensors]]\ndriver="mpu9250"\nbus="/dev/i2c-1"\n'
             "sensors[0]: 'SSC' is not a supported part number",
         ),
         ('[[sensors]]\ndriver="autopilot"\nport="udp:14550"', "udp:HOST:PORT"),
+        (
+            IMU + BARO.format("ms5611") + BARO.format("ms5805"),
+            "sensors[1] (ms5611) and sensors[2] (ms5805) are both on",
+        ),
+        (MAG + '[[sensors]]\ndriver="mpu9250"\nbus="b"\naddress=0x0C', "both on address 0x0c of b"),
+        (PORT.format("ublox") + PORT.format("esc_counter"), "both on port /dev/ttyUSB0"),
+        (IMU + IMU + "address=0x69", "would both write /imu"),
+        ("[files]\nrotate = 3\n" + IMU, "files: Object contains unknown field `rotate`"),
+        ('[files]\nwhen_full = "panic"\n' + IMU, "files.when_full"),
+        ("[arm]\nchannel = 7\n" + IMU, "no sensor writes /controls"),
+        ('card = "card.toml"\n' + IMU, "needs aircraft and [telemetry]"),
     ],
 )
 def test_mistakes_are_named(text, said):
     assert said in refused(text)
-
-
-def test_two_sensors_on_one_address_are_refused_by_name():
-    message = refused(
-        IMU + '[[sensors]]\ndriver="ms5611"\nbus="b"\naddress=0x76\n[[sensors]]\ndriver="ms5805"\nbus="b"'
-    )
-    assert "sensors[1] (ms5611) and sensors[2] (ms5805) are both on address 0x76 of b" in message
 
 
 def test_a_part_number_can_collide_too():
@@ -109,19 +116,6 @@ def test_a_part_number_can_collide_too():
     alpha = '[[sensors]]\ndriver="ms45xxdo"\nbus="b"\npart="MS4515DO-DS5AI002DP"\nmeasures="alpha"\n'
     assert "address 0x28" in refused(airspeed + alpha)
     assert len(parse_tray(airspeed + alpha.replace('"b"', '"c"'), "tray.toml", Path()).sensors) == 2
-
-
-def test_the_magnetometer_inside_the_imu_takes_an_address():
-    mag = '[[sensors]]\ndriver="ak8963"\nbus="b"\n'
-    imu = '[[sensors]]\ndriver="mpu9250"\nbus="b"\naddress=0x0C\n'
-    assert "address 0x0c" in refused(mag + imu)
-
-
-def test_two_sensors_on_one_port_or_one_topic_are_refused():
-    port = '[[sensors]]\ndriver="{}"\nport="/dev/ttyUSB0"\n'
-    assert "both on port /dev/ttyUSB0" in refused(port.format("ublox") + port.format("esc_counter"))
-    twice = IMU + '[[sensors]]\ndriver="mpu9250"\nbus="/dev/i2c-1"\naddress=0x69\n'
-    assert "would both write /imu" in refused(twice)
 
 
 def test_a_file_that_cannot_be_read(tmp_path):
