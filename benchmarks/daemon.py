@@ -90,7 +90,8 @@ def _soak(seconds: float, rate: float, *, fifo: bool, serve: list[str]) -> None:
         finally:
             tray.send_signal(signal.SIGTERM)
             tray.wait(10)
-        print(said.strip().splitlines()[-1])
+        lines = said.strip().splitlines()
+        print(*(line for line in lines[:-1] if " needs " in line), lines[-1], sep="\n")
         print_ticks(sorted((folder / "logs").glob("*.mcap")))
     begin, end = next((s for s in cpu if s[0] > 5.0), cpu[0]), cpu[-1]
     share = (end[1] - begin[1]) / (end[0] - begin[0])
