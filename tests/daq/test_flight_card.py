@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from test_run_monitor import means_at
 
@@ -52,6 +53,18 @@ def test_the_monitor_ticks_off_a_good_run_once(tmp_path):
         texts += monitor.texts(means_at(t, speed if t < 48 else 15.0, 60.0 * (t > 10), n=80.0 * (t > 10)))
     assert [text for _, text in texts if text.startswith("card")] == ["card: 1 of 3, next acceleration to 22.0 m/s"]
     assert monitor.card.lines[0].startswith("1 of 2")
+
+
+def test_a_run_that_goes_on_after_it_was_told_is_ticked_off_once():
+    """Speed is held for six seconds at 18 m/s and rises on: a second verdict on the same leg replaces the first."""
+    planned = FlightCard([PlannedRun(kind="acceleration", from_mps=12.0, to_mps=18.0, times=3)])
+    monitor, good = RunMonitor(load_aircraft("nexstar"), None, card=planned), 0
+    for i in range(300):
+        t = 0.2 * (i + 0.5)
+        speed = 0.0 if t < 10 else float(np.interp(t, (18, 27, 33, 40), (12.0, 18.0, 18.0, 23.0)))
+        texts = monitor.texts(means_at(t, speed if t < 50 else 15.0, 60.0 * (t > 10), n=80.0 * (t > 10)))
+        good += sum(text.startswith("acceleration good") for _, text in texts)
+    assert good == 2 and planned.lines[0].startswith("1 of 3")
 
 
 def test_the_planners_card_is_the_daemons(tmp_path):

@@ -95,10 +95,13 @@ def test_a_read_that_ends_early_in_the_next_tick_is_followed_by_that_ticks_read(
 
 
 def test_a_read_that_ends_late_in_the_next_tick_is_not_followed():
-    bench = Bench(10**9)
+    bench = Bench(3 * 10**9)
     bench.tick(0)
-    bench.tick(1, round(0.4 * bench.period_ns))  # later than half a tick before the deadline
+    late = threading.Timer(2.0, bench.part.permit.release, (2,))  # later than half a tick before the deadline
+    late.start()
+    bench.tick(1, round(0.8 * bench.period_ns))
     assert bench.supervisor.errors == 1
+    late.cancel()
 
 
 def test_one_tick_passed_over_is_counted_and_degrades_nothing():
