@@ -133,6 +133,7 @@ class OrdinaryFlight:
         from analysis.electrical.drag import ThrustSource, drag_estimate
         from analysis.electrical.estimate import estimate
         from analysis.electrical.flight_table import flight_table
+        from analysis.electrical.simulated_truth import compared
         from analysis.electrical.thrust_balance import motor_constants
         from analysis.ground.thrust_prior import stand_measurements
         from analysis.report.electrical_page import write_electrical_report
@@ -162,7 +163,8 @@ class OrdinaryFlight:
         weighed = "given with the command" if self.weight_N is not None else "mass.weight of the aircraft file"
         provenance = provenance_of_file(self.log, weighed, self.aircraft, self.command_line)
         name = propeller.name if propeller else ""
-        known = ElectricalFlight(flight, found, drag, name, battery_J, recording.parameters)
+        simulated = compared(recording, flight, found)
+        known = ElectricalFlight(flight, found, drag, name, battery_J, recording.parameters, simulated)
         results = electrical_results(self.log, flown, known, provenance)
         progress("writing the report")
         replaced = write_electrical_report(results, flight, found, self.folder)

@@ -7,6 +7,7 @@ shows the air, and finds the flight by airspeed, GPS and height.
 """
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from analysis.autopilot_logs import recording
 from analysis.autopilot_logs.recording import Channel, FlightRecording
 from analysis.electrical.settings import FLIGHT, TEMPERATURE, ZERO
+from analysis.electrical.throttle import Meter, meter, power_off
 from analysis.signals.smoothing import stretches
 from flight.atmosphere import density, height_at, temperature_at
 from flight.errors import InputError
@@ -69,7 +71,7 @@ class FlightTable(NamedTuple):
 
     table : index t_s; pressure_Pa (pitot, zero corrected), rho, height_m, power_W, load_factor, force_x_mps2,
         load_variance and side_variance (of load factor, and of side force over weight, within a smoothing window),
-        motor_revps, GPS; NaN in gaps
+        motor_revps, GPS, throttle (NaN throughout where power does not follow it); NaN in gaps
     airborne : slices of rows          flown : the same as an array (n,)
     zero_sigma_Pa : standard deviation of the pitot's zero          rho_sigma : of density, relative
     idle_power_W : drawn from the battery with the motor off
@@ -105,12 +107,7 @@ def flight_table(flight: FlightRecording, weight_N: float, wing_area_m2: float) 
         height_at(columns["static_Pa"], ground_pressure_Pa=reference_Pa, ground_temperature_K=temperature_K)
     )
     airborne = _airborne(columns, standing, moving, least_Pa)
-    most_W = float(np.nanmax(columns["power_W"][moving], initial=0.0))
-    if moving.sum() * FLIGHT.step_s > FLIGHT.recognized_over_s and most_W < weight_N * FLIGHT.climb_mps:
-        raise InputError(
-            f"{flight.path}: the current sensor shows at most {most_W:.0f} W in the air, on which {weight_N / g:.3g} kg"
-            " do not climb: it does not measure the motor's current, or the motor never ran"
-        )
+    _refuse_meter(flight.path, columns, moving, weight_N)
     if sum(rows.stop - rows.start for rows in airborne) * FLIGHT.step_s < FLIGHT.shortest_flight_s:
         known = moving & np.isfinite(columns["pressure_Pa"] + columns["height_m"] + columns["power_W"])
         raise InputError(
@@ -118,10 +115,14 @@ def flight_table(flight: FlightRecording, weight_N: float, wing_area_m2: float) 
             f" {known.sum() * FLIGHT.step_s:.0f} s in the air; {FLIGHT.shortest_flight_s:.0f} s clear of take-off and"
             " landing are needed"
         )
-    table = pd.DataFrame(columns, index=pd.Index(t_s - t_s[0], name="t_s"))
     flown = np.zeros(len(t_s), dtype=bool)
     for rows in airborne:
         flown[rows] = True
+    columns[recording.THROTTLE], throttle_notes = _believed_throttle(columns, moving)
+    off = power_off(columns[recording.THROTTLE])
+    idle_W = _idle_power_W(columns["power_W"], standing, flown, off)
+    columns["power_W"] = np.where(off & np.isfinite(columns["power_W"]), idle_W, columns["power_W"])
+    table = pd.DataFrame(columns, index=pd.Index(t_s - t_s[0], name="t_s"))
     return FlightTable(
         table,
         airborne,
@@ -129,9 +130,38 @@ def flight_table(flight: FlightRecording, weight_N: float, wing_area_m2: float) 
         zero_sigma_Pa,
         temperature_sigma_K / temperature_K,
         temperature_K,
-        _idle_power_W(columns["power_W"], standing, flown),
-        [*flight.notes, *notes, temperature_note],
+        idle_W,
+        [*flight.notes, *notes, *throttle_notes, temperature_note],
     )
+
+
+def _refuse_meter(path: Path, columns: Mapping[str, Array], moving: BoolArray, weight_N: float) -> None:
+    """Raises InputError where what was measured cannot be the motor's power."""
+    if moving.sum() * FLIGHT.step_s <= FLIGHT.recognized_over_s:
+        return
+    most_W, throttle = float(np.nanmax(columns["power_W"][moving], initial=0.0)), columns[recording.THROTTLE][moving]
+    opened = f", at up to {100 * np.nanmax(throttle):.0f} % throttle" if np.isfinite(throttle).any() else ""
+    if most_W < weight_N * FLIGHT.climb_mps:
+        raise InputError(
+            f"{path}: the current sensor shows at most {most_W:.0f} W in the air{opened}, on which"
+            f" {weight_N / g:.3g} kg do not climb: it does not measure the motor's current, or the motor never ran"
+        )
+    if meter(columns, moving) is Meter.STANDS:
+        usual_W = float(np.nanmedian(columns["power_W"][moving]))
+        raise InputError(
+            f"{path}: the current sensor shows about {usual_W:.0f} W in the air whatever the throttle, which varies by"
+            f" {100 * np.nanstd(throttle):.0f} %: it does not measure the motor's current"
+        )
+
+
+def _believed_throttle(columns: Mapping[str, Array], moving: BoolArray) -> tuple[Array, list[str]]:
+    """The throttle (n,), NaN where power does not follow it, and a note where it contradicts it."""
+    found = meter(columns, moving)
+    if found is Meter.FOLLOWS:
+        return columns[recording.THROTTLE], []
+    contradicts = "The measured power does not follow the log's throttle, which is not used; check the current sensor."
+    notes = [contradicts] if found is Meter.CONTRADICTS else []
+    return np.full(len(moving), np.nan), notes
 
 
 def _grid(flight: FlightRecording) -> Array:
@@ -158,7 +188,7 @@ def _columns(channels: Mapping[str, Channel], t_s: Array) -> dict[str, Array]:
         "side_variance": _variance(channels.get(recording.FORCE_Y), t_s) / g**2,
         "force_x_mps2": column(recording.FORCE_X, FLIGHT.smoothing_s),
     }
-    return columns | {name: column(name) for name in (*recording.GPS, recording.MOTOR)}
+    return columns | {name: column(name) for name in (*recording.GPS, recording.MOTOR, recording.THROTTLE)}
 
 
 def _variance(one: Channel | None, t_s: Array) -> Array:
@@ -289,8 +319,13 @@ def _touches_ground(moving: BoolArray, row: int, direction: int) -> bool:
     return bool(len(beyond)) and not bool(beyond.all())
 
 
-def _idle_power_W(power: Array, standing: BoolArray, flown: BoolArray) -> float:
-    """Power with the motor off: the median on the ground, or less if less was drawn in flight."""
+def _idle_power_W(power: Array, standing: BoolArray, flown: BoolArray, off: BoolArray) -> float:
+    """Power with the motor off: the median in flight with the throttle closed; where it is never closed, or is not
+    known, the median on the ground, or less if less was drawn in flight.
+    """
+    gliding = power[flown & off & np.isfinite(power)]
+    if len(gliding) * FLIGHT.step_s > FLIGHT.recognized_over_s:
+        return float(np.median(gliding))
     in_flight = float(np.nanpercentile(power[flown], 1))
     on_ground = power[standing & np.isfinite(power)]
     return min(in_flight, float(np.median(on_ground))) if len(on_ground) else in_flight

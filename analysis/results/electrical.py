@@ -12,6 +12,7 @@ from analysis.electrical.drag import DragEstimate, DragWithheld
 from analysis.electrical.estimate import ElectricalEstimate, FlownAircraft
 from analysis.electrical.flight_table import FlightTable
 from analysis.electrical.settings import FLIGHT
+from analysis.electrical.simulated_truth import SimulatedTruth
 from analysis.electrical.thrust_balance import aerodynamics
 from analysis.estimation.noise import NORMAL_95
 from analysis.polar import maximum_lift_to_drag
@@ -49,7 +50,7 @@ class ElectricalFlight(NamedTuple):
     """What is known of a flight.
 
     propeller : name of the table that drag follows from          battery_J : usable energy; None where it is not known
-    logged : the autopilot's parameters
+    logged : the autopilot's parameters          simulated : the comparison with a simulation's truth
     """
 
     flight: FlightTable
@@ -58,11 +59,12 @@ class ElectricalFlight(NamedTuple):
     propeller: str = ""
     battery_J: float | None = None
     logged: Mapping[str, float] = {}
+    simulated: SimulatedTruth | None = None
 
 
 def electrical_results(log: Path, aircraft: FlownAircraft, found: ElectricalFlight, provenance: Provenance) -> Results:
     """The contents of `results.json`."""
-    flight, estimate, drag, propeller, _, logged = found
+    flight, estimate, drag, propeller, _, logged, simulated = found
     beside, known = _beside_the_curve(found), None if isinstance(drag, DragWithheld) else drag
     parameters, withheld = typed_in(flight_values(estimate, beside.best_range_speed, logged, known))
     rows = flight.table[flight.flown]
@@ -89,7 +91,7 @@ def electrical_results(log: Path, aircraft: FlownAircraft, found: ElectricalFlig
         best_range_speed=UNKNOWN,
         status=CurveStatus.CONVERGED,
         verdict="converged",
-        warnings=[*flight.notes, *_warnings(estimate)],
+        warnings=[*flight.notes, *_warnings(estimate), *([simulated.sentence()] if simulated else [])],
         electrical_power=electrical_points(estimate),
         electrical=beside,
         autopilot_parameters=parameters,
@@ -132,7 +134,7 @@ def _thrust_basis(drag: DragEstimate, propeller: str) -> str:
 
 
 def _beside_the_curve(found: ElectricalFlight) -> ElectricalResult:
-    flight, estimate, drag, propeller, battery_J, _ = found
+    flight, estimate, drag, propeller, battery_J, _, _ = found
     V, power = estimate.V_mps, estimate.power_W
     covariance = estimate.noise + estimate.systematic
     draws = np.random.default_rng(0).multivariate_normal(power, covariance, 400, method="eigh")

@@ -1,57 +1,48 @@
 """Files that firmware wrote: each curve, or each refusal, is the one that is known of it (their README)."""
 
 import gzip
+import sys
+from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
 import pytest
+from pymavlink import DFReader
+from pyulog import ULog
 
 from analysis.autopilot_logs.ardupilot import read_ardupilot
 from analysis.autopilot_logs.dataflash import DataflashLog
 from analysis.autopilot_logs.px4 import read_px4
-from analysis.autopilot_logs.recording import CURRENT, VOLTAGE
+from analysis.autopilot_logs.recording import CURRENT, FORCE_Z, GPS, STATIC, THROTTLE, VOLTAGE
 from analysis.autopilot_logs.telemetry import TelemetryLog
-from analysis.electrical.estimate import ElectricalEstimate, estimate
 from analysis.electrical.flight_table import flight_table
-from analysis.estimation.noise import NORMAL_95
-from analysis.results.autopilot_parameters import typed_in
-from analysis.results.electrical import UNKNOWN
-from analysis.results.electrical_parameters import flight_values
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2 as g
 from tests.shared_data import beside, needs
 
+sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
+from firmware_flights import AREA_M2, WEIGHT_N, of_flight
+
 SHARED = beside("firmware")
 pytestmark = needs(SHARED)
-WEIGHT_N, AREA_M2, SPAN_M = 2.0 * g, 0.45, 1.88
-# Level flight in calm air: true airspeed [m/s] and electrical power [W], by the simulation's own state.
-SPEEDS_MPS = np.array([14.4, 16.5, 17.6, 19.6, 22.7, 25.7, 28.9])
-TRUTH_W = np.array([31.6, 47.0, 59.8, 89.9, 157.1, 255.7, 396.5])
 MIDDLE = slice(1, 6)  # 16 to 26 m/s
-
-
-def curve(name: str, folder: Path) -> ElectricalEstimate:
-    path = folder / "log.BIN"
-    path.write_bytes(gzip.decompress((SHARED / name).read_bytes()))
-    return estimate(flight_table(read_ardupilot(path), WEIGHT_N, AREA_M2), WEIGHT_N, AREA_M2, SPAN_M)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "most", "widest"),
-    [("arduplane-4.6-dev-sitl-calm.BIN.gz", 0.05, 0.07), ("arduplane-4.6-dev-sitl-4mps.BIN.gz", 0.08, 0.12)],
+    [("arduplane-4.6-dev-sitl-calm.BIN.gz", 5, 7), ("arduplane-4.6-dev-sitl-4mps.BIN.gz", 8, 12)],
 )
-def test_power_under_an_energy_controller(name: str, most: float, widest: float, tmp_path: Path) -> None:
+def test_power_under_an_energy_controller(name: str, most: float, widest: float) -> None:
     """Laps at ten airspeeds under TECS, calm and in wind with turbulence: the truth is that of calm air."""
-    found = curve(name, tmp_path)
-    power = np.interp(SPEEDS_MPS, found.V_mps, found.power_W)
-    half = NORMAL_95 * np.interp(SPEEDS_MPS, found.V_mps, found.standard_error_W)
-    assert np.abs(power / TRUTH_W - 1)[MIDDLE].max() < most
-    assert (np.abs(power - TRUTH_W) < half).sum() >= 6
-    assert (half / TRUTH_W).max() < widest
-    parameters, _ = typed_in(flight_values(found, UNKNOWN, {"ARSPD_RATIO": 2.0}))
-    (ratio,) = (one for one in parameters if one.name == "ARSPD_RATIO")
-    assert ratio.lo < 2.0 < ratio.hi and ratio.hi - ratio.lo < 0.3  # SIM_ARSPD_RATIO is 1.99
+    _, error, half, ratio, simulated = of_flight(SHARED / name)
+    assert np.abs(error)[MIDDLE].max() < most
+    assert (np.abs(error) < half).sum() >= 6
+    assert half.max() < widest
+    assert ratio[0] < 2.0 < ratio[1] and ratio[1] - ratio[0] < 0.3  # SIM_ARSPD_RATIO is 1.99
+    assert simulated is not None and simulated.steady_windows > 20
+    assert abs(simulated.airspeed_error) < 0.002 and simulated.airspeed_half_width < 0.01
+    assert abs(simulated.power_error) < most / 100
 
 
 @pytest.mark.parametrize(
@@ -91,3 +82,64 @@ def test_every_message_of_a_ground_stations_recording_is_read() -> None:
     assert [len(log.columns(kind)["TimeUS"]) for kind in ("BARO", "IMU", "ARSP", "GPS")] == [195, 195, 194, 194]
     assert log.columns("BARO")["Press"][0] == pytest.approx(101320.58, abs=0.01)
     assert log.columns("IMU")["AccZ"][0] == pytest.approx(-0.968 * g)
+
+
+# By kind of message, the fields that the reader uses, as pymavlink decodes them.
+USED = {
+    "ARSP": ("Airspeed", "Temp"), "BARO": ("Press", "Temp"), "BAT": ("Volt", "Curr"), "CURR": ("Volt", "Curr"),
+    "IMU": ("AccX", "AccZ"), "GPS": ("Spd", "GCrs", "VZ", "Status"), "CTUN": ("ThO", "ThrOut"), "MODE": ("ModeNum",),
+    "AETR": ("Thr",), "RCOU": ("C3",), "QTUN": ("ThO",), "ESC": ("RPM", "Curr"), "SIM2": ("As",),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "arducopter-3.1.3-2014.bin",
+        "arduplane-4.2.3-aerobatic.BIN",
+        "arduplane-4.7-dev-44s.BIN",
+        "arduplane-4.7-dev-ground.BIN",
+        "arduplane-4.8-dev-kind0.BIN",
+        pytest.param("arduplane-4.6-dev-sitl-calm.BIN.gz", marks=pytest.mark.slow),
+        pytest.param("arduplane-4.6-dev-sitl-4mps.BIN.gz", marks=pytest.mark.slow),
+    ],
+)
+def test_every_message_and_value_is_that_of_pymavlink(name: str, tmp_path: Path) -> None:
+    path, data = tmp_path / "log.BIN", (SHARED / name).read_bytes()
+    path.write_bytes(gzip.decompress(data) if name.endswith(".gz") else data)
+    log, reader = DataflashLog(path.read_bytes()), DFReader.DFReader_binary(str(path))
+    whole = {  # it counts a last message that the file's end cuts off
+        kind: sum(offset + reader.formats[i].len <= reader.data_len for offset in reader.offsets[i])
+        for i, kind in reader.id_to_name.items()
+        if kind != "FMT"
+    }
+    counted = {kind: n for kind, n in whole.items() if n}
+    mine = {kind: len(next(iter(columns.values()))) for kind in counted if (columns := log.columns(kind))}
+    assert mine == counted
+    values = defaultdict(list)
+    while (message := reader.recv_match(type=list(USED))) is not None:
+        for field in USED[message.get_type()]:
+            if field in message.get_fieldnames():
+                values[message.get_type(), field].append(getattr(message, field))
+    assert len(values) >= 4
+    for (kind, field), expected in values.items():
+        assert log.columns(kind)[field] == pytest.approx(np.array(expected, dtype=float), rel=1e-9, nan_ok=True)
+
+
+def test_every_value_of_px4_is_that_of_pyulog() -> None:
+    """And of a channel no sample is left out, unless PX4 took the airspeed from elsewhere."""
+    path = SHARED / "px4-1.11.3-f16.ulg"
+    log, read = ULog(str(path)), read_px4(path)
+    for channel, topic, field, factor in (
+        (VOLTAGE, "battery_status", "voltage_v", 1.0),
+        (CURRENT, "battery_status", "current_a", 1.0),
+        (THROTTLE, "actuator_controls_0", "control[3]", 1.0),
+        (STATIC, "vehicle_air_data", "baro_pressure_pa", 1.0),
+        (FORCE_Z, "sensor_combined", "accelerometer_m_s2[2]", 1.0),
+        (GPS[0], "vehicle_gps_position", "vel_n_m_s", 1.0),
+    ):
+        data = log.get_dataset(topic).data
+        inside = (data["timestamp"] * 1e-6 >= read.channels[channel].t_s[0] - 1e-6) & (
+            data["timestamp"] * 1e-6 <= read.channels[channel].t_s[-1] + 1e-6
+        )
+        assert read.channels[channel].value == pytest.approx(factor * data[field][inside].astype(float)), channel

@@ -1,0 +1,72 @@
+"""The electrical curve of both flights of ArduPlane's own simulation against level flight in calm air.
+
+    python benchmarks/firmware_flights.py FOLDER      # with the files arduplane-4.6-dev-sitl-*.BIN.gz
+
+The truth is that of the calm flight: power in windows in which its true height and airspeed stand still.
+"""
+
+import gzip
+import sys
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.autopilot_logs.ardupilot import read_ardupilot
+from analysis.electrical.estimate import ElectricalEstimate, estimate
+from analysis.electrical.flight_table import flight_table
+from analysis.electrical.simulated_truth import SimulatedTruth, compared
+from analysis.estimation.noise import NORMAL_95
+from analysis.results.autopilot_parameters import typed_in
+from analysis.results.electrical import UNKNOWN
+from analysis.results.electrical_parameters import flight_values
+from flight.units import GRAVITY_MPS2 as g
+
+Array = NDArray[np.float64]
+
+WEIGHT_N, AREA_M2, SPAN_M = 2.0 * g, 0.45, 1.88
+SPEEDS_MPS = np.array([14.4, 16.5, 17.6, 19.6, 22.7, 25.7, 28.9])  # true airspeed
+TRUTH_W = np.array([31.6, 47.0, 59.8, 89.9, 157.1, 255.7, 396.5])
+TRUE_RATIO = 2.0  # ARSPD_RATIO
+FLIGHTS = {"calm": "arduplane-4.6-dev-sitl-calm.BIN.gz", "4 m/s of wind": "arduplane-4.6-dev-sitl-4mps.BIN.gz"}
+
+
+class OfFlight(NamedTuple):
+    """error, half : of power, in percent of the truth, at SPEEDS_MPS          ratio : least and greatest to type in"""
+
+    found: ElectricalEstimate
+    error: Array
+    half: Array
+    ratio: tuple[float, float]
+    simulated: SimulatedTruth | None
+
+
+def of_flight(path: Path) -> OfFlight:
+    with tempfile.TemporaryDirectory() as folder:
+        log = Path(folder) / "log.BIN"
+        log.write_bytes(gzip.decompress(path.read_bytes()))
+        recording = read_ardupilot(log)
+    table = flight_table(recording, WEIGHT_N, AREA_M2)
+    found = estimate(table, WEIGHT_N, AREA_M2, SPAN_M)
+    power, sigma = (np.interp(SPEEDS_MPS, found.V_mps, of) for of in (found.power_W, found.standard_error_W))
+    parameters, _ = typed_in(flight_values(found, UNKNOWN, recording.parameters))
+    (ratio,) = (one for one in parameters if one.name == "ARSPD_RATIO")
+    error, half = 100 * (power / TRUTH_W - 1), 100 * NORMAL_95 * sigma / TRUTH_W
+    return OfFlight(found, error, half, (ratio.lo, ratio.hi), compared(recording, table, found))
+
+
+def main(folder: Path) -> None:
+    print("true airspeed, m/s  ", *(f"{V:6.1f}" for V in SPEEDS_MPS))
+    for name, file in FLIGHTS.items():
+        one = of_flight(folder / file)
+        print(f"{name:13} error, %", *(f"{x:+6.1f}" for x in one.error))
+        print(f"{'':9} half width, %", *(f"{x:6.1f}" for x in one.half))
+        inside = int((np.abs(one.error) < one.half).sum())
+        print(f"  inside at {inside} of {len(SPEEDS_MPS)}; ARSPD_RATIO {one.ratio[0]:.3f} to {one.ratio[1]:.3f}, "
+              f"true {TRUE_RATIO}; {one.simulated.sentence() if one.simulated else ''}")  # fmt: skip
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
