@@ -28,12 +28,38 @@ SEEDS: dict[str, list[str]] = {
     "ulog": ["tests/data/autopilot_logs/*.ulg"],
 }
 LONGEST_BYTES = 60_000  # of a file
+LONGEST_FLIGHT_BYTES = 200_000  # of two minutes in the air
 LONGEST_STREAM_BYTES = 2_000  # of what a driver reads
-FILES = ("tray", "aircraft", "propeller", "zero", "plan", "probe", "magnetometer", "log", "ulog", "dataflash")
+FILES = (
+    "tray",
+    "aircraft",
+    "propeller",
+    "zero",
+    "plan",
+    "probe",
+    "magnetometer",
+    "log",
+    "ulog",
+    "dataflash",
+    "dataflash-text",
+    "telemetry",
+    "electrical",
+)
 SLOWEST_S = 10
 MEMORY_MB = 1000
 # Share of the inputs, where not 1: whole files take a thousand times as long as a frame.
-SHARE = {"log": 0.1, "ulog": 0.02, "dataflash": 0.05, "aircraft": 0.3, "propeller": 0.3, "plan": 0.3, "tray": 0.5}
+SHARE = {
+    "log": 0.1,
+    "ulog": 0.02,
+    "dataflash": 0.05,
+    "dataflash-text": 0.02,
+    "telemetry": 0.02,
+    "electrical": 0.005,
+    "aircraft": 0.3,
+    "propeller": 0.3,
+    "plan": 0.3,
+    "tray": 0.5,
+}
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help=__doc__)
 
@@ -43,8 +69,9 @@ def seeds(name: str, folder: Path) -> None:
     patterns = SEEDS.get(name, [])
     for number, path in enumerate(path for pattern in patterns for path in sorted(ROOT.glob(pattern))):
         (folder / f"seed-{number}").write_bytes(path.read_bytes()[:LONGEST_BYTES])
-    if name == "dataflash":
-        dataflash_log(folder / "seed-log")
+    if name in ("dataflash", "dataflash-text", "telemetry", "electrical"):
+        suffix = {"dataflash-text": ".log", "telemetry": ".tlog"}.get(name, ".bin")
+        autopilot_log(folder / f"seed-log{suffix}", flown_s=120 if name == "electrical" else 10)
     if name == "log":
         record_a_log(folder / "seed-log")
     if name in ("ublox", "ublox-ddc", "counter", "counter-framed", "autopilot"):
@@ -53,25 +80,34 @@ def seeds(name: str, folder: Path) -> None:
         shutil.copy(path, folder / path.name)
 
 
-def dataflash_log(path: Path) -> None:
-    """A short log in ArduPilot's format with each kind of message that is read."""
+def autopilot_log(path: Path, flown_s: float) -> None:
+    """A log of ArduPilot with each kind of message that is read, in the format of its suffix."""
     import numpy as np
 
-    from sim.dataflash_writer import DataflashMessages, write_dataflash
+    from sim.dataflash_writer import DataflashMessages, write_dataflash, write_text
+    from sim.telemetry_writer import write_telemetry
 
-    time_us = np.arange(100, dtype=np.uint64) * 100_000
-    zero, one = np.zeros(100), np.ones(100)
+    t_s = np.arange(0.0, flown_s, 0.2)
+    time_us = np.round(1e6 * (10 + t_s)).astype(np.uint64)
+    zero, one, wave = 0 * t_s, 0 * t_s + 1, np.sin(0.3 * t_s)
+    airspeed = 15 + 3 * wave
     kinds = {
-        "MSG": ("QZ", {"Message": np.full(100, b"ArduPlane V4.5.7")}),
-        "PARM": ("QNf", {"Name": np.full(100, b"ARSPD_RATIO"), "Value": 2 * one}),
-        "ARSP": ("QBffc", {"I": zero, "Airspeed": 15 * one, "DiffPress": 140 * one, "Temp": 20 * one}),
-        "BARO": ("QBfc", {"I": zero, "Press": 1e5 * one, "Temp": 40 * one}),
-        "BAT": ("QBff", {"Inst": zero, "Volt": 15 * one, "Curr": 10 * one}),
-        "IMU": ("QBf", {"I": zero, "AccZ": -9.8 * one}),
+        "MSG": ("QZ", {"Message": np.full(len(t_s), b"ArduPlane V4.5.7")}),
+        "PARM": ("QNf", {"Name": np.full(len(t_s), b"ARSPD_RATIO"), "Value": 2 * one}),
+        "ARSP": ("QBffcBBB", {"I": zero, "Airspeed": airspeed, "DiffPress": airspeed**2 / 2, "Temp": 20 * one,
+                              "U": one, "H": one, "Pri": zero}),
+        "BARO": ("QBfcB", {"I": zero, "Press": 1e5 - 100 * np.sin(0.1 * t_s), "Temp": 40 * one, "Health": one}),
+        "BAT": ("QBff", {"Inst": zero, "Volt": 15 * one, "Curr": 10 + 5 * wave}),
+        "CTUN": ("Qf", {"ThO": 50 + 40 * wave}),
+        "MODE": ("QMB", {"Mode": 10 * one, "ModeNum": 10 * one}),
+        "ESC": ("QBff", {"Instance": zero, "Volt": 15 * one, "Curr": 9 + 4 * wave}),
+        "SIM2": ("Qf", {"As": airspeed}),
+        "IMU": ("QBfff", {"I": zero, "AccX": wave, "AccY": zero, "AccZ": -9.8 * one}),
         "RPM": ("QBf", {"I": zero, "RPM": 6000 * one}),
-        "GPS": ("QBBfff", {"I": zero, "Status": 3 * one, "Spd": 15 * one, "GCrs": zero, "VZ": zero}),
-    }
-    write_dataflash(path, [DataflashMessages(n, codes, {"TimeUS": time_us, **x}) for n, (codes, x) in kinds.items()])
+        "GPS": ("QBBfff", {"I": zero, "Status": 3 * one, "Spd": airspeed, "GCrs": 10 * t_s % 360, "VZ": zero}),
+    }  # fmt: skip
+    logged = [DataflashMessages(n, codes, {"TimeUS": time_us, **x}) for n, (codes, x) in kinds.items()]
+    {".log": write_text, ".tlog": write_telemetry}.get(path.suffix, write_dataflash)(path, logged)
 
 
 def record_a_log(path: Path) -> None:
@@ -117,20 +153,25 @@ def one(name: str, inputs: int = 50_000, seed: int = 1) -> None:
     """Fuzz one target in this process. Ends at the first defect."""
     import atheris
 
-    with atheris.instrument_imports(include=["daq", "flight", "analysis.autopilot_logs", "analysis.airdata"]):
+    with atheris.instrument_imports(
+        include=["daq", "flight", "analysis.autopilot_logs", "analysis.airdata", "analysis.electrical"]
+    ):
         from tests.fuzz_targets import TARGETS
     folder = Path(tempfile.mkdtemp())
     corpus = folder / "corpus"
     corpus.mkdir()
     seeds(name, corpus)
     (KEPT / name).mkdir(parents=True, exist_ok=True)
+    longest = LONGEST_BYTES if name in FILES else LONGEST_STREAM_BYTES
+    if name == "electrical":
+        longest = LONGEST_FLIGHT_BYTES
     atheris.Setup(
         [
             sys.argv[0],
             str(corpus),
             f"-runs={inputs}",
             f"-seed={seed}",
-            f"-max_len={LONGEST_BYTES if name in FILES else LONGEST_STREAM_BYTES}",
+            f"-max_len={longest}",
             f"-timeout={SLOWEST_S}",
             f"-rss_limit_mb={MEMORY_MB}",
             f"-artifact_prefix={KEPT / name}/",

@@ -12,6 +12,7 @@ from sim.fly import Flight
 from sim.log_faults import (
     CLOCK_SET_AT,
     CLOCK_SET_US,
+    DEAD_A,
     HOVER_A,
     TRUNCATED_TO,
     lifted,
@@ -117,6 +118,8 @@ def _power(sensors: SensorTruth, t_s: Array, faults: Collection[str]) -> list[Da
     """The monitors: of propulsion and of avionics, of two packs, or the speed controller alone."""
     voltage, current = sensors.battery(t_s)
     current = current + HOVER_A * lifted(t_s, sensors.duration_s, faults)
+    if "dead-meter" in faults:
+        current = np.full(len(t_s), DEAD_A)
 
     def monitor(instance: int, volt: Array, ampere: Array) -> DataflashMessages:
         return messages("BAT", "QBff", {"TimeUS": t_s, "Inst": 0 * t_s + instance, "Volt": volt, "Curr": ampere})

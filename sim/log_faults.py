@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 FAULTS = (
     "landed", "wrong-battery-first", "pressure-offset", "dropouts", "clock-jump", "airborne-start", "appended",
     "truncated", "no-airspeed", "no-thermometer", "second-airspeed", "old-firmware", "hover", "two-packs", "esc-power",
+    "dead-meter",
 )  # fmt: skip
 LONGEST_DROPOUT_MS, DROPOUTS = 4000, 12
 CLOCK_SET_US, CLOCK_SET_AT = 3_600_000_000, 0.15  # the latter as a share of the flight
 TRUNCATED_TO = 0.7  # of the file
+DEAD_A = 3.0  # what a current sensor shows that is not connected to the motor
 HOVER_AT, HOVER_A = (0.3, 0.42), 25.0  # when a VTOL's lifting motors help, as shares of the flight; what they draw
 
 

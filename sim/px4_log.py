@@ -12,6 +12,7 @@ from sim.fly import Flight
 from sim.log_faults import (
     CLOCK_SET_AT,
     CLOCK_SET_US,
+    DEAD_A,
     HOVER_A,
     TRUNCATED_TO,
     Dropout,
@@ -159,6 +160,8 @@ def _battery_topics(sensors: SensorTruth, faults: Collection[str]) -> list[UlogT
     t_s = _times("battery_status", sensors, 0.17)
     voltage, current = sensors.battery(t_s)
     current = current + HOVER_A * lifted(t_s, sensors.duration_s, faults)
+    if "dead-meter" in faults:
+        current = np.full(len(t_s), DEAD_A)
 
     def battery(instance: int, volt: Array, ampere: Array) -> UlogTopic:
         return _topic("battery_status", t_s, {"voltage_v": volt, "current_a": np.maximum(ampere, 0)}, instance)

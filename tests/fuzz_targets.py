@@ -11,6 +11,8 @@ from analysis.airdata.magnetometer import MAGNETOMETER_FILE
 from analysis.airdata.probe import PROBE_FILE
 from analysis.airdata.transducers import TRANSDUCERS_FILE
 from analysis.autopilot_logs import ardupilot, px4
+from analysis.electrical.estimate import estimate
+from analysis.electrical.flight_table import flight_table
 from daq.config import parse_tray
 from daq.log_list import listed
 from daq.log_recovery import recovery_event
@@ -109,6 +111,12 @@ def file(suffix: str, *readers: Callable[[Path], object]) -> Target:
     return target
 
 
+def electrical(path: Path) -> None:
+    """The whole analysis of an autopilot's log, on few windows."""
+    flight = flight_table(ardupilot.read_ardupilot(path), 20.0, 0.45)
+    estimate(flight, 20.0, 0.45, 1.9, most_windows=40, most_points=40)
+
+
 def binary(parse: Callable[[bytes, str], object]) -> Target:
     def target(data: bytes) -> None:
         try:
@@ -152,4 +160,7 @@ TARGETS: dict[str, Target] = {
     "log": file(".mcap", summarize, listed, recovery_event, summarize),
     "ulog": file(".ulg", px4.read_px4),
     "dataflash": file(".bin", ardupilot.read_ardupilot),
+    "dataflash-text": file(".log", ardupilot.read_ardupilot),
+    "telemetry": file(".tlog", ardupilot.read_ardupilot),
+    "electrical": file(".bin", electrical),
 }

@@ -1,0 +1,121 @@
+"""Logs of simulated flights with the habits of real firmware: is the truth inside what is found of each?
+
+    python benchmarks/constructed_logs.py --seed 5200
+
+Each log is of a flight of its own. Power at seven speeds, the ratio and the speeds to type in are compared with the
+truth; logs that lack what the method needs must be refused.
+"""
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import tempfile
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import numpy as np
+import typer
+from electrical import AUTOPILOTS, CLOSED_LOOP, true_power
+from flights import Setup, flown
+
+from analysis.electrical.estimate import estimate
+from analysis.electrical.flight_table import flight_table
+from analysis.estimation.noise import NORMAL_95
+from analysis.results.electrical import ElectricalFlight, _beside_the_curve
+from analysis.results.electrical_parameters import flight_values
+from analysis.schema import Interval
+from flight.atmosphere import SEA_LEVEL_DENSITY
+from flight.complete_aircraft import load_complete_aircraft
+from flight.errors import InputError
+
+BIN, TEXT, TELEMETRY = "log.BIN", "log.log", "log.tlog"
+RIGHT = [
+    *(("ardupilot", BIN, faults) for faults in (
+        "no-thermometer", "second-airspeed", "old-firmware", "hover", "two-packs", "esc-power", "dropouts",
+        "clock-jump", "airborne-start", "truncated", "landed wrong-battery-first appended",
+        "no-thermometer second-airspeed hover")),
+    ("ardupilot", TEXT, "no-thermometer"),
+    ("ardupilot", TELEMETRY, "wrong-battery-first"),
+    *(("px4", "log.ulg", faults) for faults in (
+        "no-thermometer", "second-airspeed", "old-firmware", "hover", "two-packs", "esc-power", "pressure-offset",
+        "dropouts", "clock-jump truncated", "landed wrong-battery-first")),
+]  # fmt: skip
+WRONG = [(autopilot, file, faults) for autopilot, file in (("ardupilot", BIN), ("px4", "log.ulg"))
+         for faults in ("no-airspeed", "dead-meter")]  # fmt: skip
+
+
+class Found(NamedTuple):
+    """Of one log: at how many of the speeds the true power is inside, half the interval [%], what else is inside."""
+
+    title: str
+    refusal: str = ""
+    power: str = ""
+    inside: bool = False
+    ratio: bool = False
+    speeds: bool = False
+
+
+def found_of(job: tuple[int, tuple[str, str, str]]) -> Found:
+    seed, (autopilot, file, faults) = job
+    title = f"{autopilot} {file.removeprefix('log')} {faults}"
+    setup = Setup("nexstar", "study", (CLOSED_LOOP, "ordinary-flight")[seed % 2], (0.0, 3.0, 8.0)[seed % 3], seed)
+    aircraft, errors = load_complete_aircraft(setup.aircraft), setup.drawn
+    flight, sensors, _ = flown(aircraft, errors, setup.plan, seed, setup.turbulence_kt)
+    write, read = AUTOPILOTS[autopilot]
+    weight, geometry = aircraft.mass.weight_N, aircraft.geometry
+    with tempfile.TemporaryDirectory() as folder:
+        log = Path(folder) / file
+        write(log, flight, sensors, errors, faults.split())
+        try:
+            recording = read(log)
+            table = flight_table(recording, weight, geometry.wing_area_m2)
+        except InputError as refused:
+            return Found(title, str(refused).removeprefix(f"{log}: "))
+    found = estimate(table, weight, geometry.wing_area_m2, geometry.span_m)
+    at = np.linspace(0, len(found.V_mps) - 1, 7).round().astype(int)
+    truth = true_power(aircraft, flight, errors, found.V_mps[at], found.conditions.rho)
+    error, half = found.power_W[at] - truth, NORMAL_95 * found.standard_error_W[at]
+    known = np.isfinite(truth)
+    inside = np.abs(error) < half
+    power = f"{np.sum(inside & known)} of {known.sum()}, ± {100 * np.median(half / found.power_W[at]):.1f} %"
+    every = true_power(aircraft, flight, errors, found.V_mps, found.conditions.rho)
+    cruise_mps = float(found.V_mps[int(np.nanargmin(every / found.V_mps))])
+    best_range = _beside_the_curve(ElectricalFlight(table, found)).best_range_speed
+    values = flight_values(found, best_range, recording.parameters)
+    assert values.airspeed_factor is not None
+    factor = 1 / (1 + errors.values.V_scale)
+    moved = factor * (1 + found.airspeed.scale)  # from the airspeed found to the true one
+    to_equivalent = float(np.sqrt(found.conditions.rho / SEA_LEVEL_DENSITY))
+    speeds = [(one, moved * one.value) for one in (values.slowest, values.fastest)]
+    speeds.append((values.cruise, to_equivalent * cruise_mps))
+    return Found(
+        title, "", power, bool(inside[known].all()), _inside(values.airspeed_factor, factor),
+        all(_inside(*one) for one in speeds),
+    )  # fmt: skip
+
+
+def _inside(interval: Interval, value: float) -> bool:
+    lo, hi = interval.lo, interval.hi
+    return (lo is None or lo <= value * (1 + 1e-9)) and (hi is None or value <= hi * (1 + 1e-9))
+
+
+def main(seed: Annotated[int, typer.Option(help="The first; development uses those below 1000.")] = 5200) -> None:
+    jobs = list(enumerate([*RIGHT, *WRONG], seed))
+    with ProcessPoolExecutor(2) as pool:
+        found = []
+        for one in pool.map(found_of, jobs):
+            found.append(one)
+            told = f"refused: {one.refusal}" if one.refusal else f"power inside at {one.power}"
+            missed = [name for name, good in (("ratio", one.ratio), ("speeds", one.speeds)) if not good]
+            print(f"{one.title:60} {told}{'; outside: ' + ', '.join(missed) if missed and not one.refusal else ''}",
+                  flush=True)  # fmt: skip
+    right, wrong = found[: len(RIGHT)], found[len(RIGHT) :]
+    print(f"{len(right)} right logs: power inside at all speeds in {sum(one.inside for one in right)}, ratio in "
+          f"{sum(one.ratio for one in right)}, speeds in {sum(one.speeds for one in right)}; "
+          f"{sum(bool(one.refusal) for one in wrong)} of {len(wrong)} wrong ones refused")  # fmt: skip
+
+
+if __name__ == "__main__":
+    typer.run(main)
