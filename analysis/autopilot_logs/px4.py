@@ -21,6 +21,7 @@ from analysis.autopilot_logs.recording import (
     measuring_battery,
     most_varying,
     turning_motor,
+    without_hover,
     without_jumps,
 )
 from analysis.autopilot_logs.settings import READABLE
@@ -89,13 +90,15 @@ def read_px4(path: Path) -> FlightRecording:
         channels[recording.THROTTLE] = throttle
     (channels, thermometers), jumps = without_jumps(channels, _thermometers(topics))
     notes += jumps
+    hover_notes: list[str] = []
     if recording.AIRSPEED_PRESSURE in channels:  # only now: a long hover is no jump of the clock
-        channels[recording.AIRSPEED_PRESSURE] = _on_the_wing(channels[recording.AIRSPEED_PRESSURE], topics)
+        wing = channels[recording.AIRSPEED_PRESSURE]
+        channels[recording.AIRSPEED_PRESSURE], hover_notes = without_hover(wing, _lifting_s(topics, wing.t_s))
     return FlightRecording(
         path,
         channels,
         thermometers,
-        tuple(notes + battery_notes + motor_notes),
+        tuple(notes + battery_notes + hover_notes + motor_notes),
         zeroed,
         parameters,
         inside=frozenset(f"{name} {one.instance}" for name in BAROMETERS for one in topics.get(name, [])),
@@ -178,16 +181,16 @@ def _airspeed(topics: dict[str, list[_Topic]]) -> tuple[dict[str, Channel], bool
     return ({} if best is None else {recording.AIRSPEED_PRESSURE: best}), False
 
 
-def _on_the_wing(one: Channel, topics: dict[str, list[_Topic]]) -> Channel:
-    """Without the times in which a VTOL hovered."""
+def _lifting_s(topics: dict[str, list[_Topic]], t_s: Array) -> list[Array]:
+    """Times, of the status and of t_s (n,), at which a VTOL is on its lifting motors, or in transition."""
     for status in topics.get("vehicle_status", []):
         if status.has("vehicle_type"):
-            latest = np.clip(np.searchsorted(status.t_s, one.t_s, side="right") - 1, 0, None)
-            winged = status.values("vehicle_type")[latest] != VehicleType.ROTARY_WING
+            lifted = status.values("vehicle_type") == VehicleType.ROTARY_WING
             if status.has("in_transition_mode"):
-                winged &= status.values("in_transition_mode")[latest] == 0
-            return Channel(one.t_s[winged], one.value[winged])
-    return one
+                lifted |= status.values("in_transition_mode") == 1
+            latest = np.clip(np.searchsorted(status.t_s, t_s, side="right") - 1, 0, None)
+            return [status.t_s[lifted], t_s[lifted[latest]]]
+    return []
 
 
 def _static(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
