@@ -36,9 +36,10 @@ def meter(columns: Mapping[str, Array], moving: BoolArray) -> Meter:
     if not known.any():
         return Meter.UNCHECKED
     throttle, power = throttle[known], power[known]
-    if np.std(throttle) < FLIGHT.throttle_varies or np.mean(throttle) <= 0:
+    if np.std(throttle) <= 0.1 * np.mean(throttle):  # what varies power then is the airspeed
         return Meter.UNCHECKED
-    if np.std(power) > 0 and np.corrcoef(throttle, power)[0, 1] > FLIGHT.throttle_correlation:
+    # More than half of the variance: 0.7 to 0.97 in simulated flights and in SITL.
+    if np.std(power) > 0 and np.corrcoef(throttle, power)[0, 1] > np.sqrt(0.5):
         return Meter.FOLLOWS
     least = np.std(throttle) / np.mean(throttle) / 2  # half: of a motor that never idles
     return Meter.STANDS if np.std(power) < least * np.mean(power) else Meter.CONTRADICTS
