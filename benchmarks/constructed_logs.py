@@ -53,6 +53,7 @@ class Found(NamedTuple):
     refusal: str = ""
     power: str = ""
     inside: bool = False
+    middle: bool = False
     ratio: bool = False
     speeds: bool = False
 
@@ -91,7 +92,7 @@ def found_of(job: tuple[int, tuple[str, str, str]]) -> Found:
     speeds = [(one, moved * one.value) for one in (values.slowest, values.fastest)]
     speeds.append((values.cruise, to_equivalent * cruise_mps))
     return Found(
-        title, "", power, bool(inside[known].all()), _inside(values.airspeed_factor, factor),
+        title, "", power, bool(inside[known].all()), bool(inside[3]), _inside(values.airspeed_factor, factor),
         all(_inside(*one) for one in speeds),
     )  # fmt: skip
 
@@ -112,7 +113,8 @@ def main(seed: Annotated[int, typer.Option(help="The first; development uses tho
             print(f"{one.title:60} {told}{'; outside: ' + ', '.join(missed) if missed and not one.refusal else ''}",
                   flush=True)  # fmt: skip
     right, wrong = found[: len(RIGHT)], found[len(RIGHT) :]
-    print(f"{len(right)} right logs: power inside at all speeds in {sum(one.inside for one in right)}, ratio in "
+    print(f"{len(right)} right logs: power inside at the middle speed in {sum(one.middle for one in right)}, "
+          f"at all in {sum(one.inside for one in right)}; ratio in "
           f"{sum(one.ratio for one in right)}, speeds in {sum(one.speeds for one in right)}; "
           f"{sum(bool(one.refusal) for one in wrong)} of {len(wrong)} wrong ones refused")  # fmt: skip
 

@@ -81,13 +81,16 @@ def _message(kind: str, payload: bytes) -> bytes:
 
 
 def _format(topic: UlogTopic) -> str:
-    """`name:uint64_t timestamp;float[3] xyz;`: columns `xyz[0]` to `xyz[2]`, which stand together, are one array."""
+    """`name:uint64_t timestamp;float[3] xyz;`: columns `xyz[0]` to `xyz[2]`, which stand together, are one array. Those
+    of a nested message, `esc[0].esc_rpm`, are written under their whole names.
+    """
     fields, counts = ["uint64_t timestamp"], dict[str, int]()
     types: dict[str, str] = {}
     for name, values in topic.columns.items():
-        base = name.partition("[")[0]
+        array = "[" in name and "." not in name
+        base = name.partition("[")[0] if array else name
         counts[base] = counts.get(base, 0) + 1
-        types[base] = TYPE_NAMES[values.dtype.name] + ("[]" if "[" in name else "")
+        types[base] = TYPE_NAMES[values.dtype.name] + ("[]" if array else "")
     for base, kind in types.items():
         fields.append(f"{kind.replace('[]', f'[{counts[base]}]')} {base}")
     return f"{topic.name}:" + "".join(f"{one};" for one in fields)

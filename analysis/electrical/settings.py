@@ -31,10 +31,6 @@ class FlightDetection(Settings):
     shortest_stretch_s: float = setting(20.0, "s", "between gaps: two windows and a half")
     longest_gap_s: float = setting(2.5, "s", "bridged by interpolation: well below a window")
     longest_log_s: float = setting(40_000.0, "s", "eleven hours; a longer one has a wrong clock")
-    throttle_varies: float = setting(0.03, "1", "standard deviation; steadier throttle says nothing of a meter")
-    throttle_correlation: float = setting(
-        0.5, "1", "of power with throttle, where both are right: 0.84 to 0.98 in simulated flights and in SITL"
-    )
     measured_share: float = setting(0.98, "1", "of the flight, from which a channel counts as measured throughout")
 
 

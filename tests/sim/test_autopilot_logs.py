@@ -8,6 +8,9 @@ from pymavlink import DFReader
 from pyulog import ULog
 from typer.testing import CliRunner
 
+from analysis.autopilot_logs.ardupilot import read_ardupilot
+from analysis.autopilot_logs.px4 import read_px4
+from analysis.autopilot_logs.recording import CURRENT, VOLTAGE
 from flight.errors import InputError
 from sim.__main__ import app
 from sim.ardupilot_log import write_ardupilot_log
@@ -87,3 +90,13 @@ def test_ardupilot(tmp_path: Path, flight, errors) -> None:
 def test_unknown_recorders_and_faults_are_refused(tmp_path: Path, options: list[str], reason: str) -> None:
     done = CliRunner().invoke(app, ["fly", "-o", str(tmp_path), *options])
     assert isinstance(done.exception, InputError) and reason in str(done.exception)
+
+
+@pytest.mark.parametrize("write", [write_px4_log, write_ardupilot_log])
+def test_power_of_the_speed_controller_alone_is_that_of_the_battery(tmp_path: Path, flight, errors, write) -> None:
+    path = tmp_path / "log"
+    write(path, flight, FlightSensorTruth(flight, errors), errors, ["esc-power"])
+    channels = {write_px4_log: read_px4, write_ardupilot_log: read_ardupilot}[write](path).channels
+    t_s, current = channels[CURRENT]
+    energy_J = np.trapezoid(current * np.interp(t_s, *channels[VOLTAGE]), t_s)
+    assert energy_J == pytest.approx(flight.truth["battery_energy_J"].iloc[-1], rel=0.05)
