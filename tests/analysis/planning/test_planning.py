@@ -320,70 +320,14 @@ def test_earlier_flights_are_known_by_what_they_added_to_the_prior():
         information.information([SimpleNamespace(path=None, log="two")])  # type: ignore[list-item]
 
 
-def test_pieces_keep_their_margins_and_fit_the_space(nexstar: ExpectedAircraft):
-    """docs/flying.md: 8 % above the stall and 0.2 % for each knot; a speed that is held 4 % above that."""
-    stall, fastest, wind_kt = nexstar.stall_mps, nexstar.fastest_mps, 10.0
-    slow, fast = 1.10 * stall, 0.92 * fastest
-    pilot, leg_m = Pilot(autopilot=False, load=0.8), 500.0
-    found = pieces.catalog(nexstar, Space(leg_m, HEIGHT_M), pilot, wind_kt)
+def test_the_catalog_of_an_aircraft_has_pieces_of_every_kind_within_the_leg(nexstar: ExpectedAircraft):
+    leg_m = 500.0
+    found = pieces.catalog(nexstar, Space(leg_m, HEIGHT_M), Pilot(autopilot=False, load=0.8), 10.0)
     by_kind = {kind: [piece for piece in found if piece.kind == kind] for kind in search.ORDER}
-    assert [len(by_kind[kind]) for kind in ("runs", "circuit", "circles")] == [2, 6, 6]
-    for piece in found:
-        for maneuver in piece.maneuvers:
-            if isinstance(maneuver, Turn):
-                assert maneuver.speed_mps**2 * np.cos(maneuver.bank_rad) >= slow**2
-    speeds = [piece.maneuvers[0].speed_mps for piece in by_kind["circuit"]]
-    expected = [1.04 * slow, 1.3 * stall, 1.6 * stall, 0.77 * fastest, 0.85 * fastest, fast]
-    assert speeds == pytest.approx(expected)
-    for piece in by_kind["circuit"]:
-        hold, turn = piece.maneuvers[:2]
-        assert isinstance(hold, Hold) and isinstance(turn, Turn)
-        assert hold.duration_s * hold.speed_mps == pytest.approx(leg_m)
-        assert turn.speed_mps == pytest.approx(max(hold.speed_mps, 1.15 * slow / np.sqrt(np.cos(0.6))))
-    banks = [piece.maneuvers[0].bank_rad for piece in by_kind["circles"]]
-    assert banks == [0.6] * 3 + [0.8] * 3
-    assert all(piece.maneuvers[0].angle_rad == 4 * pi for piece in by_kind["circles"])
-    assert [piece.maneuvers[0].speed_mps for piece in by_kind["circles"][1:3]] == pytest.approx([0.8 * fastest, fast])
-    for piece in by_kind["porpoise"]:
-        hold, porpoise, turn = piece.maneuvers
-        assert isinstance(porpoise, Porpoise) and isinstance(hold, Hold)
-        assert (hold.duration_s + porpoise.duration_s) * porpoise.speed_mps == pytest.approx(leg_m)
-        assert porpoise.load == 0.8 and porpoise.speed_mps**2 >= 1.8 * slow**2
-    speeds = sorted({piece.maneuvers[1].speed_mps / stall for piece in by_kind["porpoise"][:-2]})
-    assert speeds == pytest.approx([1.5, 1.6, 1.75, 1.95])
-    small = pieces.catalog(nexstar, Space(50.0, HEIGHT_M), pilot, wind_kt)
-    held = [m.duration_s for piece in small if piece.kind == "circuit" for m in piece.maneuvers if isinstance(m, Hold)]
-    assert set(held) == {8.0}
-    large = pieces.catalog(nexstar, Space(5000.0, HEIGHT_M), pilot, wind_kt)
-    held = [m.duration_s for piece in large if piece.kind == "circuit" for m in piece.maneuvers if isinstance(m, Hold)]
-    assert set(held) == {60.0}
-
-
-def test_a_pair_of_runs_takes_one_leg_where_it_fits_and_two_where_it_does_not(nexstar: ExpectedAircraft):
-    slow, fast = 1.1 * nexstar.stall_mps, 0.92 * nexstar.fastest_mps
-    # Settling at the slow speed, 38 s of both runs at the mean speed, 5 s at the fast speed.
-    leg_m = 16.0 * slow + 38.0 * (slow + fast) / 2 + 5.0 * fast
-    long, short = (
-        next(pieces.run_pairs(nexstar, Space(leg_m + more, HEIGHT_M), 10.0)).maneuvers for more in (1.0, -1.0)
-    )
-    assert [type(m) for m in long] == [Hold, Run, Hold, Run, Hold, Turn]
-    assert [type(m) for m in short] == [Hold, Run, Turn, Hold, Run, Hold, Turn]
-    up, down = long[1], long[3]
-    assert isinstance(up, Run) and isinstance(down, Run)
-    assert (up.throttle, up.ramp_s, up.until_mps) == pytest.approx((0.87, 13.0, fast))
-    assert (down.throttle, down.ramp_s, down.until_mps) == pytest.approx((0.495, 2.5, slow))
-    assert long[0] == Hold(16.0, pytest.approx(1.04 * slow)) and short[0] == Hold(8.0, pytest.approx(1.04 * slow))
-    assert long[4] == Hold(4.0, pytest.approx(1.3 * nexstar.stall_mps))
-    assert long[5] == Turn(pytest.approx(1.6 * nexstar.stall_mps), pi, 0.6)
-    assert short[2] == Turn(pytest.approx(fast), pi, 0.6)
-    last = pieces.full_throttle(nexstar).maneuvers
-    assert last == (
-        Hold(8.0, pytest.approx(1.3 * nexstar.stall_mps)),
-        Run(1.0, 1.0, pytest.approx(0.95 * nexstar.fastest_mps)),
-    )
-    whole = pieces.sequence([], nexstar)
-    assert whole[:2] == [Stand(90.0), TakeOff(pytest.approx(1.6 * nexstar.stall_mps))]
-    assert whole[2:] == [Land(pytest.approx(1.6 * nexstar.stall_mps)), Stand(30.0)]
+    assert [len(by_kind[kind]) for kind in ("runs", "circuit", "circles")] == [2, 6, 6] and by_kind["porpoise"]
+    for piece in by_kind["circuit"] + by_kind["porpoise"]:
+        straight = [one for one in piece.maneuvers[:2] if not isinstance(one, Turn)]
+        assert sum(one.duration_s * one.speed_mps for one in straight) == pytest.approx(leg_m)
 
 
 def test_the_rows_of_the_card_are_the_flight_in_order(plan: FlightPlan):

@@ -1,6 +1,6 @@
 """Many logs: two processors against one, killed and resumed, one flight more, a Dask cluster that loses a worker.
 
-    python benchmarks/campaign.py --flights 100 --logs 4 --out /var/tmp/campaign
+    python benchmarks/many_logs.py --flights 100 --logs 4 --out /var/tmp/campaign
 
 `--logs` short flights are simulated (seeds 1000 and on). Copies of them differ in the weight of the aircraft file, so
 that each is analyzed and none equals another. Every part checks that the results are equal to the byte. `--part` runs
