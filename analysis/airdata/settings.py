@@ -25,7 +25,6 @@ class LineLagSettings(Settings):
         0.5, "s", "a longer change is not a burst; as long before and after it is quiet, which shows levels and noise"
     )
     smallest_step: float = setting(12.0, "1", "times the noise")
-    tried_s: tuple[float, float] = setting((2e-4, 0.25), "s", "shortest and longest lag that is tried")
     half_width: tuple[float, float, float] = setting(
         (0.02, 0.05, 0.4),
         "1",
@@ -45,6 +44,11 @@ class LineLagSettings(Settings):
         " does. For 25 ms, on simulated flights, the remainder is 0.01 Pa in calm air and 0.5 Pa of 6 Pa of noise"
         " in gusts, and its correction would increase noise by a fifth",
     )
+
+    @property
+    def tried_s(self) -> tuple[float, float]:
+        """Shortest and longest lag that is tried: from far below a tick to half of what is seen of a step."""
+        return self.step_s / 2500, self.step_s / 2
 
 
 @dataclass(frozen=True)

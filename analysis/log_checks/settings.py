@@ -76,7 +76,6 @@ class StructureSettings(Settings):
         "s",
         "of /imu, from the daemon's 200 Hz to its 1 Hz; faster ones are averaged before they are written",
     )
-    similar: float = setting(0.7, "1", "of 1, by difflib")
     largest_jump_s: float = setting(
         3600.0, "s", "longer than any of these aircraft flies: the clock was set, or is another"
     )

@@ -69,7 +69,7 @@ def _check_fields(log: Log, topic: str) -> None:
     empty = [field for field in used if np.isnan(values(entries, field)[good]).all()]
     known = {field.name for field in msgspec.structs.fields(TYPE_OF_TOPIC[topic])}
     unknown = sorted(log.fields.get(topic, frozenset()) - known)
-    misnamed = [(field, match) for field in empty for match in get_close_matches(field, unknown, 1, STRUCTURE.similar)]
+    misnamed = [(field, match) for field in empty for match in get_close_matches(field, unknown, 1)]
     if misnamed:
         field, match = misnamed[0]
         raise InputError(f"{log.path}: {topic}: {field} has no value, but there is an unknown field {match}: rename it")
@@ -106,7 +106,7 @@ def receiver_notes(log: Log) -> list[str]:
 
 def _match(log: Log, topic: str) -> str | None:
     """The unknown topic that resembles `topic`, or ends with it."""
-    similar = get_close_matches(topic, log.unknown_topics, 1, STRUCTURE.similar)
+    similar = get_close_matches(topic, log.unknown_topics, 1)
     return next((name for name in [*similar, *log.unknown_topics] if name in similar or name.endswith(topic)), None)
 
 

@@ -22,6 +22,7 @@ from analysis.estimation.output_error import fit_output_error
 from analysis.performance.power_train import torque_constant
 from analysis.performance.propagation import ParameterVector
 from analysis.performance.settings import FULL_THROTTLE, POWER_TRAIN
+from analysis.settings import EVIDENCE
 from analysis.signals.smoothing import stretches
 from flight.aircraft import Propulsion
 from flight.complete_aircraft import CompletePropulsion
@@ -103,7 +104,7 @@ def _full_throttle_stretches(
 ) -> list[Segment]:
     """Stretches at full throttle, without what it takes to settle, with the motor's torque [N m]."""
     full = float(data["throttle"].max())
-    at_full = data["throttle"] >= max(FULL_THROTTLE.least, full - FULL_THROTTLE.steady)
+    at_full = data["throttle"] >= max(FULL_THROTTLE.least, full - EVIDENCE.negligible)
     at_full &= data[["V", "n", "rho"]].notna().all(axis=1) & data["covered"]
     segments = []
     for stretch in stretches(at_full.to_numpy()):

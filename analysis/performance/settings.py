@@ -52,7 +52,6 @@ class FullThrottleFlown(Settings):
     """What counts as full throttle in the flight."""
 
     least: float = setting(0.97, "1", "of the stick's travel; less is not full throttle")
-    steady: float = setting(0.005, "1", "a controller holds full throttle within this of the flight's largest")
     settling_s: float = setting(0.6, "s", "after the stick moves: ramp of the speed controller, inertia of the motor")
 
     @property
