@@ -7,8 +7,12 @@ A leg lasts from one turning point of speed to the next; a run is the part of a 
 slope of speed changes sign every few seconds within a run. A leg continues through that; it ends when speed has come
 back by a share of its value and by a share of what the leg gained.
 
-Accelerations, climb rates and durations marked "scaled" are multiplied by the aircraft's `speed_scale`: a slower
-aircraft changes its speed by the same share with a smaller acceleration, or in a shorter time.
+Accelerations, climb rates, heights and durations marked "scaled" are multiplied by the aircraft's `speed_ratio`. A
+slower aircraft changes its speed by the same share with a smaller acceleration, or in a shorter time: its least values
+are smaller. A much faster one needs longer, at the same share of its weight: its largest values are larger.
+
+An airspeed without noise shows a gentler and a smaller change as well: least accelerations and the least change of
+speed are multiplied by the share of noise (`noise_share`).
 """
 
 import math
@@ -36,15 +40,23 @@ class LevelRunSettings(Settings):
         3.0, "s", "scaled; a stretch this long is listed as rejected, a shorter one is ignored"
     )
     shortest_s: float = setting(5.0, "s", "scaled; after smoothing, which widens a run by about its window")
-    longest_s: float = setting(40.0, "s", "a longer change of speed is not one maneuver")
-    smallest_speed_change: float = setting(
-        0.2, "1", "of the mean speed; less tells little of how drag depends on speed"
+    longest_s: float = setting(
+        40.0, "s", "scaled; a longer change of speed is several maneuvers, with speed held between"
     )
-    largest_height_change_m: float = setting(20.0, "m", "beyond it a run is not level")
+    smallest_speed_change: float = setting(
+        0.2, "1", "of the mean speed, times the share of noise; less tells little of how drag depends on speed"
+    )
+    noise_mps: float = setting(
+        0.15,
+        "m/s",
+        "of airspeed at 25 samples a second, half of that of Table 4.1, below which least accelerations and changes of"
+        " speed are smaller in proportion: the slope of speed is known better",
+    )
+    largest_height_change_m: float = setting(20.0, "m", "scaled; beyond it a run is not level")
     largest_climb_mps: float = setting(
         1.2, "m/s", "scaled; mean of a run; a pilot holds this, take-off and approach are steeper"
     )
-    steep_mps: float = setting(2.0, "m/s", "a run ends where the momentary climb rate exceeds this")
+    steep_mps: float = setting(2.0, "m/s", "scaled for faster aircraft; a run ends where it climbs faster for a moment")
     largest_bank_rad: float = setting(
         math.radians(25), "rad", "a run ends where a turn begins: 10 % more lift than weight"
     )
@@ -70,10 +82,13 @@ class AircraftSizeSettings(Settings):
     They were set on aircraft of 20 m/s and 80 N/m^2. An aircraft with a lower wing loading flies the same lift
     coefficients at lower speeds. Speeds, changes of speed in a given time, and durations of runs scale with its speed
     at a lift coefficient of 1: durations, because thrust and drag over weight are the same. Dynamic pressures scale
-    with the square of that speed, which is proportional to the wing loading. Faster aircraft keep the thresholds.
+    with the square of that speed, which is proportional to the wing loading. Faster aircraft keep the least values,
+    which noise sets; from twice the reference speed on the largest durations, climb rates and heights of runs grow.
     """
 
-    reference_mps: float = setting(11.0, "m/s", "speed at C_L = 1 at sea level, from which on thresholds are constant")
+    reference_mps: float = setting(
+        11.0, "m/s", "speed at C_L = 1 at sea level, from which on least values are constant"
+    )
     flying_Pa: float = setting(30.0, "Pa", "dynamic pressure of flight, scaled twice: C_L = 2.5 at reference_mps")
     least_flying_Pa: float = setting(
         8.0, "Pa", "three standard deviations of a mean over 0.2 s of 6 Pa of noise (Table 4.1)"
@@ -106,14 +121,33 @@ AIRCRAFT_SIZE = AircraftSizeSettings()
 STANDING = StandingSettings()
 
 
+def speed_ratio(weight_N: float, wing_area_m2: float) -> float:
+    """Speed at C_L = 1 over the reference speed."""
+    return math.sqrt(2 * (weight_N / wing_area_m2) / SEA_LEVEL_DENSITY) / AIRCRAFT_SIZE.reference_mps
+
+
 def speed_scale(weight_N: float, wing_area_m2: float) -> float:
-    """Speed at C_L = 1 over the reference speed, at most 1."""
-    return min(1.0, math.sqrt(2 * (weight_N / wing_area_m2) / SEA_LEVEL_DENSITY) / AIRCRAFT_SIZE.reference_mps)
+    """`speed_ratio`, at most 1."""
+    return min(1.0, speed_ratio(weight_N, wing_area_m2))
+
+
+def larger(scale: float) -> float:
+    """The factor on largest values: 1 up to twice the reference speed. scale: the aircraft's `speed_ratio`."""
+    return max(1.0, scale / 2)
+
+
+def noise_share(noise_mps: float, step_s: float) -> float:
+    """The share of noise, from the turning share of speed on: noise of the speed over LEVEL_RUN.noise_mps, at most 1.
+
+    noise_mps: of one sample of the speed. step_s: between two; the error of a slope falls with the root of the rate.
+    """
+    least = LEVEL_RUN.turning_share / 2 / LEVEL_RUN.smallest_speed_change
+    return min(1.0, max(least, noise_mps * math.sqrt(25 * step_s) / LEVEL_RUN.noise_mps))
 
 
 def flying_Pa(scale: float) -> float:
     """Dynamic pressure above which an aircraft of a speed scale flies, and its flow angles are determined [Pa]."""
-    return max(AIRCRAFT_SIZE.least_flying_Pa, AIRCRAFT_SIZE.flying_Pa * scale**2)
+    return max(AIRCRAFT_SIZE.least_flying_Pa, AIRCRAFT_SIZE.flying_Pa * min(1.0, scale) ** 2)
 
 
 class Leg(NamedTuple):
@@ -236,32 +270,42 @@ class RunMeasures(NamedTuple):
     height_range_m: float
     largest_bank_rad: float
     missing: tuple[str, float]  # a needed quantity, and the share of rows without it
+    noise_share: float = 1.0
+
+    @property
+    def _least_change(self) -> float:
+        return LEVEL_RUN.smallest_speed_change * self.noise_share
+
+    def _clearly_changing_mps2(self, scale: float) -> float:
+        return LEVEL_RUN.clearly_changing_mps2 * min(1.0, scale) * self.noise_share
 
     def negligible(self, scale: float) -> bool:
-        """Whether speed was held, or the stretch is too short to be mentioned. scale: the aircraft's `speed_scale`."""
-        held = self._gentle(scale) and self.speed_change < LEVEL_RUN.smallest_speed_change
-        return held or self.rows < LEVEL_RUN.mentioned_s * scale / self.step_s
+        """Whether speed was held, or the stretch is too short to be mentioned. scale: the aircraft's `speed_ratio`."""
+        held = self._gentle(scale) and self.speed_change < self._least_change
+        return held or self.rows < LEVEL_RUN.mentioned_s * min(1.0, scale) / self.step_s
 
     def _gentle(self, scale: float) -> bool:
-        return self.peak_mps2 < LEVEL_RUN.clearly_changing_mps2 * scale
+        return self.peak_mps2 < self._clearly_changing_mps2(scale)
 
     def rejection(self, scale: float) -> Rejection | None:
-        """Why this is no run; None if it is one. scale: the aircraft's `speed_scale`."""
+        """Why this is no run; None if it is one. scale: the aircraft's `speed_ratio`."""
         limits, reasons = LEVEL_RUN, RunRejected
+        shortest_s, longest_s = limits.shortest_s * min(1.0, scale), limits.longest_s * larger(scale)
         if self._gentle(scale):
-            return Rejection(reasons.TOO_GENTLE, self.peak_mps2, limits.clearly_changing_mps2 * scale)
-        if self.seconds < limits.shortest_s * scale:
-            return Rejection(reasons.TOO_SHORT, self.seconds, limits.shortest_s * scale)
-        if self.seconds > limits.longest_s:
-            return Rejection(reasons.TOO_LONG, self.seconds, limits.longest_s)
-        if self.speed_change < limits.smallest_speed_change:
-            return Rejection(reasons.SPEED_CHANGED_LITTLE, self.speed_change, limits.smallest_speed_change)
+            return Rejection(reasons.TOO_GENTLE, self.peak_mps2, self._clearly_changing_mps2(scale))
+        if self.seconds < shortest_s:
+            return Rejection(reasons.TOO_SHORT, self.seconds, shortest_s)
+        if self.seconds > longest_s:
+            return Rejection(reasons.TOO_LONG, self.seconds, longest_s)
+        if self.speed_change < self._least_change:
+            return Rejection(reasons.SPEED_CHANGED_LITTLE, self.speed_change, self._least_change)
         if low := too_low(self.lowest_m, scale):
             return low
-        if abs(self.mean_climb_mps) > limits.largest_climb_mps * scale:
-            return Rejection(reasons.CLIMBED, self.mean_climb_mps, limits.largest_climb_mps * scale)
-        if self.height_range_m > limits.largest_height_change_m:
-            return Rejection(reasons.HEIGHT_VARIED, self.height_range_m, limits.largest_height_change_m)
+        largest_climb_mps = limits.largest_climb_mps * min(1.0, scale) * larger(scale)
+        if abs(self.mean_climb_mps) > largest_climb_mps:
+            return Rejection(reasons.CLIMBED, self.mean_climb_mps, largest_climb_mps)
+        if self.height_range_m > limits.largest_height_change_m * larger(scale):
+            return Rejection(reasons.HEIGHT_VARIED, self.height_range_m, limits.largest_height_change_m * larger(scale))
         if self.largest_bank_rad > limits.largest_bank_rad:
             return Rejection(reasons.BANKED, self.largest_bank_rad, limits.largest_bank_rad)
         return missing_data(*self.missing)
@@ -273,9 +317,10 @@ class RunMeasures(NamedTuple):
         """
         if self._gentle(scale) or self.speed_change <= 0:
             return None
-        seconds = max(LEVEL_RUN.shortest_s * scale, self.seconds * LEVEL_RUN.smallest_speed_change / self.speed_change)
+        shortest_s = LEVEL_RUN.shortest_s * min(1.0, scale)
+        seconds = max(shortest_s, self.seconds * self._least_change / self.speed_change)
         completed = self._replace(
-            seconds=max(seconds, self.seconds), speed_change=max(self.speed_change, LEVEL_RUN.smallest_speed_change)
+            seconds=max(seconds, self.seconds), speed_change=max(self.speed_change, self._least_change)
         )
         return completed.seconds - self.seconds if completed.rejection(scale) is None else None
 
@@ -284,7 +329,7 @@ def too_low(lowest_m: float, scale: float) -> Rejection | None:
     """The rejection of a stretch that is too near the ground, or whose height [m] is NaN; None if neither."""
     if math.isnan(lowest_m):
         return Rejection(RunRejected.HEIGHT_UNKNOWN)
-    least_m = AIRCRAFT_SIZE.least_height_m * scale
+    least_m = AIRCRAFT_SIZE.least_height_m * min(1.0, scale)
     return None if lowest_m >= least_m else Rejection(RunRejected.TOO_LOW, lowest_m, least_m)
 
 

@@ -10,6 +10,7 @@ from analysis.airdata.probe import ProbeCalibration, flow_at_probe
 from analysis.airdata.settings import AIR
 from analysis.signals.channels import COLUMNS, SPEED_SCALE
 from analysis.signals.settings import CHANNELS, STATISTICS
+from flight import runs
 from flight.aircraft import VIBRATION_REVPS, Aircraft
 from flight.atmosphere import density, height_at, temperature_at
 from flight.motion import specific_force_at
@@ -86,13 +87,14 @@ def air_data(
 ) -> AirData:
     """The table with speed, angles, density, height, thrust, bank and `flying` added.
 
-    table: the zeros at rest subtracted, specific forces at the center of gravity. speed_scale: of the aircraft.
+    table: the zeros at rest subtracted, specific forces at the center of gravity. speed_scale: of the aircraft, at
+    most 1.
     Angles are those at the center of gravity: corrected for upwash, for the velocity of the probe by rotation, and for
     the bending of its boom.
     """
     notes: list[str] = []
     out = table.copy()
-    out[SPEED_SCALE] = speed_scale
+    out[SPEED_SCALE] = runs.speed_ratio(aircraft.mass.weight_N, aircraft.geometry.wing_area_m2)
     least_Pa = flying_Pa(speed_scale)
     for name in ("dp_alpha_Pa", "dp_beta_Pa", "q_c_Pa"):
         if _stuck(out[name], out["q_c_Pa"], least_Pa):

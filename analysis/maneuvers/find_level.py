@@ -1,44 +1,101 @@
 """Finds level accelerations and decelerations (runs) by the criteria of `flight.runs`, and why others are none."""
 
+from itertools import pairwise
+from typing import NamedTuple
+
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from analysis.maneuvers.kinds import Maneuver, RejectedManeuver, maneuver_in
-from analysis.maneuvers.quality import SmoothedMotion, missing_share, notes, smooth
-from analysis.signals.channels import speed_scale_of
+from analysis.maneuvers.quality import NEEDED_COLUMNS, SmoothedMotion, missing_share, notes, smooth
+from analysis.signals.channels import speed_ratio_of
 from analysis.signals.smoothing import stretches
 from flight import runs
-from flight.runs import LEVEL_RUN, RunMeasures, changing_part, legs_of
+from flight.runs import LEVEL_RUN, Rejection, RunMeasures, changing_part, larger, legs_of, noise_share
+
+Array = NDArray[np.float64]
+NORMAL_1_SIGMA = (15.87, 84.13)  # percentiles of a normal variable one standard deviation from its mean
 
 
-def find_runs(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuver]]:
-    """Runs and rejected stretches, each in order of time. table: of `air_data`."""
-    motion, scale = smooth(table, LEVEL_RUN.smoothing_s), speed_scale_of(table)
+def find_runs(table: pd.DataFrame, noise_mps: float | None = None) -> tuple[list[Maneuver], list[RejectedManeuver]]:
+    """Runs and rejected stretches, each in order of time.
+
+    table: of `air_data`. noise_mps: of a sample of the speed, where it is not that of the table, as in an expectation.
+    """
+    motion, scale = smooth(table, LEVEL_RUN.smoothing_s), speed_ratio_of(table)
     flying = table["flying"].to_numpy() & np.isfinite(motion.V)
+    if noise_mps is None:
+        noise_mps = _noise_mps(table["V_mps"].to_numpy()[flying], motion.V[flying])
+    noise = noise_share(noise_mps, motion.step_s)
+    changing_mps2 = LEVEL_RUN.changing_mps2 * min(1.0, scale) * noise
     turning_or_steep = (np.abs(np.nan_to_num(motion.bank)) > LEVEL_RUN.largest_bank_rad) | (
-        np.abs(np.nan_to_num(motion.climb)) > LEVEL_RUN.steep_mps
+        np.abs(np.nan_to_num(motion.climb)) > LEVEL_RUN.steep_mps * larger(scale)
     )
     level_runs: list[Maneuver] = []
     rejected: list[RejectedManeuver] = []
     for stretch in [*stretches(flying & ~turning_or_steep), *stretches(flying & turning_or_steep)]:
         for leg in legs_of(motion.V[stretch].tolist()):
-            rows = _changing_rows(motion, stretch.start, leg, scale)
-            data = table.iloc[rows]
-            measures = _measures(data, motion, rows, leg.sign)
-            if measures.negligible(scale):
-                continue
-            if rejection := measures.rejection(scale):
-                rejected.append(RejectedManeuver(leg.kind, float(data.index[0]), float(data.index[-1]), rejection))
-            else:
-                level_runs.append(maneuver_in(leg.kind, rows, table, motion.V, notes(data, motion.bank[rows])))
+            whole = _changing_rows(motion, stretch.start, leg, changing_mps2)
+            judged = _judged([whole], table, motion, leg.sign, noise)
+            for divided in (_pieces(whole, motion.step_s, scale), _between_gaps(table, whole)):
+                if not any(one.rejection is None for one in judged):
+                    parts = _judged(divided, table, motion, leg.sign, noise)
+                    judged = parts if any(one.rejection is None for one in parts) else judged
+            for rows, rejection in judged:
+                data = table.iloc[rows]
+                if rejection:
+                    rejected.append(RejectedManeuver(leg.kind, float(data.index[0]), float(data.index[-1]), rejection))
+                else:
+                    level_runs.append(maneuver_in(leg.kind, rows, table, motion.V, notes(data, motion.bank[rows])))
     return sorted(level_runs, key=lambda run: run.start_s), sorted(rejected, key=lambda run: run.start_s)
 
 
-def _changing_rows(motion: SmoothedMotion, start: int, leg: runs.Leg, scale: float) -> slice:
+class _Judged(NamedTuple):
+    """Rows of the table, and why they are no run; None if they are one."""
+
+    rows: slice
+    rejection: Rejection | None
+
+
+def _judged(
+    stretch: list[slice], table: pd.DataFrame, motion: SmoothedMotion, sign: int, noise: float
+) -> list[_Judged]:
+    """The verdict on each stretch that is worth one. sign: of the acceleration. noise: `noise_share`."""
+    scale, found = speed_ratio_of(table), []
+    for rows in stretch:
+        measures = _measures(table.iloc[rows], motion, rows, sign)._replace(noise_share=noise)
+        if not measures.negligible(scale):
+            found.append(_Judged(rows, measures.rejection(scale)))
+    return found
+
+
+def _noise_mps(V: Array, smooth_V: Array) -> float:
+    """Standard deviation of speeds (n,) about the smoothed ones; of noise and quick gusts, not of outliers."""
+    if not len(V):
+        return np.inf
+    lower, upper = np.percentile(V - smooth_V, NORMAL_1_SIGMA)
+    return float(upper - lower) / 2
+
+
+def _pieces(rows: slice, step_s: float, scale: float) -> list[slice]:
+    """A leg in as few equal parts as a run may be long: where speed is held for a while, the parts still are level."""
+    count = -(-(rows.stop - rows.start) // max(1, int(LEVEL_RUN.longest_s * larger(scale) / step_s)))
+    edges = np.linspace(rows.start, rows.stop, count + 1).round().astype(int).tolist()
+    return [slice(a, b) for a, b in pairwise(edges)]
+
+
+def _between_gaps(table: pd.DataFrame, rows: slice) -> list[slice]:
+    """The parts of a leg in which all needed quantities are measured."""
+    known = table.iloc[rows][list(NEEDED_COLUMNS)].notna().all(axis=1).to_numpy()
+    return [slice(rows.start + part.start, rows.start + part.stop) for part in stretches(known)]
+
+
+def _changing_rows(motion: SmoothedMotion, start: int, leg: runs.Leg, changing_mps2: float) -> slice:
     """The rows of the table of the changing part of a leg. start: row at which the leg's indices begin."""
     begin = start + leg.first
     rows = slice(begin, start + leg.last + 1)
-    changing = leg.sign * motion.Vdot[rows] > LEVEL_RUN.changing_mps2 * scale
+    changing = leg.sign * motion.Vdot[rows] > changing_mps2
     part = changing_part(motion.V[rows].tolist(), changing.tolist())
     return slice(begin + part.start, begin + part.stop)
 

@@ -107,7 +107,10 @@ def _with_battery_and_coverage(forces: pd.DataFrame, mean: Mapping[str, Array], 
         data[name] = mean.get(name, np.nan)
     data["battery_W"] = data["battery_V"] * data["battery_A"]
     inside = propeller.covers(data["J"].to_numpy(), 60 * data["n"].to_numpy())
-    data["covered"] = inside & (data["height_m"] > AIRCRAFT_SIZE.least_height_m * mean.get(SPEED_SCALE, 1.0)).to_numpy()
+    data["covered"] = (
+        inside
+        & (data["height_m"] > AIRCRAFT_SIZE.least_height_m * np.minimum(1.0, mean.get(SPEED_SCALE, 1.0))).to_numpy()
+    )
     return data
 
 

@@ -8,6 +8,7 @@ shown. Earlier flights add what they know of drag and of the installation's sens
 width is to be small.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -246,7 +247,7 @@ def expected(
 ) -> Expected:
     """Covariances of the sensor errors and of the drag polar after a flight like this."""
     trajectory = linearized_trajectory(history, aircraft, gust_mps, alpha_scale_sigma=alpha_scale_sigma)
-    runs, _ = find_runs(history.table)
+    runs, _ = find_runs(history.table, noise_mps=math.inf)
     forces = FlightForces(trajectory, aircraft.aircraft, aircraft.propeller)
     states, errors = trajectory.states.to_numpy(), trajectory.sensor_errors
     inside = np.zeros(len(states), dtype=bool)

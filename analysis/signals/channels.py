@@ -204,7 +204,7 @@ def synchronize(log: Log, lag_s: dict[str, float] | None = None) -> Channels:
 
 
 # How thresholds scale with the size of the aircraft (`flight.runs.AIRCRAFT_SIZE`), in a table of air data.
-SPEED_SCALE = "speed_scale"  # column of the table of `air_data`, the same in all rows
+SPEED_SCALE = "speed_scale"  # column of the table of `air_data`, the `speed_ratio` in all rows
 
 
 def speed_scale(aircraft: Aircraft) -> float:
@@ -212,9 +212,14 @@ def speed_scale(aircraft: Aircraft) -> float:
     return runs.speed_scale(aircraft.mass.weight_N, aircraft.geometry.wing_area_m2)
 
 
-def speed_scale_of(table: pd.DataFrame) -> float:
-    """That of the aircraft of a table of `air_data`; 1 without the column."""
+def speed_ratio_of(table: pd.DataFrame) -> float:
+    """Speed at C_L = 1 over the reference speed, of the aircraft of a table of `air_data`; 1 without the column."""
     return float(table[SPEED_SCALE].iloc[0]) if SPEED_SCALE in table and len(table) else 1.0
+
+
+def speed_scale_of(table: pd.DataFrame) -> float:
+    """`speed_ratio_of`, at most 1."""
+    return min(1.0, speed_ratio_of(table))
 
 
 def least_height_m(table: pd.DataFrame) -> float:

@@ -19,7 +19,8 @@ from analysis.maneuvers.kinds import (
 )
 from analysis.maneuvers.quality import SmoothedMotion, notes, without_data
 from analysis.maneuvers.runs_file import nearest_miss
-from flight.runs import Rejection, RunRejected
+from analysis.signals.channels import SPEED_SCALE
+from flight.runs import LEVEL_RUN, Rejection, RunRejected, larger
 from tests.analysis.maneuvers.test_find import RATE_HZ, flight, up_and_down
 
 
@@ -36,9 +37,41 @@ def test_a_run_ends_where_the_aircraft_climbs_steeply() -> None:
     assert [run.kind for run in runs][-1] == "deceleration"
 
 
-def test_a_run_that_lasts_too_long_is_rejected() -> None:
-    _, rejected = find_runs(flight(up_and_down(low=12.0, high=44.0, seconds=50.0)))
-    assert [stretch.rejection.reason for stretch in rejected] == [RunRejected.TOO_LONG] * 2
+def test_a_change_of_speed_that_lasts_too_long_for_one_run_is_several() -> None:
+    """From 12 to 44 m/s in 50 s: the halves are runs. From 12 to 40 m/s in 180 s: too gentle, whole and in parts."""
+    runs, rejected = find_runs(flight(up_and_down(low=12.0, high=44.0, seconds=50.0)))
+    assert [run.kind for run in runs] == ["acceleration"] * 2 + ["deceleration"] * 2 and not rejected
+    assert all(run.end_s - run.start_s < LEVEL_RUN.longest_s for run in runs)
+    runs, rejected = find_runs(flight(up_and_down(low=12.0, high=40.0, seconds=180.0)))
+    reasons = [stretch.rejection.reason for stretch in rejected]
+    assert not runs and reasons == [RunRejected.TOO_GENTLE] * 2
+
+
+def test_a_much_faster_aircraft_takes_longer_and_climbs_as_steeply() -> None:
+    """From 60 to 140 m/s in 90 s, at 2 m/s of climb: 2.6 times the reference speed, twice over."""
+    table = flight(up_and_down(low=60.0, high=140.0, seconds=90.0)).assign(**{SPEED_SCALE: 5.2})
+    runs, rejected = find_runs(table)
+    assert [run.kind for run in runs] == ["acceleration", "deceleration"] and not rejected
+    assert larger(1.0) == larger(2.0) == 1.0, "aircraft of the usual size keep all limits"
+    small = find_runs(table.assign(**{SPEED_SCALE: 1.0}))[0]
+    assert len(small) > 2, "in pieces for a small one"
+
+
+@pytest.mark.parametrize("noise_mps, found", [(0.29, 0), (0.02, 2)])
+def test_without_noise_a_gentler_and_smaller_change_of_speed_is_a_run(noise_mps: float, found: int) -> None:
+    """From 20 to 23.4 m/s in 10 s, 16 % at 0.34 m/s²: too gentle and too little at the noise of Table 4.1."""
+    speed = up_and_down(low=20.0, high=23.4, seconds=10.0)
+    noise = np.random.default_rng(3).normal(0, noise_mps, len(speed))
+    runs, _ = find_runs(flight(speed).assign(V_mps=speed + noise))
+    assert len(runs) == found
+    assert not find_runs(flight(speed).assign(V_mps=speed + noise), noise_mps=np.inf)[0]
+
+
+def test_a_gap_costs_the_seconds_that_it_takes() -> None:
+    """Thrust is missing for 2 s near the end of an acceleration of 12 s: the part before is a run."""
+    runs, rejected = find_runs(flight(up_and_down(), thrust_N=slice(400, 450)))
+    assert [run.kind for run in runs] == ["acceleration", "deceleration"]
+    assert 15.0 < runs[0].end_s < 16.1 and not [one for one in rejected if one.rejection.reason is RunRejected.TOO_LONG]
 
 
 def test_a_run_over_a_hill_is_rejected() -> None:

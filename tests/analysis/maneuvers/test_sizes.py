@@ -50,7 +50,7 @@ def test_a_short_gentle_run_counts_for_a_light_aircraft_and_is_told_for_another(
     slow = flight(speed).assign(V_mps=speed)
     runs, rejected = find_runs(scaled(slow))
     assert [run.kind for run in runs] == ["acceleration", "deceleration"] and not rejected
-    runs, rejected = find_runs(slow)
+    runs, rejected = find_runs(slow, noise_mps=0.3)
     assert not runs and [one.rejection.reason for one in rejected] == [RunRejected.TOO_GENTLE] * 2
     assert rejected[0].rejection.limit == 0.5
     brief = flight(up_and_down(low=7.0, high=14.0, seconds=2.2))
