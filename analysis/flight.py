@@ -17,6 +17,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
@@ -28,9 +29,11 @@ from analysis.log_contents import LogContents, Replacements, contents
 from analysis.maneuvers.kinds import Maneuvers
 from analysis.maneuvers.runs_file import select
 from analysis.polar import Condition
+from analysis.trajectory.as_measured import path_as_measured
 from analysis.trajectory.observability import (
     PriorConflict,
     conflict_notes,
+    misfit_in_words,
     prior_conflict,
     sensor_error_estimates,
     trajectory_notes,
@@ -40,6 +43,7 @@ from analysis.trajectory.priors import SensorPriors, stated_sigma, upwash_slope_
 from analysis.trajectory.reconstruction import Trajectory, reconstruct
 from analysis.trajectory.updraft import mean_updraft, sun_over, updraft_notes
 from flight.aircraft import Aircraft
+from flight.errors import InputError
 from flight.log_reader import Log
 from flight.propeller import Propeller
 
@@ -165,9 +169,17 @@ def _rows_flown(table: pd.DataFrame, maneuvers: Maneuvers) -> pd.DataFrame:
 
 
 def reconstructed(flight: Flown) -> Reconstructed:
-    """The trajectory is reconstructed again with wider priors where the flight denies those of the sensor errors."""
+    """The trajectory is reconstructed again with wider priors where the flight denies those of the sensor errors.
+
+    Where there is none that explains the measurements, the path is as measured: simpler methods do without it.
+    """
     flight.progress("reconstructing the trajectory")
-    trajectory = trajectory_with(flight, flight.data)
+    try:
+        trajectory = trajectory_with(flight, flight.data)
+    except InputError as error:
+        return _as_measured(flight, str(error).removeprefix(f"{flight.name}: "))
+    if not trajectory.converged:
+        return _as_measured(flight, f"the trajectory did not converge{misfit_in_words(trajectory)}")
     conflict = prior_conflict(trajectory)
     notes = [*flight.notes, *conflict_notes(conflict, trajectory)]
     if conflict.conflicting:
@@ -202,13 +214,35 @@ def _with_updraft(flight: Flown, trajectory: Trajectory) -> tuple[LogContents, l
     return flight.contents._replace(aircraft=replace(aircraft, uncertainty=uncertainty)), updraft_notes(updraft)
 
 
+def _as_measured(flight: Flown, cause: str) -> Reconstructed:
+    trajectory = trajectory_with(flight, flight.data, as_measured=True)
+    note = (
+        f"No flight path explains the measurements: {cause}. Speed, height and angle of attack are used as measured,"
+        " wind and sensor errors are not estimated. Check the axes and times of the IMU, or leave out the part of the"
+        " log without runs."
+    )
+    return Reconstructed(
+        **flight.known()
+        | {
+            "trajectory": trajectory,
+            "prior_conflict": PriorConflict(np.ones(len(trajectory.prior_sigma)), {}, 1.0),
+            "notes": (*flight.notes, note),
+        }
+    )
+
+
 def trajectory_with(
-    flight: Measured, data: FlightData, *, prior_factor: ArrayLike = 1.0, slope_sigma: float | None = None
+    flight: Measured,
+    data: FlightData,
+    *,
+    prior_factor: ArrayLike = 1.0,
+    slope_sigma: float | None = None,
+    as_measured: bool = False,
 ) -> Trajectory:
     """The most probable trajectory by `data`, which may be others than the flight's own.
 
     slope_sigma : prior standard deviation of the slope of angle of attack by upwash; None for that of the
-        aircraft file
+        aircraft file. as_measured : the path as measured instead
     """
     uncertainty = flight.aircraft.uncertainty
     by_upwash = upwash_slope_sigma(flight.aircraft) if slope_sigma is None else slope_sigma
@@ -218,6 +252,10 @@ def trajectory_with(
         calibrated=data.calibrated,
         factor=prior_factor,
     )
+    if as_measured:
+        return path_as_measured(
+            data.table, data.rest, priors, compass=data.compass, gust_length=uncertainty.gust_length
+        )
     return reconstruct(
         data.table, data.rest, priors, compass=data.compass, gust_length=uncertainty.gust_length, log=flight.name
     )

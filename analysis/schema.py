@@ -47,13 +47,33 @@ class CurveStatus(StrEnum):
     """How the estimation of the power curve ended."""
 
     CONVERGED = "converged"
-    BY_ANOTHER_METHOD = "by another method"  # no acceleration or deceleration was flown
+    BY_ANOTHER_METHOD = "by another method"  # than the dynamic one: `methods_tried`
     NOT_CONVERGED = "not converged"  # the drag polar, or it is at a bound or not identifiable
     TRAJECTORY_NOT_CONVERGED = "trajectory not converged"
 
     @property
     def usable(self) -> bool:
         return self in (CurveStatus.CONVERGED, CurveStatus.BY_ANOTHER_METHOD)
+
+
+class WhyNot(StrEnum):
+    """Why a method that needs more does not give the curve of a flight."""
+
+    NONE = ""  # it gives the curve
+    NOT_FLOWN = "no maneuver that it needs was flown"
+    NO_TRAJECTORY = "no flight path explains the measurements"
+    NO_ESTIMATE = "the data do not suffice"
+    UNPHYSICAL = "its drag polar is unphysical"
+    NO_INFORMATION = "its 95 % interval is as large as the power itself"
+
+
+class MethodTried(msgspec.Struct, frozen=True, kw_only=True):
+    """A method on the ladder to the curve of a flight, and why it does not give it."""
+
+    name: str
+    title: str
+    reason: WhyNot
+    text: str  # the reason with its cause; empty where the method gives the curve
 
 
 class Trust(StrEnum):
@@ -597,6 +617,7 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     status: CurveStatus | None = None
     verdict: str  # the same in words, with what was wrong
     warnings: list[str]
+    methods_tried: list[MethodTried] = []  # the best first, down to the one that gives the curve
     methods: list[MethodResult] = []
     one_by_one: list[MethodResult] = []  # each acceleration and deceleration alone, named by `title`
     runs_against_others: list[RunAgainstOthers] = []

@@ -95,7 +95,7 @@ def _estimates(
     """Data used, polar, and lift coefficients that it is valid for: of the runs, else of steady points."""
     if not any(run.kind in LEVEL_RUNS for run in found):
         others = every_method(trajectory, found, aircraft, propeller, at)
-        estimate, flown_CL = fallback(others.by_method, trajectory, aircraft, "flight")
+        estimate, flown_CL, _ = fallback(others.by_method, trajectory, aircraft, "flight")
         yield "steady points", estimate.polar, flown_CL
         return
     for data, kind in (("all runs", ""), ("one acceleration", "acceleration"), ("one deceleration", "deceleration")):

@@ -104,8 +104,8 @@ def analyze(
 
     Exit code 0: done; a doubtful result is named first. 1: done, but the result is not to be trusted, and lines on
     stderr say why; or, of several logs, some cannot be used or are not to be trusted. 2: the input cannot be used; one
-    line on stderr says why, and nothing was written; of several logs, the folders of flights that could be
-    analyzed stay.
+    line on stderr says why, and nothing was written but, where no maneuver gives a curve, runs.toml with candidates;
+    of several logs, the folders of flights that could be analyzed stay.
     """
     # These matrices are too small to gain from a thread pool, which would slow down every call.
     os.environ.setdefault("OMP_NUM_THREADS", "1")

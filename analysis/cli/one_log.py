@@ -24,7 +24,8 @@ Progress = Callable[[str], None]
 def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, command_line: str = "") -> Done:
     """Write the report of a log into `folder`. command_line: that asked for it, for the report.
 
-    Raises InputError when the log or a file cannot be used; nothing was written then.
+    Raises InputError when the log or a file cannot be used; nothing was written then, except for the candidates of a
+    flight in which no maneuver gives a curve.
     """
     progress("reading the log")
     ordinary = OrdinaryFlight(
@@ -68,14 +69,22 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
     )
     import_lean()
     given = options.replacements()
+    from analysis.maneuvers.runs_file import NoCurve
     from analysis.pipeline import analyze as run_pipeline
     from analysis.report.terminal import print_summary
-    from analysis.report.write import write_report, write_run_list
+    from analysis.report.write import write_candidates, write_report, write_run_list
 
-    analysis = run_pipeline(
-        recorded, given, progress, request=options.request, runs_file=options.runs, command_line=command_line,
-        by_likelihood=options.likelihood,
-    )  # fmt: skip
+    try:
+        analysis = run_pipeline(
+            recorded, given, progress, request=options.request, runs_file=options.runs, command_line=command_line,
+            by_likelihood=options.likelihood,
+        )  # fmt: skip
+    except NoCurve as error:
+        if options.runs or not error.maneuvers.rejected:
+            raise
+        path = write_candidates(error.maneuvers, folder, log.name)
+        remedy = f"set keep = true in {path}, where all candidates are with their reasons, and add --runs {path}"
+        raise InputError(f"{error}; to use a stretch all the same, {remedy}") from None
     progress("writing the report")
     replaced_report = write_report(analysis, folder)
     previous_runs = write_run_list(analysis, folder, log.name, given=options.runs)

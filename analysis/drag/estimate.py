@@ -1,6 +1,6 @@
 """All estimates of drag from one flight: by the best method that it allows, by all others, and the cross-check."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -11,16 +11,18 @@ from analysis.drag.assumed_values import (
     with_assumption_uncertainty,
     with_transducer_uncertainty,
 )
+from analysis.drag.comparison import DYNAMIC
 from analysis.drag.cross_check import CrossCheck
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.drag.likelihood import LikelihoodEstimates
 from analysis.drag.method import MethodEstimate
-from analysis.drag.methods import every_method, fallback
+from analysis.drag.methods import every_method, fallback, tried, why_not
 from analysis.drag.rerun import EstimateRerun
 from analysis.drag.run_agreement import runs_against_others
 from analysis.flight import Reconstructed
+from analysis.maneuvers.runs_file import NoCurve
 from analysis.polar import unphysical
-from analysis.schema import DisagreementResult, RunAgainstOthers
+from analysis.schema import CurveStatus, DisagreementResult, MethodTried, RunAgainstOthers, WhyNot
 from flight.errors import InputError
 
 
@@ -35,6 +37,7 @@ class DragEstimates:
     cross_check_differs : it leaves the simultaneous 95 % band of the difference from the power curve
     runs_against_others : each run against the others of its kind
     likelihood : the maximum-likelihood methods, where these were asked for
+    ladder : the methods that were tried for the curve, the best first, down to the one that gives it
     """
 
     main: DynamicEstimate
@@ -47,6 +50,7 @@ class DragEstimates:
     cross_check_differs: bool = False
     runs_against_others: list[RunAgainstOthers] = field(default_factory=list)
     likelihood: LikelihoodEstimates = field(default_factory=lambda: LikelihoodEstimates([], None, {}))
+    ladder: list[MethodTried] = field(default_factory=list)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,11 +71,11 @@ def estimate(flight: Reconstructed, *, by_likelihood: bool = False) -> DragEstim
     """Dynamic method, all other methods, and cross-check.
 
     by_likelihood: the two maximum-likelihood methods are applied, too.
-    Raises InputError, beginning with the log's name, when the maneuvers do not determine a physical polar.
+    The best method that gives a curve gives that of the flight. Raises NoCurve, beginning with the log's name, when
+    none does.
     """
-    runs, trajectory, aircraft = flight.maneuvers.level_runs, flight.trajectory, flight.aircraft
-    assumptions = _uncertainty_by_assumptions(flight)
-    by_runs = _by_runs(flight, assumptions) if runs else None
+    trajectory, aircraft = flight.trajectory, flight.aircraft
+    by_runs, first, assumptions = _by_runs(flight)
     flight.progress("applying all other methods")
     others = every_method(
         trajectory, flight.maneuvers.maneuvers, aircraft, flight.propeller, flight.condition,
@@ -82,9 +86,19 @@ def estimate(flight: Reconstructed, *, by_likelihood: bool = False) -> DragEstim
         flight.progress("applying the maximum-likelihood methods")
         by_source = likelihood.estimate(flight)
     main, flown_CL = by_runs, flight.flown_CL
+    ladder = [first]
     if main is None:
-        other, flown_CL = fallback(others.by_method, trajectory, aircraft, flight.name)
+        try:
+            other, flown_CL, lower = fallback(others.by_method, trajectory, aircraft, flight.name)
+        except InputError as error:
+            by_dynamic = f"; {first.title}: {first.text}" if flight.maneuvers.level_runs else ""
+            advice = "fly or keep more runs, longer, over more speeds; or weight, wing area, propeller table, a unit or"
+            raise NoCurve(f"{error}{by_dynamic}; {advice} delay in the log is wrong", flight.maneuvers) from None
+        ladder += lower
+        assumptions = _uncertainty_by_assumptions(flight, lower[-1].name)
         main = with_assumption_uncertainty(other, assumptions)
+        reasons = "; ".join(f"{one.title}: {one.text}" for one in ladder[:-1])
+        main = replace(main, warnings=[f"{main.warnings[0]} Not by better ones: {reasons}.", *main.warnings[1:]])
     check, differs, check_warnings = _cross_checked(flight, main)
     return DragEstimates(
         main=main,
@@ -99,35 +113,42 @@ def estimate(flight: Reconstructed, *, by_likelihood: bool = False) -> DragEstim
             *check_warnings,
         ],
         cross_check_differs=differs,
-        runs_against_others=runs_against_others(others.one_by_one, flight.condition, aircraft.uncertainty),
+        runs_against_others=[]
+        if trajectory.as_measured
+        else runs_against_others(others.one_by_one, flight.condition, aircraft.uncertainty),
+        ladder=ladder,
         likelihood=by_source,
     )
 
 
-def _uncertainty_by_assumptions(flight: Reconstructed) -> AssumptionUncertainty | None:
+def _uncertainty_by_assumptions(flight: Reconstructed, method: str = "") -> AssumptionUncertainty | None:
     """By what the aircraft file lacks, and by errors of the transducers that no residual shows: the analysis is run
-    again with each of them."""
-    rerun, aircraft = EstimateRerun(flight), flight.aircraft
+    again with each of them. method: of the curve, where that is not the dynamic one."""
+    rerun, aircraft = EstimateRerun(flight, method), flight.aircraft
     by_file = assumption_uncertainty(rerun, aircraft, flight.propeller, flight.condition, flight.flown_CL)
     return with_transducer_uncertainty(by_file, rerun.values_with_air, flight.table, aircraft)
 
 
-def _by_runs(flight: Reconstructed, assumptions: AssumptionUncertainty | None) -> DynamicEstimate:
+DYNAMIC_TITLE = "dynamic method"
+
+
+def _by_runs(flight: Reconstructed) -> tuple[DynamicEstimate | None, MethodTried, AssumptionUncertainty | None]:
+    """The dynamic method's estimate; None where it gives no curve, and why. With the uncertainty by assumptions."""
     runs = flight.maneuvers.level_runs
+    if not runs:
+        return None, tried(DYNAMIC, DYNAMIC_TITLE, WhyNot.NOT_FLOWN, "accelerations or decelerations"), None
+    if flight.trajectory.as_measured:
+        return None, tried(DYNAMIC, DYNAMIC_TITLE, WhyNot.NO_TRAJECTORY), None
+    assumptions = _uncertainty_by_assumptions(flight)
     estimate = dynamic.estimate_polar(flight.trajectory, runs, flight.aircraft, flight.propeller)
     estimate = with_assumption_uncertainty(estimate, assumptions)
-    if reason := unphysical(estimate.polar, flight.flown_CL):
-        source = "one run" if len(runs) == 1 else f"{len(runs)} runs"
-        raise InputError(
-            f"{flight.name}: unphysical drag polar from {source}: {reason}; keep or fly more runs, longer, over more"
-            " speeds; or weight, wing area, propeller table, or a unit or delay in the log is wrong"
-        )
-    return estimate
+    reason, details = why_not(estimate.polar, flight.flown_CL), unphysical(estimate.polar, flight.flown_CL)
+    return (None if reason else estimate), tried(DYNAMIC, DYNAMIC_TITLE, reason, details), assumptions
 
 
 def _cross_checked(flight: Reconstructed, main: DynamicEstimate) -> tuple[CrossCheck | None, bool, list[str]]:
     """The cross-check on the runs alone, whether it differs from the power curve, and warnings."""
-    if not flight.maneuvers.level_runs:
+    if not flight.maneuvers.level_runs or main.status is CurveStatus.BY_ANOTHER_METHOD:
         return None, False, []
     flight.progress("cross-checking on the runs alone")
     try:

@@ -27,16 +27,19 @@ Array = NDArray[np.float64]
 class EstimateRerun(NamedTuple):
     """Runs the analysis of a flight again, from the channels to the polar.
 
+    method: another than the dynamic one, by its name, where the curve is from it
     slope_sigma, an argument of `estimate` and `values`: prior standard deviation of the slope of angle of attack by
     upwash
     """
 
     flight: Reconstructed
+    method: str = ""
 
     def estimate(self, aircraft: Aircraft, propeller: Propeller, slope_sigma: float) -> DynamicEstimate:
         """The polar of the power curve with its covariance."""
         trajectory = self._trajectory(aircraft, slope_sigma)
-        if runs := self.flight.maneuvers.level_runs:
+        runs = self.flight.maneuvers.level_runs
+        if runs and not self.method:
             return dynamic.estimate_polar(trajectory, runs, aircraft, propeller)
         return self._without_runs(trajectory, aircraft, propeller)
 
@@ -54,14 +57,15 @@ class EstimateRerun(NamedTuple):
 
     def _values(self, trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) -> Array:
         """Of a flight without runs the whole estimate is made all the same."""
-        if runs := self.flight.maneuvers.level_runs:
+        runs = self.flight.maneuvers.level_runs
+        if runs and not self.method:
             return dynamic.estimate_values(trajectory, runs, aircraft, propeller)
         return self._without_runs(trajectory, aircraft, propeller).values
 
     def _without_runs(self, trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) -> DynamicEstimate:
         flight = self.flight
         others = every_method(trajectory, flight.maneuvers.maneuvers, aircraft, propeller, flight.condition)
-        return fallback(others.by_method, trajectory, aircraft, flight.name).estimate
+        return fallback(others.by_method, trajectory, aircraft, flight.name, only=self.method).estimate
 
     def _trajectory(self, aircraft: Aircraft, slope_sigma: float) -> Trajectory:
         """It does not depend on the propeller, and is the flight's own where nothing has changed."""
@@ -76,4 +80,10 @@ class EstimateRerun(NamedTuple):
 
     def _reconstructed(self, data: FlightData, slope_sigma: float) -> Trajectory:
         flight = self.flight
-        return trajectory_with(flight, data, prior_factor=flight.prior_factor, slope_sigma=slope_sigma)
+        return trajectory_with(
+            flight,
+            data,
+            prior_factor=flight.prior_factor,
+            slope_sigma=slope_sigma,
+            as_measured=flight.trajectory.as_measured,
+        )

@@ -40,6 +40,14 @@ HEAD = """\
 LEFT_OUT = Rejection(Unsuitable.LEFT_OUT)
 
 
+class NoCurve(InputError):
+    """No maneuver of a log gives a curve. maneuvers: those found, and the candidates with their reasons."""
+
+    def __init__(self, text: str, maneuvers: Maneuvers):
+        super().__init__(text)
+        self.maneuvers = maneuvers
+
+
 @dataclass(frozen=True, kw_only=True)
 class ManeuverEntry:
     """One [[run]] of the file."""
@@ -149,7 +157,7 @@ def select(table: pd.DataFrame, rest: list[slice], log: str, runs_file: Path | N
     """The maneuvers found, or the ones that `runs_file` keeps.
 
     table: of `air_data`. rest: rows in which the aircraft stood still.
-    Raises InputError naming the log or the file if no maneuver allows drag to be estimated.
+    Raises InputError naming the log or the file if no maneuver allows drag to be estimated: NoCurve for the log.
     """
     entries = load(runs_file) if runs_file else None
     maneuvers = find(table, rest)
@@ -160,7 +168,7 @@ def select(table: pd.DataFrame, rest: list[slice], log: str, runs_file: Path | N
     if runs_file:
         raise InputError(f"{runs_file}: no maneuver to analyze; keep one of these: {', '.join(FOR_DRAG)}")
     missed = nearest_miss(maneuvers.rejected, table, rested=bool(rest))
-    raise InputError(f"{log}: no acceleration or deceleration to analyze{missed}")
+    raise NoCurve(f"{log}: no acceleration or deceleration to analyze{missed}", maneuvers)
 
 
 def nearest_miss(rejected: list[RejectedManeuver], table: pd.DataFrame, *, rested: bool = True) -> str:

@@ -7,6 +7,7 @@ import msgspec
 import pandas as pd
 
 from analysis.files import write_file, write_keeping_previous
+from analysis.maneuvers.kinds import Maneuvers
 from analysis.maneuvers.runs_file import to_toml
 from analysis.pipeline import Analysis
 from analysis.pooling.results import ComparisonResults, PooledResults
@@ -69,6 +70,13 @@ def write_run_list(analysis: Analysis, folder: Path, log_name: str, *, given: Pa
     if given is not None and path.exists() and path.samefile(given):
         return None
     return write_keeping_previous(path, to_toml(analysis.maneuvers, log_name))
+
+
+def write_candidates(maneuvers: Maneuvers, folder: Path, log_name: str) -> Path:
+    """Write runs.toml of a log in which no maneuver gives a curve; returns where. Raises InputError as above."""
+    path = folder / "runs.toml"
+    write_keeping_previous(path, to_toml(maneuvers, log_name))
+    return path
 
 
 FLIGHTS_FORMAT = "flightpower-flights-1"

@@ -80,6 +80,7 @@ def assemble(
         status=drag.main.status,
         verdict=drag.main.verdict,
         warnings=list(flight.notes),
+        methods_tried=drag.ladder,
         methods=[methods.method_result(estimate, condition, flown_CL[1]) for estimate in drag.methods],
         one_by_one=[methods.method_result(estimate, condition, flown_CL[1]) for estimate in drag.one_by_one],
         runs_against_others=drag.runs_against_others,

@@ -102,7 +102,11 @@ def _estimation(results: Results) -> Iterator[Evidence]:
             part=PartOfResult.CURVE,
             text=f"The estimation did not converge: {results.verdict}.",
         )
-    elif results.path is not None and not results.path.converged:
+    elif (
+        results.path is not None
+        and not results.path.converged
+        and results.status is not CurveStatus.BY_ANOTHER_METHOD  # such a method does without
+    ):
         yield Evidence(
             kind=EvidenceKind.TRAJECTORY_NOT_CONVERGED,
             level=Trust.NOT_TO_BE_TRUSTED,

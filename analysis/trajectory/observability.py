@@ -292,6 +292,13 @@ def misfit(trajectory: Trajectory) -> dict[str, float]:
     return {name: rms for name, rms in trajectory.residuals.items() if name in MISFIT and rms > PRIOR_CHECK.largest_rms}
 
 
+def misfit_in_words(trajectory: Trajectory) -> str:
+    """Which residuals are larger than noise and gusts allow, in brackets after a space; empty where none are."""
+    beyond = misfit(trajectory)
+    named = "; ".join(f"{MISFIT[name]} by {rms:.0f}" for name, rms in beyond.items())
+    return f" (residuals too large: {named})" if named else ""
+
+
 def with_misfit(trajectory: Trajectory) -> tuple[Trajectory, list[str]]:
     """The trajectory, less certain where residuals are larger than noise and gusts allow, and a warning of it."""
     beyond = misfit(trajectory)

@@ -54,6 +54,7 @@ class Trajectory:
     gust_mps : standard deviation of vertical gusts [m/s]        gust_length : their scale length over the standard's
     residuals : rms of each measurement's residuals, in units of its standard deviation
     block_means : the measurements at the same instants
+    as_measured : it explains nothing, but repeats the measurements (`as_measured.path_as_measured`)
     """
 
     states: pd.DataFrame
@@ -69,6 +70,7 @@ class Trajectory:
     converged: bool
     block_means: BlockMeans
     gust_length: float = 1.0
+    as_measured: bool = False
 
     def value(self, name: str) -> float:
         """Estimate of a sensor error."""
@@ -159,7 +161,11 @@ def _candidate(solution: _Solution) -> _Candidate:
 
 def _reconstruct(problem: TrajectoryProblem, gust_length: float) -> Trajectory:
     start, middle_mps = (problem.initial_states, problem.initial_errors), GUST_GRID_MPS[len(GUST_GRID_MPS) // 2]
-    first = _candidate(_solve(problem, *start, middle_mps, tolerance=SOLVER.converged[0]))
+    first_solution = _solve(problem, *start, middle_mps, tolerance=SOLVER.converged[0])
+    if not first_solution.converged:  # nor does it for other gusts, and each takes as many iterations
+        return _trajectory(problem, first_solution, _draws(first_solution), gust_length)
+    first = _candidate(first_solution)
+    del first_solution
     solution = _in_most_probable_gusts(problem, first)
     draws = _draws(solution)
     if solution.gust_mps > GUSTS.dominate_mps:

@@ -130,7 +130,7 @@ def test_a_wrong_aircraft_file(flown: Path, tmp_path: Path, old: str, new: str, 
             "--runs",
             "mine.toml",
             '[[run]]\nkind = "acceleration"\nstart = "38 s"\nend = "40.4 s"\n',
-            "unphysical drag polar",
+            "its drag polar is unphysical",
         ),
     ],
 )

@@ -159,7 +159,7 @@ def test_a_flight_of_maneuvers_alone_has_a_curve_and_one_of_a_single_speed_has_n
     def estimates(*kinds: str) -> list[MethodEstimate]:
         return every_method(trajectory, found.of(*kinds), AIRCRAFT, propeller, at).by_method
 
-    estimate, flown_CL = fallback(
+    estimate, flown_CL, _ = fallback(
         estimates("steady", "roller coaster", "wind-up turn"), trajectory, AIRCRAFT, "flight.mcap"
     )
     V = speed_at(np.geomspace(flown_CL[0] * 1.1, flown_CL[1] / 1.1, 9), at)

@@ -176,7 +176,7 @@ def test_fallback_knows_how_its_polar_changes_with_thrust() -> None:
     found = MethodEstimate(
         PIW_VIW_THREE, Polar(polar(), noise + C), noise, C, sensitivities=sensitivities, flown_CL=(0.3, 1.0)
     )
-    result, flown_CL = fallback([found, MethodEstimate(VARIED_LIFT)], trajectory, AIRCRAFT, "flight.mcap")
+    result, flown_CL, _ = fallback([found, MethodEstimate(VARIED_LIFT)], trajectory, AIRCRAFT, "flight.mcap")
     assert flown_CL == (0.3, 1.0)
     assert result.values == pytest.approx([*polar(), 0.0, 0.0])
     for i, name in ((3, "thrust_scale"), (4, "thrust_slope")):
@@ -192,7 +192,7 @@ def test_fallback_knows_how_its_polar_changes_with_thrust() -> None:
     # Thrust on a stand: its prior instead of that of the table.
     on_stand = replace(AIRCRAFT, propulsion=replace(AIRCRAFT.propulsion, static_thrust_ratio=1.05))
     prior, S = thrust_prior(on_stand), np.stack(list(sensitivities.values()), axis=1)
-    after, _ = fallback([found, MethodEstimate(VARIED_LIFT)], trajectory, on_stand, "flight.mcap")
+    after, *_ = fallback([found, MethodEstimate(VARIED_LIFT)], trajectory, on_stand, "flight.mcap")
     assert after.values == pytest.approx([*(polar() + S @ prior.mean), *prior.mean])
     assert after.systematic == pytest.approx(
         np.block([[own + S @ prior.covariance @ S.T, S @ prior.covariance], [prior.covariance @ S.T, prior.covariance]])

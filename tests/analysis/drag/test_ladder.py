@@ -1,0 +1,97 @@
+"""The best method that a flight allows gives its curve; what fails takes none of the simpler ones with it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from methods import drawn, fly
+
+from analysis.drag.estimate import estimate
+from analysis.drag.method import MethodEstimate
+from analysis.drag.methods import DIRECT, LADDER, fallback, informative, why_not
+from analysis.drag.methods_from_runs import ENERGY, VARIED_LIFT
+from analysis.drag.steady_points import PIW_VIW_THREE
+from analysis.flown import flown_lift
+from analysis.ground.thrust_prior import THRUST
+from analysis.maneuvers.find import find
+from analysis.polar import Polar, power_required, speed_at
+from analysis.schema import CurveStatus, WhyNot
+from analysis.trajectory.as_measured import path_as_measured
+from flight.aircraft import load_aircraft
+from flight.errors import InputError
+from flight.propeller_files import load_propeller
+from sim.sensors import load_budget
+from tests.analysis.drag.flight_record import flight_record
+
+AIRCRAFT = load_aircraft("nexstar")
+GOOD, FLAT = np.array([0.04, 0.0, 0.06]), np.array([0.04, 0.0, -0.01])
+
+
+def found(method, A=GOOD, sigma: float = 1e-3) -> MethodEstimate:
+    C = np.diag([sigma**2, 0.0, 0.0])
+    return MethodEstimate(
+        method, Polar(A, C), C, 0 * C, sensitivities={name: np.zeros(3) for name in THRUST}, flown_CL=(0.3, 1.0)
+    )
+
+
+@pytest.fixture(scope="module")
+def flown(probe):
+    return fly(AIRCRAFT, probe, drawn(load_budget("bench"), 46), "accel-decel", 0.0, 46)
+
+
+@pytest.fixture(scope="module")
+def path(flown):
+    return path_as_measured(flown.table, flown.still)
+
+
+def test_a_polar_without_information_or_physics_is_no_curve() -> None:
+    assert why_not(None, (0.3, 1.0)) is WhyNot.NO_ESTIMATE
+    assert why_not(Polar(FLAT, np.zeros((3, 3))), (0.3, 1.0)) is WhyNot.UNPHYSICAL
+    wide = Polar(GOOD, np.diag([0.06**2, 0, 0]))
+    assert why_not(wide, (0.3, 1.0)) is WhyNot.NO_INFORMATION and not informative(wide, (0.3, 1.0))
+    assert why_not(Polar(GOOD, np.diag([0.02**2, 0, 0])), (0.3, 1.0)) is WhyNot.NONE
+
+
+@pytest.mark.parametrize(
+    ("estimates", "reasons"),
+    [
+        ([found(ENERGY), found(PIW_VIW_THREE)], [WhyNot.NONE]),
+        ([found(ENERGY, sigma=0.2), found(PIW_VIW_THREE)], [WhyNot.NO_INFORMATION, WhyNot.NONE]),
+        ([found(ENERGY, FLAT), MethodEstimate(PIW_VIW_THREE, notes=("few",)), found(VARIED_LIFT)],
+         [WhyNot.UNPHYSICAL, WhyNot.NO_ESTIMATE, WhyNot.NONE]),
+        ([found(DIRECT), found(VARIED_LIFT)], [WhyNot.NONE]),
+    ],
+)  # fmt: skip
+def test_the_first_method_of_the_ladder_that_informs_gives_the_curve(path, estimates, reasons) -> None:
+    estimate, _, tried = fallback(estimates, path, AIRCRAFT, "flight.mcap")
+    assert [one.reason for one in tried] == reasons
+    assert [one.name for one in tried] == [name for name in LADDER if name in {e.method.name for e in estimates}][
+        : len(tried)
+    ]
+    assert estimate.status is CurveStatus.BY_ANOTHER_METHOD and all(one.text for one in tried[:-1])
+
+
+def test_where_no_method_gives_a_curve_each_has_a_reason(path) -> None:
+    with pytest.raises(InputError) as refused:
+        fallback([found(ENERGY, sigma=0.2), MethodEstimate(PIW_VIW_THREE, notes=("few",))], path, AIRCRAFT, "flight")
+    text = str(refused.value)
+    assert WhyNot.NO_INFORMATION in text and WhyNot.NO_ESTIMATE in text and not text.endswith(": ")
+
+
+def test_without_a_trajectory_the_energy_of_the_runs_still_gives_the_truth(flown, path) -> None:
+    """The path as measured says that it explains nothing, and the curve is as far from the truth as its interval."""
+    assert path.as_measured and not path.converged
+    maneuvers = find(flown.table, flown.still)
+    rows = np.r_[tuple(run.rows for run in maneuvers.level_runs)]
+    flown_CL = flown_lift(flown.table.iloc[rows], AIRCRAFT)
+    propeller = load_propeller(AIRCRAFT.propulsion.propeller)
+    record = flight_record(flown.table, path, maneuvers.maneuvers, AIRCRAFT, propeller, flown_CL=flown_CL)
+    everything_known = replace(AIRCRAFT, keys=frozenset({"probe.upwash_per_CL", "probe.position", "imu_position"}))
+    record = replace(record, contents=record.contents._replace(aircraft=everything_known))
+    drag = estimate(record)
+    assert [one.reason for one in drag.ladder] == [WhyNot.NO_TRAJECTORY, WhyNot.NONE]
+    assert drag.ladder[-1].name == ENERGY.name and drag.cross_check is None
+    V = speed_at(np.linspace(drag.flown_CL[0] * 1.1, drag.flown_CL[1] / 1.1, 9), record.condition)
+    power, error = power_required(V, drag.main.polar, record.condition)
+    truth = np.interp(V, flown.truth["speed_mps"], flown.truth["power_W"])
+    assert np.all(np.abs(power - truth) < 1.96 * error) and np.all(1.96 * error < 0.5 * power)
