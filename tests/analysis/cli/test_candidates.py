@@ -1,0 +1,49 @@
+"""Where no maneuver of a log gives a curve, the candidates are written with their reasons, ready to be kept."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from analysis.cli import one_log
+from analysis.cli.options import Options
+from analysis.maneuvers.kinds import Maneuvers, RejectedManeuver
+from analysis.maneuvers.runs_file import NoCurve
+from flight.errors import InputError
+from flight.runs import ACCELERATION, Rejection, RunRejected
+
+REJECTED = RejectedManeuver(ACCELERATION, 12.0, 15.5, Rejection(RunRejected.TOO_SHORT, 3.5, 5.0))
+
+
+def refusal(monkeypatch, folder: Path, candidates: list[RejectedManeuver], options: Options) -> str:
+    def none(*_: object, **__: object) -> None:
+        raise NoCurve("flight.mcap: no run", Maneuvers([], candidates))
+
+    monkeypatch.setattr(one_log, "read_log", lambda _: SimpleNamespace(entries={topic: [1] for topic in TOPICS}))
+    monkeypatch.setattr("analysis.pipeline.analyze", none)
+    monkeypatch.setattr(one_log, "firmware_of", lambda _: None)
+    with pytest.raises(InputError) as refused:
+        one_log.analyze_log(folder / "flight.mcap", folder / "out", options, lambda _: None)
+    return str(refused.value)
+
+
+TOPICS = ("/imu", "/probe/alpha", "/probe/airspeed", "/static", "/rpm")
+
+
+def test_candidates_are_written_where_there_are_some(monkeypatch, tmp_path: Path) -> None:
+    said = refusal(monkeypatch, tmp_path, [REJECTED], Options())
+    written = tmp_path / "out" / "runs.toml"
+    assert f"--runs {written}" in said
+    assert 'start = "12.00 s"' in written.read_text() and "keep = false" in written.read_text()
+
+
+def test_without_candidates_nothing_is_written(monkeypatch, tmp_path: Path) -> None:
+    assert refusal(monkeypatch, tmp_path, [], Options()) == "flight.mcap: no run"
+    assert not (tmp_path / "out" / "runs.toml").exists()
+
+
+def test_a_list_that_was_given_is_not_written_over(monkeypatch, tmp_path: Path) -> None:
+    mine = tmp_path / "mine.toml"
+    mine.write_text('[[run]]\nkind = "acceleration"\nstart = "12 s"\nend = "15 s"\n')
+    assert refusal(monkeypatch, tmp_path, [REJECTED], Options(runs=mine)) == "flight.mcap: no run"
+    assert not (tmp_path / "out" / "runs.toml").exists()
