@@ -26,6 +26,8 @@ class Defects:
     magnetometer, is turned against the aircraft
     boom_bending_rad : the probe's boom bends down by this angle under each g of load factor, so that the probe reads a
     larger angle of attack
+    airspeed_per_lift : relative error of airspeed per unit of lift coefficient, by static ports in the flow about the
+    wing; up to a lift coefficient of 2
     airspeed_leak : share of the center port's pressure, against that in the fuselage, lost at a leaking joint
     gear_CD : drag of the landing gear, which is out in every second pair of runs and in no other part of the flight
     thrust_loss : share of thrust that the propeller loses until the battery is empty, in proportion to the energy used
@@ -44,6 +46,7 @@ class Defects:
     imu_pitch_rad: float = 0.0
     imu_yaw_rad: float = 0.0
     boom_bending_rad: float = 0.0
+    airspeed_per_lift: float = 0.0
     airspeed_leak: float = 0.0
     gear_CD: float = 0.0
     thrust_loss: float = 0.0

@@ -251,6 +251,13 @@ class FlightSensorTruth:
         grid, pressures = self._pressures
         return np.interp(self._clipped(t_s), grid, pressures[which])
 
+    def _position_factor(self, q_bar: Array, force_z: Array) -> Array:
+        """On the airspeed pressure (n,), by an error of airspeed in proportion to lift. force_z: (n,) [m/s^2]."""
+        aircraft = self._aircraft
+        lift_Pa = -force_z * aircraft.mass_kg / aircraft.geometry.wing_area_m2
+        CL = np.clip(lift_Pa / np.maximum(q_bar, 1.0), 0.0, 2.0)
+        return np.asarray((1 + self._errors.defects.airspeed_per_lift * CL) ** 2)
+
     @cached_property
     def _pressures(self) -> tuple[Array, dict[str, Array]]:
         """Pressures at the transducers on a 200 Hz grid, lines and systematic errors included."""
@@ -281,7 +288,7 @@ class FlightSensorTruth:
         at = {
             "alpha": through("alpha", ports.lower_minus_upper) * (1 + e.alpha_scale),
             "beta": through("beta", ports.right_minus_left) * (1 + e.beta_scale),
-            "airspeed": (center_line - static_line) * (1 + e.V_scale) ** 2,
+            "airspeed": (center_line - static_line) * (1 + e.V_scale) ** 2 * self._position_factor(q_bar, force_z),
             "static": static_line,
             "baro": static,
         }
