@@ -248,7 +248,7 @@ def trajectory_with(
     by_upwash = upwash_slope_sigma(flight.aircraft) if slope_sigma is None else slope_sigma
     priors = SensorPriors(
         alpha_scale_sigma=math.hypot(flight.contents.probe.alpha_scale_sigma, by_upwash),
-        stated=stated_sigma(uncertainty),
+        stated=stated_sigma(uncertainty, flight.aircraft.wing_loading_Pa),
         calibrated=data.calibrated,
         factor=prior_factor,
     )

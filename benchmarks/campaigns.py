@@ -116,7 +116,11 @@ def analyzed(
     def trajectory_of(air: pd.DataFrame, prior_factor: ArrayLike) -> Trajectory:
         return reconstruct(
             air, data.still,
-            SensorPriors(probe.alpha_scale_sigma, stated_sigma(aircraft.uncertainty), factor=prior_factor),
+            SensorPriors(
+                probe.alpha_scale_sigma,
+                stated_sigma(aircraft.uncertainty, aircraft.wing_loading_Pa),
+                factor=prior_factor,
+            ),
             gust_length=aircraft.uncertainty.gust_length,
         )  # fmt: skip
 

@@ -145,6 +145,14 @@ class Uncertainty:
     airspeed_scale_fraction : with 2 % of airspeed at most, 4 % of dynamic pressure, evenly; transducer and static ports
     air_data_lag_s : tubes of 20 ms at most, and what filters add
     accelerometer_offset_mps2 : of each axis; 0.3 m/s^2 (30 mg) at most, evenly, and 0.5 deg of misalignment under 1 g
+    accelerometer_vibration_mps2 : of the forward and of the downward axis at a motor speed of 100 rev/s; it grows with
+        the square of the speed, as the force of an imbalance. 2 mg, assumed: data sheets of cheap accelerometers do not
+        state what vibration makes of their zero (the effect: Analog Devices, Vibration Rectification in MEMS
+        Accelerometers)
+    boom_bending_rad : angle by which the probe's boom bends down under each g: m g l^2/(2 E I) of a carbon tube of
+        10 mm, walls of 1 mm, 0.3 m long with 30 g at its end is 0.026 deg
+    airspeed_per_lift_fraction : relative error of airspeed per unit of lift coefficient, of static ports in the flow
+        about wing and fuselage. 0.1 %, assumed, for a probe far ahead
     thrust_scale_fraction : of the propeller's table; 3 % at most, evenly, for repetitions in one tunnel. Tables of
         different tunnels differ by 5 % and more (Brandt & Selig, AIAA 2011-1255)
     thrust_slope : of thrust over that of the table, per unit of advance ratio; 0.25 at most, evenly
@@ -166,6 +174,9 @@ class Uncertainty:
     airspeed_scale_fraction: float = 0.0125
     air_data_lag_s: float = 0.012
     accelerometer_offset_mps2: float = 0.19
+    accelerometer_vibration_mps2: float = 0.02
+    boom_bending_rad: float = math.radians(0.03)
+    airspeed_per_lift_fraction: float = 0.001
     thrust_scale_fraction: float = 0.018
     thrust_slope: float = 0.15
     static_thrust_ratio_fraction: float = 0.01
@@ -208,6 +219,10 @@ class Aircraft:
     @property
     def mass_kg(self) -> float:
         return self.mass.weight_N / GRAVITY_MPS2
+
+    @property
+    def wing_loading_Pa(self) -> float:
+        return self.mass.weight_N / self.geometry.wing_area_m2
 
     @property
     def aspect_ratio(self) -> float:
@@ -323,6 +338,8 @@ def _implausible(aircraft: Aircraft) -> Iterator[str]:
         ("uncertainty.airspeed_scale", uncertainty.airspeed_scale_fraction),
         ("uncertainty.air_data_lag", uncertainty.air_data_lag_s),
         ("uncertainty.accelerometer_offset", uncertainty.accelerometer_offset_mps2),
+        ("uncertainty.accelerometer_vibration", uncertainty.accelerometer_vibration_mps2),
+        ("uncertainty.boom_bending", uncertainty.boom_bending_rad),
         ("uncertainty.thrust_scale", uncertainty.thrust_scale_fraction),
         ("uncertainty.thrust_slope", uncertainty.thrust_slope),
         ("uncertainty.static_thrust_ratio", uncertainty.static_thrust_ratio_fraction),
@@ -340,6 +357,7 @@ def _implausible(aircraft: Aircraft) -> Iterator[str]:
         ("uncertainty.air_density", uncertainty.air_density_fraction),
         ("uncertainty.transducer_zero", uncertainty.transducer_zero_Pa),
         ("uncertainty.hysteresis", uncertainty.hysteresis_fraction),
+        ("uncertainty.airspeed_per_lift", uncertainty.airspeed_per_lift_fraction),
         ("uncertainty.gust_length", uncertainty.gust_length),
         ("uncertainty.thrust_curvature", uncertainty.thrust_curvature_fraction),
     ):

@@ -272,6 +272,29 @@ KEYS: dict[str, Key] = {
         "analysis",
         "0.19 m/s^2: 0.3 m/s^2 at most, and half a degree; intervals contain what the flight does not determine",
     ),
+    "uncertainty.accelerometer_vibration": Key(
+        '"0.02 m/s^2"',
+        "Standard deviation of the offset of the accelerometer by vibration, forward and down, at a motor speed of 100"
+        " rev/s; it grows with the square of the speed.",
+        "Run the motor up with the aircraft strapped down: the change of the mean acceleration.",
+        "analysis",
+        "0.02 m/s^2; intervals contain what the flight does not determine",
+    ),
+    "uncertainty.boom_bending": Key(
+        '"0.03 deg"',
+        "Standard deviation of the angle by which the probe's boom bends under each g of load factor.",
+        "Hang the probe's own weight on the boom once more: the change of its angle.",
+        "analysis",
+        "0.03 deg: a carbon tube of 10 mm, 0.3 m long; intervals contain what the flight does not determine",
+    ),
+    "uncertainty.airspeed_per_lift": Key(
+        '"0.5 %"',
+        "Standard deviation of the relative error of airspeed per unit of lift coefficient, by the place of the static"
+        " ports.",
+        "Larger for ports near wing or fuselage, where some percent are usual.",
+        "analysis",
+        "0.1 %: a probe far ahead; intervals contain what the flight does not determine",
+    ),
     "uncertainty.thrust_scale": Key(
         '"1.8 %"',
         "Standard deviation of the scale of thrust in the propeller's table.",

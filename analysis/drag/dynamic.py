@@ -48,6 +48,7 @@ UNITS = {
     "p_bias": "rad/s", "q_bias": "rad/s", "r_bias": "rad/s", "ax_bias": "m/s^2", "ay_bias": "m/s^2", "az_bias": "m/s^2",
     "alpha_bias": "rad", "beta_bias": "rad", "heading_bias": "rad", "gps_latency": "s",
     "air_data_lag": "s", "dp_alpha_zero": "Pa", "q_c_zero": "Pa",
+    "ax_vibration": "m/s^2", "az_vibration": "m/s^2", "alpha_per_g": "rad",
 }  # fmt: skip
 
 

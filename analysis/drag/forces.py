@@ -15,7 +15,15 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.trajectory.block_means import BlockMeans
-from analysis.trajectory.equations import PREDICTED_FLOW, SENSOR_ERRORS, STATES, NamedArrays, flow
+from analysis.trajectory.equations import (
+    PREDICTED_FLOW,
+    SENSOR_ERRORS,
+    STATES,
+    NamedArrays,
+    corrected_force,
+    flow,
+    vibration,
+)
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aerodynamics import lift_slope, stability_axes
 from flight.aircraft import Aircraft
@@ -39,12 +47,22 @@ class FlightForces:
         self.t_s = trajectory.states.index.to_numpy()
         self.aircraft, self.propeller, self.density_factor = aircraft, propeller, density_factor
         self._predicted_flow = NamedArrays(PREDICTED_FLOW, trajectory.predicted_flow.T)
+        means = trajectory.block_means
+        self._measured_force = NamedArrays(
+            ("ax", "ay", "az", "vibration"),
+            (means["ax_mps2"], means["ay_mps2"], means["az_mps2"], vibration(means["n_revps"])),
+        )
         self.cov_az_alpha = _gust_covariance(trajectory.block_means, aircraft)
 
     @cached_property
     def nominal(self) -> pd.DataFrame:
         """`forces` along the reconstructed trajectory."""
         return self.forces(self.trajectory.states.to_numpy(), self.trajectory.sensor_errors)
+
+    def corrected_force(self, errors: NamedArrays) -> tuple[Array, Array]:
+        """Specific force (n,) along body x and z [m/s^2] less the accelerometers' errors. errors: SENSOR_ERRORS."""
+        ax, _, az = corrected_force(self._measured_force, errors)
+        return ax, az
 
     def forces(self, states: Array, sensor_errors: Array) -> pd.DataFrame:
         """One row per block, for states (n, len(STATES)) and sensor errors (len(SENSOR_ERRORS),).
@@ -64,7 +82,7 @@ class FlightForces:
         qS_N = rho * V**2 / 2 * self.aircraft.geometry.wing_area_m2
         n = np.where(self.block_means["n_revps"] > 1, self.block_means["n_revps"], np.nan)
         thrust_N, _ = self.propeller.thrust_and_power(V, n, rho)  # (3.48): J is of the whole airspeed
-        ax, az = self.block_means["ax_mps2"] - error.ax_bias, self.block_means["az_mps2"] - error.az_bias
+        ax, az = self.corrected_force(error)
         CL, CD = stability_axes((m * ax - thrust_N) / qS_N, m * az / qS_N, alpha)
         cov_CL_alpha = -m * self.cov_az_alpha / qS_N
         J = V / (n * self.propeller.diameter_m)

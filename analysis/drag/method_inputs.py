@@ -19,7 +19,7 @@ from analysis.ground.thrust_prior import J_REFERENCE
 from analysis.maneuvers.kinds import Maneuver
 from analysis.trajectory import dryden
 from analysis.trajectory.dryden import GaussMarkov
-from analysis.trajectory.equations import SENSOR_ERRORS
+from analysis.trajectory.equations import SENSOR_ERRORS, NamedArrays
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
 from flight.units import GRAVITY_MPS2 as g
@@ -98,6 +98,7 @@ def input_table(
     vertical_gust, longitudinal_gust = gusts
     e = {name: removed.get(name, 0.0) for names in CAUSES.values() for name in names}
     known = dict(zip(SENSOR_ERRORS, sensor_errors, strict=True))
+    ax, az = flight_forces.corrected_force(NamedArrays(SENSOR_ERRORS, sensor_errors))
     mean, m = flight_forces.block_means, flight_forces.aircraft.mass_kg
     V, alpha, theta, Vdot = (f[name].to_numpy() for name in ("V", "alpha", "theta", "Vdot"))
     rho, climb = f["rho"].to_numpy(), f["climb"].to_numpy()
@@ -121,8 +122,8 @@ def input_table(
 
     columns = {
         **{name: f[name].to_numpy() for name in ("V", "alpha", "gamma", "climb", "bank", "Vdot", "rho", "J")},
-        "ax": mean["ax_mps2"] - known["ax_bias"] + flight_forces.cov_az_alpha,  # without the push by gusts
-        "az": mean["az_mps2"] - known["az_bias"],
+        "ax": ax + flight_forces.cov_az_alpha,  # without the push by gusts
+        "az": az,
         "qS_over_m_mps2": qS_over_m(V),
         "thrust_x_over_m_mps2": thrust_over_m(V),
         "alpha_measured": alpha_measured,

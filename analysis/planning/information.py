@@ -188,7 +188,7 @@ def _linearized(
     history: TimeHistory, aircraft: ExpectedAircraft, gust_mps: float, alpha_scale_sigma: float
 ) -> _Linearized:
     """The estimator's last step along the history."""
-    stated = stated_sigma(aircraft.aircraft.uncertainty)
+    stated = stated_sigma(aircraft.aircraft.uncertainty, aircraft.aircraft.wing_loading_Pa)
     problem = TrajectoryProblem(history.table, history.rest, SensorPriors(alpha_scale_sigma, stated))
     blocks = problem.blocks
     x = np.zeros((blocks.n, len(STATES)))

@@ -45,7 +45,10 @@ _CULPRIT = {
     "q_bias": "the gyro drifts with temperature, or vibrates",
     "r_bias": "the gyro drifts with temperature, or vibrates",
     "dp_alpha_zero": "the transducer's zero drifts, or water is in the line",
-    "q_c_zero": "the transducer's zero drifts, or water is in the line",
+    "q_c_zero": "the transducer's zero drifts, water is in the line, or the static ports are in the wing's flow",
+    "ax_vibration": "vibration of the motor: balance the propeller, and mount the tray softly",
+    "az_vibration": "vibration of the motor: balance the propeller, and mount the tray softly",
+    "alpha_per_g": "the boom of the probe bends under its weight",
 }
 
 

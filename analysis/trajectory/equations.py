@@ -23,6 +23,7 @@ from analysis.estimation.array_function import ArrayFunction
 from analysis.trajectory.smoother import Linearization
 from analysis.trajectory.sparse_jacobian import SparseJacobian
 from flight import motion
+from flight.aircraft import VIBRATION_REVPS
 from flight.units import GRAVITY_MPS2 as g
 
 if hasattr(ca.GlobalOptions, "setNumpyMode"):  # from 3.8 on: NumPy functions on symbols as before
@@ -35,11 +36,11 @@ STATES = ("phi", "theta", "psi", "v_north", "v_east", "v_down", "height",
           "wind_north", "wind_east", "gust_u", "gust_v", "gust_w", *GUST_FILTER_STATES)  # fmt: skip
 SENSOR_ERRORS = ("p_bias", "q_bias", "r_bias", "ax_bias", "ay_bias", "az_bias", "alpha_bias", "alpha_scale",
                  "beta_bias", "V_scale", "air_data_lag", "gps_latency", "heading_bias",
-                 "dp_alpha_zero", "q_c_zero")  # fmt: skip
+                 "dp_alpha_zero", "q_c_zero", "ax_vibration", "az_vibration", "alpha_per_g")  # fmt: skip
 CONING_SCULLING = ("coning_phi", "coning_theta", "coning_psi", "sculling_north", "sculling_east", "sculling_down")
 # Between two instants: mean rates and specific force, time step, what they leave out of the changes of angles and
 # velocity, ratio of the mean wind at the two heights, decay factors of gusts.
-PROCESS_INPUTS = ("p", "q", "r", "ax", "ay", "az", "dt", *CONING_SCULLING,
+PROCESS_INPUTS = ("p", "q", "r", "ax", "ay", "az", "vibration", "dt", *CONING_SCULLING,
                   "wind_ratio", "decay_u", "decay_v", "decay_w")  # fmt: skip
 MEASUREMENTS = ("V", "alpha", "beta", "height", "gps_north", "gps_east", "gps_down", "v_north", "v_east", "v_down",
                 "compass")  # fmt: skip
@@ -51,9 +52,27 @@ BY_ZEROS = ("V_scale_per_Pa", "alpha_per_Pa")
 LEVEL_FIELD = ("field_forward", "field_right")  # measured magnetic field in level axes along and across the heading [T]
 # Regressors of the errors of the angle of attack: its change by the slope, the derivative of the angle at the probe,
 # which the lag subtracts, its change by the airspeed scale, and the mean over a block less the value at its center.
-ALPHA_REGRESSORS = ("alpha_by_slope", "probe_alpha_rate", "alpha_by_V_scale", "alpha_curvature")
-MEASUREMENT_INPUTS = ("ax", "ay", "az", "V_mean", "V_rate", "probe_beta_rate",
+ALPHA_REGRESSORS = ("alpha_by_slope", "probe_alpha_rate", "alpha_by_V_scale", "excess_load", "alpha_curvature")
+MEASUREMENT_INPUTS = ("ax", "ay", "az", "vibration", "V_mean", "V_rate", "probe_beta_rate",
                       *ALPHA_REGRESSORS, *PREDICTED_FLOW, *BY_ZEROS, *LEVEL_FIELD)  # fmt: skip
+
+
+def vibration(motor_revps: Array) -> Array:
+    """Square of the motor's speed (n,) over that of VIBRATION_REVPS; 0 where it was not measured."""
+    return np.asarray(np.nan_to_num(motor_revps / VIBRATION_REVPS) ** 2)
+
+
+def corrected_force(measured: Any, errors: Any) -> tuple[Any, Any, Any]:
+    """Specific force [m/s^2] without the errors of the accelerometers: constant ones, and those by vibration.
+
+    measured: ax, ay, az, and vibration, the square of the motor's speed over that of VIBRATION_REVPS. An offset by
+    vibration across the aircraft moves bank and heading, hardly drag: it is left out.
+    """
+    return (
+        measured.ax - errors.ax_bias - errors.ax_vibration * measured.vibration,
+        measured.ay - errors.ay_bias,
+        measured.az - errors.az_bias - errors.az_vibration * measured.vibration,
+    )
 
 
 def process_residuals(before: Any, after: Any, errors: Any, inputs: Any) -> Sequence[Any]:
@@ -64,9 +83,7 @@ def process_residuals(before: Any, after: Any, errors: Any, inputs: Any) -> Sequ
     a, b, u = before, after, inputs
     phi, theta, psi = (a.phi + b.phi) / 2, (a.theta + b.theta) / 2, (a.psi + b.psi) / 2
     euler_rates = motion.attitude_derivative(phi, theta, u.p - errors.p_bias, u.q - errors.q_bias, u.r - errors.r_bias)
-    force = motion.earth_from_body(
-        (u.ax - errors.ax_bias, u.ay - errors.ay_bias, u.az - errors.az_bias), (phi, theta, psi)
-    )
+    force = motion.earth_from_body(corrected_force(u, errors), (phi, theta, psi))
     v_once, v_twice = _gust_increments(a.gust_v, a.gust_v_filtered_twice, b.gust_v, b.gust_v_filtered_twice, u.decay_v)
     w_once, w_twice = _gust_increments(a.gust_w, a.gust_w_filtered_twice, b.gust_w, b.gust_w_filtered_twice, u.decay_w)
     return (
@@ -133,8 +150,7 @@ def measurement_model(x: Any, errors: Any, inputs: Any) -> Sequence[Any]:
     V, alpha, beta = flow(x, inputs)
     V_scale = errors.V_scale + errors.q_c_zero * inputs.V_scale_per_Pa
     alpha_slope = errors.alpha_scale - 2 * V_scale
-    specific_force = inputs.ax - errors.ax_bias, inputs.ay - errors.ay_bias, inputs.az - errors.az_bias
-    force = motion.earth_from_body(specific_force, (x.phi, x.theta, x.psi))
+    force = motion.earth_from_body(corrected_force(inputs, errors), (x.phi, x.theta, x.psi))
     return (
         V
         + V_scale * inputs.V_mean
@@ -145,6 +161,7 @@ def measurement_model(x: Any, errors: Any, inputs: Any) -> Sequence[Any]:
         + errors.alpha_scale * inputs.alpha_by_slope
         + V_scale * inputs.alpha_by_V_scale
         + errors.dp_alpha_zero * inputs.alpha_per_Pa
+        + errors.alpha_per_g * inputs.excess_load
         - errors.air_data_lag * inputs.probe_alpha_rate
         + errors.alpha_bias,
         beta - errors.air_data_lag * inputs.probe_beta_rate + errors.beta_bias,

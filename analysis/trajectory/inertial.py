@@ -6,19 +6,20 @@ from numpy.typing import NDArray
 
 from analysis.signals.smoothing import CubicSpline, without_gaps
 from analysis.trajectory.block_means import BLOCK, BlockMeans
-from analysis.trajectory.equations import SENSOR_ERRORS, NamedArrays
+from analysis.trajectory.equations import SENSOR_ERRORS, NamedArrays, corrected_force, vibration
 from analysis.trajectory.settings import SENSORS
 from flight import motion
 
 Array = NDArray[np.float64]
 
 CHANNELS = ("p_radps", "q_radps", "r_radps", "ax_mps2", "ay_mps2", "az_mps2")
+_FORCE = ("ax", "ay", "az", "vibration")
 
 
 class InertialInputs:
     """Rates and specific force between instants.
 
-    mean : (n-1, 6) means of CHANNELS from each instant to the next
+    mean : (n-1, 7) means of CHANNELS and of `vibration` from each instant to the next
     angle_sigma, velocity_sigma : (n-1, 3) process noise over a step of Euler angles [rad] and of velocity [m/s]
     """
 
@@ -35,6 +36,9 @@ class InertialInputs:
             samples.append(values[between])
             means.append(np.diff(_integral(values)[blocks.rows]) / BLOCK)
             missing |= np.diff(np.cumsum(np.isnan(measured))[blocks.rows]) > 0
+        shaken = vibration(table["n_revps"].to_numpy())
+        samples.append(shaken[between])
+        means.append(np.diff(_integral(shaken)[blocks.rows]) / BLOCK)
         self._samples, self.mean = np.array(samples), np.column_stack(means)
         self.angle_sigma, self.velocity_sigma = _process_noise(self.mean, missing, blocks, noise)
 
@@ -70,11 +74,11 @@ def _integral(values: Array) -> Array:
 
 
 def _derivatives(attitude: Array, channels: Array, errors: NamedArrays) -> Array:
-    """Derivatives of the Euler angles, and specific force in earth axes (n, 6). attitude: (3, n). channels: (6, n)."""
+    """Derivatives of the Euler angles, and specific force in earth axes (n, 6). attitude: (3, n). channels: (7, n)."""
     phi, theta, psi = attitude
-    p, q, r, ax, ay, az = channels
+    p, q, r = channels[:3]
     rates = motion.attitude_derivative(phi, theta, p - errors.p_bias, q - errors.q_bias, r - errors.r_bias)
-    force = motion.earth_from_body((ax - errors.ax_bias, ay - errors.ay_bias, az - errors.az_bias), (phi, theta, psi))
+    force = motion.earth_from_body(corrected_force(NamedArrays(_FORCE, channels[3:]), errors), (phi, theta, psi))
     return np.column_stack([*rates, *force])
 
 
@@ -83,7 +87,7 @@ def _process_noise(
 ) -> tuple[Array, Array]:
     dt = blocks.step_s
     integrated = np.sqrt(dt / blocks.rate_Hz)  # noise of a sum of samples over the step
-    rates, forces = np.abs(mean[:, :3]), np.abs(mean[:, 3:])
+    rates, forces = np.abs(mean[:, :3]), np.abs(mean[:, 3:6])
     gyro, accelerometer = ([noise[name] * integrated for name in names] for names in (CHANNELS[:3], CHANNELS[3:]))
     gyro_scale, accelerometer_scale = SENSORS.scale
     angle = np.hypot(gyro, gyro_scale * rates * dt) + 1e-5

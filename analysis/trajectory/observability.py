@@ -51,6 +51,9 @@ TITLES: dict[str, tuple[str, float, str]] = {
     "r_bias": ("bias of the yaw gyro", math.degrees(1.0), "deg/s"),
     "dp_alpha_zero": ("zero of the angle-of-attack pressure", 1.0, "Pa"),
     "q_c_zero": ("zero of the airspeed pressure", 1.0, "Pa"),
+    "ax_vibration": ("offset of the accelerometer by vibration, forward", 1.0, "m/s² at 100 rev/s"),
+    "az_vibration": ("offset of the accelerometer by vibration, down", 1.0, "m/s² at 100 rev/s"),
+    "alpha_per_g": ("angle of attack by load factor", math.degrees(1.0), "deg per g"),
 }
 MATTERS = ("alpha_bias", "alpha_scale", "V_scale")  # sensor errors with a large effect on the power curve
 
@@ -237,7 +240,8 @@ MISFIT = {
 class PriorConflict(NamedTuple):
     """factor : (m,) on the prior standard deviations, order of SENSOR_ERRORS; 1 where there is no conflict
 
-    beyond : by sensor error, the estimate less the prior's mean in prior standard deviations, where that is large
+    beyond : by sensor error, the estimate less the prior's mean in the standard deviations that it has if the prior is
+        right, where that is large
     together : factor by which all of them are larger than their priors; 1 where there is no conflict
     """
 
@@ -259,16 +263,31 @@ def prior_conflict(trajectory: Trajectory) -> PriorConflict:
     j = 1 / np.clip(posterior, 1e-12, 1.0) - 1
     known = j > PRIOR_CHECK.least_information
     variance, x_squared = 1 / j[known], ((directions.T @ y)[known] * (1 + 1 / j[known])) ** 2
+    z, size = _each_against_prior(y, np.diag(trajectory.covariance) / sigma**2)
     beyond = {
-        name: float(value) for name, value in zip(SENSOR_ERRORS, y, strict=True) if abs(value) > EVIDENCE.contradiction
+        name: float(value) for name, value in zip(SENSOR_ERRORS, z, strict=True) if abs(value) > EVIDENCE.contradiction
     }
     together = 1.0
     if beyond or np.sum(x_squared / (1 + variance)) > special.chdtri(max(known.sum(), 1), STATISTICS.false_alarm_rate):
         factors = np.linspace(1.0, 6.0, 501)
         total = factors[:, None] ** 2 + variance
         together = float(factors[np.argmin(np.sum(np.log(total) + x_squared / total, axis=1))])
-    factor = np.maximum(together, np.where(np.abs(y) > EVIDENCE.contradiction, np.abs(y), 1.0))
+    factor = np.maximum(together, np.where(np.abs(z) > EVIDENCE.contradiction, size, 1.0))
     return PriorConflict(factor, beyond, together)
+
+
+def _each_against_prior(y: Array, share: Array) -> tuple[Array, Array]:
+    """Of each error by itself, (m,): the estimate in the standard deviations that it has if the prior is right; and the
+    size that the data give it, in prior standard deviations.
+
+    y : estimates in prior standard deviations     share : posterior over prior variance
+    With a narrow prior an estimate stays near zero whatever the data say, and varies by 1 - share only.
+    """
+    told = 1 - np.clip(share, 0.0, 1.0)
+    known = told > PRIOR_CHECK.least_information / (1 + PRIOR_CHECK.least_information)
+    told = np.where(known, told, 1.0)
+    z = np.where(known, y / np.sqrt(told), 0.0)
+    return z, np.sqrt(np.maximum((y / told) ** 2 - (1 - told) / told, 1.0))
 
 
 def conflict_notes(conflict: PriorConflict, trajectory: Trajectory) -> list[str]:

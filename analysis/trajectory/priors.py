@@ -53,11 +53,17 @@ def zeros_at_rest(table: pd.DataFrame, rest: list[slice], noise: dict[str, float
     return {name: float(np.fmax(errors[name], noise[ZEROS[name]] / np.sqrt(samples))) for name in ZEROS}
 
 
-CHANGE_OF_ZERO = "change_of_zero"  # between rest and flight, among what the aircraft file states; no sensor error
+# Of the zero of the airspeed pressure, among what the aircraft file states; these are no sensor errors of their own.
+CHANGE_OF_ZERO = "change_of_zero"  # between rest and flight; also of the angle-of-attack pressure
+POSITION_ERROR = "position_error"  # an error of airspeed in proportion to the lift coefficient
 
 
-def stated_sigma(uncertainty: Uncertainty) -> Mapping[str, float]:
-    """Prior standard deviation of each sensor error, as [uncertainty] of the aircraft file states it."""
+def stated_sigma(uncertainty: Uncertainty, wing_loading_Pa: float = 0.0) -> Mapping[str, float]:
+    """Prior standard deviation of each sensor error, as [uncertainty] of the aircraft file states it.
+
+    An error k C_L of airspeed is one of 2 k C_L of dynamic pressure. C_L times dynamic pressure is the wing loading in
+    level flight: the airspeed pressure has a constant error.
+    """
     accelerometer = uncertainty.accelerometer_offset_mps2
     return MappingProxyType({
         "p_bias": 0.002, "q_bias": 0.002, "r_bias": 0.002,  # about the zeros at rest
@@ -69,7 +75,11 @@ def stated_sigma(uncertainty: Uncertainty) -> Mapping[str, float]:
         "air_data_lag": uncertainty.air_data_lag_s, "gps_latency": 0.2,
         "heading_bias": np.radians(10.0),  # declination in inhabited regions, and how the tray sits
         "dp_alpha_zero": PRIORS.unmeasured_zero_Pa, "q_c_zero": PRIORS.unmeasured_zero_Pa,
+        "ax_vibration": uncertainty.accelerometer_vibration_mps2,
+        "az_vibration": uncertainty.accelerometer_vibration_mps2,
+        "alpha_per_g": uncertainty.boom_bending_rad,
         CHANGE_OF_ZERO: uncertainty.transducer_zero_Pa,
+        POSITION_ERROR: 2 * uncertainty.airspeed_per_lift_fraction * wing_loading_Pa,
     })  # fmt: skip
 
 
@@ -122,6 +132,7 @@ def sensor_error_prior(
     sigma = {**stated, **with_calibration, **zeros}
     for name in ZEROS:
         sigma[name] = float(np.hypot(sigma[name], stated[CHANGE_OF_ZERO]))
+    sigma["q_c_zero"] = float(np.hypot(sigma["q_c_zero"], stated[POSITION_ERROR]))
     sigma["alpha_scale"] = float(np.hypot(sigma["alpha_scale"], alpha_scale_sigma))
     if not gps:
         sigma["heading_bias"] = PRIORS.north_rad

@@ -13,12 +13,20 @@ from scipy import linalg
 
 from analysis.signals.smoothing import CubicSpline, local_quadratic, stretches, without_gaps
 from analysis.trajectory.block_means import BlockMeans
-from analysis.trajectory.equations import ALPHA_REGRESSORS, MEASUREMENT_INPUTS, SENSOR_ERRORS, STATES, NamedArrays
+from analysis.trajectory.equations import (
+    ALPHA_REGRESSORS,
+    MEASUREMENT_INPUTS,
+    SENSOR_ERRORS,
+    STATES,
+    NamedArrays,
+    vibration,
+)
 from analysis.trajectory.measurements import ALPHA_PORT_SLOPE, LevelField
 from analysis.trajectory.process import GustConditions, airspeed_without_gusts
 from analysis.trajectory.settings import PREDICTION, PROCESS
 from flight import motion
 from flight.atmosphere import SEA_LEVEL_DENSITY
+from flight.units import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -177,6 +185,7 @@ class Regressors:
             "ax": np.nan_to_num(blocks["ax_mps2"]),
             "ay": np.nan_to_num(blocks["ay_mps2"]),
             "az": az,
+            "vibration": vibration(blocks["n_revps"]),
             "V_predicted": V,
             "alpha_predicted": alpha_predicted,
             "transverse_gust_variance": np.full(blocks.n, self._conditions.transverse_variance(sigma_w_mps)),
@@ -256,7 +265,9 @@ class Regressors:
         alpha = bridged - self._by_upwash - self._by_rotation
         by_slope = self._bridged(by_slope)
         by_V_scale = -2 * by_slope + 2 * self._by_upwash + self._by_rotation
-        actual = np.column_stack([by_slope, CubicSpline(t_s, bridged)(t_s, 1), by_V_scale, alpha]) * flying[:, None]
+        excess_load = self._bridged(-self._blocks["az_mps2"] / GRAVITY_MPS2 - 1)
+        alpha_rate = CubicSpline(t_s, bridged)(t_s, 1)
+        actual = np.column_stack([by_slope, alpha_rate, by_V_scale, excess_load, alpha]) * flying[:, None]
         past = np.column_stack(
             [np.ones(len(inertial)), history.predicted, history.predicted_rate, lagged(history.measured, flying)]
         )
@@ -265,6 +276,6 @@ class Regressors:
         instruments = predicted * has_past(flying)[:, None]
 
         def named(values: Array) -> dict[str, Array]:
-            return dict(zip(ALPHA_REGRESSORS, (*values.T[:3], curvature * flying), strict=True))
+            return dict(zip(ALPHA_REGRESSORS, (*values.T[:4], curvature * flying), strict=True))
 
-        return named(actual), named(instruments), predicted[:, 3]
+        return named(actual), named(instruments), predicted[:, 4]

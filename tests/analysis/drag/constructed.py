@@ -97,7 +97,8 @@ def measured(f: pd.DataFrame, scale: float = 0.0, slope: float = 0.0, **sensor_e
     V, gamma, n_blocks = f["V"].to_numpy(), f["gamma"].to_numpy(), len(f)
     n = speed_of_rotation(f["thrust_x_over_m_mps2"].to_numpy() * m, V, scale, slope)
     columns = {
-        "ax_mps2": f["ax"] + sensor_errors.get("ax_bias", 0.0), "az_mps2": f["az"], "V_mps": V, "alpha_rad": f["alpha"],
+        "ax_mps2": f["ax"] + sensor_errors.get("ax_bias", 0.0), "ay_mps2": 0.0, "az_mps2": f["az"], "V_mps": V,
+        "alpha_rad": f["alpha"],
         "height_m": f["height_measured"], "rho": RHO, "n_revps": n, "static_Pa": f["static_Pa"],
         "temperature_K": f["temperature_K"], "propeller_covered": 1.0, "flying": 1.0,
         "dalpha_dlndp_alpha_rad": f["alpha"], "alpha_by_upwash_rad": 0.0,

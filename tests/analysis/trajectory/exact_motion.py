@@ -49,7 +49,7 @@ def exact_motion(duration_s: float = 60.0) -> ExactMotion:
             "dalpha_dlndp_alpha_rad": 0.9 * alpha,
             "height_m": height_m, "rho": RHO + 0.0 * t, "flying": t >= 0, "bank_rad": phi,
             "gps_north_mps": v_north, "gps_east_mps": v_east, "gps_down_mps": v_down,
-            "dp_alpha_Pa": 0.0 * t, "dp_beta_Pa": 0.0 * t, "q_c_Pa": 0.0 * t, "static_Pa": 0.0 * t,
+            "n_revps": 0.0 * t, "dp_alpha_Pa": 0.0 * t, "dp_beta_Pa": 0.0 * t, "q_c_Pa": 0.0 * t, "static_Pa": 0.0 * t,
         },
         index=pd.Index(t, name="t_s"),
     )  # fmt: skip

@@ -99,7 +99,7 @@ def test_angles_and_velocities_are_as_noisy_as_integrals_of_the_samples() -> Non
     for name in CHANNELS:
         table[name] = rng.normal(0, BENCH_SIGMA[name], len(table))
     inertial = InertialInputs(table, BlockMeans(table), BENCH_SIGMA)
-    change = np.add.reduceat(inertial.mean * STEP_S, np.arange(0, len(inertial.mean), 10))[:-1]
+    change = np.add.reduceat(inertial.mean[:, :6] * STEP_S, np.arange(0, len(inertial.mean), 10))[:-1]
     scatter = change.std(axis=0) / np.sqrt(10)
     assert np.median(inertial.angle_sigma, axis=0) == pytest.approx(scatter[:3], rel=0.15)
     assert np.median(inertial.velocity_sigma, axis=0) == pytest.approx(scatter[3:], rel=0.15)

@@ -36,10 +36,12 @@ def test_one_error_beyond_its_prior_is_named_and_gets_a_wider_one() -> None:
     errors[SENSOR_ERRORS.index("alpha_scale")] = -4.0
     trajectory = estimated(errors)
     found = prior_conflict(trajectory)
-    assert found.factor[SENSOR_ERRORS.index("alpha_scale")] == pytest.approx(4.0)
+    told = 1 - 0.3**2  # the estimate's variance over the prior's, if the prior is right
+    assert found.beyond == {"alpha_scale": pytest.approx(-4.0 / np.sqrt(told))}
+    assert found.factor[SENSOR_ERRORS.index("alpha_scale")] == pytest.approx(4.0 / told, rel=0.02)
     assert found.together < 1.5 and np.sort(found.factor)[:-1] == pytest.approx(found.together), "others keep theirs"
     (said,) = conflict_notes(found, trajectory)
-    assert "slope of angle of attack is -4.0 standard deviations (3 %)" in said
+    assert "slope of angle of attack is -4.2 standard deviations (3 %)" in said
 
 
 def test_errors_all_twice_their_priors_are_a_conflict_by_that_factor() -> None:

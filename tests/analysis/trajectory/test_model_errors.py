@@ -1,0 +1,78 @@
+"""Errors that grow with motor speed, load factor or lift: what they do to the measurements, and what a flight tells."""
+
+import numpy as np
+import pytest
+from exact_motion import exact_motion
+
+from analysis.trajectory.equations import SENSOR_ERRORS, NamedArrays, corrected_force, vibration
+from analysis.trajectory.observability import prior_conflict
+from analysis.trajectory.priors import SensorPriors, stated_sigma
+from analysis.trajectory.reconstruction import Trajectory, reconstruct
+from flight.aircraft import Uncertainty
+from flight.units import GRAVITY_MPS2
+
+VIBRATION_MPS2, NARROW_MPS2, BENDING_RAD, PER_LIFT, LOADING_PA = 0.1, 0.01, np.radians(1.0), 0.02, 80.0
+MADE = {
+    "ax_vibration": VIBRATION_MPS2,
+    "az_vibration": -VIBRATION_MPS2,
+    "alpha_per_g": BENDING_RAD,
+}
+
+
+@pytest.fixture(scope="module")
+def found() -> Trajectory:
+    """A flight without noise whose motor changes its speed, with errors several times as large as assumed."""
+    table, _ = exact_motion(40.0)
+    t = table.index.to_numpy()
+    revps = 70 + 40 * np.sin(0.6 * t)
+    shaken = (revps / 100) ** 2
+    load = -table["az_mps2"] / GRAVITY_MPS2
+    wrong = table.assign(
+        n_revps=revps,
+        ax_mps2=table["ax_mps2"] + VIBRATION_MPS2 * shaken,
+        az_mps2=table["az_mps2"] - VIBRATION_MPS2 * shaken,
+        alpha_rad=table["alpha_rad"] + BENDING_RAD * (load - 1),
+    )
+    return reconstruct(wrong, [slice(0, 0)], SensorPriors(factor=10.0))
+
+
+def test_offsets_by_vibration_and_bending_by_load_are_found(found: Trajectory) -> None:
+    for name, value in MADE.items():
+        assert found.value(name) == pytest.approx(value, abs=max(0.1 * abs(value), 3 * found.standard_error(name))), (
+            name
+        )
+        assert found.standard_error(name) < 0.3 * abs(value), name
+
+
+def test_vibration_is_the_square_of_motor_speed_and_nothing_without_it() -> None:
+    assert vibration(np.array([100.0, 50.0, 0.0, np.nan])) == pytest.approx([1.0, 0.25, 0.0, 0.0])
+
+
+def test_specific_force_is_corrected_for_both_kinds_of_offset() -> None:
+    errors = NamedArrays(SENSOR_ERRORS, np.arange(1.0, len(SENSOR_ERRORS) + 1))
+    measured = NamedArrays(("ax", "ay", "az", "vibration"), (5.0, 6.0, 7.0, 0.5))
+    assert corrected_force(measured, errors) == pytest.approx((
+        5.0 - errors.ax_bias - 0.5 * errors.ax_vibration,
+        6.0 - errors.ay_bias,
+        7.0 - errors.az_bias - 0.5 * errors.az_vibration,
+    ))  # fmt: skip
+
+
+def test_airspeed_that_errs_with_lift_is_a_constant_pressure_in_level_flight() -> None:
+    """(1 + k CL)^2 qbar is qbar + 2 k CL qbar to first order, and CL qbar is the wing loading."""
+    sigma = stated_sigma(Uncertainty(airspeed_per_lift_fraction=PER_LIFT), LOADING_PA)
+    for qbar in (50.0, 300.0):
+        CL = LOADING_PA / qbar
+        assert sigma["position_error"] == pytest.approx(((1 + PER_LIFT * CL) ** 2 - 1) * qbar, rel=0.03)
+
+
+def test_a_narrow_prior_hides_no_conflict() -> None:
+    """The estimate stays near its narrow prior, but what the data say is far outside, and widens it by as much."""
+    table, _ = exact_motion(40.0)
+    revps = 70 + 40 * np.sin(0.6 * table.index.to_numpy())
+    wrong = table.assign(n_revps=revps, ax_mps2=table["ax_mps2"] + VIBRATION_MPS2 * (revps / 100) ** 2)
+    narrow = Uncertainty(accelerometer_vibration_mps2=NARROW_MPS2)
+    trajectory = reconstruct(wrong, [slice(0, 0)], SensorPriors(stated=stated_sigma(narrow)))
+    conflict, i = prior_conflict(trajectory), SENSOR_ERRORS.index("ax_vibration")
+    assert abs(conflict.beyond["ax_vibration"]) > 3
+    assert conflict.factor[i] * NARROW_MPS2 == pytest.approx(VIBRATION_MPS2, rel=0.5)
