@@ -89,6 +89,7 @@ class EvidenceKind(StrEnum):
 
     NOT_CONVERGED = "not converged"
     TRAJECTORY_NOT_CONVERGED = "trajectory not converged"
+    COUNTED_SPEED = "counted motor speed against the runs"
     THRUST_TABLE = "thrust against the propeller's table"
     MOTOR_SPEED = "motor speed against the motor's constant"
     PROPELLER_EFFICIENCY = "propeller efficiency"

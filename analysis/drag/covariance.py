@@ -87,7 +87,8 @@ def without_updraft(forces: pd.DataFrame, aircraft: Aircraft) -> pd.DataFrame:
 
 def forces_with_more_weight(flight_forces: FlightForces) -> FlightForces:
     """The forces of the aircraft `weighing_more`."""
-    return FlightForces(flight_forces.trajectory, weighing_more(flight_forces.aircraft), flight_forces.propeller)
+    f = flight_forces
+    return FlightForces(f.trajectory, weighing_more(f.aircraft), f.propeller, motor_speed=f.motor_speed)
 
 
 def weighing_more(aircraft: Aircraft) -> Aircraft:
@@ -116,7 +117,8 @@ def by_density(values_of: Callable[[pd.DataFrame], Array], values: Array, flight
 def forces_in_denser_air(flight_forces: FlightForces) -> FlightForces:
     """The forces in air that is denser by one standard deviation."""
     f = flight_forces
-    return FlightForces(f.trajectory, f.aircraft, f.propeller, density_factor=_density_factor(f.aircraft))
+    factor = _density_factor(f.aircraft)
+    return FlightForces(f.trajectory, f.aircraft, f.propeller, density_factor=factor, motor_speed=f.motor_speed)
 
 
 def at_nominal_density(values: Array, aircraft: Aircraft) -> Array:

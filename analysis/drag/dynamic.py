@@ -21,12 +21,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.drag import covariance
+from analysis.drag import covariance, motor_speed
 from analysis.drag.covariance import noise_covariance
-from analysis.drag.forces import FlightForces
+from analysis.drag.forces import THRUST_BY_MOTOR_SPEED, FlightForces, MotorSpeedError
 from analysis.drag.joint_estimate import JointEstimate, joint_estimate
 from analysis.drag.rejected_assumptions import rejected_assumptions
-from analysis.drag.settings import REGRESSION
+from analysis.drag.settings import MOTOR_SPEED, REGRESSION
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Convergence, Fit
 from analysis.estimation.model import Model, NamedValues, Parameter
@@ -35,6 +35,7 @@ from analysis.ground.thrust_prior import J_REFERENCE, THRUST, stand_measurements
 from analysis.maneuvers.kinds import Maneuver
 from analysis.polar import Polar
 from analysis.schema import CurveStatus, ParameterResult
+from analysis.settings import EVIDENCE
 from analysis.signals.settings import STATISTICS
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.reconstruction import Trajectory
@@ -150,12 +151,9 @@ def estimate_polar(
     trajectory: Trajectory, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller
 ) -> DynamicEstimate:
     """Fit all runs at once along the reconstructed trajectory."""
-    flight_forces = FlightForces(trajectory, aircraft, propeller)
     states, sensor_errors = trajectory.states.to_numpy(), trajectory.sensor_errors
-    forces = flight_forces.nominal
-    level = _within_level_flight(forces, _airborne(flight_forces), runs)
-    model = drag_model(aircraft)
-    fit = _fitted(model, forces, level, runs)
+    flight_forces, level, fit, miscounted = _nominal(FlightForces(trajectory, aircraft, propeller), runs)
+    forces, model = flight_forces.nominal, fit.model
 
     def segments_along(states: Array, sensor_errors: Array = sensor_errors) -> list[Segment]:
         return _segments(flight_forces.forces(states, sensor_errors), level, runs)
@@ -183,9 +181,13 @@ def estimate_polar(
     joint = joint.with_changes(changes)._replace(prior_measurements=model.prior_measurements)
     # Several flights are compared at one density.
     joint = joint.with_density_error(by_density, covariance.airspeed_scale_by_density(aircraft))
+    if flight_forces.motor_speed is not None:
+        joint = joint.with_value(motor_speed.PARAMETER, flight_forces.motor_speed.share)
     values, noise, systematic = fit.values[:KEPT], noise[:KEPT, :KEPT], systematic[:KEPT, :KEPT]
     total = noise + systematic
     warnings = [one.warning for one in rejected]
+    if flight_forces.motor_speed is not None:
+        warnings.append(_miscounted_note(flight_forces.motor_speed, miscounted))
     if not (fit.verdict.ok and trajectory.converged):
         ended = "converged" if trajectory.converged else "not converged"
         warnings.append(f"The estimation did not converge. Drag polar: {fit.verdict.text}; trajectory: {ended}.")
@@ -224,6 +226,14 @@ def _run_shares(fit: Fit, polar_noise: Array) -> RunShares:
     return RunShares(information, by_run, float(np.trace(np.linalg.solve(white_noise, polar_noise))) / 3)
 
 
+def _miscounted_note(error: MotorSpeedError, standard_errors: float) -> str:
+    where = "at every speed" if error.by_poles else f"above {error.above_revps:.0f} rev/s"
+    return (
+        f"The motor turns {100 * error.share:+.1f} % faster than counted {where}, {abs(standard_errors):.0f} standard"
+        " errors. The curve is corrected for it. Check the number of poles and the pulses of the motor."
+    )
+
+
 def _status(fit: Fit, trajectory: Trajectory) -> CurveStatus:
     if not trajectory.converged:
         return CurveStatus.TRAJECTORY_NOT_CONVERGED
@@ -232,10 +242,38 @@ def _status(fit: Fit, trajectory: Trajectory) -> CurveStatus:
 
 def estimate_values(trajectory: Trajectory, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller) -> Array:
     """The `values` (5,) of `estimate_polar`, without the work for their covariance."""
-    flight_forces = FlightForces(trajectory, aircraft, propeller)
-    forces = flight_forces.nominal
-    level = _within_level_flight(forces, _airborne(flight_forces), runs)
-    return _fitted(drag_model(aircraft), forces, level, runs).values[:KEPT]
+    return _nominal(FlightForces(trajectory, aircraft, propeller), runs).fit.values[:KEPT]
+
+
+class _Nominal(NamedTuple):
+    """The fit along the trajectory, and samples (n,) of level flight. miscounted: how certain an error of motor speed
+    is, which the forces are corrected for, in standard errors; 0 where there is none."""
+
+    flight_forces: FlightForces
+    level: NDArray[np.bool_]
+    fit: Fit
+    miscounted: float = 0.0
+
+
+def _nominal(counted: FlightForces, runs: list[Maneuver]) -> _Nominal:
+    """With an error of motor speed as one more parameter where the runs show one beyond doubt."""
+    level = _within_level_flight(counted.nominal, _airborne(counted), runs)
+    model = drag_model(counted.aircraft)
+    as_counted = _Nominal(counted, level, _fitted(model, counted.nominal, level, runs))
+    found = motor_speed.suspect(as_counted.fit, counted)
+    if found is None:
+        return as_counted
+    error, with_speed = found._replace(share=0.0), motor_speed.with_motor_speed(model)
+    for _ in range(5):  # Gauss-Newton steps: thrust goes with the square of motor speed
+        forces = FlightForces(counted.trajectory, counted.aircraft, counted.propeller, motor_speed=error)
+        fit = _fitted(with_speed, forces.nominal, level, runs)
+        left, standard_error = motor_speed.share_and_error(fit)
+        total = (1 + error.share) * (1 + left) - 1
+        least = MOTOR_SPEED.least_pole_share if error.by_poles else EVIDENCE.negligible
+        if abs(total) < max(least, MOTOR_SPEED.least_errors * standard_error):
+            return as_counted
+        error = error._replace(share=total)
+    return _Nominal(forces, level, fit, total / standard_error)
 
 
 def _fitted(model: Model, forces: pd.DataFrame, level: NDArray[np.bool_], runs: list[Maneuver]) -> Fit:
@@ -286,7 +324,8 @@ def _segments(forces: pd.DataFrame, level: NDArray[np.bool_], runs: list[Maneuve
     forces = forces.assign(CD=forces["CD"].where(level))
     segments = []
     t_s = forces.index.to_numpy()
-    table = np.stack([forces[name].to_numpy() for name in (*INPUTS.values(), "CD")])
+    inputs = INPUTS | {name: name for name in (THRUST_BY_MOTOR_SPEED,) if name in forces}
+    table = np.stack([forces[name].to_numpy() for name in (*inputs.values(), "CD")])
     for run in runs:
         rows = slice(np.searchsorted(t_s, run.start_s), np.searchsorted(t_s, run.end_s, side="right"))
         measured = table[:, rows]
@@ -294,7 +333,7 @@ def _segments(forces: pd.DataFrame, level: NDArray[np.bool_], runs: list[Maneuve
         if np.isnan(measured).any():
             data = pd.DataFrame(measured.T).interpolate(limit_direction="both").to_numpy().T
         if data.shape[1] >= REGRESSION.fewest_blocks and np.isfinite(data).all():
-            u = dict(zip(INPUTS, data, strict=False))
+            u = dict(zip(inputs, data, strict=False))
             z = {"drag": u["qS_over_m"] * measured[-1]}
             segments.append(Segment(name=run.name, t_s=t_s[rows], u=u, z=z))
     return segments

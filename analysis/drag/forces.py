@@ -9,6 +9,7 @@ of lift and angle: 0.7 % in 15 kt.
 """
 
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -32,20 +33,46 @@ from flight.propeller import Propeller
 Array = NDArray[np.float64]
 
 
+THRUST_BY_MOTOR_SPEED = "thrust_by_motor_speed"
+
+
+class MotorSpeedError(NamedTuple):
+    """The motor turns faster than counted by a share of it, above a counted speed; 0 is a wrong number of poles."""
+
+    above_revps: float
+    share: float
+
+    def corrected(self, counted_revps: Array) -> Array:
+        """The motor's speed (n,)."""
+        return np.where(counted_revps > self.above_revps, (1 + self.share) * counted_revps, counted_revps)
+
+    @property
+    def by_poles(self) -> bool:
+        """Whether it is a wrong number of poles rather than lost pulses."""
+        return self.above_revps == 0
+
+
 class FlightForces:
     """Forces of one flight, along the reconstructed trajectory and along perturbed ones.
 
     block_means : the measurements, (n,) by name     t_s : (n,) centers of the blocks [s]
-    density_factor : on the measured density of the air
+    density_factor : on the measured density of the air     motor_speed : error that is corrected; None without one
     cov_az_alpha : (n,) of vertical specific force and angle of attack within a block [m/s^2 rad], by gusts
     """
 
     def __init__(
-        self, trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller, *, density_factor: float = 1.0
+        self,
+        trajectory: Trajectory,
+        aircraft: Aircraft,
+        propeller: Propeller,
+        *,
+        density_factor: float = 1.0,
+        motor_speed: MotorSpeedError | None = None,
     ):
         self.trajectory, self.block_means = trajectory, trajectory.block_means
         self.t_s = trajectory.states.index.to_numpy()
         self.aircraft, self.propeller, self.density_factor = aircraft, propeller, density_factor
+        self.motor_speed = motor_speed
         self._predicted_flow = NamedArrays(PREDICTED_FLOW, trajectory.predicted_flow.T)
         means = trajectory.block_means
         self._measured_force = NamedArrays(
@@ -80,7 +107,8 @@ class FlightForces:
         V, alpha, _ = flow(x, self._predicted_flow)
         m, rho = self.aircraft.mass_kg, self.density_factor * self.block_means["rho"]
         qS_N = rho * V**2 / 2 * self.aircraft.geometry.wing_area_m2
-        n = np.where(self.block_means["n_revps"] > 1, self.block_means["n_revps"], np.nan)
+        counted = np.where(self.block_means["n_revps"] > 1, self.block_means["n_revps"], np.nan)
+        n = counted if self.motor_speed is None else self.motor_speed.corrected(counted)
         thrust_N, _ = self.propeller.thrust_and_power(V, n, rho)  # (3.48): J is of the whole airspeed
         ax, az = self.corrected_force(error)
         CL, CD = stability_axes((m * ax - thrust_N) / qS_N, m * az / qS_N, alpha)
@@ -105,7 +133,17 @@ class FlightForces:
             "n": n,
             "rho": rho,
         }
-        return pd.DataFrame(columns, index=self.t_s)
+        forces = pd.DataFrame(columns, index=self.t_s)
+        if self.motor_speed is not None:
+            forces[THRUST_BY_MOTOR_SPEED] = self.by_motor_speed(forces) * (counted > self.motor_speed.above_revps)
+        return forces
+
+    def by_motor_speed(self, forces: pd.DataFrame) -> Array:
+        """Derivative (n,) of thrust along the flight path over mass [m/s^2] by the logarithm of motor speed."""
+        V, n, rho, alpha = (forces[name].to_numpy() for name in ("V", "n", "rho", "alpha"))
+        step = 1e-3  # of motor speed: far above rounding, and small against the points of the table
+        slow, fast = (self.propeller.thrust_and_power(V, n * factor, rho)[0] for factor in (1 - step, 1 + step))
+        return np.asarray((fast - slow) / (2 * step) * np.cos(alpha) / self.aircraft.mass_kg)
 
 
 def _gust_covariance(block_means: BlockMeans, aircraft: Aircraft) -> Array:

@@ -41,6 +41,10 @@ class JointEstimate(NamedTuple):
     changes: dict[str, Array]
     prior_measurements: tuple[PriorMeasurement, ...] = ()
 
+    def with_value(self, name: str, value: float) -> "JointEstimate":
+        """The same with another value of one parameter: of an error that the data were corrected for, the whole."""
+        return self._replace(values=np.where(np.array(self.names) == name, value, self.values))
+
     def with_changes(self, changes: Mapping[str, Array]) -> "JointEstimate":
         """The same with more such errors. changes: of the first values; those of the others are zero."""
         whole = {name: np.pad(change, (0, len(self.values) - len(change))) for name, change in changes.items()}

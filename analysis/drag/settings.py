@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import special
 
 from analysis.signals.settings import STATISTICS
@@ -55,6 +56,28 @@ class Covariance(Settings):
     zero_share_in_flight: float = setting(
         0.5, "1", "of the variance of a zero's change: as much comes about in flight as in the airstream at take-off"
     )
+
+
+@dataclass(frozen=True)
+class MotorSpeed(Settings):
+    """Errors of the counter of the motor's pulses."""
+
+    least_errors: float = setting(
+        6.0,
+        "1",
+        "standard errors from which it is taken for real: 2 in sound flights, 7 and more with 2 % of pulses lost",
+    )
+
+    @property
+    def least_pole_share(self) -> float:
+        """The smallest error of motor speed by poles, which come in pairs: two of 24. Also the prior standard deviation
+        of an error that the runs show."""
+        return 2 / 24
+
+    @property
+    def tested(self) -> NDArray[np.float64]:
+        """Shares of the samples of the runs below the motor speeds that are tested."""
+        return np.linspace(0.02, 0.98, 49)
 
 
 @dataclass(frozen=True)
@@ -119,6 +142,7 @@ class LikelihoodSettings(Settings):
 REGRESSION = Regression()
 STEADY_POINTS = SteadyPoints()
 COVARIANCE = Covariance()
+MOTOR_SPEED = MotorSpeed()
 COMPARISON = Comparison()
 CROSS_CHECK = CrossCheckSettings()
 LIKELIHOOD = LikelihoodSettings()

@@ -4,13 +4,16 @@ Each item has its own figure and limit. Limits of noise follow from a rate of fa
 without noise. A result that is not to be trusted ends `analyze` with exit code 1; a doubtful one is told first.
 """
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import msgspec
 from scipy import special
 
+from analysis.drag.motor_speed import PARAMETER as MOTOR_SPEED_PARAMETER
 from analysis.drag.rejected_assumptions import THRUST_TITLES
+from analysis.drag.settings import MOTOR_SPEED
 from analysis.ground.thrust_prior import STAND
 from analysis.results.settings import TRUST
 from analysis.schema import (
@@ -56,6 +59,7 @@ def evidence_against(results: Results) -> list[Evidence]:
     """The worst first, causes before their consequences; empty for a result that can be used within its interval."""
     found = [
         *_estimation(results),
+        *_counted_speed(results.pooling),
         *_thrust(results.pooling),
         *_motor_speed(results),
         *_efficiencies(results),
@@ -171,6 +175,29 @@ def _thrust_deviations(statistics: PoolingStatistics) -> list[_Deviation]:
             _Deviation(THRUST_TITLES[STAND], measured.name, (estimated - measured.value) / measured.sigma)
         )
     return deviations
+
+
+def _counted_speed(statistics: PoolingStatistics | None) -> Iterator[Evidence]:
+    """An error of motor speed that the runs showed, for which the curve is corrected."""
+    if statistics is None or MOTOR_SPEED_PARAMETER not in statistics.names:
+        return
+    i = statistics.names.index(MOTOR_SPEED_PARAMETER)
+    share, error = statistics.values[i], math.sqrt(statistics.covariance[i][i])
+    poles = abs(share) > MOTOR_SPEED.least_pole_share
+    check = "check the number of poles, and analyze again" if poles else "check its signal and wires"
+    yield Evidence(
+        kind=EvidenceKind.COUNTED_SPEED,
+        level=Trust.NOT_TO_BE_TRUSTED if poles else Trust.DOUBTFUL,
+        part=PartOfResult.CURVE,
+        subject=MOTOR_SPEED_PARAMETER,
+        figure=100 * share,
+        unit="%",
+        limit=100 * MOTOR_SPEED.least_errors * error,
+        text=(
+            f"The motor turns {100 * share:+.1f} ± {196 * error:.1f} % faster than counted, by drag in accelerations"
+            f" and decelerations at one speed. The curve is corrected for it; {check}."
+        ),
+    )
 
 
 def _motor_speed(results: Results) -> Iterator[Evidence]:

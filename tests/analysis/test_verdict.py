@@ -7,16 +7,17 @@ from worlds import Cell, Job, one_flight
 
 from analysis.schema import EvidenceKind, Trust
 
-POLES, RUNS = EvidenceKind.THRUST_TABLE, EvidenceKind.RUN_AGAINST_OTHERS
+COUNTED, RUNS = EvidenceKind.COUNTED_SPEED, EvidenceKind.RUN_AGAINST_OTHERS
 
 
 @pytest.mark.parametrize(
     ("world", "trust", "first"),
     [
         ("study", Trust.TRUSTED, None),
-        ("poles-12-for-14", Trust.NOT_TO_BE_TRUSTED, POLES),
+        ("poles-12-for-14", Trust.NOT_TO_BE_TRUSTED, COUNTED),
         ("landing-gear", Trust.DOUBTFUL, RUNS),
-        ("pulses-lost", Trust.DOUBTFUL, POLES),
+        ("pulses-lost", Trust.DOUBTFUL, COUNTED),
+        ("vibration-forward", Trust.DOUBTFUL, EvidenceKind.SENSOR_ERROR),
         ("airspeed-leak", Trust.DOUBTFUL, EvidenceKind.SENSOR_ERROR),
     ],
 )
