@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import pandas as pd
 
 from analysis.drag import cross_check, dynamic, likelihood
 from analysis.drag.assumed_values import (
@@ -23,7 +24,10 @@ from analysis.flight import Reconstructed
 from analysis.maneuvers.runs_file import NoCurve
 from analysis.polar import unphysical
 from analysis.schema import CurveStatus, DisagreementResult, MethodTried, RunAgainstOthers, WhyNot
+from analysis.trajectory.equations import vibration
+from analysis.trajectory.reconstruction import Trajectory
 from flight.errors import InputError
+from flight.units import GRAVITY_MPS2
 
 
 @dataclass(frozen=True)
@@ -146,6 +150,18 @@ def _by_runs(flight: Reconstructed) -> tuple[DynamicEstimate | None, MethodTried
     return (None if reason else estimate), tried(DYNAMIC, DYNAMIC_TITLE, reason, details), assumptions
 
 
+def without_model_errors(table: pd.DataFrame, trajectory: Trajectory) -> pd.DataFrame:
+    """Air data without the errors that runs alone cannot tell from drag: those that grow with motor speed and load
+    factor, as the whole flight shows them. table: as of `air_data`."""
+    shaken = vibration(table["n_revps"].to_numpy())
+    excess_load = -table["az_mps2"] / GRAVITY_MPS2 - 1
+    return table.assign(
+        ax_mps2=table["ax_mps2"] - trajectory.value("ax_vibration") * shaken,
+        az_mps2=table["az_mps2"] - trajectory.value("az_vibration") * shaken,
+        alpha_rad=table["alpha_rad"] - trajectory.value("alpha_per_g") * excess_load,
+    )
+
+
 def _cross_checked(flight: Reconstructed, main: DynamicEstimate) -> tuple[CrossCheck | None, bool, list[str]]:
     """The cross-check on the runs alone, whether it differs from the power curve, and warnings."""
     if not flight.maneuvers.level_runs or main.status is CurveStatus.BY_ANOTHER_METHOD:
@@ -153,7 +169,8 @@ def _cross_checked(flight: Reconstructed, main: DynamicEstimate) -> tuple[CrossC
     flight.progress("cross-checking on the runs alone")
     try:
         check = cross_check.on_runs_alone(
-            flight.table, flight.maneuvers.level_runs, flight.aircraft, flight.propeller,
+            without_model_errors(flight.table, flight.trajectory), flight.maneuvers.level_runs, flight.aircraft,
+            flight.propeller,
             gust_mps=flight.trajectory.gust_mps, zeroed=flight.data.zeroed,
         )  # fmt: skip
     except (InputError, np.linalg.LinAlgError) as error:
