@@ -9,6 +9,7 @@ docs/estimation.md quotes the output. Seeds are from 1000 on; nothing was chosen
 """
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -23,9 +24,11 @@ from analysis.estimation.fit import Fit
 from analysis.estimation.noise import NORMAL_95
 from analysis.estimation.output_error import fit_output_error
 from analysis.estimation.problem import FitOptions
+from analysis.estimation.settings import VERDICT
 from flight.errors import InputError
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "analysis" / "estimation"))
+import bimodal
 import disturbed
 import hard_cases
 import test_term_selection as terms
@@ -151,6 +154,32 @@ def optima(starts: Annotated[int, typer.Option(help="Starts of each case.")] = 8
             for f in found
         )
         table.add_row(name, str(at_best), str(starts - at_best - silent), str(silent))
+    CONSOLE.print(table)
+    _second_starts()
+
+
+def _second_starts(starts: int = 40) -> None:
+    """Cases with several optima, with and without the second start from the record cut in pieces."""
+    table = Table(
+        f"{starts} starts, 1/2 to 2", "at the best optimum", "elsewhere, converged", "elsewhere, silent",
+        "one start: at the best", "elsewhere, converged", box=None,
+    )  # fmt: skip
+    for name, case in bimodal.cases(FIRST_SEED).items():
+        row: list[str] = []
+        for second in (True, False):
+            options = replace(case.options, second_start=second)
+            found = []
+            for start in [case.truth, *case.starts(starts, FIRST_SEED)]:
+                try:
+                    found.append(fit_output_error(case.model, case.record, start=start, options=options))
+                except InputError:
+                    continue
+            least = min(f.negative_log_likelihood for f in found if f.verdict.ok) + VERDICT.same_optimum
+            converged = [f for f in found[1:] if f.verdict.ok]
+            elsewhere = [f for f in converged if f.negative_log_likelihood >= least]
+            row += [str(len(converged) - len(elsewhere)), str(len(elsewhere))]
+            row += [str(sum(not f.verdict.hints for f in elsewhere))] if second else []
+        table.add_row(name, *row)
     CONSOLE.print(table)
 
 

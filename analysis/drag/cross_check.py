@@ -20,6 +20,7 @@ from analysis.drag.settings import CROSS_CHECK
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Convergence, Fit
 from analysis.estimation.output_error import fit_output_error
+from analysis.estimation.problem import FitOptions
 from analysis.ground.thrust_prior import stand_measurements
 from analysis.maneuvers.kinds import Maneuver
 from analysis.polar import Condition, Polar, power_required, speed_at
@@ -162,7 +163,8 @@ def output_error_fit(
     segments = segments_of(table, runs, propeller, block=CROSS_CHECK.block)
     model = aircraft_models.level_run(aircraft, priors=priors(aircraft, zeroed=zeroed))
     model = replace(model, prior_measurements=stand_measurements(aircraft))
-    return fit_output_error(model, segments, start=aircraft_models.starting_values(aircraft, segments))
+    start = aircraft_models.starting_values(aircraft, segments)
+    return fit_output_error(model, segments, start=start, options=FitOptions(second_start=False))
 
 
 class Disagreement(NamedTuple):

@@ -65,8 +65,8 @@ def fit_filter_error(
     start : starting values as for `fit_output_error`, or the method that gives them: "equation error", for which
     every state must be measured, and which starts the noises from the errors of predictions over one step (but for
     intensities with a prior), or "output error". If the fit from given values does not end at an optimum, or at one
-    where process noise explains everything, both methods are tried with intensities 100 times smaller. The best fit is
-    returned.
+    where process noise explains everything or innovations are not white, both methods are tried with intensities 100
+    times smaller, unless `options.second_start` is false. The best fit is returned.
     noise_sigma : known standard deviations of measurement noise by output; the others are estimated
     test_significance : test each free intensity against zero, at the cost of one more fit each
 
@@ -113,7 +113,7 @@ def fit_filter_error(
         optimum = fitted(values)
     else:
         small = {str(intensity_key(noise.state)): logarithm(0.01 * noise.start) for noise in noises if noise.free}
-        optimum = _best(fitted, start or {}, values_by, small)
+        optimum = _best(fitted, start or {}, values_by, small, second_start=options.second_start)
     fit = make_fit(optimum.likelihood, optimum.point, optimum.iterations, optimum.stop)
     fit = replace(fit, integrator=options.integrator, inputs=options.inputs)
     intensities = {noise.state: intensity_of(fit, noise, optimum.negligible) for noise in noises}
@@ -224,11 +224,17 @@ def _best(
     start: Mapping[str, float],
     values_by: Callable[[Source], dict[str, float]],
     small: Mapping[str, float],
+    *,
+    second_start: bool,
 ) -> _Optimum:
     """The fit from given values; if that is not convincing, the best of it and those from other methods.
 
     small : starting values of ln w for those, by name
     """
+
+    def colored(one: _Optimum) -> bool:
+        return bool(innovation_hints(make_fit(one.likelihood, one.point, one.iterations, one.stop)))
+
     optima, failures = [], []
     for source in (None, *SOURCES):
         try:
@@ -237,7 +243,7 @@ def _best(
             failures.append(error)
             continue
         explained_by_process_noise = any(key.kind is UnknownKind.MEASUREMENT_NOISE for key in optima[-1].negligible)
-        if not optima[-1].stop.failed and not explained_by_process_noise:
+        if not optima[-1].stop.failed and not explained_by_process_noise and not (second_start and colored(optima[-1])):
             break
     if not optima:
         raise failures[0]

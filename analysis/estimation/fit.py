@@ -121,6 +121,7 @@ class Finding(enum.Enum):
     REACHED_FROM_STARTS = enum.auto()
     WORSE_OPTIMA = enum.auto()
     STARTS_NOT_CONVERGED = enum.auto()
+    REACHED_FROM_PIECES = enum.auto()
     NOT_WHITE = enum.auto()
     OUTLIERS = enum.auto()
     UNSTABLE = enum.auto()

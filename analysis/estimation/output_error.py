@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.estimation.array_function import SAMPLES
-from analysis.estimation.data import Band, Segment, band_matrix
+from analysis.estimation.data import Band, Segment, band_matrix, split
 from analysis.estimation.fit import Finding, Fit, Remark, SegmentFit
 from analysis.estimation.hints import hints_of
 from analysis.estimation.model import Model
@@ -31,6 +31,7 @@ from analysis.estimation.noise import (
 )
 from analysis.estimation.optimizer import Evaluation, Stop, make_fit, maximize, nowhere
 from analysis.estimation.problem import FitOptions, Problem, as_segments, free_names
+from analysis.estimation.settings import SEARCH, VERDICT
 from analysis.estimation.simulation import Record, Response, Simulator, build_simulator
 from flight.errors import InputError
 
@@ -130,12 +131,67 @@ def fit_output_error(
     functions of `uncertainty`, those for colored residuals do not apply.
 
     The verdict says whether the optimum was reached, is at a bound, or leaves unknowns undetermined; its hints name
-    residuals that are not white and unstable motion. Raises InputError for data or options that cannot be used, and
+    residuals that are not white and unstable motion. Where it is not convincing, a second start is made from the fit
+    of the records cut in pieces, over which the response cannot slip a cycle or diverge (multiple shooting), and the
+    better optimum is taken; a remark says so. Raises InputError for data or options that cannot be used, and
     when the response to the starting values is not finite.
     """
     segments = as_segments(segments)
+    first = _fit_from(model, segments, start or {}, noise, band_Hz, options)
+    if band_Hz is not None or (first.verdict.ok and not first.verdict.hints):
+        return first
+    again = _second_start(model, segments, start or {}, noise, options)
+    if again is None or not again.verdict.ok:
+        return first
+    gain = first.negative_log_likelihood - again.negative_log_likelihood
+    if first.verdict.ok and gain < VERDICT.same_optimum:
+        return first
+    text = "reached from the record cut in pieces; the given start leads to a worse end"
+    return replace(again, verdict=again.verdict.with_remarks(Remark(Finding.REACHED_FROM_PIECES, text)))
+
+
+def _second_start(
+    model: Model,
+    segments: tuple[Segment, ...],
+    start: Mapping[str, float],
+    noise: MeasurementNoise,
+    options: FitOptions,
+) -> Fit | None:
+    """The fit from the estimates of the records cut in pieces; None where there is none.
+
+    In each piece the response begins anew, at a state that is estimated. Reference: Bock, Recent advances in parameter
+    identification techniques for O.D.E., 1983.
+    """
+    parts = [min(SEARCH.pieces, len(segment) // SEARCH.shortest_piece) for segment in segments]
+    shared = {q.name for q in model.parameters if q.free and q.shared}
+    if not (options.second_start and model.states and shared) or max(parts, default=0) < 2:
+        return None
+    cut = tuple(
+        piece for segment, count in zip(segments, parts, strict=True) for piece in split(segment, max(1, count))
+    )
+    once = replace(options, second_start=False)
+    try:
+        pieces = _fit_from(
+            model, cut, {name: value for name, value in start.items() if name in shared}, noise, None,
+            replace(once, initial_states="free"),
+        )  # fmt: skip
+        found = {name: pieces.parameters[name].value for name in shared}
+        return _fit_from(model, segments, {**start, **found}, noise, None, once)
+    except InputError:  # a state without a starting value in each piece, or a response that is not finite
+        return None
+
+
+def _fit_from(
+    model: Model,
+    segments: tuple[Segment, ...],
+    start: Mapping[str, float],
+    noise: MeasurementNoise,
+    band_Hz: Band | None,
+    options: FitOptions,
+) -> Fit:
+    """The fit from one start. Arguments and errors as for `fit_output_error`."""
     simulator = build_simulator(model, free_names(model), options.integrator, options.inputs)
-    problem = Problem.assemble(model, segments, options.initial_states, start or {})
+    problem = Problem.assemble(model, segments, options.initial_states, start)
     known = None if noise.covariance is None else _known_covariance(noise.covariance, model)
     transforms = None if band_Hz is None else [_band_matrix(model, segment, band_Hz) for segment in segments]
     likelihood = OutputErrorLikelihood(problem, simulator, noise.structure, known, noise.tail_dof, transforms)

@@ -26,12 +26,14 @@ class FitOptions:
     initial_states : "free" estimates the state at the start of each segment; "given" takes it from `Segment.x0`, else
     from `Model.initial_state`, else from the first sample of the output of that name; a tuple names the free states
     max_iterations : after which the fit ends without convergence
+    second_start : of a fit that is not convincing, from the record cut in pieces; it takes two fits more
     """
 
     integrator: Integrator = "rk4"
     inputs: InputRule = "linear"
     initial_states: Literal["free", "given"] | tuple[str, ...] = "free"
     max_iterations: int = 50
+    second_start: bool = True
 
 
 class Unknown(NamedTuple):

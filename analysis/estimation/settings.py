@@ -35,6 +35,10 @@ class Search(Settings):
         1e-2, "1", "least ratio of the smallest eigenvalues of curvature and information: further from the optimum the"
         " curvature may be indefinite",
     )  # fmt: skip
+    pieces: int = setting(
+        10, "pieces", "of a record, for a second start: a pole that is off by a factor of two slips no cycle in one"
+    )
+    shortest_piece: int = setting(12, "samples", "of a record: less determines little beside its initial state")
     secant_length: float = setting(
         0.3, "standard errors", "secants of longer steps led away from the optimum of unstable aircraft"
     )

@@ -12,6 +12,7 @@ from analysis.estimation.data import Segment
 from analysis.estimation.model import Model, Parameter
 from analysis.estimation.noise import NORMAL_95
 from analysis.estimation.output_error import fit_output_error
+from analysis.estimation.problem import FitOptions
 from analysis.estimation.simulation import build_simulator
 from flight.errors import InputError
 
@@ -58,7 +59,7 @@ def shared_with_a_lag(rng):
 def fit_noisy(noise, **options):
     z = CLEAN + SIGMA * noise
     segment = Segment(name="run", t_s=T_S, u={"de": DE}, z={"alpha": z[:, 0], "q": z[:, 1]})
-    return fit_output_error(SHORT_PERIOD, segment, **options)
+    return fit_output_error(SHORT_PERIOD, segment, **{"options": FitOptions(second_start=False), **options})
 
 
 @pytest.mark.parametrize(

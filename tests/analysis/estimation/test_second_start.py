@@ -1,0 +1,34 @@
+"""A fit that is not convincing is begun again from the record cut in pieces, and the better optimum is taken."""
+
+from dataclasses import replace
+
+import pytest
+
+from analysis.estimation.fit import Finding
+from analysis.estimation.output_error import fit_output_error
+from flight.errors import InputError
+from tests.analysis.estimation.bimodal import cases
+
+BIMODAL = cases(seed=2)
+
+
+@pytest.mark.parametrize("name", BIMODAL)
+def test_the_best_optimum_is_reached_from_starts_off_by_a_factor_of_two(name: str) -> None:
+    """One start finds no more than a quarter of them, and ends at other optima or nowhere."""
+    case = BIMODAL[name]
+    best = fit_output_error(case.model, case.record, start=case.truth, options=case.options)
+    assert best.verdict.ok and Finding.REACHED_FROM_PIECES not in best.verdict.findings
+    reached, alone, helped = 0, 0, 0
+    for start in case.starts(10, seed=5):
+        fit = fit_output_error(case.model, case.record, start=start, options=case.options)
+        same = fit.negative_log_likelihood < best.negative_log_likelihood + 0.01
+        assert same or not fit.verdict.ok or fit.verdict.hints, "converged alone at a worse optimum"
+        reached += same and fit.verdict.ok
+        helped += Finding.REACHED_FROM_PIECES in fit.verdict.findings
+        try:
+            once = replace(case.options, second_start=False)
+            single = fit_output_error(case.model, case.record, start=start, options=once)
+        except InputError:
+            continue
+        alone += single.verdict.ok and single.negative_log_likelihood < best.negative_log_likelihood + 0.01
+    assert reached == 10 and alone <= 6 and helped == 10 - alone
