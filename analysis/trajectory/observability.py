@@ -168,12 +168,13 @@ def trajectory_notes(
     magnetometer_calibrated: bool,
     log: str,
 ) -> list[str]:
-    """Notes for the reader of the power curve on gusts, time shifts, heading and sensor errors.
+    """Notes for the reader of the power curve on gusts, lost attitude, time shifts, heading and sensor errors.
 
     runs: number of accelerations and decelerations. Raises InputError as `gust_notes`.
     """
     return (
         gust_notes(trajectory, runs, log)
+        + lost_notes(trajectory)
         + time_shift_notes(trajectory)
         + heading_notes(trajectory, calibrated=magnetometer_calibrated)
         + sensor_error_notes(errors)
@@ -195,6 +196,17 @@ def gust_notes(trajectory: Trajectory, runs: int, log: str) -> list[str]:
     if runs == 1:
         raise InputError(f"{log}: one run alone, and {effect}; fly more runs, longer, or on a calmer day")
     return [f"{effect[0].upper()}{effect[1:]}: the interval is wide. A longer or calmer flight narrows it."]
+
+
+def lost_notes(trajectory: Trajectory) -> list[str]:
+    """Where the attitude could not be followed."""
+    if not trajectory.lost_s:
+        return []
+    first, last = trajectory.lost_s[0], trajectory.lost_s[-1] + trajectory.block_means.step_s
+    return [
+        f"Between {first:.1f} and {last:.1f} s the attitude cannot be followed: the aircraft pitched through the"
+        " vertical, as after a stall in gusts, or the gyros failed. Drop runs beside it, and fly faster in gusts."
+    ]
 
 
 def sensor_error_notes(errors: list[SensorError]) -> list[str]:

@@ -5,6 +5,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.airdata.magnetometer import Compass
+from analysis.signals.settings import STATISTICS
 from analysis.trajectory.block_means import BLOCK, BlockMeans
 from analysis.trajectory.equations import (
     MEASUREMENTS,
@@ -29,7 +30,7 @@ from analysis.trajectory.priors import (
 )
 from analysis.trajectory.process import GustConditions, ProcessModel, airspeed_without_gusts
 from analysis.trajectory.regressors import Regressors, extrapolated
-from analysis.trajectory.settings import PREDICTION, PROCESS
+from analysis.trajectory.settings import PREDICTION, PROCESS, SENSORS
 from analysis.trajectory.smoother import TrajectoryPrior
 
 Array = NDArray[np.float64]
@@ -41,6 +42,7 @@ class TrajectoryProblem:
     """A flight's data in the form that the equations need.
 
     blocks, equations, measurements, regressors, conditions : see their classes
+    lost : (n-1,) steps over which the attitude could not be followed, and is not
     error_mean, error_sigma : (m,) prior of the sensor errors
     initial_states (n, nx), initial_errors (m,) : first estimate
     """
@@ -62,6 +64,7 @@ class TrajectoryProblem:
         V_predicted, _ = extrapolated(blocks["V_mps"], blocks.flying, blocks.step_s, newest=PREDICTION.newest)
         field = LevelField(compass, blocks)
         self._inertial = InertialInputs(table, blocks, noise)
+        self.lost = np.zeros(blocks.n - 1, dtype=bool)
         self.conditions = GustConditions(blocks, V_reference)
         self.measurements = Measurements(table, blocks, at_rest, noise, V_reference=V_reference, field=field)
         V_noise_mps, alpha_noise_rad, beta_noise_rad = (
@@ -85,7 +88,21 @@ class TrajectoryProblem:
     def process_model(self, x: Array, sigma_w_mps: float) -> ProcessModel:
         """The process model at states x (n, nx) for vertical gusts of this standard deviation."""
         without_gusts_mps = airspeed_without_gusts(NamedArrays(STATES, x.T))
-        return ProcessModel(self._inertial, self.blocks, self.conditions, sigma_w_mps, without_gusts_mps)
+        process = ProcessModel(self._inertial, self.blocks, self.conditions, sigma_w_mps, without_gusts_mps)
+        angles = process.weight[:, :3]
+        angles[self.lost] = np.minimum(angles[self.lost], 1 / np.pi)
+        return process
+
+    def leave_out_lost_steps(self, angle_residual_rad: Array) -> None:
+        """Follow the attitude no longer over steps that no gyro shows, of these residuals (n-1, 3) of Euler angles.
+
+        An aircraft that pitches through the vertical turns its bank and heading around at once, and iterations that
+        have to follow end nowhere. Where it is more than a small share of the flight, the data contradict each other.
+        """
+        largest_rad = SENSORS.missing[0] * self.blocks.step_s
+        lost = self.lost | (np.abs(angle_residual_rad) > largest_rad).any(axis=1)
+        if lost.mean() < STATISTICS.unmentioned_share:
+            self.lost = lost
 
     def equation_inputs(self, x: Array, sensor_errors: Array, sigma_w_mps: float) -> EquationInputs:
         """Inputs of the equations at states x (n, nx) and sensor errors (m,), for this intensity of gusts."""

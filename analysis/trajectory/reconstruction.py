@@ -55,6 +55,7 @@ class Trajectory:
     residuals : rms of each measurement's residuals, in units of its standard deviation
     block_means : the measurements at the same instants
     as_measured : it explains nothing, but repeats the measurements (`as_measured.path_as_measured`)
+    lost_s : instants after which the attitude could not be followed for a step
     """
 
     states: pd.DataFrame
@@ -71,6 +72,7 @@ class Trajectory:
     block_means: BlockMeans
     gust_length: float = 1.0
     as_measured: bool = False
+    lost_s: tuple[float, ...] = ()
 
     def value(self, name: str) -> float:
         """Estimate of a sensor error."""
@@ -228,12 +230,14 @@ def _solve(
     converged, last_move, damping = False, np.zeros(len(SENSOR_ERRORS)), 1.0
     linearization: Any
     step: Any
-    for _ in range(iterations):
+    for iteration in range(iterations):
         inputs = problem.equation_inputs(x, sensor_errors, gust_mps)
         remaining, prior = problem.remaining_errors(sensor_errors, gust_mps)
         point = _LinearizationPoint(x, remaining, inputs)
         linearization = step = None  # frees 30 MB before as many are taken again
         linearization = problem.equations.linearize(*point)
+        if iteration > 2:  # the first ones come from a rough first estimate
+            problem.leave_out_lost_steps(linearization.process_residual[:, :3] / inputs.process_weight[:, :3])
         initial = x[0]
         step = gauss_newton_step(linearization, prior, initial, remaining)
         move = step.sensor_errors / np.sqrt(np.diag(step.covariance))
@@ -287,6 +291,7 @@ def _trajectory(problem: TrajectoryProblem, solution: _Solution, draws: Array, g
         residuals=_residual_rms(problem, solution.residuals),
         converged=solution.converged,
         block_means=problem.blocks,
+        lost_s=tuple(problem.blocks.t_s[:-1][problem.lost].tolist()),
     )
 
 

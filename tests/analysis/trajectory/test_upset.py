@@ -1,0 +1,52 @@
+"""A slow aircraft that gusts of W20 = 15 kt stall and turn over: the rest of its flight is reconstructed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from flights import AirOf, Flown, air_of, drawn, flown, tunnel_probe
+
+from analysis.trajectory.observability import lost_notes
+from analysis.trajectory.reconstruction import reconstruct
+from flight.complete_aircraft import load_complete_aircraft
+from sim.like import scaled_from
+from sim.sensors import load_budget
+
+SEED, KNOTS = 6, 15.0
+SLOW = """name = "slow"
+[geometry]
+span = "1.741 m"
+wing_area = "0.2837 m^2"
+[mass]
+weight = "9.64 N"
+"""
+IN_TURBULENCE_S = (162.0, 174.0)  # when it stalls, pitches through the vertical, and recovers
+
+
+@pytest.fixture(scope="module")
+def upset() -> tuple[Flown, AirOf]:
+    aircraft = scaled_from(SLOW, "slow.toml", load_complete_aircraft("nexstar"))
+    flight = flown(aircraft, drawn(load_budget("study"), SEED), "two-pairs", SEED, KNOTS)
+    return flight, air_of(flight.table, aircraft, tunnel_probe())
+
+
+def test_after_an_upset_through_the_vertical_attitude_and_sensor_errors_are_found(upset) -> None:
+    """Iterations that follow the attitude through the vertical diverge: angles of hundreds of radians, no result."""
+    flight, air = upset
+    truth = flight.flight.truth
+    assert np.degrees(truth["pitch_rad"].min()) < -75 and np.degrees(truth["roll_rad"].abs().max()) > 90
+    found = reconstruct(air.table, air.still)
+    assert found.converged
+    assert 0 < len(found.lost_s) < 10
+    assert all(IN_TURBULENCE_S[0] < at < IN_TURBULENCE_S[1] for at in found.lost_s)
+    errors = flight.sensor_truth._errors.values
+    for name, true in (("alpha_scale", errors.alpha_scale), ("V_scale", errors.V_scale)):
+        assert abs(found.value(name) - true) < 3 * found.standard_error(name) < 0.1
+    t_s = found.states.index.to_numpy()
+    flying = found.block_means.flying & ((t_s < IN_TURBULENCE_S[0] - 2) | (t_s > IN_TURBULENCE_S[1] + 2))
+    for name, column in (("theta", "pitch_rad"), ("phi", "roll_rad")):
+        off = found.states[name].to_numpy() - np.interp(t_s, truth["time_s"], truth[column])
+        assert np.degrees(np.sqrt(np.mean(np.angle(np.exp(1j * off[flying])) ** 2))) < 1.5
+    (note,) = lost_notes(found)
+    assert f"{found.lost_s[0]:.1f}" in note
+    assert not lost_notes(replace(found, lost_s=()))
