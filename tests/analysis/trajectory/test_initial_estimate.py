@@ -87,8 +87,8 @@ def test_a_ground_track_is_a_heading_from_5_meters_a_second_on(ground_mps: float
 
 
 def test_a_few_fast_blocks_give_the_integrated_heading_its_offset() -> None:
-    """Ten of them; eleven are a track, which is then held outside."""
-    for fast, tracked in ((10, False), (11, True)):
+    """Thirty of them; more are a track, which is then held outside."""
+    for fast, tracked in ((30, False), (31, True)):
         blocks = circling()
         # A mean over three blocks makes two more of them fast.
         slow = (np.arange(N) < 151) | (np.arange(N) >= 149 + fast)
