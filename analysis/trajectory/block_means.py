@@ -5,6 +5,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.signals.channels import least_height_m, speed_scale_of
+from analysis.signals.smoothing import stretches
+from analysis.trajectory.settings import PREDICTION
 
 Array = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -30,6 +32,15 @@ class BlockMeans:
         self.means = {str(name): block_mean(table[name], self.n) for name in table.columns}
         self.speed_scale, self.least_height_m = speed_scale_of(table), least_height_m(table)
         self.flying: BoolArray = (self["height_m"] > self.least_height_m) & np.isfinite(self["V_mps"])
+
+    @property
+    def in_flight(self) -> BoolArray:
+        """`flying`, (n,), and gaps of airspeed in the air that are shorter than the past from which one predicts."""
+        bridged, in_air = self.flying.copy(), self["height_m"] > self.least_height_m
+        for gap in stretches(~self.flying):
+            inside = 0 < gap.start and gap.stop < self.n and bool(in_air[gap].all())
+            bridged[gap] = inside and (gap.stop - gap.start) * self.step_s < PREDICTION.slow_s
+        return bridged
 
     @property
     def airborne(self) -> slice:

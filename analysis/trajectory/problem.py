@@ -61,7 +61,7 @@ class TrajectoryProblem:
         smooth_V = V.interpolate(limit_direction="both").rolling(5, center=True, min_periods=1).mean()
         slowest_mps = PROCESS.slowest_mps * blocks.speed_scale
         V_reference = np.maximum(smooth_V.fillna(slowest_mps).to_numpy(), slowest_mps)
-        V_predicted, _ = extrapolated(blocks["V_mps"], blocks.flying, blocks.step_s, newest=PREDICTION.newest)
+        V_predicted, _ = extrapolated(blocks["V_mps"], blocks.in_flight, blocks.step_s, newest=PREDICTION.newest)
         field = LevelField(compass, blocks)
         self._inertial = InertialInputs(table, blocks, noise)
         self.lost = np.zeros(blocks.n - 1, dtype=bool)

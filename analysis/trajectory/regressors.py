@@ -48,19 +48,28 @@ def extrapolated(
     """Values (n,) predicted by a straight line through the window before each instant, and its slope; 0 on the ground.
 
     The window ends `newest` blocks before the instant. The current value is not in it, so the prediction is independent
-    of the current gust.
+    of the current gust. In a gap the last value before it is held: a line across it would contain the value after it.
     """
     window = round(window_s / step_s)
     # Weights of the blocks before the predicted one, newest first.
     line = np.linalg.pinv(np.column_stack([np.ones(window), -step_s * (newest + np.arange(float(window)))]))
     predicted = np.zeros((2, len(values)))
     for rows in stretches(flying):
-        known = without_gaps(values[rows])
+        known = _held(values[rows])
         past = np.concatenate([np.full(window + newest - 1, known[0]), known])  # constant before the stretch
         past = past[: window + len(known) - 1]
         for each, weights in zip(predicted, line, strict=True):
             each[rows] = np.convolve(past, weights, mode="valid")
     return predicted[0], predicted[1]
+
+
+def _held(values: Array) -> Array:
+    """Values (n,) with the last one before it in place of each NaN; the first one there is at the beginning."""
+    known = ~np.isnan(values)
+    if known.all() or not known.any():
+        return values
+    last = np.maximum.accumulate(np.where(known, np.arange(len(values)), np.argmax(known)))
+    return values[last]
 
 
 def projected_on_past(
@@ -153,6 +162,8 @@ class Regressors:
         airspeed, sideslip and angle of attack, angles times the cruise speed."""
         self._V_noise_mps, _, self._alpha_noise_mps = noise_mps
         self._blocks, self._flying, self._step_s = blocks, blocks.flying, blocks.step_s
+        # Where the past is known. After each missing block it would begin anew, with the current gust in place of it.
+        self._in_flight = blocks.in_flight
         self._measured_V_predicted, self._conditions, self._field = measured_V_predicted, conditions, field
         self._slowest_mps = PROCESS.slowest_mps * blocks.speed_scale
         self._by_upwash, self._by_rotation, beta_by_rotation = (
@@ -170,7 +181,7 @@ class Regressors:
         inertial_V = airspeed_without_gusts(state)
         V = np.maximum(self._extrapolated(inertial_V)[0], self._slowest_mps)
         _, V_rate_predicted = self._extrapolated(inertial_V, PREDICTION.rate_s)
-        V_regressors = np.column_stack([inertial_V, derivative(inertial_V, self._flying, self._step_s)])
+        V_regressors = np.column_stack([inertial_V, derivative(inertial_V, self._in_flight, self._step_s)])
         V_instruments = self._airspeed_instruments(inertial_V, V_regressors, sigma_w_mps)
         measured_V = np.maximum(self._measured_V_predicted / (1 + errors.V_scale), self._slowest_mps)
         cos_bank = np.cos(np.clip(self._extrapolated(state.phi)[0], -1.2, 1.2))  # a steeper prediction is none
@@ -233,7 +244,7 @@ class Regressors:
         return np.nan_to_num(without_gaps(np.where(self._flying, values, np.nan)))
 
     def _extrapolated(self, values: Array, window_s: float = PREDICTION.slow_s, newest: int = 1) -> tuple[Array, Array]:
-        return extrapolated(values, self._flying, self._step_s, window_s, newest)
+        return extrapolated(values, self._in_flight, self._step_s, window_s, newest)
 
     def _alpha(
         self,
@@ -269,11 +280,16 @@ class Regressors:
         alpha_rate = CubicSpline(t_s, bridged)(t_s, 1)
         actual = np.column_stack([by_slope, alpha_rate, by_V_scale, excess_load, alpha]) * flying[:, None]
         past = np.column_stack(
-            [np.ones(len(inertial)), history.predicted, history.predicted_rate, lagged(history.measured, flying)]
+            [
+                np.ones(len(inertial)),
+                history.predicted,
+                history.predicted_rate,
+                lagged(history.measured, self._in_flight),
+            ]
         )
         decay, increment_mps = self._conditions.vertical_steps(sigma_w_mps, inertial_V)
         predicted = projected_on_past(actual, past, decay, flying, increment_mps / self._alpha_noise_mps)
-        instruments = predicted * has_past(flying)[:, None]
+        instruments = predicted * has_past(self._in_flight)[:, None]
 
         def named(values: Array) -> dict[str, Array]:
             return dict(zip(ALPHA_REGRESSORS, (*values.T[:4], curvature * flying), strict=True))
