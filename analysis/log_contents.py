@@ -13,7 +13,7 @@ from analysis.airdata.probe import PROBE_FILE, ProbeCalibration
 from analysis.airdata.transducers import TRANSDUCERS_FILE, TransducerCalibration
 from analysis.ground.thrust_stand import ThrustStand
 from analysis.signals.rest import ZERO_FILE
-from flight.aircraft import Aircraft, Installation, parse_aircraft
+from flight.aircraft import Aircraft, parse_aircraft
 from flight.errors import InputError
 from flight.log_reader import Log
 from flight.propeller import Propeller
@@ -90,7 +90,7 @@ def contents(log: Log, replacements: Replacements = Replacements()) -> LogConten
     propeller = propeller.with_beyond_zero_thrust(aircraft.propulsion.beyond_zero_thrust)
     zero = ZERO_FILE.parsed_if_any(log.attachments.get("zero.json"), f"{log.path}: zero.json")
     return LogContents(
-        replace(aircraft, installation=Installation(name=installation)),
+        replace(aircraft, installation=replace(aircraft.installation, name=installation)),
         propeller,
         replacements.probe or PROBE_FILE.parsed(log.attachments["probe.json"], "probe.json"),
         replacements.magnetometer

@@ -35,6 +35,14 @@ def test_the_installation_is_named_by_the_aircraft_file_or_else_by_the_tray_file
     assert contents(log, replacements).aircraft.installation.name == name
 
 
+def test_a_name_in_the_tray_file_leaves_what_else_the_aircraft_file_says_of_the_installation(probe) -> None:
+    log = Log(Path("flight.mcap"), attachments={"tray.toml": NAMED.encode()})
+    text = AIRCRAFT + '[installation]\naccelerometer_vibration = ["0.1 m/s^2", "0 m/s^2", "-0.2 m/s^2"]\n'
+    found = contents(log, Replacements(parse_aircraft(text, "mine.toml"), load_propeller("apc-12x8e"), probe))
+    assert found.aircraft.installation.name == "boom, May"
+    assert found.aircraft.installation.accelerometer_vibration_mps2 == (0.1, 0.0, -0.2)
+
+
 def test_the_start_of_a_flight_is_unknown_where_the_clock_was_not_set() -> None:
     for time_s, start_s in ((1.7e9, 1.7e9), (86400.0, None)):
         times = [LogEntry(int(time_s * 1e9), 0, Time()), LogEntry(2 * 10**18, 1, Time())]
