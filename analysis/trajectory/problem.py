@@ -100,7 +100,8 @@ class TrajectoryProblem:
         have to follow end nowhere. Where it is more than a small share of the flight, the data contradict each other.
         """
         largest_rad = SENSORS.missing[0] * self.blocks.step_s
-        lost = self.lost | (np.abs(angle_residual_rad) > largest_rad).any(axis=1)
+        beyond = (np.abs(angle_residual_rad) > largest_rad).any(axis=1)
+        lost = self.lost | (np.convolve(beyond, np.ones(5), mode="same") > 0)  # and two steps before and after
         if lost.mean() < STATISTICS.unmentioned_share:
             self.lost = lost
 
