@@ -550,7 +550,9 @@ class ElectricalResult(msgspec.Struct, frozen=True, kw_only=True):
     interval_parts: list[IntervalPart]
     residual_W: float  # rms of the energy balance, means over windows of some 8 s
     idle_power_W: float  # drawn with the motor off; contained in the curve
-    airspeed_scale: Interval  # fraction by which airspeed reads high, by GPS and the prior
+    airspeed_scale: (
+        Interval | None
+    )  # fraction by which airspeed reads high, by GPS and the prior; null without a sensor
     wind_mps: float | None  # null without GPS
     wind_from_deg: float | None
     flown_s: float  # used for the balance

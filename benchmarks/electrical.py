@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from analysis.autopilot_logs.ardupilot import read_ardupilot
 from analysis.autopilot_logs.px4 import read_px4
-from analysis.autopilot_logs.recording import MOTOR, FlightRecording
+from analysis.autopilot_logs.recording import AIRSPEED_PRESSURE, MOTOR, FlightRecording
 from analysis.electrical.drag import DragWithheld, ThrustSource, drag_estimate
 from analysis.electrical.estimate import estimate
 from analysis.electrical.flight_table import flight_table
@@ -36,6 +36,7 @@ Array = NDArray[np.float64]
 Errors = tuple[Array, Array]
 
 AUTOPILOTS = {"px4": (write_px4_log, read_px4), "ardupilot": (write_ardupilot_log, read_ardupilot)}
+WITHOUT = {"motor": MOTOR, "blind": AIRSPEED_PRESSURE}
 SPEEDS = 7
 CLOSED_LOOP = "laps"  # the plan that an energy controller flies, in a mean wind of W20
 MOTOR_REVPS = np.linspace(20.0, 250.0, 3000)
@@ -63,8 +64,9 @@ def true_power(aircraft: CompleteAircraft, flight: Flight, errors: DrawnErrors, 
 
 
 def one_flight(setup: Setup, *, autopilots: str = "px4", of: str = "electrical", traps: bool = False) -> Rows:
-    """By autopilot and quantity. of: electrical; rpm or motor: power required by propeller table and motor speed, or
-    by the motor's constants. Several are separated by commas. traps: with each fault of real logs, or its refusal."""
+    """By autopilot and quantity. of: electrical; blind: without the airspeed sensor; rpm or motor: power required by
+    propeller table and motor speed, or by the motor's constants. Several are separated by commas. traps: with each
+    fault of real logs, or its refusal."""
     aircraft, errors = load_complete_aircraft(setup.aircraft), setup.drawn
     flight, sensors, _ = flown(
         aircraft, errors, setup.plan, setup.seed, setup.turbulence_kt, wind_too=setup.plan == CLOSED_LOOP
@@ -92,13 +94,13 @@ def _errors(
     aircraft: CompleteAircraft, flight: Flight, errors: DrawnErrors, recording: FlightRecording, of: str
 ) -> Errors:
     weight, geometry = aircraft.mass.weight_N, aircraft.geometry
-    if of == "motor":
-        channels = {name: one for name, one in recording.channels.items() if name != MOTOR}
+    if of in WITHOUT:
+        channels = {name: one for name, one in recording.channels.items() if name != WITHOUT[of]}
         recording = dataclasses.replace(recording, channels=channels)
     table = flight_table(recording, weight, geometry.wing_area_m2)
     found = estimate(table, weight, geometry.wing_area_m2, geometry.span_m)
     at = np.linspace(0, len(found.V_mps) - 1, SPEEDS).round().astype(int)
-    if of != "electrical":
+    if of in ("rpm", "motor"):
         propeller, constants = load_propeller(aircraft.propulsion.propeller), motor_constants(aircraft.propulsion)
         drag = drag_estimate(table, found, geometry.span_m, ThrustSource(propeller, constants))
         assert not isinstance(drag, DragWithheld), drag

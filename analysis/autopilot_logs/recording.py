@@ -88,11 +88,15 @@ def pressure_of_indicated_airspeed(speed_mps: ArrayLike) -> Array:
 
 
 def without_jumps(*groups: Mapping[str, Channel]) -> tuple[list[dict[str, Channel]], list[str]]:
-    """`without_clock_jumps` of the airspeed, which is in the first group, applied to channels in several groups."""
-    if AIRSPEED_PRESSURE not in groups[0]:
+    """`without_clock_jumps` of the airspeed, which is in the first group, applied to channels in several groups.
+
+    Without an airspeed sensor, of the velocity by GPS.
+    """
+    main = groups[0].get(AIRSPEED_PRESSURE, groups[0].get(GPS[0]))
+    if main is None:
         return [dict(group) for group in groups], []
     together = {name: one for group in groups for name, one in group.items()}
-    kept, notes = without_clock_jumps(groups[0][AIRSPEED_PRESSURE], together)
+    kept, notes = without_clock_jumps(main, together)
     return [{name: kept[name] for name in group if name in kept} for group in groups], notes
 
 

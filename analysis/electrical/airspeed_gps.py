@@ -69,6 +69,7 @@ class AirspeedErrors(NamedTuple):
     """scale : fraction by which airspeed reads high; zero_Pa : remaining zero of the pitot; covariance (2, 2) of both.
 
     wind_mps, wind_from_deg : mean over the flight; None where the log has no GPS
+    wind, wind_covariance : (4,) of `ground_velocity.WIND`, (4, 4), where airspeed is the velocity by GPS less the wind
     """
 
     scale: float
@@ -77,10 +78,14 @@ class AirspeedErrors(NamedTuple):
     wind_mps: float | None
     wind_from_deg: float | None
     prior_sigma: float = GPS.scale_sigma  # of the scale
+    wind: Array | None = None
+    wind_covariance: Array | None = None
 
     @property
     def by_gps(self) -> float:
         """How far GPS determines true airspeed, 0 to 1: to that part an error of density changes the scale instead."""
+        if self.wind is not None:
+            return 1.0
         return 1.0 - min(1.0, float(self.covariance[0, 0]) / self.prior_sigma**2)
 
 
@@ -95,6 +100,12 @@ def one_way(north_mps: Array, east_mps: Array, errors: AirspeedErrors) -> float:
 def true_airspeed(pressure_Pa: Array, rho: Array, scale: float, zero_Pa: float) -> Array:
     """True airspeed (n,) [m/s] from the pitot's pressure."""
     return np.asarray(np.sqrt(2 * np.maximum(pressure_Pa - zero_Pa, 1.0) / rho) / (1 + scale))
+
+
+def by_wind(wind: Array, covariance: Array) -> AirspeedErrors:
+    """Of an airspeed that is the velocity by GPS less a wind (4,) with this covariance (4, 4)."""
+    wind_mps, wind_from_deg = float(np.hypot(wind[0], wind[1])), float(np.degrees(np.arctan2(-wind[1], -wind[0])) % 360)
+    return AirspeedErrors(0.0, 0.0, np.zeros((2, 2)), wind_mps, wind_from_deg, wind=wind, wind_covariance=covariance)
 
 
 def airspeed_errors(flight: FlightTable, most_points: int = GPS.most_points) -> AirspeedErrors:

@@ -114,7 +114,7 @@ def drag_estimate(
     if not measured and motor is None:
         return DragWithheld(DragLacks.MOTOR_SPEED)
     c, airspeed = electrical.conditions, electrical.airspeed
-    samples = samples_of(flight, airspeed.scale, airspeed.zero_Pa)
+    samples = samples_of(flight, airspeed.scale, airspeed.zero_Pa, airspeed.wind)
     if samples.motor_revps is not None:
         known = np.isfinite(samples.motor_revps)
         if measured:

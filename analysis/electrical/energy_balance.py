@@ -23,6 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.electrical.ground_velocity import WIND, GroundVelocity, gusts
 from analysis.electrical.settings import PRIOR, RESIDUALS, WINDOWS
 from flight.units import GRAVITY_MPS2 as g
 
@@ -76,6 +77,17 @@ def by_angle(windows: Windows, mass_kg: float, V_mps: Array, sigma_rad: float, t
     """Covariance (n, n) [W^2] by errors of the angle of attack, at the airspeeds V_mps (n,) of the windows."""
     lift_W = mass_kg * g * V_mps * sigma_rad
     return np.asarray(np.outer(lift_W, lift_W) * _at_lags(_lags(windows), windows, windows.weight, time_s))
+
+
+def by_horizontal_gusts(windows: Windows, change: Array, sigma_w_mps: float, time_s: float) -> Array:
+    """Covariance (n, n) or (2 n, 2 n) [W^2] by gusts that go with vertical ones of this size and correlation time.
+
+    change: of the residuals with the wind, as `EnergyBalance.by_wind`.
+    """
+    size, scale = gusts()
+    correlation = (size * sigma_w_mps) ** 2 * _at_lags(_lags(windows), windows, windows.weight, scale * time_s)
+    times = len(change) // len(correlation)
+    return np.asarray(change @ change.T * np.tile(correlation, (times, times)))
 
 
 def uncorrelated(windows: Windows) -> Array:
@@ -136,6 +148,7 @@ class Samples(NamedTuple):
 
     force_x_mps2 : specific force along the accelerometer's first axis; None where it is not measured
     load_variance, side_variance : of load factor, and of side force over weight, within the smoothing of the samples
+    ground : where airspeed is not measured; the wind is then among the parameters, the last ones
     """
 
     t_s: Array
@@ -148,6 +161,7 @@ class Samples(NamedTuple):
     force_x_mps2: Array | None = None
     load_variance: Array | float = 0.0
     side_variance: Array | float = 0.0
+    ground: GroundVelocity | None = None
 
 
 @dataclass(frozen=True)
@@ -205,6 +219,8 @@ class EnergyBalance:
         samples, given: perturbed ones, for the effect of an error.
         """
         s, c = samples or self.samples, given or self.conditions
+        if s.ground is not None:
+            s, parameters = s._replace(V_mps=s.ground.airspeed(parameters[-len(WIND) :])), parameters[: -len(WIND)]
         drag_W, useful_W = self._drag_and_useful_W(parameters, s, c)
         energy = c.mass_kg * (g * s.height_m + s.V_mps**2 / 2)
         by_air_W = c.mass_kg * g * c.updraft_mps + self._mean(by_gusts_W(s, parameters, c))
@@ -213,6 +229,15 @@ class EnergyBalance:
         if s.force_x_mps2 is None:
             return np.asarray(of_drag)
         return np.concatenate([of_drag, change - self._mean(_along_path_W(s, s.force_x_mps2, useful_W, parameters, c))])
+
+    def by_wind(self, parameters: Array) -> Array:
+        """Change of the residuals with the wind to the north and to the east, (n or 2 n, 2) [W s/m]."""
+        columns = []
+        for i in (-len(WIND), 1 - len(WIND)):
+            changed = np.array(parameters)
+            changed[i] += 0.1
+            columns.append((self.residual(changed) - self.residual(parameters)) / 0.1)
+        return np.stack(columns, axis=1)
 
     def useful_W(self, parameters: Array) -> Array:
         """Thrust times airspeed, mean of each window (n,) [W]."""

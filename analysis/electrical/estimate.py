@@ -13,9 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.electrical.airspeed_gps import AirspeedErrors, airspeed_errors
-from analysis.electrical.energy_balance import EnergyBalance, FlightConditions, level_power
+from analysis.electrical.airspeed_gps import AirspeedErrors, airspeed_errors, by_wind
+from analysis.electrical.energy_balance import EnergyBalance, FlightConditions, Samples, level_power
 from analysis.electrical.fit import (
+    Fit,
     SharedErrors,
     derivatives,
     most_probable_fit,
@@ -24,7 +25,9 @@ from analysis.electrical.fit import (
     with_standard_error,
 )
 from analysis.electrical.flight_table import FlightTable
+from analysis.electrical.ground_velocity import WIND, ground_velocity, wind_prior
 from analysis.electrical.settings import CURVE, GPS, PRIOR, WINDOWS
+from analysis.estimation.noise import NORMAL_95
 from flight.aircraft import Aircraft
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2 as g
@@ -140,20 +143,22 @@ def _estimate(
     most_windows: int,
     most_points: int,
 ) -> ElectricalEstimate:
-    airspeed = airspeed_errors(flight, most_points)
     rho = float(np.median(flight.table["rho"].to_numpy()[flight.flown]))
     conditions = FlightConditions(weight_N / g, wing_area_m2, rho, flight.idle_power_W)
-    samples = samples_of(flight, airspeed.scale, airspeed.zero_Pa)
-    balance = EnergyBalance(samples, conditions, most_windows)
-    if len(balance.windows.centers_s) < WINDOWS.fewest:
-        raise InputError(f"{log}: the flight is too short or too torn for an energy balance")
-    if float(np.max(balance.power_W)) < 2 * conditions.idle_power_W + 5.0:
-        raise InputError(f"{log}: the motor took no power in flight; electrical power of level flight is not known")
-    fit = most_probable_fit(balance, *_prior(balance, span_m))
-    other = EnergyBalance(samples, conditions._replace(power_law=balance.middle()), most_windows)
-    by_power_law = most_probable_fit(other, *_prior(other, span_m), least_share=0.0)
-    if by_power_law.minus_2_log_evidence < fit.minus_2_log_evidence - PRIOR.law_evidence:
-        fit, balance, conditions = most_probable_fit(other, *_prior(other, span_m)), other, other.conditions
+    if flight.first_wind_mps is None:
+        airspeed = airspeed_errors(flight, most_points)
+        balance, fit = _fitted(
+            samples_of(flight, airspeed.scale, airspeed.zero_Pa), conditions, span_m, log, most_windows
+        )
+    else:
+        ground = ground_velocity(flight.table, flight.flown, flight.first_wind_mps)
+        wind, _ = wind_prior(flight.first_wind_mps)
+        for _ in range(2):  # the first wind may be wrong by as much as legs differ in airspeed
+            samples = samples_of(flight, 0.0, 0.0, wind)._replace(ground=ground)
+            balance, fit = _fitted(samples, conditions, span_m, log, most_windows)
+            wind = fit.parameters[-len(WIND) :]
+        airspeed = by_wind(wind, fit.covariance[-len(WIND) :, -len(WIND) :])
+    conditions = balance.conditions
     slowest, fastest = (float(np.percentile(balance.V_mps, share)) for share in CURVE.percentiles)
     V = np.linspace(slowest, fastest, CURVE.points)
     power = level_power(V, fit.parameters, conditions)
@@ -161,6 +166,13 @@ def _estimate(
     if known.sum() < 2:
         raise InputError(f"{log}: the flight does not determine the power of level flight at any speed flown")
     V, power = V[known], power[known]
+    if airspeed.wind_covariance is not None:
+        wind_sigma_mps = float(np.sqrt(np.linalg.eigvalsh(airspeed.wind_covariance[:2, :2])[-1]))
+        if wind_sigma_mps > GPS.known_wind * slowest:
+            raise InputError(
+                f"{log}: the log lacks airspeed, and headings hardly change: the wind is known to"
+                f" ±{NORMAL_95 * wind_sigma_mps:.1f} m/s only; fly turns, or mount a pitot tube and its sensor"
+            )
     shared = [*shared_errors(flight, balance, fit, airspeed)]
 
     def curve(parameters: Array, given: FlightConditions) -> Array:
@@ -188,6 +200,23 @@ def _estimate(
     )
 
 
+def _fitted(
+    samples: Samples, conditions: FlightConditions, span_m: float, log: str, most_windows: int
+) -> tuple[EnergyBalance, Fit]:
+    """With a propeller's efficiency, or with the power law where that is far more probable."""
+    balance = EnergyBalance(samples, conditions, most_windows)
+    if len(balance.windows.centers_s) < WINDOWS.fewest:
+        raise InputError(f"{log}: the flight is too short or too torn for an energy balance")
+    if float(np.max(balance.power_W)) < 2 * conditions.idle_power_W + 5.0:
+        raise InputError(f"{log}: the motor took no power in flight; electrical power of level flight is not known")
+    fit = most_probable_fit(balance, *_prior(balance, span_m))
+    other = EnergyBalance(samples, conditions._replace(power_law=balance.middle()), most_windows)
+    by_power_law = most_probable_fit(other, *_prior(other, span_m), least_share=0.0)
+    if by_power_law.minus_2_log_evidence < fit.minus_2_log_evidence - PRIOR.law_evidence:
+        return other, most_probable_fit(other, *_prior(other, span_m))
+    return balance, fit
+
+
 def _prior(balance: EnergyBalance, span_m: float) -> tuple[Array, Array]:
     p = PRIOR
     drag, lift = (of(span_m, balance.conditions.wing_area_m2) for of in (drag_prior, lift_prior))
@@ -198,7 +227,11 @@ def _prior(balance: EnergyBalance, span_m: float) -> tuple[Array, Array]:
     else:
         efficiency = [(np.log(p.law_efficiency.mean), p.law_efficiency.sigma), p.law_speed, p.law_power]
     mean, sigma = np.array([*efficiency, p.idle_drag]).T
-    return np.concatenate([drag[0], mean, lift[0]]), np.concatenate([drag[1], sigma, lift[1]])
+    parts = [drag, (mean, sigma), lift]
+    if balance.samples.ground is not None:
+        parts.append(wind_prior(balance.samples.ground.first_wind_mps))
+    means, sigmas = zip(*parts, strict=True)
+    return np.concatenate(means), np.concatenate(sigmas)
 
 
 def drag_prior(span_m: float, wing_area_m2: float) -> tuple[Array, Array]:

@@ -15,10 +15,12 @@ from analysis.electrical.energy_balance import (
     by_air,
     by_angle,
     by_efficiency,
+    by_horizontal_gusts,
     of_both,
     uncorrelated,
 )
 from analysis.electrical.flight_table import FlightTable
+from analysis.electrical.ground_velocity import ground_velocity
 from analysis.electrical.settings import FLIGHT, RESIDUALS, SHARED
 from analysis.signals.smoothing import without_gaps
 
@@ -48,9 +50,13 @@ class Fit(NamedTuple):
     minus_2_log_evidence: float
 
 
-def samples_of(flight: FlightTable, scale: float, zero_Pa: float) -> Samples:
+def samples_of(flight: FlightTable, scale: float, zero_Pa: float, wind: Array | None = None) -> Samples:
+    """By the pitot, corrected for its scale and zero; with a wind (4,), by GPS less the wind."""
     table = flight.table
-    V = true_airspeed(table["pressure_Pa"].to_numpy(), table["rho"].to_numpy(), scale, zero_Pa)
+    if wind is None:
+        V = true_airspeed(table["pressure_Pa"].to_numpy(), table["rho"].to_numpy(), scale, zero_Pa)
+    else:
+        V = ground_velocity(table, flight.flown, wind[:2]).airspeed(wind)
     load_factor = table["load_factor"].fillna(1.0).to_numpy()
     height, power = table["height_m"].to_numpy(), table["power_W"].to_numpy()
     revps = table[recording.MOTOR].to_numpy()
@@ -88,7 +94,8 @@ def most_probable_fit(
     n, with_force = len(balance.V_mps), balance.samples.force_x_mps2 is not None
     white = uncorrelated(windows)
     times_s = RESIDUALS.times_s
-    airs = [by_air(windows, mass_kg, V, 1.0, time_s) for time_s in times_s]
+    along_mps = 0.0 if balance.samples.ground is not None else V  # a gust along the path changes no velocity by GPS
+    vertical = [by_air(windows, mass_kg, along_mps, 1.0, time_s) for time_s in times_s]
     angles = [by_angle(windows, mass_kg, balance.V_mps, 1.0, time_s) for time_s in RESIDUALS.times_s]
     unlikely = [
         (np.log(time_s * V / RESIDUALS.gust_length_m.mean) / RESIDUALS.gust_length_m.sigma) ** 2
@@ -103,24 +110,53 @@ def most_probable_fit(
     parameters, share = mean, RESIDUALS.efficiency_share.mean
     prior = RESIDUALS.efficiency_share
     unlikely_shares = [(np.log(np.array(SHARES) / prior.mean) / prior.sigma) ** 2]
+    horizontal: Array | None = None
+
+    def first(both: Array) -> Array:
+        return both[:n]
+
+    def second(both: Array) -> Array:
+        return both[n:]
+
+    def of_gusts(part: Callable[[Array], Array], size_mps: float, time_s: float) -> Array | float:
+        """What horizontal gusts do to a part of the residuals; nothing to a measured airspeed's."""
+        if horizontal is None:
+            return 0.0
+        return by_horizontal_gusts(windows, part(horizontal), size_mps, time_s)
+
     for _ in range(3):
-        noise = air = by_air(windows, mass_kg, V, gust_mps, gust_s)
+        air = by_air(windows, mass_kg, along_mps, gust_mps, gust_s)
         of_drag = by_efficiency(windows, balance.useful_W(parameters), share) + white
         noise = air + of_drag
         if with_force:
             of_force = by_angle(windows, mass_kg, balance.V_mps, angle_rad, angle_s) + white
             noise = of_both(air, of_drag, of_force)
+        if balance.samples.ground is not None:
+            horizontal = balance.by_wind(parameters)
+        noise = noise + of_gusts(lambda both: both, gust_mps, gust_s)
         whiten = np.linalg.inv(np.linalg.cholesky(noise))
         parameters, jacobian = most_probable(balance.residual, whiten, mean, sigma, parameters, measured=measured)
         residual = balance.residual(parameters)
         of_drag = by_efficiency(windows, balance.useful_W(parameters), share) + white
+        airs = [one + of_gusts(first, 1.0, time_s) for one, time_s in zip(vertical, times_s, strict=True)]
         gust_mps, gust_s = _size_and_time(residual[:n], of_drag, airs, SIGMAS_MPS, unlikely)
-        air = by_air(windows, mass_kg, V, gust_mps, gust_s)
+        air = by_air(windows, mass_kg, along_mps, gust_mps, gust_s)
         of_form = [by_efficiency(windows, balance.useful_W(parameters), 1.0)]
-        share = max(least_share, _size_and_time(residual[:n], air + white, of_form, SHARES, unlikely_shares)[0])
+        share = max(
+            least_share,
+            _size_and_time(
+                residual[:n], air + of_gusts(first, gust_mps, gust_s) + white, of_form, SHARES, unlikely_shares
+            )[0],
+        )
         if with_force:
             # Its residual hides an error of the angle under motion of the air, the sum of both under that of the form.
-            shown = ((residual[n:], air + white), (residual[:n] + residual[n:], of_drag + white))
+            shown = (
+                (residual[n:], air + of_gusts(second, gust_mps, gust_s) + white),
+                (
+                    first(residual) + second(residual),
+                    of_drag + of_gusts(lambda x: x[:n] + x[n:], gust_mps, gust_s) + white,
+                ),
+            )
             equal = [0.0] * len(RESIDUALS.times_s)
             angle_rad, angle_s = max(_size_and_time(*one, angles, ANGLES_RAD, equal) for one in shown)
     information = jacobian.T @ jacobian
@@ -208,8 +244,12 @@ def shared_errors(
     def error(samples: Samples, given: FlightConditions) -> tuple[Array, FlightConditions]:
         return fit.gain @ (balance.residual(fit.parameters, samples, given) - nominal), given
 
-    for scale, zero_Pa in np.linalg.cholesky(airspeed.covariance).T:
-        yield error(samples_of(flight, airspeed.scale + scale, airspeed.zero_Pa + zero_Pa), c)
+    if airspeed.wind is None:
+        for scale, zero_Pa in np.linalg.cholesky(airspeed.covariance).T:
+            yield error(samples_of(flight, airspeed.scale + scale, airspeed.zero_Pa + zero_Pa), c)
+    elif balance.samples.ground is None and airspeed.wind_covariance is not None:  # the wind is no parameter here
+        for change in np.linalg.cholesky(airspeed.wind_covariance).T:
+            yield error(samples_of(flight, 0.0, 0.0, airspeed.wind + change), c)
     heavier, warmer = 1 + SHARED.mass, 1 - flight.rho_sigma
     # GPS shows true airspeed: where it determines the scale, an error of density changes the scale, not the airspeed.
     thinner = balance.samples._replace(V_mps=balance.samples.V_mps / warmer ** ((1 - airspeed.by_gps) / 2))

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from analysis.autopilot_logs import recording
 from analysis.autopilot_logs.recording import Channel, FlightRecording
+from analysis.autopilot_logs.settings import READABLE
+from analysis.electrical.ground_velocity import circle_center, height_factor
 from analysis.electrical.settings import FLIGHT, TEMPERATURE, ZERO
 from analysis.electrical.throttle import Meter, meter, power_off
 from analysis.signals.smoothing import stretches
@@ -59,8 +61,11 @@ class Needed(NamedTuple):
     channels: frozenset[str]
 
 
+NO_AIRSPEED = (
+    "No airspeed sensor in this log: airspeed is the velocity by GPS less the wind, which is estimated with the curve."
+)
 NEEDED = (
-    Needed("airspeed: a pitot tube and its sensor", recording.OF_AIRSPEED),
+    Needed("airspeed: a pitot tube and its sensor, or GPS", recording.OF_AIRSPEED),
     Needed("static pressure: a barometer", recording.OF_BAROMETER),
     Needed("battery voltage and current: a power module", recording.OF_BATTERY),
 )
@@ -69,12 +74,14 @@ NEEDED = (
 class FlightTable(NamedTuple):
     """One flight on a uniform grid of FLIGHT.step_s.
 
-    table : index t_s; pressure_Pa (pitot, zero corrected), rho, height_m, power_W, load_factor, force_x_mps2,
-        load_variance and side_variance (of load factor, and of side force over weight, within a smoothing window),
-        motor_revps, GPS, throttle (NaN throughout where power does not follow it); NaN in gaps
+    table : index t_s; pressure_Pa (pitot, zero corrected; or by GPS, `_first_wind`), rho, height_m, power_W,
+        load_factor, force_x_mps2, load_variance and side_variance (of load factor, and of side force over weight,
+        within a smoothing window), motor_revps, GPS, wind_factor (`height_factor`), throttle (NaN throughout where
+        power does not follow it); NaN in gaps
     airborne : slices of rows          flown : the same as an array (n,)
     zero_sigma_Pa : standard deviation of the pitot's zero          rho_sigma : of density, relative
     idle_power_W : drawn from the battery with the motor off
+    first_wind_mps : (2,), north and east, where no sensor measures the airspeed
     """
 
     table: pd.DataFrame
@@ -85,6 +92,7 @@ class FlightTable(NamedTuple):
     air_temperature_K: float
     idle_power_W: float
     notes: list[str]
+    first_wind_mps: Array | None = None
 
     def thinned(self, every: int) -> "FlightTable":
         """One sample of so many."""
@@ -97,15 +105,27 @@ def flight_table(flight: FlightRecording, weight_N: float, wing_area_m2: float) 
     t_s = _grid(flight)
     columns = _columns(flight.channels, t_s)
     least_Pa = weight_N / wing_area_m2 / FLIGHT.highest_CL
-    standing, moving = _standing_and_moving(columns, least_Pa, flight.zeroed)
-    zero_Pa, zero_sigma_Pa, notes = _zero(flight, columns["pressure_Pa"], standing, moving)
-    columns["pressure_Pa"] = columns["pressure_Pa"] - zero_Pa
+    has_pitot = recording.AIRSPEED_PRESSURE in flight.channels
+    if has_pitot:
+        standing, moving = _standing_and_moving(columns, least_Pa, flight.zeroed)
+        zero_Pa, zero_sigma_Pa, notes = _zero(flight, columns["pressure_Pa"], standing, moving)
+        columns["pressure_Pa"] = columns["pressure_Pa"] - zero_Pa
+    else:
+        ground_mps = _ground_speed(columns)
+        standing, moving = ground_mps < FLIGHT.standing_mps, ground_mps > FLIGHT.moving_mps
+        zero_sigma_Pa, notes = 0.0, [NO_AIRSPEED]
     temperature_K, temperature_sigma_K, temperature_note = _air_temperature_K(flight, moving, t_s)
     columns["rho"] = np.asarray(density(columns["static_Pa"], temperature_K))
     reference_Pa = float(np.nanmedian(columns["static_Pa"]))
     columns["height_m"] = np.asarray(
         height_at(columns["static_Pa"], ground_pressure_Pa=reference_Pa, ground_temperature_K=temperature_K)
     )
+    first_wind = None
+    columns["wind_factor"] = np.ones(len(t_s))
+    if not has_pitot:
+        ground_m = _ground_height(columns["height_m"], standing)
+        columns["wind_factor"] = height_factor(columns["height_m"], ground_m, moving)
+        first_wind, moving = _first_wind(columns, moving, least_Pa)
     airborne = _airborne(columns, standing, moving, least_Pa)
     _refuse_meter(flight.path, columns, moving, weight_N)
     if sum(rows.stop - rows.start for rows in airborne) * FLIGHT.step_s < FLIGHT.shortest_flight_s:
@@ -132,6 +152,7 @@ def flight_table(flight: FlightRecording, weight_N: float, wing_area_m2: float) 
         temperature_K,
         idle_W,
         [*flight.notes, *notes, *throttle_notes, temperature_note],
+        first_wind,
     )
 
 
@@ -164,11 +185,38 @@ def _believed_throttle(columns: Mapping[str, Array], moving: BoolArray) -> tuple
     return np.full(len(moving), np.nan), notes
 
 
+def _ground_speed(columns: Mapping[str, Array]) -> Array:
+    """Over the time that a flight takes to be recognized (n,) [m/s]."""
+    speed_mps = pd.Series(np.hypot(columns[recording.GPS[0]], columns[recording.GPS[1]]))
+    window = round(FLIGHT.recognized_over_s / FLIGHT.step_s)
+    return speed_mps.rolling(window, center=True, min_periods=1).mean().to_numpy()
+
+
+def _first_wind(columns: dict[str, Array], moving: BoolArray, least_Pa: float) -> tuple[Array, BoolArray]:
+    """The wind (2,) by ground velocities alone, and the rows (n,) that fly. Adds the pressure that a pitot would show.
+
+    Again without what rolls or is carried: it does not fly at the airspeed of the rest.
+    """
+    north, east, down = (columns[name] for name in recording.GPS)
+    flying, wind = moving, np.zeros(2)
+    for _ in range(2):
+        rows = flying & np.isfinite(north + east)
+        if rows.sum() < READABLE.fewest_samples:
+            break
+        wind = circle_center(north[rows], east[rows], FLIGHT.step_s)
+        through_air = np.square([north - wind[0], east - wind[1], down]).sum(axis=0)
+        columns["pressure_Pa"] = columns["rho"] / 2 * through_air
+        flying = moving & (columns["pressure_Pa"] > least_Pa)
+    return wind, flying
+
+
 def _grid(flight: FlightRecording) -> Array:
-    if missing := [part for part in NEEDED if not flight.channels.keys() >= part.channels]:
+    has_airspeed = recording.AIRSPEED_PRESSURE in flight.channels
+    has_gps = flight.channels.keys() >= set(recording.GPS)
+    if missing := [part for part in NEEDED[has_gps:] if not flight.channels.keys() >= part.channels]:
         said = "; ".join(part.title + flight.enabled_by.get(part.channels, "") for part in missing)
         raise InputError(f"{flight.path}: the log lacks {said}")
-    main = flight.channels[recording.AIRSPEED_PRESSURE].t_s
+    main = flight.channels[recording.AIRSPEED_PRESSURE if has_airspeed else recording.GPS[0]].t_s
     if main[-1] - main[0] > FLIGHT.longest_log_s:
         raise InputError(f"{flight.path}: its clock spans {main[-1] - main[0]:.0f} s; longer than any flight")
     return np.asarray(np.arange(main[0], main[-1], FLIGHT.step_s))

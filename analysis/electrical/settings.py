@@ -76,6 +76,9 @@ class AirspeedByGps(Settings):
     correlation_s: tuple[float, ...] = setting((2.0, 5.0, 10.0, 20.0, 40.0), "s", "candidates; the likeliest is taken")
     white_share: float = setting(0.05, "1", "of the residuals' variance, by GPS noise")
     spacing_s: float = setting(1.0, "s", "of the points: closer ones are not independent")
+    airspeed_change_mps: float = setting(3.0, "m/s", "between legs: for the first wind of a flight without a pitot")
+    known_wind: float = setting(0.1, "1", "of the slowest airspeed: a wind less well known makes 30 % of power")
+    roughness_m: float = setting(0.05, "m", "of grass and crops (MIL-F-8785C: 0.15 ft)")
     most_points: int = setting(500, "1", "a matrix of this size is inverted several times")
 
 

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.electrical.airspeed_gps import true_airspeed
 from analysis.electrical.estimate import ElectricalEstimate
+from analysis.electrical.fit import samples_of
 from analysis.electrical.flight_table import FlightTable
 from analysis.files import write_file
 from analysis.report.answers import HeadlineAnswer, interval_text, optimum_remark
@@ -77,10 +77,10 @@ def _speed_remark(best: SpeedInterval, results: Results) -> str:
 
 
 def _page(results: Results, flight: FlightTable, estimate: ElectricalEstimate, before: str) -> str:
-    found, table = results.electrical, flight.table
+    found = results.electrical
     assert found is not None
     errors = estimate.airspeed
-    V = true_airspeed(table["pressure_Pa"].to_numpy(), table["rho"].to_numpy(), errors.scale, errors.zero_Pa)
+    V = samples_of(flight, errors.scale, errors.zero_Pa, errors.wind).V_mps
     drawn = {
         "power": electrical_power(results, estimate),
         "flight": flight_figure(flight, V),
@@ -156,6 +156,9 @@ def _shared_part(found: ElectricalResult) -> str:
 
 
 def _air(found: ElectricalResult) -> str:
+    if found.airspeed_scale is None:
+        wind = f"Wind {found.wind_mps:.1f} m/s from {found.wind_from_deg:.0f} deg"
+        return f"{wind}; airspeed is the velocity by GPS less the wind."
     if found.wind_mps is None or found.wind_from_deg is None:
         return "Without GPS neither wind nor the error of the airspeed is known."
     return (

@@ -144,7 +144,7 @@ def _beside_the_curve(found: ElectricalFlight) -> ElectricalResult:
         endurance = _interval(battery_J / float(np.min(power)), battery_J / np.min(draws, axis=1))
         range_m = _interval(battery_J / float(np.min(power / V)), battery_J / np.min(draws / V, axis=1))
     noise, systematic = (NORMAL_95 * np.sqrt(np.diag(part)) for part in (estimate.noise, estimate.systematic))
-    scale, scale_error = estimate.airspeed.scale, float(np.sqrt(estimate.airspeed.covariance[0, 0]))
+    scale, half_scale = estimate.airspeed.scale, NORMAL_95 * float(np.sqrt(estimate.airspeed.covariance[0, 0]))
     return ElectricalResult(
         least_power_speed=_best_speed(V, power, draws),
         best_range_speed=_best_speed(V, power / V, draws / V),
@@ -156,7 +156,9 @@ def _beside_the_curve(found: ElectricalFlight) -> ElectricalResult:
         ],
         residual_W=float(np.sqrt(np.mean(estimate.residual_W**2))),
         idle_power_W=estimate.conditions.idle_power_W,
-        airspeed_scale=Interval(value=scale, lo=scale - NORMAL_95 * scale_error, hi=scale + NORMAL_95 * scale_error),
+        airspeed_scale=Interval(value=scale, lo=scale - half_scale, hi=scale + half_scale)
+        if estimate.airspeed.wind is None
+        else None,
         wind_mps=estimate.airspeed.wind_mps,
         wind_from_deg=estimate.airspeed.wind_from_deg,
         flown_s=float(flight.flown.sum() * FLIGHT.step_s),

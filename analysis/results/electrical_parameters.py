@@ -38,7 +38,9 @@ def flight_values(
     def equivalent(speed_mps: float) -> Interval:
         """With the errors of the airspeed and, where GPS shows true airspeed, of density."""
         by_zero = 1 / (c.rho * speed_mps**2)
-        share = float(np.sqrt(np.array([1.0, by_zero]) @ airspeed.covariance @ [1.0, by_zero] + by_density**2))
+        by_wind = 0.0 if airspeed.wind_covariance is None else np.trace(airspeed.wind_covariance[:2, :2]) / 2
+        variance = np.array([1.0, by_zero]) @ airspeed.covariance @ [1.0, by_zero] + by_wind / speed_mps**2
+        share = float(np.sqrt(variance + by_density**2))
         return around(speed_mps * to_equivalent, NORMAL_95 * share * speed_mps * to_equivalent)
 
     cruise = float(best_range.speed_mps or V[0])
@@ -61,7 +63,7 @@ def flight_values(
 
     (sink, sink_error), (polar, polar_error) = source.quantity(sinking), source.quantity(two_term_polar)
     scale_half = NORMAL_95 * float(np.sqrt(airspeed.covariance[0, 0] + by_density**2))
-    by_gps = airspeed.wind_mps is not None
+    by_gps = airspeed.wind_mps is not None and airspeed.wind is None
     return FlightValues(
         cruise=Interval(value=cruise, lo=float(lo), hi=float(hi)).times(to_equivalent),
         slowest=equivalent(float(V[0])),

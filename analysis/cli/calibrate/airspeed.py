@@ -72,6 +72,8 @@ def autopilot_airspeed(log: Path, firmware: str) -> "AirspeedCalibration":
 
     typical_N, area_m2 = 60.0, 1.0  # their ratio recognizes flight
     flight = flight_table(read_autopilot_log(log, firmware), typical_N, area_m2)
+    if flight.first_wind_mps is not None:
+        raise InputError(f"{log}: the log lacks airspeed, whose scale could be determined")
     found = airspeed_errors(flight)
     if found.wind_mps is None or found.wind_from_deg is None:
         raise InputError(f"{log}: no GPS velocity in flight: neither scale nor wind can be determined")

@@ -124,7 +124,9 @@ def test_the_scale_s_error_under_an_autopilot_is_that_of_the_comparison_with_gps
     """Flight is recognized by a wing loading of 60 N/m^2; headings are those through the air, in flight."""
     heading = np.linspace(0, 2 * np.pi, 400, endpoint=False)
     velocity = {GPS[0]: 15 * np.cos(heading) - 4.0, GPS[1]: 15 * np.sin(heading), GPS[2]: 0.0}
-    flown = SimpleNamespace(table=pd.DataFrame(velocity), flown=np.ones(400, dtype=bool), notes=["of the flight"])
+    flown = SimpleNamespace(
+        table=pd.DataFrame(velocity), flown=np.ones(400, dtype=bool), notes=["of the flight"], first_wind_mps=None
+    )
     loading = []
     errors = AirspeedErrors(0.02, 1.0, np.diag([0.003**2, 4.0]), 4.0, 0.0)
     monkeypatch.setattr("analysis.cli.electrical.read_autopilot_log", lambda *_: None)

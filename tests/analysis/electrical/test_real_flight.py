@@ -2,15 +2,22 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from analysis.autopilot_logs.px4 import read_px4
+from analysis.autopilot_logs.recording import AIRSPEED_PRESSURE
 from analysis.cli.analyze import app
 from analysis.cli.calibrate import app as calibrate
+from analysis.electrical.estimate import estimate
+from analysis.electrical.flight_table import flight_table
+from analysis.estimation.noise import NORMAL_95
 from flight.command_line import ExitCode
+from flight.units import GRAVITY_MPS2
 from tests.shared_data import beside, needs
 
 LOG = beside("pixhawk/seaway-mini-flight3.ulg")
@@ -86,6 +93,19 @@ def test_calibrate_airspeed_of_an_autopilots_log(tmp_path: Path, results: dict) 
     assert "flown in one direction" not in done.output  # circles
     assert done.exit_code == ExitCode.FAILURE
     assert not (tmp_path / "airspeed.json").exists()
+
+
+def test_without_its_airspeed_sensor_the_flight_gives_the_same_curve(results: dict) -> None:
+    """By GPS on circles, and the intervals are at most two and a half times those with the sensor."""
+    whole, weight_N = read_px4(LOG), 9.4 * GRAVITY_MPS2
+    blind = replace(whole, channels={k: x for k, x in whole.channels.items() if k != AIRSPEED_PRESSURE})
+    found = estimate(flight_table(blind, weight_N, 1.499), weight_N, 1.499, 4.0)
+    power, error = (np.interp(SPEEDS, found.V_mps, x) for x in (found.power_W, found.standard_error_W))
+    half_W = (at_speeds(results, "power_hi_W") - at_speeds(results, "power_lo_W")) / 2
+    assert (np.abs(power - at_speeds(results, "power_W")) < NORMAL_95 * error).all()
+    assert (np.abs(power - PUBLISHED_W) < NORMAL_95 * error).all()
+    assert (NORMAL_95 * error < 2.5 * half_W).all()
+    assert found.airspeed.wind_mps == pytest.approx(results["electrical"]["wind_mps"], abs=0.5)
 
 
 def test_endurance_is_the_battery_at_least_power(results: dict) -> None:

@@ -1,5 +1,6 @@
 """A simulated flight as PX4 and ArduPilot log it, with the traps of real logs: the true power is in the interval."""
 
+import dataclasses
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,7 +12,8 @@ from pyulog import ULog
 
 from analysis.autopilot_logs.ardupilot import read_ardupilot
 from analysis.autopilot_logs.px4 import read_px4
-from analysis.autopilot_logs.recording import MOTOR, FlightRecording
+from analysis.autopilot_logs.recording import AIRSPEED_PRESSURE, GPS, MOTOR, Channel, FlightRecording
+from analysis.electrical import estimate as estimate_module
 from analysis.electrical.drag import DragEstimate, DragLacks, DragWithheld, ThrustSource, drag_estimate
 from analysis.electrical.estimate import ElectricalEstimate, estimate
 from analysis.electrical.flight_table import FlightTable, flight_table
@@ -109,10 +111,42 @@ def test_hovering_is_left_out(tmp_path: Path, px4_log: Path) -> None:
     assert 220 < table.table.index[table.flown].max() < 251
 
 
-def test_without_airspeed(tmp_path: Path, flown: tuple[Flight, FlightSensorTruth, DrawnErrors]) -> None:
+def test_without_airspeed(
+    tmp_path: Path, flown: tuple[Flight, FlightSensorTruth, DrawnErrors], px4: FlightRecording
+) -> None:
+    """Velocity by GPS less the wind: 4 m/s at 20 ft, from 300 deg, which is 5.9 m/s at the median height of 60 m."""
     write_ardupilot_log(tmp_path / "00000001.BIN", *flown, ["no-airspeed"])
+    recording = read_ardupilot(tmp_path / "00000001.BIN")
+    table, found = analyzed(recording)
+    assert found.airspeed.wind_mps == pytest.approx(5.9, abs=0.2)
+    assert found.airspeed.wind_from_deg == pytest.approx(300.0, abs=2.0)
+    V = found.V_mps[::15]
+    true_W = true_power(AIRCRAFT, flown[0], flown[2], V, found.conditions.rho)
+    assert (np.abs(found.power_W[::15] - true_W) < NORMAL_95 * found.standard_error_W[::15]).all()
+    _, measured = analyzed(px4)
+    widest = 2.5 * np.interp(V, measured.V_mps, measured.standard_error_W)
+    assert (found.standard_error_W[::15] < widest).all()
+    drag = drag_estimate(table, found, GEOMETRY.span_m, ThrustSource(PROPELLER))
+    assert isinstance(drag, DragEstimate)
+    without_gps = replace(recording, channels={k: x for k, x in recording.channels.items() if k not in GPS})
     with pytest.raises(InputError, match="lacks airspeed"):
-        analyzed(read_ardupilot(tmp_path / "00000001.BIN"))
+        analyzed(without_gps)
+
+
+def test_a_wind_that_turns_hardly_show_is_said(px4: FlightRecording, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With one turn the wind is known worse than with five; beyond a limit there is no curve."""
+    blind = {k: x for k, x in px4.channels.items() if k != AIRSPEED_PRESSURE}
+    until_s = px4.channels[GPS[0]].t_s[0] + 110.0
+    one_turn = {k: Channel(x.t_s[x.t_s < until_s], x.value[x.t_s < until_s]) for k, x in blind.items()}
+    few, many = (analyzed(replace(px4, channels=of))[1].airspeed.wind_covariance for of in (one_turn, blind))
+    assert few is not None and many is not None
+    worst = [float(np.sqrt(np.linalg.eigvalsh(one[:2, :2])[-1])) for one in (few, many)]
+    assert worst[0] > 2 * worst[1]
+    limit = dataclasses.replace(estimate_module.GPS, known_wind=(worst[0] + worst[1]) / 2 / 15.0)
+    monkeypatch.setattr(estimate_module, "GPS", limit)
+    with pytest.raises(InputError, match="headings hardly change"):
+        analyzed(replace(px4, channels=one_turn))
+    analyzed(replace(px4, channels=blind))
 
 
 @pytest.fixture(scope="module")

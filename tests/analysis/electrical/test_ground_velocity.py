@@ -1,0 +1,60 @@
+"""Airspeed as the velocity by GPS less the wind: circles, the wind's profile, and what gusts do to it."""
+
+import numpy as np
+import pytest
+
+from analysis.electrical.energy_balance import Windows, by_horizontal_gusts
+from analysis.electrical.ground_velocity import GroundVelocity, circle_center, gusts, height_factor
+from analysis.electrical.settings import GPS
+
+STEP_S = 0.2
+
+
+def turning(seconds: float, V: float = 15.0, wind: tuple[float, float] = (-3.0, 5.0)) -> tuple[np.ndarray, np.ndarray]:
+    """Ground velocity on circles of 40 s, or on one heading where it lasts less than a second."""
+    heading = 2 * np.pi * np.arange(0.0, seconds, STEP_S) / 40.0
+    return V * np.cos(heading) + wind[0], V * np.sin(heading) + wind[1]
+
+
+def test_the_center_of_circles_is_the_wind() -> None:
+    assert circle_center(*turning(400.0), STEP_S) == pytest.approx([-3.0, 5.0], abs=0.15)
+    one_heading = np.full(2000, 18.0), np.full(2000, 2.0)
+    assert np.hypot(*circle_center(*one_heading, STEP_S)) < GPS.wind_sigma_mps
+
+
+def test_airspeed_is_what_is_left_of_the_ground_velocity() -> None:
+    north, east = turning(80.0)
+    t_s = np.arange(len(north)) * STEP_S - 40.0
+    trend = 0.01
+    ground = GroundVelocity(north + trend * t_s, east, 0 * t_s, np.ones(len(t_s)), t_s, np.zeros(2))
+    assert ground.airspeed(np.array([-3.0, 5.0, trend, 0.0])) == pytest.approx(15.0)
+    climbing = ground._replace(down_mps=np.full(len(t_s), -8.0), height_factor=np.full(len(t_s), 0.5))
+    assert climbing.airspeed(np.array([-6.0, 10.0, 2 * trend, 0.0])) == pytest.approx(np.hypot(15.0, 8.0))
+
+
+def test_the_wind_grows_with_the_logarithm_of_height() -> None:
+    height, flown = np.array([130.0, 140.0, 180.0]), np.array([False, True, True])
+    ground = np.full(3, 120.0)
+    found = height_factor(height, ground, flown)
+    middle = (np.log(20.0 / GPS.roughness_m) + np.log(60.0 / GPS.roughness_m)) / 2
+    assert found == pytest.approx(np.log(np.array([10.0, 20.0, 60.0]) / GPS.roughness_m) / middle)
+    assert height_factor(height, None, flown) == pytest.approx(1.0)
+    assert np.isfinite(height_factor(ground, ground, flown)).all(), "on the ground"
+
+
+def test_horizontal_gusts_near_the_ground_are_larger_and_longer() -> None:
+    """At 60 m by MIL-F-8785C: 1.54 times the vertical ones, over 3.66 times their length."""
+    assert gusts() == pytest.approx((1.54, 3.66), rel=0.005)
+
+
+def test_a_gust_changes_windows_as_the_wind_does() -> None:
+    """Over windows much shorter than the gust all of its variance is left; far apart nothing correlates."""
+    offsets = np.linspace(-1.0, 1.0, 11)
+    windows = Windows(np.array([0.0, 1.0, 1e4]), offsets, np.full(11, 1 / 11), np.zeros(11))
+    change = np.array([[2.0, 0.0], [0.0, 3.0], [1.0, 1.0]])
+    found = by_horizontal_gusts(windows, change, 0.5, 1000.0)
+    assert np.diag(found) == pytest.approx((0.5 * gusts()[0]) ** 2 * np.array([4.0, 9.0, 2.0]), rel=1e-3)
+    assert found[0, 1] == 0.0, "a gust to the north does nothing where the east counts"
+    assert abs(found[0, 2]) < 0.1 * np.sqrt(found[0, 0] * found[2, 2])
+    twice = by_horizontal_gusts(windows, np.vstack([change, -change]), 0.5, 1000.0)
+    assert twice[:3, 3:] == pytest.approx(-found)
