@@ -16,7 +16,7 @@ from scipy.linalg import solve_triangular
 from analysis.autopilot_logs import recording
 from analysis.autopilot_logs.settings import READABLE
 from analysis.electrical.flight_table import FlightTable
-from analysis.electrical.settings import GPS
+from analysis.electrical.settings import FLIGHT, GPS
 
 Array = NDArray[np.float64]
 
@@ -114,7 +114,7 @@ def airspeed_errors(flight: FlightTable, most_points: int = GPS.most_points) -> 
     table, step_s = flight.table, float(flight.table.index[1] - flight.table.index[0])
     has_gps = table[list(recording.GPS)].notna().all(axis=1).to_numpy()
     rows = np.flatnonzero(flight.flown & has_gps)
-    rows = rows[:: max(round(GPS.spacing_s / step_s), len(rows) // most_points, 1)]
+    rows = rows[:: max(round(FLIGHT.smoothing_s / step_s), len(rows) // most_points, 1)]
     if len(rows) < READABLE.fewest_samples:
         return AirspeedErrors(0.0, 0.0, np.diag(prior_sigma**2), None, None)
     t_s = table.index.to_numpy()

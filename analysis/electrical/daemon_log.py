@@ -96,7 +96,7 @@ def whole_flight(log: Log, aircraft: Aircraft, propeller: Propeller) -> WholeFli
         flight = flight_table(recording, weight_N, geometry.wing_area_m2).thinned(BESIDE_A_COMPLETE_LOG.every)
         electrical = estimate(
             flight, weight_N, geometry.wing_area_m2, geometry.span_m, str(log.path),
-            most_windows=BESIDE_A_COMPLETE_LOG.most_windows, most_points=BESIDE_A_COMPLETE_LOG.most_points,
+            most_windows=BESIDE_A_COMPLETE_LOG.most_windows, most_points=2 * BESIDE_A_COMPLETE_LOG.most_windows,
         )  # fmt: skip
         source = ThrustSource(propeller, None, aircraft.uncertainty, stand_measurements(aircraft))
         drag = drag_estimate(flight, electrical, geometry.span_m, source, BESIDE_A_COMPLETE_LOG.most_windows)

@@ -28,6 +28,7 @@ from analysis.electrical.flight_table import FlightTable
 from analysis.electrical.ground_velocity import WIND, ground_velocity, wind_prior
 from analysis.electrical.settings import CURVE, GPS, PRIOR, WINDOWS
 from analysis.estimation.noise import NORMAL_95
+from analysis.settings import CURVES
 from flight.aircraft import Aircraft
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2 as g
@@ -160,7 +161,7 @@ def _estimate(
         airspeed = by_wind(wind, fit.covariance[-len(WIND) :, -len(WIND) :])
     conditions = balance.conditions
     slowest, fastest = (float(np.percentile(balance.V_mps, share)) for share in CURVE.percentiles)
-    V = np.linspace(slowest, fastest, CURVE.points)
+    V = np.linspace(slowest, fastest, CURVES.points)
     power = level_power(V, fit.parameters, conditions)
     known = np.isfinite(power)
     if known.sum() < 2:

@@ -18,7 +18,7 @@ from analysis.autopilot_logs import recording
 from analysis.autopilot_logs.recording import Channel, FlightRecording
 from analysis.autopilot_logs.settings import READABLE
 from analysis.electrical.ground_velocity import circle_center, height_factor
-from analysis.electrical.settings import FLIGHT, TEMPERATURE, ZERO
+from analysis.electrical.settings import FLIGHT, TEMPERATURE, WINDOWS, ZERO
 from analysis.electrical.throttle import Meter, meter, power_off
 from analysis.signals.smoothing import stretches
 from flight.atmosphere import density, height_at, temperature_at
@@ -112,7 +112,7 @@ def flight_table(flight: FlightRecording, weight_N: float, wing_area_m2: float) 
         columns["pressure_Pa"] = columns["pressure_Pa"] - zero_Pa
     else:
         ground_mps = _ground_speed(columns)
-        standing, moving = ground_mps < FLIGHT.standing_mps, ground_mps > FLIGHT.moving_mps
+        standing, moving = ground_mps < FLIGHT.standing_mps, ground_mps > 2 * FLIGHT.standing_mps
         zero_sigma_Pa, notes = 0.0, [NO_AIRSPEED]
     temperature_K, temperature_sigma_K, temperature_note = _air_temperature_K(flight, moving, t_s)
     columns["rho"] = np.asarray(density(columns["static_Pa"], temperature_K))
@@ -268,7 +268,7 @@ def _standing_and_moving(columns: Mapping[str, Array], least_Pa: float, zeroed: 
     moving = pressure - known_zero > least_Pa
     if has_gps:
         slow = pd.Series(ground_speed).rolling(window, center=True, min_periods=1).mean().to_numpy()
-        moving &= ~(slow < FLIGHT.moving_mps) | (pressure - known_zero > 3 * least_Pa)
+        moving &= ~(slow < 2 * FLIGHT.standing_mps) | (pressure - known_zero > 3 * least_Pa)
     return standing, moving
 
 
@@ -341,12 +341,12 @@ def _airborne(columns: Mapping[str, Array], standing: BoolArray, moving: BoolArr
     ground = _ground_height(columns["height_m"], standing)
     if ground is not None:
         flying &= columns["height_m"] - ground > FLIGHT.clear_of_ground_m
-    trim = round(FLIGHT.trim_s / FLIGHT.step_s)
+    trim = round(WINDOWS.length_s / FLIGHT.step_s)
     found = []
     for rows in stretches(flying):
         start = rows.start + (trim if _touches_ground(moving, rows.start, -1) else 0)
         stop = rows.stop - (trim if _touches_ground(moving, rows.stop - 1, 1) else 0)
-        if (stop - start) * FLIGHT.step_s >= FLIGHT.shortest_stretch_s:
+        if (stop - start) * FLIGHT.step_s >= 2.5 * WINDOWS.length_s:
             found.append(slice(start, stop))
     return found
 
@@ -362,7 +362,7 @@ def _ground_height(height: Array, standing: BoolArray) -> Array | None:
 
 def _touches_ground(moving: BoolArray, row: int, direction: int) -> bool:
     """Whether within a few seconds beyond a row the aircraft was on the ground, or the log ends there in flight."""
-    reach = round(2 * FLIGHT.trim_s / FLIGHT.step_s)
+    reach = round(2 * WINDOWS.length_s / FLIGHT.step_s)
     beyond = moving[row : row + reach] if direction > 0 else moving[max(0, row - reach) : row]
     return bool(len(beyond)) and not bool(beyond.all())
 

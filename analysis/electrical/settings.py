@@ -23,12 +23,9 @@ class FlightDetection(Settings):
     recognized_over_s: float = setting(3.0, "s", "a gust on the ground is shorter")
     highest_CL: float = setting(3.0, "1", "below its dynamic pressure an aircraft stands or rolls; no flap reaches it")
     standing_mps: float = setting(1.0, "m/s", "ground speed that GPS shows at rest")
-    moving_mps: float = setting(2.0, "m/s", "a slower ground speed is standing with wind on the pitot, or hovering")
     climb_mps: float = setting(1.0, "m/s", "any take-off climbs faster, at an efficiency of 1")
     clear_of_ground_m: float = setting(3.0, "m", "above ground effect of a small wing, and a barometer's error")
-    trim_s: float = setting(8.0, "s", "after take-off and before landing: rotation and flare are no level flight")
     shortest_flight_s: float = setting(60.0, "s", "a shorter flight holds too few independent windows")
-    shortest_stretch_s: float = setting(20.0, "s", "between gaps: two windows and a half")
     longest_gap_s: float = setting(2.5, "s", "bridged by interpolation: well below a window")
     longest_log_s: float = setting(40_000.0, "s", "eleven hours; a longer one has a wrong clock")
     measured_share: float = setting(0.98, "1", "of the flight, from which a channel counts as measured throughout")
@@ -75,7 +72,6 @@ class AirspeedByGps(Settings):
     latency_s: float = setting(0.15, "s", "of GPS velocity, of common receivers")
     correlation_s: tuple[float, ...] = setting((2.0, 5.0, 10.0, 20.0, 40.0), "s", "candidates; the likeliest is taken")
     white_share: float = setting(0.05, "1", "of the residuals' variance, by GPS noise")
-    spacing_s: float = setting(1.0, "s", "of the points: closer ones are not independent")
     airspeed_change_mps: float = setting(3.0, "m/s", "between legs: for the first wind of a flight without a pitot")
     known_wind: float = setting(0.1, "1", "of the slowest airspeed: a wind less well known makes 30 % of power")
     roughness_m: float = setting(0.05, "m", "of grass and crops (MIL-F-8785C: 0.15 ft)")
@@ -165,7 +161,6 @@ class Curve(Settings):
     """Where power is told."""
 
     percentiles: tuple[float, float] = setting((5.0, 98.0), "%", "of the windows' airspeed: flown, not passed through")
-    points: int = setting(61, "1", "smooth in a figure")
     aspect_ratio: tuple[float, float] = setting((0.5, 60.0), "1", "outside, span and area are swapped or mistyped")
 
 
@@ -176,7 +171,6 @@ CURVE = Curve()
 class ThrustByTable(Settings):
     """Where thrust by the propeller's table can be used."""
 
-    slowest_revps: float = setting(5.0, "rev/s", "below it the blades stand, by degrees")
     greatest_J: float = setting(1.5, "1", "of the correction of the table: beyond, no table was measured")
     least_power: float = setting(0.1, "1", "of the 95th percentile, from which motor speed follows from power")
     motor_efficiency: tuple[float, float] = setting(
@@ -193,7 +187,6 @@ class BesideACompleteLog(Settings):
 
     every: int = setting(3, "1", "sample of the flight's table")
     most_windows: int = setting(100, "1", "a second of computation instead of ten")
-    most_points: int = setting(200, "1", "of airspeed against GPS")
 
 
 BESIDE_A_COMPLETE_LOG = BesideACompleteLog()

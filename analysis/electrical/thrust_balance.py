@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.autopilot_logs.settings import INSTANCES
 from analysis.electrical.energy_balance import (
     DragAndEfficiency,
     EnergyBalance,
@@ -82,7 +83,7 @@ class ThrustBalance(EnergyBalance):
     def shaft_W(self) -> Array:
         """Shaft power by the table, mean of each window (n,)."""
         s, c = self.samples, self.conditions
-        revps = np.maximum(self._revps(s, c), THRUST.slowest_revps)
+        revps = np.maximum(self._revps(s, c), INSTANCES.turning_revps)
         return self._mean(self._propeller.thrust_and_power(s.V_mps, revps, c.rho)[1])
 
     def motor_W(self) -> Array:
@@ -101,7 +102,7 @@ class ThrustBalance(EnergyBalance):
         """Thrust by the table and advance ratio, (n,) each; they do not depend on the parameters."""
         if self._known is None or self._known[0] is not s or self._known[1] is not c:
             revps = self._revps(s, c)
-            turning, n = np.clip(revps / THRUST.slowest_revps, 0.0, 1.0), np.maximum(revps, THRUST.slowest_revps)
+            turning, n = np.clip(revps / INSTANCES.turning_revps, 0.0, 1.0), np.maximum(revps, INSTANCES.turning_revps)
             thrust_N, _ = self._propeller.thrust_and_power(s.V_mps, n, c.rho)
             standing_N = self._propeller.standing_thrust(s.V_mps, c.rho)
             J = np.minimum(s.V_mps / (n * self._propeller.diameter_m), THRUST.greatest_J)
@@ -113,7 +114,7 @@ class ThrustBalance(EnergyBalance):
             assert s.motor_revps is not None
             return s.motor_revps
         power_W = np.maximum(c.power_scale * s.power_W - c.idle_power_W, 0.0)
-        revps = np.geomspace(THRUST.slowest_revps, 600.0, 120)
+        revps = np.geomspace(INSTANCES.turning_revps, 600.0, 120)
         speed_mps = np.linspace(0.0, float(np.nanmax(s.V_mps)) + 1.0, 40)
         found = np.full((len(speed_mps), len(power_W)), np.nan)
         for i, V in enumerate(speed_mps):
