@@ -540,6 +540,15 @@ class PerformanceResult(msgspec.Struct, frozen=True, kw_only=True):
     too_much: list[str] = []  # requested conditions in which full throttle does not sustain level flight
 
 
+class ElectricalStatistics(msgspec.Struct, frozen=True, kw_only=True):
+    """What a pool needs of one flight's electrical power, at some speeds."""
+
+    speed_mps: list[float]
+    power_W: list[float]
+    own_covariance: list[list[float]]  # by errors that each flight has anew
+    shared: dict[str, list[float]]  # change with one standard deviation of each error that all flights share
+
+
 class ElectricalResult(msgspec.Struct, frozen=True, kw_only=True):
     """What stands beside `electrical_power`: how it was found, and what else this flight does not give."""
 
@@ -559,6 +568,7 @@ class ElectricalResult(msgspec.Struct, frozen=True, kw_only=True):
     withheld: list[str]  # what is not known, and what it would take
     shaft_power: list[PowerPoint] = []  # of level flight, where a propeller table gives thrust
     thrust_basis: str = ""  # where thrust comes from
+    pooling: ElectricalStatistics | None = None  # null in results of earlier versions
 
 
 class PriorMeasurementStatistics(msgspec.Struct, frozen=True, kw_only=True):
@@ -653,6 +663,7 @@ class ElectricalFlight(msgspec.Struct, frozen=True, kw_only=True):
     aircraft: AircraftResult
     test: ConditionResult
     electrical_power: list[PowerPoint]
+    electrical: ElectricalResult | None = None
     evidence: list[Evidence] | None = None  # null in results of earlier versions
 
 

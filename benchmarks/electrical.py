@@ -8,6 +8,7 @@ import itertools
 import tempfile
 from pathlib import Path
 
+import msgspec
 import numpy as np
 from flights import Rows, Setup, flown
 from numpy.typing import NDArray
@@ -16,10 +17,15 @@ from analysis.autopilot_logs.ardupilot import read_ardupilot
 from analysis.autopilot_logs.px4 import read_px4
 from analysis.autopilot_logs.recording import AIRSPEED_PRESSURE, MOTOR, FlightRecording
 from analysis.electrical.drag import DragWithheld, ThrustSource, drag_estimate
-from analysis.electrical.estimate import estimate
+from analysis.electrical.estimate import FlownAircraft, estimate
 from analysis.electrical.flight_table import flight_table
 from analysis.electrical.thrust_balance import motor_constants
 from analysis.estimation.noise import NORMAL_95
+from analysis.pooling.electrical import compare_electrical, electrical_pool
+from analysis.results.electrical import ElectricalFlight as Found
+from analysis.results.electrical import electrical_results
+from analysis.results.provenance import provenance_of_file
+from analysis.schema import ElectricalFlight
 from flight.aircraft import Aircraft
 from flight.complete_aircraft import CompleteAircraft, load_complete_aircraft
 from flight.errors import InputError
@@ -38,6 +44,7 @@ Errors = tuple[Array, Array]
 AUTOPILOTS = {"px4": (write_px4_log, read_px4), "ardupilot": (write_ardupilot_log, read_ardupilot)}
 WITHOUT = {"motor": MOTOR, "blind": AIRSPEED_PRESSURE}
 SPEEDS = 7
+MORE_DRAG = 0.04
 CLOSED_LOOP = "laps"  # the plan that an energy controller flies, in a mean wind of W20
 MOTOR_REVPS = np.linspace(20.0, 250.0, 3000)
 
@@ -86,17 +93,71 @@ def one_flight(setup: Setup, *, autopilots: str = "px4", of: str = "electrical",
     return rows
 
 
+def one_campaign(setup: Setup, *, sizes: str = "1,3,10", changed: int = 0, blind: bool = False) -> Rows:
+    """Pools of the first flights of one aircraft, which has the same errors in all; and the difference of as many
+    flights with `MORE_DRAG` from as many without."""
+    pools, aircraft = [int(size) for size in sizes.split(",")], load_complete_aircraft(setup.aircraft)
+    name = "blind" if blind else "electrical"
+    flights, rows = [_pooled_flight(setup, aircraft, n, name) for n in range(max(pools))], []
+    for size in pools:
+        pool = electrical_pool([found for found, _, _ in flights[:size]])
+        at = np.linspace(0, len(pool.V_mps) - 1, SPEEDS).round().astype(int)
+        _, flight, errors = flights[0]
+        truth = true_power(aircraft, flight, errors, pool.V_mps[at], pool.condition.air_density_kgpm3)
+        half = NORMAL_95 * np.sqrt(np.diag(pool.covariance))[at]
+        rows.append((f"pool of {size}", np.stack([100 * (pool.power_W[at] / truth - 1), 100 * half / truth])))
+    if changed:
+        drag = {part: (1 + MORE_DRAG) * aircraft.aerodynamics[part] for part in ("CD0", "K")}
+        draggy = dataclasses.replace(aircraft, aerodynamics={**aircraft.aerodynamics, **drag})
+        b = [_pooled_flight(setup, draggy, 100 + n, name) for n in range(changed)]
+        a = [found for found, _, _ in flights[:changed]]
+        found = compare_electrical(a, [one for one, _, _ in b])
+        V = np.array([row.speed_mps for row in found.differences])
+        true = [true_power(of, one[1], one[2], V, found.test.air_density_kgpm3)
+                for of, one in ((aircraft, flights[0]), (draggy, b[0]))]  # fmt: skip
+        error = np.array([row.difference_percent for row in found.differences]) - 100 * (true[1] / true[0] - 1)
+        half = np.array([row.hi_percent - row.lo_percent for row in found.differences]) / 2
+        rows.append((f"difference, {changed} flights each", np.stack([error, half])))
+        rows.append((f"{MORE_DRAG:.0%} of drag {'seen' if found.differs else 'not seen'}", np.empty((2, 0))))
+        halves = compare_electrical(a[::2], a[1::2])
+        rows.append((f"equal configurations found {'different' if halves.differs else 'equal'}", np.empty((2, 0))))
+    return rows
+
+
+def _pooled_flight(
+    setup: Setup, aircraft: CompleteAircraft, n: int, of: str
+) -> tuple[ElectricalFlight, Flight, DrawnErrors]:
+    """Flight n of a campaign: errors of the aircraft as in its first, air and zeros of its own."""
+    one = setup._replace(seed=1000 * setup.seed + n)
+    errors = dataclasses.replace(one.drawn, values=setup.drawn.values)
+    flight, sensors, _ = flown(aircraft, errors, one.plan, one.seed, one.turbulence_kt)
+    with tempfile.TemporaryDirectory() as folder:
+        log = Path(folder) / "log"
+        write_px4_log(log, flight, sensors, errors)
+        recording = _without(read_px4(log), of)
+    known = FlownAircraft("A", aircraft.mass.weight_N, aircraft.geometry.wing_area_m2, aircraft.geometry.span_m)
+    table = flight_table(recording, known.weight_N, known.wing_area_m2)
+    estimated = Found(table, estimate(table, known.weight_N, known.wing_area_m2, known.span_m))
+    provenance = provenance_of_file(Path(__file__), "", None, "")
+    results = electrical_results(Path(f"flight {one.seed}"), known, estimated, provenance)
+    return msgspec.convert(msgspec.to_builtins(results), ElectricalFlight), flight, errors
+
+
 def columns(_: Aircraft) -> list[str]:
     return ["slowest", *[""] * (SPEEDS - 2), "fastest"]
+
+
+def _without(recording: FlightRecording, of: str) -> FlightRecording:
+    """Without the channel that this quantity goes without."""
+    channels = {name: one for name, one in recording.channels.items() if name != WITHOUT.get(of)}
+    return dataclasses.replace(recording, channels=channels)
 
 
 def _errors(
     aircraft: CompleteAircraft, flight: Flight, errors: DrawnErrors, recording: FlightRecording, of: str
 ) -> Errors:
     weight, geometry = aircraft.mass.weight_N, aircraft.geometry
-    if of in WITHOUT:
-        channels = {name: one for name, one in recording.channels.items() if name != WITHOUT[of]}
-        recording = dataclasses.replace(recording, channels=channels)
+    recording = _without(recording, of)
     table = flight_table(recording, weight, geometry.wing_area_m2)
     found = estimate(table, weight, geometry.wing_area_m2, geometry.span_m)
     at = np.linspace(0, len(found.V_mps) - 1, SPEEDS).round().astype(int)

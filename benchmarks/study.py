@@ -59,6 +59,7 @@ CASES = {
     "answers": Case(answers.one_flight, "accel-decel", answers.columns),
     "thrust-stand": Case(thrust_stand.one_flight, "accel-decel"),
     "autopilot-logs": Case(electrical.one_flight, "ordinary-flight", electrical.columns),
+    "autopilot-pools": Case(electrical.one_campaign, "ordinary-flight", electrical.columns),
     "own-aircraft": Case(own_aircraft.one_flight, "accel-decel"),
     "chain": Case(chain.one_flight, "full-test-flight"),
 }

@@ -217,9 +217,11 @@ def read_results(folders: Sequence[Path]) -> FlightResults:
             found.to_pool.append(content)
         elif content.get("electrical") is not None:
             found.electrical.append(content)
-            found.left_out.append(f"{folder.name}: gives electrical power only, which is not pooled")
         else:
             found.left_out.append(f"{folder.name}: has no accelerations and decelerations, and is not pooled")
+    if found.to_pool:
+        only = "gives electrical power only, which is not pooled with drag"
+        found.left_out.extend(f"{one['log']}: {only}" for one in found.electrical)
     return found
 
 

@@ -42,20 +42,26 @@ def compare(
         _check_no_other_results(output / "results.json")
     from analysis.campaign.campaign import flight_folders_of, read_results
     from analysis.pooling.comparison import compare as compare_pools
+    from analysis.pooling.electrical import compare_electrical, electrical_flights
     from analysis.pooling.pool import pool_results
     from analysis.report.terminal import print_comparison
     from analysis.report.write import write_comparison
 
-    pools = []
-    for folder in (a, b):
-        found = read_results(flight_folders_of(folder))
-        if not found.to_pool:
-            raise InputError(f"{folder}: no flight to compare; {found.left_out[0]}")
-        pools.append(pool_results(found.to_pool))
+    sides = [read_results(flight_folders_of(folder)) for folder in (a, b)]
+    for folder, side in zip((a, b), sides, strict=True):
+        if not side.to_pool and not side.electrical:
+            raise InputError(f"{folder}: no flight to compare; {side.left_out[0]}")
+    if bool(sides[0].to_pool) != bool(sides[1].to_pool):
+        only = a if sides[1].to_pool else b
+        raise InputError(f"{only}: gives electrical power only, and the other folder drag; compare flights of one kind")
     names = [folder.resolve().name for folder in (a, b)]
     if names[0] == names[1]:
         names = [str(a), str(b)]
-    comparison = compare_pools(*pools).results(*names)
+    if sides[0].to_pool:
+        comparison = compare_pools(*(pool_results(side.to_pool) for side in sides)).results(*names)
+    else:
+        flights_a, flights_b = (electrical_flights(side.electrical) for side in sides)
+        comparison = compare_electrical(flights_a, flights_b, names)
     if output is not None:
         write_comparison(comparison, output)
     page = output and output / "report.html"

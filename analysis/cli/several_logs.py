@@ -101,10 +101,11 @@ def _pool(campaign: Campaign, output: Path, quiet: bool) -> ExitCode:
     """
     with Console(stderr=True, quiet=quiet).status(f"pooling {len(campaign.folders)} flights …"):
         from analysis.campaign.campaign import read_results
+        from analysis.pooling.electrical import electrical_flights, electrical_pool, pooled_results
         from analysis.pooling.evidence import against_electrical
         from analysis.pooling.pool import pool_results
-        from analysis.report.terminal import print_pooled
-        from analysis.report.write import write_electrical_flights, write_pooled
+        from analysis.report.terminal import print_electrical_pool, print_pooled
+        from analysis.report.write import write_electrical_flights, write_electrical_pool, write_pooled
 
         page, found = output / "report.html", read_results(campaign.folders)
         if not found.to_pool and not found.electrical:
@@ -113,16 +114,23 @@ def _pool(campaign: Campaign, output: Path, quiet: bool) -> ExitCode:
             pooled = pool_results(found.to_pool).results(found.left_out, campaign.failures)
             write_pooled(pooled, output)
         else:
-            flights = write_electrical_flights(found.electrical, campaign.failures, output)
+            flights, refused = electrical_flights(found.electrical), ""
+            try:
+                curve = pooled_results(electrical_pool(flights), found.left_out, campaign.failures)
+                write_electrical_pool(flights, curve, output)
+            except InputError as error:  # each flight keeps its own curve
+                refused = str(error)
+                write_electrical_flights(found.electrical, campaign.failures, output)
 
     def print_results() -> None:
         if quiet:
             return
         if found.to_pool:
             print_pooled(pooled, page, Console())
+        elif refused:
+            Console().print(f"not pooled: {refused}\nreport: {page}", highlight=False, markup=False)
         else:
-            note = f"{len(found.electrical)} flights give electrical power only, which is not pooled"
-            Console().print(f"{note}\nreport: {page}", highlight=False, markup=False)
+            print_electrical_pool(curve, page, Console())
 
     return tell(pooled.evidence if found.to_pool else against_electrical(flights), print_results)
 

@@ -82,6 +82,8 @@ class ElectricalEstimate(NamedTuple):
     measured_V_mps, measured_W : (k,) the windows reduced to level flight
     gust_mps, gust_s : standard deviation and correlation time of vertical air motion
     rho_sigma : standard deviation of the air density, relative
+    own : (n, n) the part of the covariance that another flight of the aircraft has anew
+    common : (n,) by name, changes of power with one standard deviation of an error that all its flights share
     """
 
     V_mps: Array
@@ -99,7 +101,9 @@ class ElectricalEstimate(NamedTuple):
     measured_W: Array
     gust_mps: float
     gust_s: float
-    rho_sigma: float = 0.0
+    rho_sigma: float
+    own: Array
+    common: dict[str, Array]
 
     def quantity(self, of: Callable[[Array, FlightConditions], Array]) -> tuple[Array, Array]:
         """A quantity (n,) of parameters and conditions, and its standard error."""
@@ -180,6 +184,7 @@ def _estimate(
         return level_power(V, parameters, given)
 
     gradient, effects = derivatives(curve, fit.parameters, fit.covariance, shared, conditions)
+    own, common = _own_and_common(gradient, effects, fit, _prior(balance, span_m)[1], airspeed)
     level = level_power(balance.V_mps, fit.parameters, conditions)
     return ElectricalEstimate(
         V,
@@ -198,7 +203,31 @@ def _estimate(
         fit.gust_mps,
         fit.gust_s,
         flight.rho_sigma,
+        own,
+        common,
     )
+
+
+def _own_and_common(
+    gradient: Array, effects: Array, fit: Fit, prior_sigma: Array, airspeed: AirspeedErrors
+) -> tuple[Array, dict[str, Array]]:
+    """The covariance (n, n) by a flight's own errors, and changes (n,) by those that all flights of an aircraft share.
+
+    The estimate lies between data and prior: as far as it is the prior's, all flights err to the same side. Of the
+    airspeed's scale that is the sensor's error as known before the flight; what GPS adds is a flight's own, and so is
+    the wind. gradient (m, n), effects (k, n): of `derivatives`, with the errors in the order of `shared_errors`.
+    """
+    C = fit.covariance
+    of_aircraft = len(C) - (len(WIND) if airspeed.wind is not None else 0)
+    common = {f"prior {i}": gradient.T @ C[:, i] / prior_sigma[i] for i in range(of_aircraft)}
+    own = gradient.T @ C @ gradient
+    if airspeed.wind is None:
+        by_scale_and_zero = np.linalg.solve(np.linalg.cholesky(airspeed.covariance).T, effects[:2])
+        common["airspeed"] = airspeed.covariance[0] @ by_scale_and_zero / airspeed.prior_sigma
+        own = own + effects[:2].T @ effects[:2] - np.outer(common["airspeed"], common["airspeed"])
+    own = own - sum(np.outer(common[f"prior {i}"], common[f"prior {i}"]) for i in range(of_aircraft))
+    common |= dict(zip(("density", "mass", "current", "idle power"), effects[-5:-1], strict=True))
+    return np.asarray(own + np.outer(effects[-1], effects[-1])), common
 
 
 def _fitted(

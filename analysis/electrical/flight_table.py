@@ -243,7 +243,7 @@ def _variance(one: Channel | None, t_s: Array) -> Array:
     """Variance (n,) within the smoothing window of what is slower than vibration; zero where it is not measured."""
     if one is None or len(one.t_s) < 2:
         return np.zeros(len(t_s))
-    width = round(FLIGHT.vibration_s / float(np.median(np.diff(one.t_s))))
+    width = round(FLIGHT.step_s / 2 / float(np.median(np.diff(one.t_s))))
     value = one.value if width < 2 else smoothed(one.value, width)
     mean, square = (
         resampled(Channel(one.t_s, x), t_s, FLIGHT.smoothing_s, FLIGHT.longest_gap_s) for x in (value, value**2)

@@ -19,7 +19,6 @@ class FlightDetection(Settings):
 
     step_s: float = setting(0.2, "s", "the fastest change that matters, of the throttle, takes a few steps")
     smoothing_s: float = setting(1.0, "s", "of pressures and accelerations: slower than short-period motion")
-    vibration_s: float = setting(0.1, "s", "faster accelerations are vibration; gusts change lift more slowly")
     recognized_over_s: float = setting(3.0, "s", "a gust on the ground is shorter")
     highest_CL: float = setting(3.0, "1", "below its dynamic pressure an aircraft stands or rolls; no flap reaches it")
     standing_mps: float = setting(1.0, "m/s", "ground speed that GPS shows at rest")
@@ -72,8 +71,8 @@ class AirspeedByGps(Settings):
     latency_s: float = setting(0.15, "s", "of GPS velocity, of common receivers")
     correlation_s: tuple[float, ...] = setting((2.0, 5.0, 10.0, 20.0, 40.0), "s", "candidates; the likeliest is taken")
     white_share: float = setting(0.05, "1", "of the residuals' variance, by GPS noise")
-    airspeed_change_mps: float = setting(3.0, "m/s", "between legs: for the first wind of a flight without a pitot")
     known_wind: float = setting(0.1, "1", "of the slowest airspeed: a wind less well known makes 30 % of power")
+    airspeed_change_mps: float = setting(3.0, "m/s", "between legs: for the first wind of a flight without a pitot")
     roughness_m: float = setting(0.05, "m", "of grass and crops (MIL-F-8785C: 0.15 ft)")
     most_points: int = setting(500, "1", "a matrix of this size is inverted several times")
 

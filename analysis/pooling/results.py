@@ -10,6 +10,7 @@ import msgspec
 from analysis.schema import AircraftResult, ConditionResult, Evidence, PowerPoint, Trust
 
 POOLED_FORMAT = "flightpower-pooled-2"
+ELECTRICAL_FORMAT = "flightpower-electrical-pooled-1"
 COMPARISON_FORMAT = "flightpower-comparison-1"
 
 
@@ -155,6 +156,33 @@ class PooledResults(msgspec.Struct, frozen=True, kw_only=True):
     trends: list[Trend]
     notes: list[str]
     left_out: list[str] = []  # flights that are not in the pool, and why
+    failures: list[str] = []  # logs that cannot be used, and why
+
+
+class ElectricalPooledFlight(msgspec.Struct, frozen=True, kw_only=True):
+    """One flight of a pool against the pool of the others."""
+
+    log: str
+    test: ConditionResult
+    half_width_percent: list[float]  # of this flight alone, at the speeds of `against_others`
+    against_others: list[Deviation]  # empty in a pool of one flight
+    p: float | None  # probability of a larger difference from the others; null in a pool of one flight
+    outlier: bool
+
+
+class ElectricalPooledResults(msgspec.Struct, frozen=True, kw_only=True):
+    """The contents of the `results.json` of a pool of electrical curves."""
+
+    format: str = ELECTRICAL_FORMAT
+    trust: Trust
+    evidence: list[Evidence]
+    software_version: str
+    aircraft: AircraftResult
+    test: ConditionResult  # mean weight and density of the flights, at which the curve is given
+    electrical_power: list[PowerPoint]
+    homogeneity: AgreementTest | None  # null in a pool of one flight
+    flights: list[ElectricalPooledFlight]
+    left_out: list[str] = []
     failures: list[str] = []  # logs that cannot be used, and why
 
 

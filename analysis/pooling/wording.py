@@ -78,4 +78,5 @@ class SharedErrors(Enum):
     INSTALLATION_AND_PROPELLER = "Errors of installation and propeller table cancel, since both share them."
     INSTALLATION = "Errors of the installation cancel, since both share it; those of the two propeller tables do not."
     PROPELLER = "Errors of the propeller table cancel; those of the two installations do not."
+    AIRCRAFT = "Errors of current meter, airspeed, mass and thermometer cancel, since both are of one aircraft."
     NONE = "No error cancels: installations and propellers differ."

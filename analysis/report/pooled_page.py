@@ -11,6 +11,7 @@ from msgspec import Struct
 from analysis.pooling.results import (
     ComparisonResults,
     Configuration,
+    ElectricalPooledResults,
     FlightsToSee,
     PooledFlight,
     PooledResults,
@@ -109,8 +110,22 @@ def render_pooled(pooled: PooledResults) -> str:
     )
 
 
-def render_electrical_flights(flights: Sequence[ElectricalFlight], failures: Sequence[str]) -> str:
-    """The page of flights that give electrical power only, side by side."""
+def electrical_curve_table(pooled: ElectricalPooledResults, rows: int = 12) -> HtmlTable:
+    """About `rows` points of the pooled curve."""
+    return HtmlTable(
+        ("speed, m/s", "power, W", "95 % interval, W"),
+        [
+            (f"{p.speed_mps:.1f}", f"{p.power_W:.0f}", f"{p.power_lo_W:.0f} to {p.power_hi_W:.0f}")
+            for p in every(pooled.electrical_power, rows)
+        ],
+        numbers=True,
+    )
+
+
+def render_electrical_flights(
+    flights: Sequence[ElectricalFlight], failures: Sequence[str], pooled: ElectricalPooledResults | None = None
+) -> str:
+    """The page of flights that give electrical power only, side by side, and of their pool."""
     rows = []
     for flight in flights:
         points = flight.electrical_power
@@ -131,6 +146,10 @@ def render_electrical_flights(flights: Sequence[ElectricalFlight], failures: Seq
         title=f"Electrical power of level flight, {count(len(flights), 'flight')}",
         figures={"power": html_figure(figure, "power")},
         flights=rows,
+        curve=electrical_curve_table(pooled) if pooled else None,
+        condition=_condition(pooled.test, "", "") if pooled else "",
+        agreement=pooled.homogeneity.text if pooled and pooled.homogeneity else "",
+        outliers=[one.log for one in pooled.flights if one.outlier] if pooled else [],
         left_out=failures,
         source=f"flightpower {flights[0].software_version}, from the {count(len(flights), 'flight')} listed",
     )

@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from analysis.pooling.results import ComparisonResults, PooledResults
+from analysis.pooling.results import ComparisonResults, ElectricalPooledResults, PooledResults
 from analysis.report.answers import HeadlineAnswer, headline_answers
 from analysis.report.electrical_page import curve_table as electrical_table
 from analysis.report.electrical_page import electrical_answers
@@ -16,6 +16,7 @@ from analysis.report.pooled_page import (
     comparison_answers,
     curve_table,
     differences_table,
+    electrical_curve_table,
     pooled_answers,
     pooled_warnings,
 )
@@ -52,6 +53,17 @@ def print_pooled(pooled: PooledResults, page: Path, console: Console) -> None:
     _print_table(console, f"{pooled.aircraft.title}: power required", curve_table(pooled, 8))
     _print_answers(console, pooled_answers(pooled))
     _print_notes(console, [*pooled_warnings(pooled), *pooled.left_out])
+    _print_page(console, page)
+
+
+def print_electrical_pool(pooled: ElectricalPooledResults, page: Path, console: Console) -> None:
+    """Print the curve, whether the flights agree, what was refused, and where the page is."""
+    _print_table(console, f"{pooled.aircraft.title}: electrical power", electrical_curve_table(pooled, 8))
+    if pooled.homogeneity:
+        console.print(escape(pooled.homogeneity.text), highlight=False)
+    counted = f"{len(pooled.flights)} pooled, {len(pooled.left_out)} left out, {len(pooled.failures)} refused"
+    console.print(f"flights: {counted}", highlight=False)
+    _print_notes(console, pooled.left_out)
     _print_page(console, page)
 
 

@@ -10,7 +10,7 @@ from analysis.files import write_file, write_keeping_previous
 from analysis.maneuvers.kinds import Maneuvers
 from analysis.maneuvers.runs_file import to_toml
 from analysis.pipeline import Analysis
-from analysis.pooling.results import ComparisonResults, PooledResults
+from analysis.pooling.results import ComparisonResults, ElectricalPooledResults, PooledResults
 from analysis.report import field_table, page
 from analysis.report.page import figures_by_name, run_fits
 from analysis.report.pooled_page import render_comparison, render_electrical_flights, render_pooled
@@ -87,17 +87,19 @@ def write_pooled(pooled: PooledResults, folder: Path) -> None:
     _write(render_pooled(pooled), pooled, folder)
 
 
-def write_electrical_flights(
-    contents: list[dict[str, Any]], failures: list[str], folder: Path
-) -> list[ElectricalFlight]:
+def write_electrical_pool(flights: list[ElectricalFlight], pooled: ElectricalPooledResults, folder: Path) -> None:
+    """Write report.html and results.json. Raises InputError when the folder cannot be written."""
+    _write(render_electrical_flights(flights, [*pooled.left_out, *pooled.failures], pooled), pooled, folder)
+
+
+def write_electrical_flights(contents: list[dict[str, Any]], failures: list[str], folder: Path) -> None:
     """Write report.html and results.json of flights whose electrical power stands side by side, not pooled.
 
-    contents: of their results.json. Returns the flights. Raises InputError when the folder cannot be written.
+    contents: of their results.json. Raises InputError when the folder cannot be written.
     """
     flights = msgspec.convert(contents, list[ElectricalFlight])
     content = {"format": FLIGHTS_FORMAT, "flights": contents, "failures": failures}
     _write(render_electrical_flights(flights, failures), content, folder)
-    return flights
 
 
 def write_comparison(comparison: ComparisonResults, folder: Path) -> None:

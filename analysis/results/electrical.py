@@ -25,6 +25,7 @@ from analysis.schema import (
     CurveStatus,
     DragPolar,
     ElectricalResult,
+    ElectricalStatistics,
     Interval,
     IntervalPart,
     PowerPoint,
@@ -32,6 +33,7 @@ from analysis.schema import (
     Results,
     SpeedInterval,
 )
+from analysis.settings import CURVES
 from flight.atmosphere import SEA_LEVEL_DENSITY
 
 Array = NDArray[np.float64]
@@ -167,6 +169,18 @@ def _beside_the_curve(found: ElectricalFlight) -> ElectricalResult:
         if isinstance(drag, DragWithheld)
         else _points(drag.V_mps, drag.shaft_W, NORMAL_95 * drag.shaft_error_W),
         thrust_basis="" if isinstance(drag, DragWithheld) else _thrust_basis(drag, propeller),
+        pooling=_statistics(estimate),
+    )
+
+
+def _statistics(estimate: ElectricalEstimate) -> ElectricalStatistics:
+    """At as many speeds as a curve is smooth between."""
+    at = np.linspace(0, len(estimate.V_mps) - 1, 1 + CURVES.points // 5).round().astype(int)
+    return ElectricalStatistics(
+        speed_mps=estimate.V_mps[at].tolist(),
+        power_W=estimate.power_W[at].tolist(),
+        own_covariance=estimate.own[np.ix_(at, at)].tolist(),
+        shared={name: change[at].tolist() for name, change in estimate.common.items()},
     )
 
 

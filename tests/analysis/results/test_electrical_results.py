@@ -30,7 +30,8 @@ def estimate(*, share: float = 0.03, noise_W: float = 1e-6, wind_mps: float | No
     return SimpleNamespace(
         V_mps=V, power_W=POWER_W, noise=noise, systematic=systematic, residual_W=np.array([3.0, -4.0]),
         standard_error_W=np.sqrt(np.diag(noise + systematic)), conditions=SimpleNamespace(idle_power_W=4.0),
-        rho_sigma=0.0, airspeed=AirspeedErrors(scale, 0.0, np.diag([0.01**2, 4.0]), wind_mps, 10.0),
+        rho_sigma=0.0, own=noise, common={"current": share * POWER_W},
+        airspeed=AirspeedErrors(scale, 0.0, np.diag([0.01**2, 4.0]), wind_mps, 10.0),
     )  # fmt: skip
 
 
