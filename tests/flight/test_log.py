@@ -12,7 +12,7 @@ from mcap.writer import Writer
 from flight.errors import InputError
 from flight.log_reader import read_log
 from flight.log_writer import LogWriter
-from flight.messages import MESSAGES, TYPE_OF_TOPIC, Imu, Message, Status, Tick, schema_of
+from flight.messages import MESSAGES, TYPE_OF_TOPIC, Comparison, Imu, Message, Status, Tick, schema_of
 
 SECOND_NS = 1_000_000_000
 
@@ -24,6 +24,8 @@ def filled(kind: type[Message], number: int) -> Message:
         text = str(field.type)
         if field.name == "status":
             values[field.name] = list(Status)[number % len(Status)]
+        elif "Comparison" in text:
+            values[field.name] = list(Comparison)[number % len(Comparison)]
         elif "bool" in text:
             values[field.name] = number % 2 == 0
         elif "dict" in text:
