@@ -91,9 +91,10 @@ def read_messages(path: Path) -> Messages:
     settings = log.columns("PARM")
     pairs = zip(settings.get("Name", ()), settings.get("Value", ()), strict=False)
     dropped = log.columns("DSF").get("Dp", np.zeros(1))
-    lost = int(np.nanmax(np.asarray(dropped, dtype=float))) if len(dropped) else 0
+    known = dropped[np.isfinite(dropped)] if dropped.dtype.kind == "f" else np.zeros(0)
+    lost = int(np.max(known, initial=0.0))
     notes = [*log.notes, *([f"The autopilot dropped {lost} messages."] if lost else [])]
-    return Messages(tables, {_text(name): float(value) for name, value in pairs}, notes)
+    return Messages(tables, {_text(name): float(x) for name, x in pairs if isinstance(x, float)}, notes)
 
 
 def _units(log: DataflashLog | TelemetryLog | TextLog, kind: str) -> dict[str, float]:
@@ -106,15 +107,18 @@ def _units(log: DataflashLog | TelemetryLog | TextLog, kind: str) -> dict[str, f
         return {}
     if not len(told.get("FmtType", ())):
         return {field: 0.01 for field in form.whole_numbers() if field in ("Volt", "Curr")}
-    mine = [ids for number, ids in zip(told["FmtType"], told["MultIds"], strict=True) if number == form.number]
-    by_id = dict(zip(multipliers.get("Id", ()), multipliers.get("Mult", ()), strict=False))
-    factors = [float(by_id.get(identity, 0.0)) for identity in (mine[-1] if mine else b"")]
-    known = {field: x for field, x in zip(form.fields, factors, strict=False) if x != 0 and np.isfinite(x)}
+    pairs = zip(told["FmtType"], told.get("MultIds", ()), strict=False)
+    mine = [ids for number, ids in pairs if number == form.number and isinstance(ids, bytes)]
+    ids, factors = (multipliers.get(name, np.zeros(0)) for name in ("Id", "Mult"))
+    by_id = dict(zip(ids.tolist(), factors.tolist() if factors.dtype.kind == "f" else [], strict=False))
+    told_factors = [by_id.get(identity, 0.0) for identity in (mine[-1] if mine else b"")]
+    known = {field: x for field, x in zip(form.fields, told_factors, strict=False) if x != 0 and np.isfinite(x)}
     return {field: known[field] for field in form.whole_numbers() if field in known}
 
 
-def _text(packed: bytes) -> str:
-    return packed.decode("ascii", "replace")
+def _text(packed: Any) -> str:
+    """A text; of a damaged definition of the message whatever stands there."""
+    return packed.decode("ascii", "replace") if isinstance(packed, bytes) else str(packed)
 
 
 def _instances(kind: str, columns: dict[str, NDArray[Any]]) -> Iterator[tuple[tuple[str, int], Table]]:

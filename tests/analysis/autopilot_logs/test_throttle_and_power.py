@@ -104,6 +104,26 @@ def test_whole_numbers_are_in_the_units_that_the_log_gives(tmp_path: Path, suffi
     assert channels[recording.CURRENT].value == pytest.approx(10 * THROTTLE, abs=0.006)
 
 
+@pytest.mark.parametrize(
+    ("name", "codes", "columns"),
+    [
+        ("FMTU", "QB", {"FmtType": np.array([132])}),
+        ("FMTU", "QBf", {"FmtType": np.array([132]), "MultIds": np.array([1.0])}),
+        ("MULT", "QN", {"Mult": np.array([b"0.01"])}),
+        ("PARM", "QfN", {"Name": np.array([1.0]), "Value": np.array([b"text"])}),
+        ("DSF", "QN", {"Dp": np.array([b"many"])}),
+        ("DSF", "Qf", {"Dp": np.array([np.nan])}),
+    ],
+)
+def test_definitions_that_damage_altered_are_passed_over(
+    tmp_path: Path, name: str, codes: str, columns: dict[str, np.ndarray]
+) -> None:
+    bat = kind("BAT", "QHH", Volt=np.full(len(T_S), 15.0), Curr=np.round(10 * THROTTLE))
+    damaged = DataflashMessages(name, codes, {"TimeUS": np.array([100_000]), **columns})
+    _without_own_units(tmp_path / "log.BIN", [damaged, ARSP, BARO, bat])
+    assert len(read_ardupilot(tmp_path / "log.BIN").channels[recording.AIRSPEED_PRESSURE].t_s) == len(T_S)
+
+
 def _without_own_units(path: Path, kinds: list[DataflashMessages]) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("sim.dataflash_writer._units", lambda kinds, types: [])
