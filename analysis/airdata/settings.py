@@ -132,7 +132,6 @@ class GroundCalibrationSettings(Settings):
         "1",
         "pressures beside zero, and positions: a straight line through fewer hides a wrong reading",
     )
-    settling_s: float = setting(0.5, "s", "of the tubes, at both ends of a plateau; readings are averaged over it")
     steady_Pa: float = setting(3.0, "Pa", "largest departure of smoothed readings within a plateau …")
     steady_noises: float = setting(5.0, "1", "… or this times the noise, if larger")
     fewest_good: float = setting(
@@ -142,6 +141,11 @@ class GroundCalibrationSettings(Settings):
     largest_gain_error: float = setting(
         0.2, "1", "a slope further from one is a wrong unit or a wrong order of the pressures"
     )
+
+    @property
+    def settling_s(self) -> float:
+        """Of the tubes, at both ends of a plateau; readings are averaged over it: the longest change that is a step."""
+        return LAG.step_s
 
     @property
     def reference_s(self) -> float:
