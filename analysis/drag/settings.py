@@ -59,14 +59,15 @@ class Covariance(Settings):
 
 
 @dataclass(frozen=True)
-class MotorSpeed(Settings):
-    """Errors of the counter of the motor's pulses."""
+class MotorSpeed:
+    """Errors of the counter of the motor's pulses: what follows from other settings."""
 
-    least_errors: float = setting(
-        6.0,
-        "1",
-        "standard errors from which it is taken for real: 2 in sound flights, 7 and more with 2 % of pulses lost",
-    )
+    @property
+    def least_errors(self) -> float:
+        """Standard errors from which an error is taken for real: twice what is significant, as many motor speeds
+        are tested with standard errors of correlated residuals. 2 in sound flights, 7 and more with 2 % of pulses lost.
+        """
+        return 2 * STATISTICS.sigmas
 
     @property
     def least_pole_share(self) -> float:
