@@ -101,7 +101,7 @@ class TrajectoryProblem:
         """
         largest_rad = SENSORS.missing[0] * self.blocks.step_s
         beyond = (np.abs(angle_residual_rad) > largest_rad).any(axis=1)
-        lost = self.lost | (np.convolve(beyond, np.ones(5), mode="same") > 0)  # and two steps before and after
+        lost = self.lost | (np.convolve(beyond, np.ones(3), mode="same") > 0)  # and a step before and after
         if lost.mean() < STATISTICS.unmentioned_share:
             self.lost = lost
 

@@ -129,14 +129,14 @@ def test_trim_modes_and_plot(sim, tmp_path, flight):
     assert sim("plot", ".", "-o", "flight.html")[0] == 0
     assert (tmp_path / "flight.html").stat().st_size > 100_000
     code, said = sim("plot", ".", "-o", "flight.html")
-    assert code == 2 and "already exists" in said
+    assert code == 2 and "exists already" in said
 
 
 def test_tunnel(sim, tmp_path):
     assert sim("tunnel", "-o", "tunnel.csv")[0] == 0
     first = (tmp_path / "tunnel.csv").read_bytes()
     code, said = sim("tunnel", "-o", "tunnel.csv", "--seed", "2")
-    assert code == 2 and "already exists" in said and (tmp_path / "tunnel.csv").read_bytes() == first
+    assert code == 2 and "exists already" in said and (tmp_path / "tunnel.csv").read_bytes() == first
 
 
 def test_a_world_flies_and_its_log_has_the_table_that_the_analysis_gets(sim, tmp_path):

@@ -11,7 +11,7 @@ from sim.plan_segment import FlightContext
 @pytest.mark.parametrize("load_per_rad", [2.0, 8.0])
 def test_the_load_factor_reaches_what_is_asked(load_per_rad: float):
     context = FlightContext(10.0, 25.0, 0.02, 40.0, 0.0, 17.0)
-    seen = Observation(17.0, *[0.0] * 10, 1.0)
+    seen = Observation(17.0, *[0.0] * 10, load_factor=1.0, forward_mps2=0.0)
     flying = PorpoiseSegment(duration_s=30.0, load=0.6, elevator_rad=0.14, speed_mps=17.0).fly(seen, context)
     loads, targets = [], next(flying)
     for _ in range(1400):

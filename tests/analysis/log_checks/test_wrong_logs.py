@@ -21,9 +21,9 @@ from analysis.log_checks.axes import check_axes
 from analysis.log_checks.structure import check_log
 from analysis.log_contents import Replacements, contents
 from analysis.pipeline import analyze
-from analysis.trajectory.priors import PRIOR_SIGMA, SensorPriors
+from analysis.trajectory.priors import SensorPriors, stated_sigma
 from daq.attachments import propeller_text
-from flight.aircraft import parse_aircraft
+from flight.aircraft import Uncertainty, parse_aircraft
 from flight.complete_aircraft import load_complete_aircraft
 from flight.errors import InputError
 from flight.log_entries import LogEntry, entries_of
@@ -222,7 +222,8 @@ accelerometer_offset = "0.5 m/s^2"
     with pytest.raises(Reached) as reached:
         analyze(flown.log, Replacements(aircraft=parse_aircraft(text, "mine.toml")))
     (prior,) = reached.value.args
-    assert {name: sigma for name, sigma in prior.items() if sigma != PRIOR_SIGMA[name]} == pytest.approx(
+    usual = stated_sigma(Uncertainty(), load_complete_aircraft("nexstar").wing_loading_Pa)
+    assert {name: sigma for name, sigma in prior.items() if sigma != usual[name]} == pytest.approx(
         {"alpha_bias": np.radians(2), "alpha_scale": 0.06, "V_scale": 0.02, "air_data_lag": 0.03}
         | dict.fromkeys(("ax_bias", "ay_bias", "az_bias"), 0.5)
     )
