@@ -119,4 +119,7 @@ def summary(bending: "BoomBending") -> list[str]:
 
 def to_toml(bending: "BoomBending") -> str:
     """The sections of an aircraft file."""
-    return f'[probe]\nboom_bending = "{math.degrees(bending.per_g_rad):.4f} deg"\n'
+    return (
+        f'[uncertainty]\nboom_bending = "{math.degrees(bending.error_rad):.2g} deg"\n\n'
+        f'[probe]\nboom_bending = "{math.degrees(bending.per_g_rad):.4f} deg"\n'
+    )

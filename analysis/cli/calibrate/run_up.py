@@ -131,7 +131,7 @@ def summary(offset: "VibrationOffset", battery: "Battery | None", ratio: float |
 def to_toml(offset: "VibrationOffset", battery: "Battery | None", stand: "ThrustStand | None") -> str:
     """The sections of an aircraft file."""
     vector = ", ".join(f'"{value:.3f} m/s^2"' for value in offset.offset_mps2)
-    propulsion, uncertainty = [], []
+    propulsion, uncertainty = [], [f'accelerometer_vibration = "{offset.sigma_in_flight_mps2:.2g} m/s^2"']
     if battery is not None:
         propulsion.append(f'battery_resistance = "{battery.resistance_ohm:.4f} ohm"')
     if stand is not None:

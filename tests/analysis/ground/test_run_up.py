@@ -129,6 +129,7 @@ def test_the_lines_for_the_aircraft_file_are_read_and_correct_the_accelerometer(
     text = to_toml(offset, None, None)
     mine = parse_aircraft(load_aircraft("nexstar").text + text, "mine.toml")
     assert mine.installation.accelerometer_vibration_mps2 == pytest.approx(offset.offset_mps2, abs=5e-4)
+    assert mine.uncertainty.accelerometer_vibration_mps2 == pytest.approx(offset.sigma_in_flight_mps2, rel=0.05)
     before, after = (specific_force_at_cg(measured, one) for one in (NEXSTAR, mine))
     fastest = max(held, key=lambda one: one.revps)
     change = (before - after).iloc[fastest.rows][list(run_up.FORCES)].mean()
