@@ -51,9 +51,9 @@ TITLES: dict[str, tuple[str, float, str]] = {
     "r_bias": ("bias of the yaw gyro", math.degrees(1.0), "deg/s"),
     "dp_alpha_zero": ("zero of the angle-of-attack pressure", 1.0, "Pa"),
     "q_c_zero": ("zero of the airspeed pressure", 1.0, "Pa"),
-    "ax_vibration": ("offset of the accelerometer by vibration, forward", 1.0, "m/s² at 100 rev/s"),
-    "az_vibration": ("offset of the accelerometer by vibration, down", 1.0, "m/s² at 100 rev/s"),
-    "alpha_per_g": ("angle of attack by load factor", math.degrees(1.0), "deg per g"),
+    "ax_vibration": ("offset of the accelerometer by vibration at 100 rev/s, forward", 1.0, "m/s²"),
+    "az_vibration": ("offset of the accelerometer by vibration at 100 rev/s, down", 1.0, "m/s²"),
+    "alpha_per_g": ("angle of attack for each g of load factor", math.degrees(1.0), "deg"),
 }
 MATTERS = ("alpha_bias", "alpha_scale", "V_scale")  # sensor errors with a large effect on the power curve
 
