@@ -121,7 +121,7 @@ def air_data(
     mean_q_c = out["q_c_Pa"].rolling(window, center=True, min_periods=1).mean().to_numpy()
     known_q_c = np.where(out["q_c_Pa"].notna(), mean_q_c, np.nan)
     flow = flow_at_probe(probe, out["dp_alpha_Pa"].to_numpy(), dp_beta, known_q_c, samples=round(speed_scale**-4))
-    deviation = out["q_c_Pa"].to_numpy() / mean_q_c - 1
+    deviation = out["q_c_Pa"].to_numpy() / np.where(mean_q_c == 0, np.nan, mean_q_c) - 1
     flying = (flow.qbar_Pa > least_Pa) & flow.inside
     nan_on_ground = np.where(flying, 1.0, np.nan)
     V = np.sqrt(2 * flow.qbar_Pa * nan_on_ground / rho) * (1 + deviation / 2)
