@@ -379,6 +379,11 @@ class PathResult(msgspec.Struct, frozen=True, kw_only=True):
     prior_conflicts: dict[str, float] = {}
 
 
+def run_name(kind: str, start_s: float) -> str:
+    """What a run is called in estimates and figures."""
+    return f"{kind} at {start_s:.0f} s"
+
+
 class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     kind: str
     start_s: float
@@ -390,8 +395,7 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def name(self) -> str:
-        """As `analysis.maneuvers.kinds.Maneuver.name`, by which estimates name it."""
-        return f"{self.kind} at {self.start_s:.0f} s"
+        return run_name(self.kind, self.start_s)
 
 
 class RejectedResult(msgspec.Struct, frozen=True, kw_only=True):

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.ground.settings import STAND_LIMITS
-from analysis.ground.thrust_stand import student_sigma
+from analysis.ground.thrust_stand import student_fit
 from analysis.signals.rest import rest_segments
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2
@@ -75,9 +75,8 @@ def boom_bending(
     pitch = np.array([one.pitch_rad for one in found])
     bent_down = pitch - np.array(level_rad)
     X = np.column_stack([np.ones(len(force_N)), force_N])
-    coefficients, *_ = np.linalg.lstsq(X, bent_down, rcond=None)
-    sigma = student_sigma(bent_down - X @ coefficients, 2) * math.sqrt(np.linalg.inv(X.T @ X)[1, 1])
-    per_N, at_1_g_N = float(coefficients[1]), GRAVITY_MPS2 * carried.mass_kg
+    per_N, sigma = (float(values[1]) for values in student_fit(X, bent_down))
+    at_1_g_N = GRAVITY_MPS2 * carried.mass_kg
     if per_N < -2 * sigma:
         raise InputError(
             "--angles: the boom bends up under a weight; give the level's angles positive with the nose up"

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from analysis.airdata.settings import GROUND
 from analysis.airdata.transducers import steady_stretches
 from analysis.ground.settings import RUN_UP, STAND_LIMITS
-from analysis.ground.thrust_stand import StandReadings, student_sigma
+from analysis.ground.thrust_stand import StandReadings, student_fit
 from flight.aircraft import VIBRATION_REVPS, Propulsion
 from flight.atmosphere import density
 from flight.errors import InputError
@@ -95,11 +95,8 @@ def vibration_offset(table: pd.DataFrame, held: list[HeldSpeed]) -> VibrationOff
     time_s = np.array([one.time_s for one in held])
     square = np.array([(one.revps / VIBRATION_REVPS) ** 2 for one in held])
     X = np.column_stack([np.ones(len(held)), (time_s - time_s.mean()) / np.ptp(time_s), square])
-    coefficients, *_ = np.linalg.lstsq(X, without_lean, rcond=None)
-    residuals = without_lean - X @ coefficients
-    unit = float(np.sqrt(np.linalg.inv(X.T @ X)[2, 2]))
-    errors = np.array([student_sigma(of_axis, X.shape[1]) * unit for of_axis in residuals.T])
-    return VibrationOffset(coefficients[2], errors)
+    by_axis = [student_fit(X, of_axis) for of_axis in without_lean.T]
+    return VibrationOffset(*(np.array([values[2] for values in column]) for column in zip(*by_axis, strict=True)))
 
 
 def _by_lean(table: pd.DataFrame, held: list[HeldSpeed], at_rest: Array) -> Array:
@@ -144,9 +141,7 @@ def battery(held: list[HeldSpeed]) -> Battery | None:
         return None
     volts, amperes = volts[known], amperes[known]
     X = np.column_stack([np.ones(len(volts)), -amperes])
-    coefficients, *_ = np.linalg.lstsq(X, volts, rcond=None)
-    errors = student_sigma(volts - X @ coefficients, 2) * np.sqrt(np.diag(np.linalg.inv(X.T @ X)))
-    return Battery(*(float(value) for pair in zip(coefficients, errors, strict=True) for value in pair))
+    return Battery(*(float(value) for pair in zip(*student_fit(X, volts), strict=True) for value in pair))
 
 
 def thrust_readings(held: list[HeldSpeed], thrust_N: list[float | None], source: str) -> StandReadings:

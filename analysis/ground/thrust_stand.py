@@ -157,6 +157,13 @@ def student_sigma(residuals: Array, parameters: int) -> float:
     return factor * math.sqrt(float(residuals @ residuals) / dof)
 
 
+def student_fit(X: Array, y: Array) -> tuple[Array, Array]:
+    """Coefficients (m,) of y (n,) on the columns of X (n, m), and their errors as of `student_sigma`."""
+    coefficients = np.asarray(np.linalg.lstsq(X, y, rcond=None)[0])
+    unit = np.sqrt(np.diag(np.linalg.inv(X.T @ X)))
+    return coefficients, student_sigma(y - X @ coefficients, X.shape[1]) * unit
+
+
 def _why_not_supported(found: ThrustStand) -> str:
     """Empty if the ratio is known well enough to be of use."""
     error = found.ratio_error / found.ratio

@@ -9,6 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.maneuvers.settings import LOADS
+from analysis.schema import run_name
 from flight.runs import ACCELERATION, DECELERATION, Rejection, RunRejected
 
 STEADY = "steady"
@@ -38,7 +39,7 @@ class Maneuver:
 
     @property
     def name(self) -> str:
-        return f"{self.kind} at {self.start_s:.0f} s"
+        return run_name(self.kind, self.start_s)
 
 
 class Unsuitable(StrEnum):

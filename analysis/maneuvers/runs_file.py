@@ -1,8 +1,10 @@
 """The file of maneuvers, `runs.toml`: written with every analysis, edited by the user, read with `--runs`."""
 
 import tomllib
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -58,20 +60,40 @@ class ManeuverEntry:
     keep: bool = True
 
 
+class Block(NamedTuple):
+    """One [[run]] of the file as text; run: name of the maneuver, empty for a rejected stretch."""
+
+    run: str
+    text: str
+
+
+def blocks(maneuvers: Maneuvers, left_out: Collection[str] = ()) -> list[Block]:
+    """The maneuvers of a flight and the rejected stretches in order of time. left_out: names of those not to keep."""
+    everything: list[Maneuver | RejectedManeuver] = sorted([*maneuvers.maneuvers, *maneuvers.rejected], key=_start)
+    return [_block(stretch, left_out) for stretch in everything]
+
+
+def _block(stretch: Maneuver | RejectedManeuver, left_out: Collection[str]) -> Block:
+    run = stretch.name if isinstance(stretch, Maneuver) else ""
+    remarks = stretch.notes if isinstance(stretch, Maneuver) else (f"rejected: {stretch.reason}",)
+    keep = "true" if run and run not in left_out else "false"
+    return Block(
+        run,
+        "\n[[run]]\n"
+        + "".join(f"# {remark}\n" for remark in remarks)
+        + f'kind = "{stretch.kind}"\nstart = "{stretch.start_s:.2f} s"\nend = "{stretch.end_s:.2f} s"\n'
+        + f"keep = {keep}\n",
+    )
+
+
+def head(log: str, name: str = "runs.toml") -> str:
+    """The remarks that the file begins with."""
+    return HEAD.format(log=log, name=name, kinds=", ".join(KINDS))
+
+
 def to_toml(maneuvers: Maneuvers, log: str, name: str = "runs.toml") -> str:
     """The maneuvers of a flight and the rejected stretches as a file to edit."""
-    parts = [HEAD.format(log=log, name=name, kinds=", ".join(KINDS))]
-    everything: list[Maneuver | RejectedManeuver] = sorted([*maneuvers.maneuvers, *maneuvers.rejected], key=_start)
-    for stretch in everything:
-        keep = "true" if isinstance(stretch, Maneuver) else "false"
-        remarks = stretch.notes if isinstance(stretch, Maneuver) else (f"rejected: {stretch.reason}",)
-        parts.append(
-            "\n[[run]]\n"
-            + "".join(f"# {remark}\n" for remark in remarks)
-            + f'kind = "{stretch.kind}"\nstart = "{stretch.start_s:.2f} s"\nend = "{stretch.end_s:.2f} s"\n'
-            + f"keep = {keep}\n"
-        )
-    return "".join(parts)
+    return head(log, name) + "".join(block.text for block in blocks(maneuvers))
 
 
 def load(path: Path) -> list[ManeuverEntry]:

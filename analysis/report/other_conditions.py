@@ -10,6 +10,7 @@ from analysis.ground.thrust_prior import J_REFERENCE
 from analysis.performance.analysis import Performance
 from analysis.performance.level_flight import PerformanceModel
 from analysis.performance.settings import PERFORMANCE
+from analysis.report.figures.style import ORANGE
 from analysis.settings import CURVES
 from flight.atmosphere import height_at
 from flight.propeller import FOLD, FOLDED_DRAG_AREA, Propeller
@@ -73,6 +74,7 @@ def embedded(performance: Performance) -> Json:
             "sea_level_Pa": SEA_LEVEL_PRESSURE_PA,
         },
         "normal_95": NORMAL_95,
+        "color": ORANGE,
     }
 
 

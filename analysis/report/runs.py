@@ -4,8 +4,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from analysis.estimation.noise import NORMAL_95
-from analysis.maneuvers.runs_file import to_toml
+from analysis.maneuvers.runs_file import blocks, head
 from analysis.pipeline import Analysis
+from analysis.report.figures.style import ORANGE, OTHER_RUN
 from analysis.schema import Results
 
 Json = dict[str, Any]
@@ -57,8 +58,17 @@ def embedded_runs(analysis: Analysis) -> Json:
             "wing_area_m2": results.aircraft.wing_area_m2,
             "normal_95": NORMAL_95,
         }
+    runs = named_runs(results)
+    kept, left_out = blocks(analysis.maneuvers), blocks(analysis.maneuvers, {run.name for run in runs})
     return {
-        "runs": [run._asdict() for run in named_runs(results)],
-        "file": to_toml(analysis.maneuvers, Path(results.log).name),
+        "runs": [run._asdict() for run in runs],
+        "file": {
+            "head": head(Path(results.log).name),
+            "blocks": [
+                {"run": block.run, "kept": block.text, "left_out": other.text}
+                for block, other in zip(kept, left_out, strict=True)
+            ],
+        },
         "shares": shares,
+        "colors": {"alone": ORANGE, "without": OTHER_RUN},
     }

@@ -63,6 +63,19 @@ function highest(traces, least) {
   return traces.reduce((top, trace) => trace.y.reduce((most, value) => value > most ? value : most, top), least);
 }
 
+function translucent(color, opacity) {
+  return `rgba(${[1, 3, 5].map(i => parseInt(color.slice(i, i + 2), 16)).join(", ")}, ${opacity})`;
+}
+
+// A curve over x with its interval, of one entry in the legend. half: half width of the interval.
+function curveWithBand(name, {x, y, half}, line) {
+  const trace = {type: "scatter", mode: "lines", name, legendgroup: name}, ends = sign => y.map((value, k) => value + sign * half[k]);
+  return [
+    {...trace, x: [...x, ...x.slice().reverse()], y: [...ends(1), ...ends(-1).reverse()], fill: "toself",
+     fillcolor: translucent(line.color, 0.25), line: {width: 0}, hoverinfo: "skip", showlegend: false},
+    {...trace, x, y, line, hovertemplate: "%{y:.1f} W"}];
+}
+
 // Traces in a figure beside its own, instead of those that were added by the same name before.
 function add(name, what, traces) {
   if (!(name in figures)) return;

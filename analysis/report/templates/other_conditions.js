@@ -1,9 +1,8 @@
 "use strict";
 // The controls of weight, air and battery: the asked curve beside that of the flight, and the answers in a table.
-const ASKED_COLOR = "#c64b00", ASKED_BAND = "rgba(198, 75, 0, 0.25)";
 
 function otherConditions(embedded) {
-  const {model, flown, atmosphere: air, normal_95: z} = embedded;
+  const {model, flown, atmosphere: air, normal_95: z, color} = embedded;
   const section = document.getElementById("other-conditions"), fields = {};
   const pressureAt = height => air.sea_level_Pa
     * (1 - air.lapse_rate * height / air.sea_level_K) ** (air.gravity_mps2 / (air.gas_constant * air.lapse_rate));
@@ -40,16 +39,13 @@ function otherConditions(embedded) {
 
   function drawAsked(performance, name) {
     if (!performance) return add("power", "asked", []);
-    const {flight: {V, required}, full} = performance, group = {legendgroup: name, name, type: "scatter", mode: "lines"};
-    const side = sign => required.map(one => one.value + sign * z * one.error);
-    const traces = [
-      {...group, x: [...V, ...V.slice().reverse()], y: [...side(1), ...side(-1).reverse()],
-       fill: "toself", fillcolor: ASKED_BAND, line: {width: 0}, hoverinfo: "skip", showlegend: false},
-      {...group, x: V, y: required.map(one => one.value), line: {color: ASKED_COLOR, width: 5}, hovertemplate: "%{y:.1f} W"}];
+    const {flight: {V, required}, full} = performance;
+    const curve = {x: V, y: required.map(one => one.value), half: required.map(one => z * one.error)};
+    const traces = curveWithBand(name, curve, {color, width: 5});
     if (full) {
       const top = Math.max(V[V.length - 1], 1.03 * (full.maximumSpeed.value || 0)), x = full.V.filter(v => v <= top);
-      traces.push({...group, x, y: x.map((_, k) => full.power[k].value), showlegend: false,
-                   line: {color: ASKED_COLOR, width: 3, dash: "dot"}, hovertemplate: "%{y:.1f} W available"});
+      traces.push({...traces[1], x, y: x.map((_, k) => full.power[k].value), showlegend: false,
+                   line: {color, width: 3, dash: "dot"}, hovertemplate: "%{y:.1f} W available"});
     }
     add("power", "asked", traces);
   }

@@ -1,6 +1,5 @@
 "use strict";
 // One run shown in every figure, and the curve previewed without some of them.
-const WITHOUT_COLOR = "#8a2f8f", WITHOUT_BAND = "rgba(138, 47, 143, 0.25)", ALONE_COLOR = "#c64b00";
 
 // The solution of a symmetric positive definite system, by columns of the right side.
 function solved(matrix, columns) {
@@ -16,7 +15,7 @@ function solved(matrix, columns) {
 
 const unit = (n, i) => Array.from({length: n}, (_, k) => Number(k === i));
 
-// The curve without some runs: {V, power, half}, the normal equations less their shares.
+// The curve without some runs: {x, y, half}, the normal equations less their shares.
 function curveWithout(shares, names) {
   const n = shares.information.length, gradient = new Array(n).fill(0);
   const information = shares.information.map(row => [...row]);
@@ -30,18 +29,18 @@ function curveWithout(shares, names) {
   const A = shares.A.map((value, i) => value - step[i]);
   const covariance = shares.covariance.map((row, i) =>
     row.map((value, k) => value + shares.noise_factor * (after[i][k] - before[i][k])));
-  const V = shares.speeds, power = [], half = [];
-  for (const v of V) {
-    const qSV = shares.rho * v ** 3 / 2 * shares.wing_area_m2, CL = shares.weight_N * v / qSV, row = [1, CL, CL ** 2];
-    power.push(qSV * row.reduce((sum, value, i) => sum + value * A[i], 0));
+  const x = shares.speeds, y = [], half = [];
+  for (const V of x) {
+    const qSV = shares.rho * V ** 3 / 2 * shares.wing_area_m2, CL = shares.weight_N * V / qSV, row = [1, CL, CL ** 2];
+    y.push(qSV * row.reduce((sum, value, i) => sum + value * A[i], 0));
     let variance = 0;
-    row.forEach((x, i) => row.forEach((y, k) => { variance += x * y * covariance[i][k]; }));
+    row.forEach((one, i) => row.forEach((other, k) => { variance += one * other * covariance[i][k]; }));
     half.push(shares.normal_95 * qSV * Math.sqrt(Math.max(variance, 0)));
   }
-  return {V, power, half};
+  return {x, y, half};
 }
 
-function runsOfThePage({runs, file, shares}) {
+function runsOfThePage({runs, file, shares, colors}) {
   const table = document.querySelector("#flight .table tbody"), shown = document.getElementById("run-shown");
   const preview = document.getElementById("preview"), left = new Set();
   const byName = new Map(runs.map(run => [run.name, run]));
@@ -64,23 +63,18 @@ function runsOfThePage({runs, file, shares}) {
   function alone() {
     const trace = selected && figures.one_by_one && figures.one_by_one.data.find(trace => trace.meta && trace.meta.run === selected);
     add("power", "alone", trace ? [{...trace, showlegend: true, legendgroup: "alone", name: `${byName.get(selected).label}, alone`,
-                                    meta: null, line: {color: ALONE_COLOR, width: 3, dash: "dash"}}] : []);
+                                    meta: null, line: {color: colors.alone, width: 3, dash: "dash"}}] : []);
   }
 
   function without() {
     preview.hidden = !left.size;
     if (!left.size) return add("power", "without", []);
-    const {V, power, half} = curveWithout(shares, left), numbers = runs.map((run, i) => left.has(run.name) ? i + 1 : 0).filter(Boolean);
-    const name = `preview without run${numbers.length > 1 ? "s" : ""} ${numbers.join(", ")}`, group = {legendgroup: name, name, type: "scatter", mode: "lines"};
-    add("power", "without", [
-      {...group, x: [...V, ...V.slice().reverse()], y: [...power.map((p, k) => p + half[k]), ...power.map((p, k) => p - half[k]).reverse()],
-       fill: "toself", fillcolor: WITHOUT_BAND, line: {width: 0}, hoverinfo: "skip", showlegend: false},
-      {...group, x: V, y: power, line: {color: WITHOUT_COLOR, width: 4, dash: "dashdot"}, hovertemplate: "%{y:.1f} W"}]);
-    const middle = Math.floor(V.length / 2), change = k => {
-      const before = interpolate(V[k], figures.power.data[1].x, figures.power.data[1].y);
-      return `${(100 * (power[k] / before - 1)).toFixed(1).replace("-0.0", "0.0")} % at ${V[k].toFixed(1)} m/s`;
-    };
-    preview.querySelector("span").textContent = `${name[0].toUpperCase()}${name.slice(1)}: power changes by ${[0, middle, V.length - 1].map(change).join(", ")}. `
+    const curve = curveWithout(shares, left), all = curveWithout(shares, []), last = curve.x.length - 1;
+    const numbers = runs.map((run, i) => left.has(run.name) ? i + 1 : 0).filter(Boolean);
+    const name = `preview without run${numbers.length > 1 ? "s" : ""} ${numbers.join(", ")}`;
+    add("power", "without", curveWithBand(name, curve, {color: colors.without, width: 4, dash: "dashdot"}));
+    const change = k => `${(100 * (curve.y[k] / all.y[k] - 1)).toFixed(1).replace("-0.0", "0.0")} % at ${curve.x[k].toFixed(1)} m/s`;
+    preview.querySelector("span").textContent = `${name[0].toUpperCase()}${name.slice(1)}: power changes by ${[0, Math.floor(last / 2), last].map(change).join(", ")}. `
       + "Numbers and answers on this page are still those of all runs. To have them without: save the list, and run";
   }
 
@@ -140,15 +134,8 @@ function runsOfThePage({runs, file, shares}) {
   document.querySelectorAll("[data-do]").forEach(button => button.addEventListener("click", actions[button.dataset.do]));
   addEventListener("keydown", event => { if (event.key === "Escape" && selected) select(selected); });
 
-  // The list of runs with `keep = false` for those that are left out.
   function editedRuns() {
-    const separator = "\n[[run]]\n";
-    return file.split(separator).map(block => {
-      const of = field => (new RegExp(`^${field} = "(.*)"$`, "m").exec(block) || [])[1];
-      const out = [...left].map(name => byName.get(name)).some(run =>
-        of("start") === `${run.start_s.toFixed(2)} s` && run.name.startsWith(`${of("kind")} at `));
-      return out ? block.replace("keep = true", "keep = false") : block;
-    }).join(separator);
+    return file.head + file.blocks.map(block => left.has(block.run) ? block.left_out : block.kept).join("");
   }
   preview.editedRuns = editedRuns;
 }
