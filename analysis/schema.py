@@ -56,6 +56,16 @@ class CurveStatus(StrEnum):
         return self in (CurveStatus.CONVERGED, CurveStatus.BY_ANOTHER_METHOD)
 
 
+class NextFlightLowers(StrEnum):
+    """What the next flight lowers: the largest part of the interval where it is widest."""
+
+    NOTHING = ""  # nothing is lacking
+    NOISE = "noise"
+    ALPHA_BIAS = "alpha_bias"
+    ALPHA_SCALE = "alpha_scale"
+    V_SCALE = "V_scale"
+
+
 class WhyNot(StrEnum):
     """Why a method that needs more does not give the curve of a flight."""
 
@@ -652,7 +662,7 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     run_residuals: list[RunResidual] = []
     parameter_correlation: Correlation | None = None
     track: Track | None = None
-    next_flight_lowers: str = ""  # what it lowers: noise, or the name of a sensor error; empty without advice
+    next_flight_lowers: NextFlightLowers = NextFlightLowers.NOTHING
     next_flight: list[str] = []  # what the next twenty minutes should be, in sentences; empty where nothing is lacking
     autopilot_parameters: list[AutopilotParameter] = []  # that follow from the flight
     autopilot_parameters_withheld: list[str] = []  # that do not, and why

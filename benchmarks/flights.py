@@ -95,7 +95,7 @@ class Flown(NamedTuple):
 
     flight: Flight
     sensor_truth: FlightSensorTruth
-    table: pd.DataFrame  # as `analysis.channels.synchronize` leaves it
+    table: pd.DataFrame  # as `analysis.signals.channels.synchronize` leaves it
 
 
 def flown(
@@ -132,7 +132,7 @@ def _flown(arguments: bytes) -> Flown:
 
 
 def sensor_table(sensor_truth: FlightSensorTruth, aircraft: Aircraft) -> pd.DataFrame:
-    """What `analysis.channels.synchronize` would make of the flight's log, but for counts and jitter."""
+    """What `analysis.signals.channels.synchronize` would make of the flight's log, but for counts and jitter."""
     t = np.arange(0, sensor_truth.duration_s, TICK_S)
     fine = (t[:, None] + (np.arange(SAMPLES) - (SAMPLES - 1) / 2) * FIFO_S).ravel()
     force, rate = (values.reshape(-1, SAMPLES, 3).mean(axis=1) for values in sensor_truth.imu(fine))

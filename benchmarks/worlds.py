@@ -73,12 +73,14 @@ class Job(NamedTuple):
 
 
 def version() -> str:
-    """Hash of what a result depends on: code and data of simulator, daemon and analysis."""
+    """Hash of what a result depends on: code and data of simulator, daemon and analysis, and how errors are counted."""
     digest = hashlib.sha256()
     for folder in ("analysis", "flight", "sim", "hw_fakes", "daq"):
         for path in sorted((ROOT / folder).rglob("*")):
-            if path.suffix in (".py", ".toml", ".csv") and path.parent.name != "worlds":
+            if path.suffix in (".py", ".toml", ".csv", ".json") and path.parent.name != "worlds":
                 digest.update(path.read_bytes())
+    for name in ("worlds", "chain", "estimators"):
+        digest.update((ROOT / "benchmarks" / name).with_suffix(".py").read_bytes())
     return digest.hexdigest()[:12]
 
 

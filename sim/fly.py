@@ -19,7 +19,7 @@ from sim.pilot import Pilot, drawn_phases
 from sim.plan import DT_S, Plan
 from sim.plan_segment import FlightContext
 from sim.plant import NO_DEVIATIONS, AircraftState, Commands, Deviations, Plant, plant_of
-from sim.segments import GROUND
+from sim.segments import GROUND, ClimbSegment, LandSegment, RunSegment, StandSegment, TakeOffSegment
 from sim.trim import Trim, Trimmer
 from sim.truth import Columns, Prescribed, airborne_rows, kinematic_rows, power_required_table, table_of
 
@@ -74,7 +74,7 @@ class _FlightSimulation:
     ):
         self.aircraft, self.plan, self.plant, self.seed, self.dt = aircraft, plan, plant, seed, dt
         self.progress = progress
-        highest = max([plan.height_m, *(s.height_m for s in plan.segments if s.kind == "climb")])
+        highest = max([plan.height_m, *(s.height_m for s in plan.segments if isinstance(s, ClimbSegment))])
         self.trimmer = Trimmer(plant, highest)
         self.stepper = Stepper(plant, dt, plan.integrator)
         self.runs_flown = 0
@@ -119,18 +119,18 @@ class _FlightSimulation:
 
     def _fly_segment(self, segment: Any, index: int) -> None:
         where = f"plan {self.plan.name}: segment {index + 1} ({segment.kind})"
-        from_ground = segment.kind in GROUND and segment.kind != "land"
+        from_ground = segment.kind in GROUND and not isinstance(segment, LandSegment)
         if from_ground and self.airborne:
             raise InputError(f"{where}: the aircraft is in the air; put a segment 'land' before")
         if not from_ground and not self.airborne:
             raise InputError(f"{where}: the aircraft is on the ground; put a segment 'take-off' before")
-        if segment.kind == "stand":
+        if isinstance(segment, StandSegment):
             self._stand(segment, index)
         elif isinstance(segment, BenchSegment):
             self._bench(segment, index, where)
-        elif segment.kind == "take-off":
+        elif isinstance(segment, TakeOffSegment):
             self._take_off(segment, index)
-        elif segment.kind == "land":
+        elif isinstance(segment, LandSegment):
             self._land(segment, index)
         else:
             self._check_speed(segment, where)
@@ -151,7 +151,7 @@ class _FlightSimulation:
                 raise InputError(f"{where}: {V:.2f} m/s is too slow: {self.aircraft.name} stalls at {low:.2f} m/s")
             if V > high:
                 raise InputError(f"{where}: {V:.2f} m/s is too fast: {self.aircraft.name} reaches {high:.2f} m/s level")
-        if segment.kind == "climb" and segment.height_m > self.context.height_m:
+        if isinstance(segment, ClimbSegment) and segment.height_m > self.context.height_m:
             speed = segment.speed_mps or self.context.speed_mps
             if segment.speed_over_stall is not None:
                 speed = segment.speed_over_stall * low
@@ -225,7 +225,7 @@ class _FlightSimulation:
     def _configured(self, segment: Any) -> tuple[Plant, Stepper]:
         """The aircraft as it flies this segment, and its steps: with the gear out in every second pair of runs."""
         out = False
-        if segment.kind == "run":
+        if isinstance(segment, RunSegment):
             out = self.plant.deviations.gear_CD != 0 and self.runs_flown // 2 % 2 == 1
             self.runs_flown += 1
         if out == self.stepper.plant.gear_out:

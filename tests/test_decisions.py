@@ -1,7 +1,8 @@
 """Nothing is decided by looking into a text that was written for people: what is to be told apart is an enum.
 
-Found by syntax: `verdict.startswith("converged")`, `"bank" in reason`, `title == "Drag"`, `match note:`, and
-the same of names of estimated parameters. A text is a variable, attribute or key whose name ends in one of TEXTS.
+Found by syntax: `verdict.startswith("converged")`, `"bank" in reason`, `title == "Drag"`, `match note:`, the same of
+names of estimated parameters, and, in the analysis, `piece.kind == "runs"`. A text is a variable, attribute or key
+whose name ends in one of TEXTS; one of KINDS is told apart by an enum or a class.
 """
 
 import ast
@@ -20,7 +21,9 @@ TEXTS = {
     "verdict", "reason", "note", "title", "text", "message", "warning", "hint", "label", "problem", "sentence", "word",
 }  # fmt: skip
 TEXTS |= {f"{word}s" for word in TEXTS}
+KINDS = {"kind", "cause", "status", "lowers", "level", "outcome", "category"}
 PARAMETER = {"name", "parameter"}
+SENSOR_ERROR = {"error", "sensor_error"}
 LOOKS = {"startswith", "endswith", "removeprefix", "removesuffix", "find", "partition"}
 PATTERNS = {"match", "search", "fullmatch", "findall"}
 # Modules that read texts which others wrote: files, commands, messages of libraries and of the system.
@@ -59,7 +62,10 @@ def decisions_by_text(root: Path) -> list[Finding]:
         if not path.startswith(tuple(PARSERS)):
             known = constants[path] | _imported_constants(tree, constants)
             nodes = [node for node in ast.walk(tree) if isinstance(node, ast.expr | ast.Match)]
-            found += [Finding(path, node.lineno, ast.unparse(node)) for node in nodes if _decides(node, known)]
+            deciding = [
+                one for one in nodes if _decides(one, known) or (path.startswith("analysis/") and _tells_kinds(one))
+            ]
+            found += [Finding(path, node.lineno, ast.unparse(node)) for node in deciding]
     return found
 
 
@@ -79,14 +85,27 @@ def _decides(node: ast.AST, constants: set[str]) -> bool:
 def _compares(left: ast.expr, operator: ast.cmpop, right: ast.expr, constants: set[str]) -> bool:
     if isinstance(operator, ast.In | ast.NotIn):
         within = _literals(left, constants) and (_is_text(right) or (_is_parameter(right) and _is_name(left)))
-        one_of = (_is_text(left) and _literals(right, constants)) or (_is_parameter(left) and _estimated(right))
+        one_of = (_is_text(left) and _literals(right, constants)) or (_is_estimate(left) and _estimated(right))
         return within or one_of
     if isinstance(operator, ast.Eq | ast.NotEq):
         return any(
-            (_is_text(one) and _literals(other, constants)) or (_is_parameter(one) and _estimated(other))
+            (_is_text(one) and _literals(other, constants)) or (_is_estimate(one) and _estimated(other))
             for one, other in ((left, right), (right, left))
         )
     return False
+
+
+def _tells_kinds(node: ast.AST) -> bool:
+    match node:
+        case ast.Compare(left=left, ops=[ast.Eq() | ast.NotEq() | ast.In() | ast.NotIn()], comparators=[right]):
+            return any(_is_kind(one) and bool(_strings(other)) for one, other in ((left, right), (right, left)))
+        case ast.Match(subject=subject, cases=cases):
+            return _is_kind(subject) and any(_is_literal(one.pattern) for one in cases)
+    return False
+
+
+def _is_kind(node: ast.expr) -> bool:
+    return _last_name(node).lower().split("_")[-1] in KINDS
 
 
 def _is_literal(pattern: ast.pattern) -> bool:
@@ -116,6 +135,10 @@ def _is_text(node: ast.expr) -> bool:
 
 def _is_parameter(node: ast.expr) -> bool:
     return _last_name(node) in PARAMETER
+
+
+def _is_estimate(node: ast.expr) -> bool:
+    return _is_parameter(node) or _last_name(node) in SENSOR_ERROR
 
 
 def _is_name(node: ast.expr) -> bool:
@@ -188,6 +211,9 @@ def test_every_parser_exists() -> None:
         'ok = re.search("bank", note)',
         'ok = name.startswith("ln w(")',
         'ok = parameter == "thrust_scale"',
+        'ok = shift.error == "air_data_lag"',
+        'ok = piece.kind in ("circuit", "circles")',
+        'ok = found.cause != "noise"',
         'match verdict:\n    case "converged":\n        pass',
     ],
 )
@@ -205,6 +231,7 @@ def test_a_decision_by_text_is_found(code: str, tmp_path: Path) -> None:
         "match reason:\n    case Reason.BANK:\n        pass",
         'ok = path.name.endswith(".toml")',
         'ok = "V_scale" in names',
+        "ok = piece.kind is PieceKind.RUNS",
         'text = note or "none"',
     ],
 )

@@ -50,10 +50,10 @@ def read_autopilot_log(log: Path, firmware: str) -> "FlightRecording":
     return read(log)
 
 
-def refuse_daemon_options(log: Path, **given: object) -> None:
-    """Raises InputError for an option that an autopilot's log has no use for."""
+def refuse_drag_options(log: Path, why: str, **given: object) -> None:
+    """Raises InputError for an option that a log without drag has no use for. why: what is missing."""
     if names := _given(given):
-        raise InputError(f"{log}: {names}: only for logs of the daemon, not for an autopilot's")
+        raise InputError(f"{log}: {names}: has no effect, since {why}; leave it out")
 
 
 def refuse_autopilot_options(log: Path, **given: object) -> None:

@@ -9,7 +9,7 @@ from analysis.cli.electrical import (
     OrdinaryFlight,
     lacks_drag_topics,
     refuse_autopilot_options,
-    refuse_daemon_options,
+    refuse_drag_options,
 )
 from analysis.cli.lean_imports import import_lean
 from analysis.cli.options import Options
@@ -28,6 +28,8 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
     flight in which no maneuver gives a curve.
     """
     progress("reading the log")
+    if options.mass_kg is not None and options.weight_N is not None:
+        raise InputError(f"{log}: --mass and --weight: one quantity in two units; give one of them")
     ordinary = OrdinaryFlight(
         log,
         folder,
@@ -42,23 +44,24 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
     )
     refuse_folder(log)
     firmware = firmware_of(log)
+    for_drag = {
+        "probe": options.probe,
+        "zero": options.zero,
+        "runs": options.runs,
+        "magnetometer": options.magnetometer,
+        "likelihood": options.likelihood or None,
+        "transducers": options.transducers,
+        "thrust_stand": options.thrust_stand,
+    }
     if firmware:
-        refuse_daemon_options(
-            log,
-            probe=options.probe,
-            zero=options.zero,
-            runs=options.runs,
-            magnetometer=options.magnetometer,
-            likelihood=options.likelihood or None,
-            transducers=options.transducers,
-            thrust_stand=options.thrust_stand,
-        )
+        refuse_drag_options(log, "the log is an autopilot's", **for_drag)
         check_writable(folder / "report.html")
         return ordinary.analyze_autopilot_log(firmware, progress)
     # Wrong input is refused before the numerical libraries are loaded, which takes a second.
     recorded = read_log(log)
     check_writable(folder / "report.html")
     if lacks_drag_topics(recorded):
+        refuse_drag_options(log, "the log lacks flow angles or motor speed, and gives no drag", **for_drag)
         return ordinary.analyze_daemon_log(recorded, progress)
     refuse_autopilot_options(
         log,

@@ -51,20 +51,21 @@ class Segment:
                 f"segment {self.name}: the time base is not uniform: the step at t = {t[at]:g} s is {steps[at]:g} s,"
                 f" the median step is {median:g} s; resample to a uniform time base"
             )
-        for kind, signals in (("u", self.u), ("z", self.z)):
-            arrays = {name: _vector(values, f"segment {self.name}: {name}") for name, values in signals.items()}
+        for signals in ("u", "z"):
+            given = getattr(self, signals)
+            arrays = {name: _vector(values, f"segment {self.name}: {name}") for name, values in given.items()}
             for name, values in arrays.items():
                 if len(values) != len(t):
                     raise InputError(f"segment {self.name}: {name} has {len(values)} samples, the time base {len(t)}")
-                if kind == "u" and not np.isfinite(values).all():
+                if signals == "u" and not np.isfinite(values).all():
                     at = int(np.argmax(~np.isfinite(values)))
                     raise InputError(
                         f"segment {self.name}: input {name} is {values[at]} at t = {t[at]:g} s;"
                         " inputs must be given at every sample"
                     )
-                if kind == "z" and np.isinf(values).any():
+                if signals == "z" and np.isinf(values).any():
                     raise InputError(f"segment {self.name}: output {name} is infinite; mark missing samples with NaN")
-            object.__setattr__(self, kind, arrays)
+            object.__setattr__(self, signals, arrays)
 
     @property
     def step_s(self) -> float:

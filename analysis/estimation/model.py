@@ -181,8 +181,8 @@ class Model:
     prior_measurements: tuple[PriorMeasurement, ...] = ()
 
     def __post_init__(self) -> None:
-        for kind in ("states", "inputs", "outputs", "parameters"):
-            object.__setattr__(self, kind, self._as_tuple(kind, Parameter if kind == "parameters" else str))
+        for kind, one in (("states", str), ("inputs", str), ("outputs", str), ("parameters", Parameter)):
+            object.__setattr__(self, kind, self._as_tuple(kind, one))
         for kind, names in (
             ("states", self.states),
             ("inputs", self.inputs),

@@ -33,7 +33,7 @@ class Whitened:
     present: NDArray[np.bool_]
 
 
-def noise_covariance_of(residuals: Array, scale: Array, kind: NoiseKind, tail_dof: float | None) -> Array:
+def noise_covariance_of(residuals: Array, scale: Array, structure: NoiseKind, tail_dof: float | None) -> Array:
     """R (outputs, outputs) of the residuals (n, outputs), NaN where missing (3.33).
 
     scale : (outputs,) rms of the measured outputs, for the smallest variance that is returned
@@ -42,7 +42,7 @@ def noise_covariance_of(residuals: Array, scale: Array, kind: NoiseKind, tail_do
     Raises InputError when a full R has too few complete samples.
     """
     floor = (1e-9 * scale) ** 2  # smaller residuals are rounding errors
-    if kind == "full":
+    if structure == "full":
         complete = residuals[np.isfinite(residuals).all(axis=1)]
         if len(complete) <= residuals.shape[1]:
             raise InputError(

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from analysis.planning.expected_aircraft import ExpectedAircraft
 from analysis.planning.information import QUESTION_TITLES
-from analysis.planning.pieces import Hold, Land, Maneuver, Porpoise, Run, Stand, TakeOff, Turn, slowest_mps
+from analysis.planning.pieces import Hold, Land, Maneuver, PieceKind, Porpoise, Run, Stand, TakeOff, Turn, slowest_mps
 from analysis.planning.search import FlightPlan, Request
 from analysis.planning.settings import MARGINS, PATH
 from analysis.planning.time_history import climb_rate_mps
@@ -121,7 +121,7 @@ def waypoint_file(plan: FlightPlan, home: Home) -> str:
 
 def left_out(plan: FlightPlan) -> list[str]:
     """Titles of the pieces that the mission does not hold."""
-    return [piece.title for piece in dict.fromkeys(plan.pieces) if piece.kind == "porpoise"]
+    return [piece.title for piece in dict.fromkeys(plan.pieces) if piece.kind.by_hand]
 
 
 def _items(plan: FlightPlan, home: Home) -> list[_Item]:
@@ -144,11 +144,11 @@ def _items(plan: FlightPlan, home: Home) -> list[_Item]:
         ends.reverse()
 
     for piece in plan.pieces:
-        if piece.kind == "porpoise":
+        if piece.kind.by_hand:
             continue
         for maneuver in piece.maneuvers:
             match maneuver:
-                case Hold(_, wanted) if piece.kind in ("circuit", "circles"):
+                case Hold(_, wanted) if piece.kind in (PieceKind.CIRCUIT, PieceKind.CIRCLES):
                     change(wanted)
                     leg()
                 case Run():

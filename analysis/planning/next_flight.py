@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.estimation.noise import NORMAL_95
 from analysis.polar import Condition, Polar, power_required, speed_at
+from analysis.schema import NextFlightLowers
 from analysis.settings import EVIDENCE
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.observability import MATTERS
@@ -24,29 +25,30 @@ from analysis.trajectory.settings import GUSTS
 Array = NDArray[np.float64]
 
 FLY = {
-    "noise": "fly more accelerations and decelerations, the throttle opened slowly, down to the slowest speed that is"
-    " safe",
-    "alpha_bias": "fly fast for long, to and fro or in circles both ways: the mean of vertical gusts becomes smaller"
-    " with distance, and their angle with speed",
-    "alpha_scale": "porpoise for several minutes: stick fore and aft, 1.3 to 1.8 s a cycle, with the load factor"
-    " between 0 and 2",
-    "V_scale": "fly fast in circles both ways, or to and fro on opposite headings, where GPS shows the airspeed",
+    NextFlightLowers.NOISE: "fly more accelerations and decelerations, the throttle opened slowly, down to the slowest"
+    " speed that is safe",
+    NextFlightLowers.ALPHA_BIAS: "fly fast for long, to and fro or in circles both ways: the mean of vertical gusts"
+    " becomes smaller with distance, and their angle with speed",
+    NextFlightLowers.ALPHA_SCALE: "porpoise for several minutes: stick fore and aft, 1.3 to 1.8 s a cycle, with the"
+    " load factor between 0 and 2",
+    NextFlightLowers.V_SCALE: "fly fast in circles both ways, or to and fro on opposite headings, where GPS shows the"
+    " airspeed",
 }
 TITLES = {
-    "noise": "noise of the runs",
-    "alpha_bias": "the offset of angle of attack",
-    "alpha_scale": "the slope of angle of attack",
-    "V_scale": "the scale of airspeed",
+    NextFlightLowers.NOISE: "noise of the runs",
+    NextFlightLowers.ALPHA_BIAS: "the offset of angle of attack",
+    NextFlightLowers.ALPHA_SCALE: "the slope of angle of attack",
+    NextFlightLowers.V_SCALE: "the scale of airspeed",
 }
 
 
 class Lacking(NamedTuple):
-    """speed_mps: where the interval is largest. percent: its half width. cause: a key of FLY, whose halving narrows it
+    """speed_mps: where the interval is largest. percent: its half width. cause: whose halving narrows it
     most. percent_without: the half width then."""
 
     speed_mps: float
     percent: float
-    cause: str
+    cause: NextFlightLowers
     percent_without: float
 
 
@@ -60,15 +62,15 @@ def lacking(
         return None
     i = int(np.argmax(sigma / power))
     _, noise = power_required(V[i : i + 1], Polar(estimate.polar.A, estimate.noise[:3, :3]), condition)
-    variances = {"noise": float(noise[0] ** 2)}
+    variances = {NextFlightLowers.NOISE: float(noise[0] ** 2)}
     effect, which = _effects_W(trajectory, estimate.polar.A, condition, float(V[i]))
     covariance = trajectory.covariance[np.ix_(which, which)]
     whole = float(effect @ covariance @ effect)
     for k, name in enumerate(MATTERS):
         # What is left of the variance when this error is known: conditional on it.
         others = covariance - np.outer(covariance[k], covariance[k]) / covariance[k, k]
-        variances[name] = max(whole - float(effect @ others @ effect), 0.0)
-    cause = max(variances, key=lambda name: variances[name])
+        variances[NextFlightLowers(name)] = max(whole - float(effect @ others @ effect), 0.0)
+    cause = max(variances, key=lambda one: variances[one])
     # Correlation with other errors can make the part larger than the whole; half an error halves no interval further.
     left = float(sigma[i] ** 2) - (1 - 0.5**2) * min(variances[cause], float(sigma[i] ** 2))
     percent = 100 * NORMAL_95 / float(power[i])
@@ -76,9 +78,9 @@ def lacking(
 
 
 class Advice(NamedTuple):
-    """What to fly next, in sentences, and what it lowers: a key of FLY; both empty where nothing is lacking."""
+    """What to fly next, in sentences, and what it lowers; both empty where nothing is lacking."""
 
-    lowers: str = ""
+    lowers: NextFlightLowers = NextFlightLowers.NOTHING
     sentences: Sequence[str] = ()
 
 
@@ -94,7 +96,7 @@ def next_flight(
         f" ±{found.percent:.1f} %, most of all by {TITLES[found.cause]}; known twice as well it would leave"
         f" ±{found.percent_without:.1f} %."
     ]
-    if trajectory.gust_mps > GUSTS.dominate_mps and found.cause != "noise":
+    if trajectory.gust_mps > GUSTS.dominate_mps and found.cause is not NextFlightLowers.NOISE:
         sentences.append("A calmer day does the same in less time.")
     return Advice(found.cause, sentences)
 

@@ -5,6 +5,7 @@ Speeds are true airspeeds [m/s], angles in rad, times in s.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from math import ceil, cos, degrees, inf, pi, tan
 
 from analysis.planning.expected_aircraft import ExpectedAircraft
@@ -100,14 +101,28 @@ class Pilot:
     load: float
 
 
+class PieceKind(StrEnum):
+    """What a piece of a plan is, in the order of the flight: runs while the battery is full, full throttle last."""
+
+    RUNS = "runs"
+    CIRCUIT = "circuit"
+    PORPOISE = "porpoise"
+    CIRCLES = "circles"
+    FULL_THROTTLE = "full throttle"
+
+    @property
+    def by_hand(self) -> bool:
+        """Whether no autopilot's mission holds it."""
+        return self is PieceKind.PORPOISE
+
+
 @dataclass(frozen=True)
 class Piece:
-    """A piece of a plan. title: for the card. autopilot: whether a mission can hold it."""
+    """A piece of a plan. title: for the card."""
 
     title: str
     maneuvers: tuple[Maneuver, ...]
-    kind: str
-    autopilot: bool
+    kind: PieceKind
 
 
 def margin_over_stall(wind_kt: float) -> float:
@@ -146,7 +161,7 @@ def run_pairs(expected: ExpectedAircraft, space: Space, wind_kt: float) -> Itera
             fast_turn = Turn(fast, pi, BANK_RAD)
             legs = (Hold(settle_s / 2, MARGINS.held * slow), up, fast_turn, Hold(hold_s, fast), down, rest, turn)
         title = f"accelerate and decelerate, throttle over {ramp_s:.0f} s"
-        yield Piece(title, legs, "runs", False)
+        yield Piece(title, legs, PieceKind.RUNS)
 
 
 def circuits(expected: ExpectedAircraft, space: Space, wind_kt: float) -> Iterator[Piece]:
@@ -155,7 +170,7 @@ def circuits(expected: ExpectedAircraft, space: Space, wind_kt: float) -> Iterat
     for V in (MARGINS.held * slow, 1.3 * stall, 1.6 * stall, 0.77 * fastest, 0.85 * fastest, MARGINS.fastest * fastest):
         turn = Turn(max(V, _turning_mps(expected, BANK_RAD, wind_kt)), pi, BANK_RAD)
         seconds = min(max(space.leg_m / V, 8.0), 60.0)
-        yield Piece(f"level at {V:.1f} m/s, there and back", 2 * (Hold(seconds, V), turn), "circuit", True)
+        yield Piece(f"level at {V:.1f} m/s, there and back", 2 * (Hold(seconds, V), turn), PieceKind.CIRCUIT)
 
 
 def circles(expected: ExpectedAircraft, wind_kt: float) -> Iterator[Piece]:
@@ -166,7 +181,7 @@ def circles(expected: ExpectedAircraft, wind_kt: float) -> Iterator[Piece]:
         for V in (slowest, 0.8 * fastest, MARGINS.fastest * fastest):
             if V >= slowest:
                 title = f"two circles at {V:.1f} m/s, bank {bank * 180 / pi:.0f}°"
-                yield Piece(title, (Turn(V, 4 * pi, bank),), "circles", True)
+                yield Piece(title, (Turn(V, 4 * pi, bank),), PieceKind.CIRCLES)
 
 
 def porpoising(expected: ExpectedAircraft, space: Space, pilot: Pilot, wind_kt: float) -> Iterator[Piece]:
@@ -180,15 +195,14 @@ def porpoising(expected: ExpectedAircraft, space: Space, pilot: Pilot, wind_kt: 
             turn = Turn(max(V, _turning_mps(expected, BANK_RAD, wind_kt)), pi, BANK_RAD)
             title = f"porpoise for {seconds:.0f} s at {V:.1f} m/s, {first:g} to {last:g} s a cycle"
             pieces = (Hold(4.0, V), Porpoise(seconds, V, pilot.load, first, last), turn)
-            yield Piece(title, pieces, "porpoise", False)
+            yield Piece(title, pieces, PieceKind.PORPOISE)
 
 
 def full_throttle(expected: ExpectedAircraft) -> Piece:
     """One acceleration at full throttle: power available, climb, ceiling."""
     run = Run(1.0, 1.0, 0.95 * expected.fastest_mps)
-    return Piece(
-        "one acceleration at full throttle", (Hold(8.0, 1.3 * expected.stall_mps), run), "full throttle", False
-    )
+    hold = Hold(8.0, 1.3 * expected.stall_mps)
+    return Piece("one acceleration at full throttle", (hold, run), PieceKind.FULL_THROTTLE)
 
 
 def catalog(expected: ExpectedAircraft, space: Space, pilot: Pilot, wind_kt: float) -> list[Piece]:
@@ -201,7 +215,7 @@ def catalog(expected: ExpectedAircraft, space: Space, pilot: Pilot, wind_kt: flo
     ]
     narrowest_mps = _turning_mps(expected, STEEP_BANK_RAD, wind_kt)
     kept = [piece for piece in (_with_room(piece, narrowest_mps, space.side_m) for piece in found) if piece is not None]
-    if not any(piece.kind == "runs" for piece in kept):
+    if not any(piece.kind is PieceKind.RUNS for piece in kept):
         raise InputError(
             f"--side {space.side_m:g}: too narrow for a turn of {expected.aircraft.name}; its narrowest, at"
             f" {narrowest_mps:.1f} m/s and a bank of {degrees(STEEP_BANK_RAD):.0f}°, needs"
@@ -218,7 +232,7 @@ def _with_room(piece: Piece, narrowest_mps: float, side_m: float) -> Piece | Non
         if isinstance(maneuver, Turn) and maneuver.width_m > side_m:
             steeper = replace(maneuver, speed_mps=max(maneuver.speed_mps, narrowest_mps), bank_rad=STEEP_BANK_RAD)
             maneuver = steeper if steeper.width_m <= side_m else replace(steeper, speed_mps=narrowest_mps)
-            if maneuver.width_m > side_m or piece.kind == "circles":
+            if maneuver.width_m > side_m or piece.kind is PieceKind.CIRCLES:
                 return None
         maneuvers.append(maneuver)
     return replace(piece, maneuvers=tuple(maneuvers))

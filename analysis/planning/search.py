@@ -26,6 +26,7 @@ from analysis.planning.information import (
 from analysis.planning.pieces import (
     Maneuver,
     Piece,
+    PieceKind,
     Pilot,
     Space,
     catalog,
@@ -40,8 +41,6 @@ from flight.errors import InputError
 from flight.units import KNOT_MPS
 
 Array = NDArray[np.float64]
-
-BY_HAND = ("porpoise",)  # kinds of pieces that no autopilot's mission holds
 
 
 @dataclass(frozen=True)
@@ -101,8 +100,8 @@ def plan_flight(aircraft: ExpectedAircraft, request: Request) -> FlightPlan:
     slow, fast = slowest_mps(aircraft, request.wind_kt), MARGINS.fastest * aircraft.fastest_mps
     asked = question(request.question, aircraft, slow, fast)
     found = catalog(aircraft, request.space, request.pilot, request.wind_kt)
-    pieces = [piece for piece in found if not (request.pilot.autopilot and piece.kind in BY_HAND)]
-    pairs = [piece for piece in pieces if piece.kind == "runs"]
+    pieces = [piece for piece in found if not (request.pilot.autopilot and piece.kind.by_hand)]
+    pairs = [piece for piece in pieces if piece.kind is PieceKind.RUNS]
     last: tuple[Piece, ...] = (full_throttle(aircraft),)
     base, base_seconds = _evaluated([*pairs[:1] * SEARCH.fewest_run_pairs, *last], aircraft, request)
     if base_seconds > request.minutes * 60:
@@ -122,7 +121,7 @@ def plan_flight(aircraft: ExpectedAircraft, request: Request) -> FlightPlan:
     for _ in range(4):  # pieces take more or less time beside others than alone
         counts = _exchanged(increments, left, start, asked)
         planned = [piece for piece, n in zip(pieces, counts, strict=True) for _ in range(n)]
-        chosen = _ordered(planned + pairs[:1] * SEARCH.fewest_run_pairs, last)
+        chosen = _ordered([*planned, *pairs[:1] * SEARCH.fewest_run_pairs, *last])
         history = _history(chosen, aircraft, request)
         over_s = len(history.table) * PATH.step_s - request.minutes * 60
         if over_s <= 0:
@@ -190,7 +189,7 @@ def _increment(
     before, before_s = base
     repeated = 2  # of a piece in the flight that its information is computed from
     planned = [*[pair] * SEARCH.fewest_run_pairs, *[piece] * repeated, *last]
-    if piece.kind == "runs":
+    if piece.kind is PieceKind.RUNS:
         found, seconds = _evaluated(planned, aircraft, request)
         errors, polar = found.errors, _gain(found.noise, before.noise) / repeated
     else:
@@ -261,13 +260,9 @@ def _seconds(new: Sequence[int], old: Sequence[int], increments: Sequence[_Incre
     return sum((a - b) * increment.seconds for a, b, increment in zip(new, old, increments, strict=True))
 
 
-ORDER = ("runs", "circuit", "porpoise", "circles")
-
-
-def _ordered(pieces: Sequence[Piece], last: Sequence[Piece]) -> list[Piece]:
-    """Runs first, while the battery is full; the acceleration at full throttle last."""
-    rest = [piece for piece in pieces if piece not in last]
-    return [*sorted(rest, key=lambda piece: (ORDER.index(piece.kind), piece.title)), *last]
+def _ordered(pieces: Sequence[Piece]) -> list[Piece]:
+    kinds = list(PieceKind)
+    return sorted(pieces, key=lambda piece: (kinds.index(piece.kind), piece.title))
 
 
 def _contributions(

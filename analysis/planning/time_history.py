@@ -46,10 +46,10 @@ class TimeHistory(NamedTuple):
 
 
 def fly(
-    plan: Sequence[Maneuver], expected: ExpectedAircraft, height_m: float, wind_mps: float, *, begins: str = "ground"
+    plan: Sequence[Maneuver], expected: ExpectedAircraft, height_m: float, wind_mps: float, *, airborne: bool = False
 ) -> TimeHistory:
-    """The time history of a plan. begins: "ground" or, of a part of a plan, "air"."""
-    V, throttle = 0.0 if begins == "ground" else 1.6 * expected.stall_mps, 0.5
+    """The time history of a plan. airborne: of a part of a plan, at its beginning."""
+    V, throttle = 1.6 * expected.stall_mps if airborne else 0.0, 0.5
     paths, counts = [], [0]
     for maneuver in plan:
         path = _path(maneuver, expected, height_m, V, throttle)
@@ -59,7 +59,7 @@ def fly(
         counts.append(counts[-1] + len(path.V))
     V_path, bank, climb = (np.concatenate(parts) for parts in zip(*paths, strict=True))
     starts_s = np.array(counts) * PATH.step_s
-    return _history(Path(V_path, bank, climb), expected, height_m, wind_mps, begins=begins, starts_s=starts_s)
+    return _history(Path(V_path, bank, climb), expected, height_m, wind_mps, airborne=airborne, starts_s=starts_s)
 
 
 def throttle_at(expected: ExpectedAircraft, V: float) -> float:
@@ -173,7 +173,7 @@ def _landing(expected: ExpectedAircraft, V: float, speed_mps: float, height_m: f
 
 
 def _history(
-    path: Path, expected: ExpectedAircraft, height_m: float, wind_mps: float, *, begins: str, starts_s: Array
+    path: Path, expected: ExpectedAircraft, height_m: float, wind_mps: float, *, airborne: bool, starts_s: Array
 ) -> TimeHistory:
     V, bank, climb = path
     n = len(V)
@@ -188,7 +188,7 @@ def _history(
     heading = np.cumsum(g * np.tan(bank) / flown) * PATH.step_s
     body = motion.velocity_of(V, alpha, 0.0)
     air = np.column_stack(motion.earth_from_body(body, (bank, theta, heading)))
-    height = np.cumsum(-air[:, 2]) * PATH.step_s + (height_m if begins == "air" else 0.0)
+    height = np.cumsum(-air[:, 2]) * PATH.step_s + (height_m if airborne else 0.0)
     height = np.maximum(height, 0.0)
     profile = dryden.mean_wind_profile(height) / dryden.mean_wind_profile(height_m)
     wind_from = np.radians(PATH.wind_from_deg)

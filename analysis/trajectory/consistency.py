@@ -179,21 +179,23 @@ class TimeShift(NamedTuple):
 
 def time_shifts(trajectory: Trajectory) -> list[TimeShift]:
     """The time shifts of a reconstructed flight."""
-    shifts = []
-    for name in SHIFTED_CHANNELS:
-        error = trajectory.standard_error(name)
-        determined = error < STATISTICS.determined_share * trajectory.prior_standard_error(name)
-        shifts.append(TimeShift(name, trajectory.value(name), error, determined))
-    return shifts
+    return [_time_shift(trajectory, name) for name in SHIFTED_CHANNELS]
+
+
+def _time_shift(trajectory: Trajectory, name: str) -> TimeShift:
+    error = trajectory.standard_error(name)
+    determined = error < STATISTICS.determined_share * trajectory.prior_standard_error(name)
+    return TimeShift(name, trajectory.value(name), error, determined)
 
 
 def time_shift_notes(trajectory: Trajectory) -> list[str]:
     """A significant shift of the probe; a latency of GPS is normal."""
+    shift = _time_shift(trajectory, "air_data_lag")
+    if not (shift.determined and shift.significant):
+        return []
     return [
         f"{shift.in_words()} The analysis corrects for it. Check the tube lengths in the aircraft file, or the log"
         " times; `calibrate tubing` measures the lag."
-        for shift in time_shifts(trajectory)
-        if shift.error == "air_data_lag" and shift.determined and shift.significant
     ]
 
 

@@ -101,6 +101,7 @@ def test_a_real_log_is_never_replaced(sim, tmp_path):
         (["fly", "-o", "out", "--probe", "missing.json"], "missing.json"),
         (["fly", "-o", "short.toml/out", "--plan", "short.toml"], "short.toml"),
         (["fly", "-o", "out", "--no-hardware", "--real-time"], "excludes --faults and --real-time"),
+        (["fly", "-o", "out", "--as", "px4", "--real-time"], "--as excludes"),
         (["fly", "-o", "out", "--plan", "slow.toml"], "too slow: nexstar stalls at"),
         (["fly", "-o", "out", "--plan", "fast.toml"], "too fast: nexstar reaches"),
         (["fly", "-o", "out", "--plan", "steep.toml"], "the motor has"),

@@ -7,7 +7,7 @@ import typer
 
 from analysis.autopilot_logs.read import firmware_of
 from analysis.cli.calibrate.runner import Calibrated, OptionalFile, calibration
-from analysis.cli.electrical import refuse_daemon_options
+from analysis.cli.electrical import refuse_drag_options
 from analysis.cli.options import AircraftOption, ProbeOption
 from analysis.estimation.noise import NORMAL_95
 from flight.errors import InputError
@@ -50,7 +50,7 @@ def airspeed(
 
     firmware = firmware_of(log)
     if firmware:
-        refuse_daemon_options(log, probe=probe, aircraft=aircraft)
+        refuse_drag_options(log, "the log is an autopilot's", probe=probe, aircraft=aircraft)
         return _calibrated(autopilot_airspeed(log, firmware), [], log)
     given = Replacements(
         aircraft=load_aircraft(aircraft) if aircraft else None, probe=PROBE_FILE.load(probe) if probe else None

@@ -57,7 +57,7 @@ def curve_section(results: Results) -> CurveSection:
 def _stand(results: Results) -> str:
     """What was known of thrust at rest before the flight, and what the flight makes of it."""
     measurements = results.pooling.prior_measurements if results.pooling else UNSET
-    found = next((p for p in results.parameters if p.name == "static_thrust_ratio"), None)
+    found = {p.name: p for p in results.parameters}.get("static_thrust_ratio")
     if found is None or not measurements:
         return ""
     before = measurements[0]

@@ -85,7 +85,9 @@ def test_what_the_aircraft_is_must_be_given(log: Path) -> None:
 def test_options_of_the_daemons_logs_are_refused(tmp_path: Path, log: Path) -> None:
     given = ["--mass", "9.4", "--wing-area", "1.5", "--span", "4", "-o", str(tmp_path / "report")]
     done = CliRunner().invoke(app, [str(log), *given, "--probe", "probe.json"])
-    assert isinstance(done.exception, InputError) and "--probe: only for logs of the daemon" in str(done.exception)
+    assert isinstance(done.exception, InputError) and "--probe: has no effect" in str(done.exception)
+    done = CliRunner().invoke(app, [str(log), *given, "--weight", "9 kg"])
+    assert isinstance(done.exception, InputError) and "--mass and --weight" in str(done.exception)
     done = CliRunner().invoke(app, [str(log), *given[:-3], "4 kg"])
     assert isinstance(done.exception, InputError) and "--span 4 kg" in str(done.exception)
 

@@ -15,11 +15,13 @@ from flight.runs import ACCELERATION, Rejection, RunRejected
 REJECTED = RejectedManeuver(ACCELERATION, 12.0, 15.5, Rejection(RunRejected.TOO_SHORT, 3.5, 5.0))
 
 
-def refusal(monkeypatch, folder: Path, candidates: list[RejectedManeuver], options: Options) -> str:
+def refusal(monkeypatch, folder: Path, candidates: list[RejectedManeuver], options: Options, topics=None) -> str:
     def none(*_: object, **__: object) -> None:
         raise NoCurve("flight.mcap: no run", Maneuvers([], candidates))
 
-    monkeypatch.setattr(one_log, "read_log", lambda _: SimpleNamespace(entries={topic: [1] for topic in TOPICS}))
+    monkeypatch.setattr(
+        one_log, "read_log", lambda _: SimpleNamespace(entries={topic: [1] for topic in topics or TOPICS})
+    )
     monkeypatch.setattr("analysis.pipeline.analyze", none)
     monkeypatch.setattr(one_log, "firmware_of", lambda _: None)
     with pytest.raises(InputError) as refused:
@@ -47,3 +49,9 @@ def test_a_list_that_was_given_is_not_written_over(monkeypatch, tmp_path: Path) 
     mine.write_text('[[run]]\nkind = "acceleration"\nstart = "12 s"\nend = "15 s"\n')
     assert refusal(monkeypatch, tmp_path, [REJECTED], Options(runs=mine)) == "flight.mcap: no run"
     assert not (tmp_path / "out" / "runs.toml").exists()
+
+
+def test_an_option_without_effect_is_refused(monkeypatch, tmp_path: Path) -> None:
+    """A log without flow angles gives no drag: a zero of the transducers would be ignored."""
+    electrical = ("/probe/airspeed", "/static", "/battery")
+    assert "--zero: has no effect" in refusal(monkeypatch, tmp_path, [], Options(zero=tmp_path), electrical)

@@ -83,7 +83,7 @@ def test_full_throttle_is_held_to_95_per_cent_of_the_fastest_speed() -> None:
 
 def test_a_flight_begins_and_ends_at_1_6_of_the_stall_and_turns_to_either_side() -> None:
     turn = Turn(17.0, pi, 0.6)
-    whole = pieces.sequence([pieces.Piece("", (turn, turn, turn), "circuit", True)], AIRCRAFT)
+    whole = pieces.sequence([pieces.Piece("", (turn, turn, turn), pieces.PieceKind.CIRCUIT)], AIRCRAFT)
     assert [one.angle_rad for one in whole if isinstance(one, Turn)] == [pi, -pi, pi]
     assert (whole[0].duration_s, whole[1].speed_mps, whole[-2].speed_mps, whole[-1].duration_s) == (
         90.0,
@@ -94,7 +94,7 @@ def test_a_flight_begins_and_ends_at_1_6_of_the_stall_and_turns_to_either_side()
 
 
 def test_a_turn_that_has_no_room_is_steeper_then_slower_then_left_out() -> None:
-    circuit = pieces.Piece("", (Turn(25.0, pi, 0.6),), "circuit", True)
+    circuit = pieces.Piece("", (Turn(25.0, pi, 0.6),), pieces.PieceKind.CIRCUIT)
     steep, slow = Turn(25.0, pi, 0.8), Turn(turning_mps(0.8), pi, 0.8)
     wide = circuit.maneuvers[0].width_m
     for side_m, expected in (
@@ -104,4 +104,6 @@ def test_a_turn_that_has_no_room_is_steeper_then_slower_then_left_out() -> None:
         (found,) = pieces._with_room(circuit, turning_mps(0.8), side_m).maneuvers
         assert (found.speed_mps, found.bank_rad) == (pytest.approx(expected.speed_mps), expected.bank_rad)
     assert pieces._with_room(circuit, turning_mps(0.8), slow.width_m - 0.1) is None
-    assert pieces._with_room(pieces.replace(circuit, kind="circles"), turning_mps(0.8), wide - 0.1) is None
+    assert (
+        pieces._with_room(pieces.replace(circuit, kind=pieces.PieceKind.CIRCLES), turning_mps(0.8), wide - 0.1) is None
+    )

@@ -64,7 +64,7 @@ def plan(nexstar: ExpectedAircraft) -> FlightPlan:
 
 
 def test_a_level_turn_turns_by_the_bank_and_keeps_its_height(nexstar: ExpectedAircraft):
-    history = fly([Hold(5.0, 18.0), Turn(18.0, 4 * pi, 0.6), Hold(5.0, 18.0)], nexstar, HEIGHT_M, 0.0, begins="air")
+    history = fly([Hold(5.0, 18.0), Turn(18.0, 4 * pi, 0.6), Hold(5.0, 18.0)], nexstar, HEIGHT_M, 0.0, airborne=True)
     middle = history.table.loc[12.0:20.0]
     rate = np.hypot(middle["q_radps"], middle["r_radps"])
     assert np.allclose(rate, GRAVITY_MPS2 * tan(0.6) / 18.0, rtol=0.01)
@@ -74,7 +74,7 @@ def test_a_level_turn_turns_by_the_bank_and_keeps_its_height(nexstar: ExpectedAi
 
 
 def test_porpoising_swings_the_load_factor_and_not_the_speed(nexstar: ExpectedAircraft):
-    history = fly([Hold(4.0, 17.0), Porpoise(20.0, 17.0, 0.8)], nexstar, HEIGHT_M, 0.0, begins="air")
+    history = fly([Hold(4.0, 17.0), Porpoise(20.0, 17.0, 0.8)], nexstar, HEIGHT_M, 0.0, airborne=True)
     middle = history.table.loc[8.0:20.0]
     load = -middle["az_mps2"] / GRAVITY_MPS2
     assert (load.max(), load.min()) == pytest.approx((1.8, 0.2), abs=0.1)
@@ -109,7 +109,7 @@ def test_the_information_is_that_of_the_estimator(nexstar: ExpectedAircraft):
 def acceleration(nexstar: ExpectedAircraft) -> TimeHistory:
     """One acceleration: in a deceleration a lag has the opposite effect."""
     V = nexstar.stall_mps
-    return fly([Hold(8.0, 1.15 * V), Run(1.0, 1.0, 2.2 * V), Hold(4.0, 2.2 * V)], nexstar, HEIGHT_M, 0.0, begins="air")
+    return fly([Hold(8.0, 1.15 * V), Run(1.0, 1.0, 2.2 * V), Hold(4.0, 2.2 * V)], nexstar, HEIGHT_M, 0.0, airborne=True)
 
 
 def variance_of_drag(history: TimeHistory, aircraft: ExpectedAircraft) -> float:
@@ -296,7 +296,7 @@ def test_without_a_motor_the_highest_speed_is_assumed():
 def test_a_run_follows_drag_and_thrust(nexstar: ExpectedAircraft):
     """At the end of a long run at a constant throttle thrust equals drag."""
     flown = [Hold(4.0, 15.0), Run(0.7, 1.0, 40.0, longest_s=60.0)]
-    history = fly(flown, nexstar, HEIGHT_M, 0.0, begins="air")
+    history = fly(flown, nexstar, HEIGHT_M, 0.0, airborne=True)
     V = float(history.table["V_mps"].iloc[-1])
     assert nexstar.thrust_N(0.7, V) == pytest.approx(float(nexstar.drag_N(V)), rel=0.02)
     assert len(history.table) == pytest.approx(64.0 / PATH.step_s, abs=2)

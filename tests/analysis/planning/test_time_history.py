@@ -181,18 +181,18 @@ def test_on_the_ground_the_wind_moves_the_aircraft_by_the_share_of_its_speed(
 
 
 def test_a_part_of_a_plan_begins_at_its_height(nexstar: ExpectedAircraft) -> None:
-    level = fly([Hold(4.0, 17.0)], nexstar, HEIGHT_M, 0.0, begins="air").table
+    level = fly([Hold(4.0, 17.0)], nexstar, HEIGHT_M, 0.0, airborne=True).table
     assert level["height_m"].to_numpy() == pytest.approx(np.full(len(level), HEIGHT_M), abs=0.5)
 
 
 def test_a_hold_reaches_its_speed_as_a_pilot_does(nexstar: ExpectedAircraft) -> None:
     """A first-order change with 2 s, no harder than 1.5 m/s^2 nor than drag without thrust allows."""
-    slower = fly([Hold(5.0, 20.0), Hold(30.0, 13.0)], nexstar, HEIGHT_M, 0.0, begins="air").table["V_mps"].to_numpy()
+    slower = fly([Hold(5.0, 20.0), Hold(30.0, 13.0)], nexstar, HEIGHT_M, 0.0, airborne=True).table["V_mps"].to_numpy()
     rate = np.diff(slower) / PATH.step_s
     drag = nexstar.drag_N(slower[:-1]) / nexstar.aircraft.mass_kg
     assert (rate > -1.05 * drag)[150:].all() and rate[150:].min() < -0.6
     assert slower[-1] == pytest.approx(13.0, abs=0.01)
-    faster = fly([Hold(5.0, 14.0), Hold(30.0, 20.0)], nexstar, HEIGHT_M, 0.0, begins="air").table["V_mps"].to_numpy()
+    faster = fly([Hold(5.0, 14.0), Hold(30.0, 20.0)], nexstar, HEIGHT_M, 0.0, airborne=True).table["V_mps"].to_numpy()
     assert 0.9 < (np.diff(faster)[130:] / PATH.step_s).max() <= 1.5 + 1e-9
     near = np.abs(20.0 - faster) < 1.0
     remaining = 20.0 - faster[near & (np.arange(len(faster)) > 130)]
@@ -201,7 +201,7 @@ def test_a_hold_reaches_its_speed_as_a_pilot_does(nexstar: ExpectedAircraft) -> 
 
 def test_a_run_ramps_its_throttle_and_ends_at_its_speed(nexstar: ExpectedAircraft) -> None:
     assert nexstar.thrust_N(throttle_at(nexstar, 18.0), 18.0) == pytest.approx(float(nexstar.drag_N(18.0)), rel=0.01)
-    V = fly([Hold(8.0, 15.0), Run(1.0, 4.0, 22.0, 60.0)], nexstar, HEIGHT_M, 0.0, begins="air").table["V_mps"]
+    V = fly([Hold(8.0, 15.0), Run(1.0, 4.0, 22.0, 60.0)], nexstar, HEIGHT_M, 0.0, airborne=True).table["V_mps"]
     V = V.to_numpy()
     begin = round(8.0 / PATH.step_s)
     assert V[-1] == pytest.approx(22.0, abs=0.2)
@@ -211,13 +211,13 @@ def test_a_run_ramps_its_throttle_and_ends_at_its_speed(nexstar: ExpectedAircraf
         throttle = first + (1.0 - first) * min(seconds / 4.0, 1.0)
         rate = (V[i + 1] - V[i - 1]) / (2 * PATH.step_s)
         assert rate == pytest.approx((nexstar.thrust_N(throttle, V[i]) - float(nexstar.drag_N(V[i]))) / m, abs=0.06)
-    down = fly([Hold(12.0, 20.0), Run(0.4, 2.5, 15.0, 60.0)], nexstar, HEIGHT_M, 0.0, begins="air").table["V_mps"]
+    down = fly([Hold(12.0, 20.0), Run(0.4, 2.5, 15.0, 60.0)], nexstar, HEIGHT_M, 0.0, airborne=True).table["V_mps"]
     assert down.iloc[-1] == pytest.approx(15.0, abs=0.1) and len(down) * PATH.step_s < 40.0
 
 
 def test_a_turn_rolls_in_a_second_and_ends_wings_level(nexstar: ExpectedAircraft) -> None:
     for angle in (pi, -pi):
-        history = fly([Hold(4.0, 18.0), Turn(18.0, angle, 0.6)], nexstar, HEIGHT_M, 0.0, begins="air")
+        history = fly([Hold(4.0, 18.0), Turn(18.0, angle, 0.6)], nexstar, HEIGHT_M, 0.0, airborne=True)
         bank = history.attitude[:, 0] * np.sign(angle)
         begin = round(4.0 / PATH.step_s)
         assert bank.max() == pytest.approx(0.6, abs=1e-6) and bank[-1] == pytest.approx(0.0, abs=1e-6)
