@@ -324,7 +324,7 @@ def test_earlier_flights_are_known_by_what_they_added_to_the_prior():
 def test_the_catalog_of_an_aircraft_has_pieces_of_every_kind_within_the_leg(nexstar: ExpectedAircraft):
     leg_m = 500.0
     found = pieces.catalog(nexstar, Space(leg_m, HEIGHT_M), Pilot(autopilot=False, load=0.8), 10.0)
-    by_kind = {kind: [piece for piece in found if piece.kind == kind] for kind in search.ORDER}
+    by_kind = {kind: [piece for piece in found if piece.kind == kind] for kind in pieces.PieceKind}
     assert [len(by_kind[kind]) for kind in ("runs", "circuit", "circles")] == [2, 6, 6] and by_kind["porpoise"]
     for piece in by_kind["circuit"] + by_kind["porpoise"]:
         straight = [one for one in piece.maneuvers[:2] if not isinstance(one, Turn)]
