@@ -118,8 +118,8 @@ def fly(
 
     if no_hardware and (real_time or faults is not None):
         raise InputError("--no-hardware excludes --faults and --real-time")
-    if recorder is not None and (real_time or no_hardware or faults is not None):
-        raise InputError("--as excludes --faults, --real-time and --no-hardware: no daemon records an autopilot's log")
+    if recorder is not None and (real_time or faults is not None):
+        raise InputError("--as excludes --faults and --real-time: the daemon does not record an autopilot's log")
     traps = faults_of(recorder, log_faults)
     flown_in = world_of(world, errors)
     craft, flight_plan = _aircraft(aircraft, like, installation), flown_in.plan(load_plan(plan), seed)
