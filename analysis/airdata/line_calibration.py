@@ -26,6 +26,7 @@ from analysis.airdata.lines import FIELD, TOPIC, air_in
 from analysis.airdata.settings import LAG
 from analysis.airdata.tubing import Gas, low_frequency_lag_s, response
 from analysis.signals.channels import field_of
+from analysis.signals.settings import STATISTICS
 from flight.aircraft import Aircraft, PneumaticLine
 from flight.errors import InputError
 from flight.log_reader import Log
@@ -57,7 +58,7 @@ class Lag:
     @property
     def fits(self) -> bool:
         """Whether the steps have the shape of the model of a line."""
-        return self.misfit <= LAG.largest_misfit
+        return self.misfit <= STATISTICS.largest_misfit
 
     @property
     def bounded(self) -> bool:

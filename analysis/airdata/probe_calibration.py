@@ -18,6 +18,7 @@ from scipy.spatial import ConvexHull
 from analysis.airdata.probe import FittedMap, Powers, ProbeCalibration, fit_map, polynomial_of_order, terms
 from analysis.airdata.settings import TUNNEL
 from analysis.log_checks.settings import UNITS
+from analysis.settings import FLOWN
 from analysis.signals.settings import STATISTICS
 from flight.atmosphere import density
 from flight.errors import InputError
@@ -151,7 +152,7 @@ def speed_dependence(tunnel: TunnelData, residual_rad: Array, angle_rad: Array) 
 def _speed_groups(speed_mps: Array) -> NDArray[np.int64]:
     """The number of the tunnel speed to which each point belongs, from 0; a new one begins after a step of speed."""
     order = np.argsort(speed_mps)
-    steps = np.diff(speed_mps[order]) > TUNNEL.speed_step * speed_mps[order][:-1]
+    steps = np.diff(speed_mps[order]) > FLOWN.nearby * speed_mps[order][:-1]
     group = np.empty(len(order), dtype=np.int64)
     group[order] = np.concatenate([[0], np.cumsum(steps)])
     return group

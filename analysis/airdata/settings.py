@@ -32,9 +32,6 @@ class LineLagSettings(Settings):
         " a sufficient one; the largest that is accepted",
     )
     resolved: float = setting(0.3, "1", "of a tick; a shorter lag is not resolved")
-    largest_misfit: float = setting(
-        2.0, "1", "rms of the residuals over the noise, beyond which the model of the line is doubted"
-    )
     largest_gain: float = setting(1.5, "1", "the noise of any frequency grows by this at most")
     highest_Hz: float = setting(3.0, "Hz", "of the aircraft's motion: three times its short period")
     smallest_remainder: float = setting(
@@ -112,9 +109,6 @@ class TunnelSettings(Settings):
     slope_range_rad: float = setting(
         np.radians(10.0), "rad", "the angles of normal flight, over which the slope of alpha is fitted"
     )
-    speed_step: float = setting(
-        0.04, "1", "two points whose speeds differ by more than this share belong to different tunnel speeds"
-    )
     fewest_points_at_a_speed: int = setting(5, "1", "for a slope at this speed")
     least_predicted: float = setting(0.9, "1", "of the angles' variance, at points left out (predictive R^2)")
     largest_slope_sigma: float = setting(
@@ -132,8 +126,9 @@ class GroundCalibrationSettings(Settings):
         "1",
         "pressures beside zero, and positions: a straight line through fewer hides a wrong reading",
     )
-    steady_Pa: float = setting(3.0, "Pa", "largest departure of smoothed readings within a plateau …")
-    steady_noises: float = setting(5.0, "1", "… or this times the noise, if larger")
+    steady_noises: float = setting(
+        5.0, "1", "times the noise: departure of smoothed readings within a plateau, if more than a zero may drift"
+    )
     fewest_good: float = setting(
         0.8, "1", "share of good readings of each transducer in a plateau; others were beyond its range"
     )

@@ -18,7 +18,7 @@ from scipy import special
 
 from analysis.airdata.settings import GROUND
 from analysis.estimation.noise import NORMAL_95
-from analysis.signals.settings import STATISTICS
+from analysis.signals.settings import REST, STATISTICS
 from flight.aircraft import Uncertainty
 from flight.errors import InputError
 from flight.files import JsonFormat
@@ -83,7 +83,7 @@ def plateaus(table: pd.DataFrame, source: str) -> list[Plateau]:
     window = max(1, round(GROUND.settling_s / step_s))
     seen = table["airspeed"].dropna().to_numpy()
     noise_Pa = float(1.4826 * np.median(np.abs(np.diff(seen))) / np.sqrt(2))
-    allowed_Pa = max(GROUND.steady_Pa, GROUND.steady_noises * noise_Pa / np.sqrt(window))
+    allowed_Pa = max(REST.zero_drift["Pa"], GROUND.steady_noises * noise_Pa / np.sqrt(window))
     smooth = table["airspeed"].rolling(window, center=True, min_periods=1).mean().to_numpy()
     spans = [
         (a, b)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.constants import micro, milli
 
 from analysis.autopilot_logs.dataflash import DataflashLog
 from analysis.autopilot_logs.read import TEXT_MAGIC, is_telemetry
@@ -41,7 +42,7 @@ FIELDS: dict[str, tuple[str, ...]] = {
     "SIM2": ("As",),
 }
 # Fields of the time since start, with their units [s]; TimeMS of early GPS messages is that of the week.
-CLOCKS = ((("TimeUS", 1e-6), ("TimeMS", 1e-3)), (("TimeUS", 1e-6), ("T", 1e-3)))
+CLOCKS = ((("TimeUS", micro), ("TimeMS", milli)), (("TimeUS", micro), ("T", milli)))
 INSTANCE = ("I", "Inst", "Instance", "C")
 WINGLESS = re.compile(r"Ardu(Copter|Rover|Sub)|APM:(Copter|Rover|Sub)|^(Copter|Rover|Sub|Blimp|AntennaTracker)\b")
 KINDS = {"Copter": "a multicopter", "Rover": "a rover or boat", "Sub": "a submarine"}

@@ -14,9 +14,10 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy import special
 
+from analysis.airdata.settings import AIR
 from analysis.drag import aircraft_models, covariance
 from analysis.drag.aircraft_models import Priors
-from analysis.drag.settings import CROSS_CHECK
+from analysis.drag.settings import CROSS_CHECK, REGRESSION
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Convergence, Fit
 from analysis.estimation.output_error import fit_output_error
@@ -64,10 +65,10 @@ def segments_of(table: pd.DataFrame, runs: list[Maneuver], propeller: Propeller,
     """Inputs and outputs of `aircraft_models.level_run`, means over `block` samples. table: from `air_data`.
 
     Gaps in inputs are interpolated. Blocks without a sample of an output are left out, and so are runs of fewer than
-    `CROSS_CHECK.fewest_blocks`.
+    `REGRESSION.fewest_blocks`.
     """
     step_s = float(table.index[1] - table.index[0])
-    width = max(1, round(CROSS_CHECK.speed_smoothing_s / step_s))
+    width = max(1, round(AIR.derivative_s / step_s))
     V_ref = table["V_mps"].interpolate(limit_direction="both").rolling(width, center=True, min_periods=1).mean()
     least_mps = PROCESS.slowest_mps * speed_scale_of(table)
     V_ref = V_ref.fillna(least_mps).clip(lower=least_mps)
@@ -79,7 +80,7 @@ def segments_of(table: pd.DataFrame, runs: list[Maneuver], propeller: Propeller,
     segments = []
     for run in runs:
         count = (run.rows.stop - run.rows.start) // block
-        if count < CROSS_CHECK.fewest_blocks:
+        if count < REGRESSION.fewest_blocks:
             continue
         rows = slice(run.rows.start, run.rows.start + count * block)
         inputs = {name: signal[rows] for name, signal in measured.items()}

@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 from analysis.drag.method import Method
 from analysis.drag.regression import RunRegression, TimeSeriesRegression, run_data
 from analysis.drag.sensor_errors import CAUSES
-from analysis.drag.settings import REGRESSION
 from analysis.maneuvers.kinds import LEVEL_RUNS, LOAD_FACTOR_MANEUVERS, Maneuver
 from analysis.schema import Cause
+from analysis.trajectory.settings import SHOWN
 from flight.aircraft import Aircraft
 from flight.errors import InputError
 from flight.runs import ACCELERATION, DECELERATION
@@ -120,7 +120,7 @@ COLUMNS = (
 
 def regression(table: pd.DataFrame, runs: list[Maneuver], _: Aircraft) -> TimeSeriesRegression:
     """Work of drag since the start of a run on the integrals of qS V, qS V CL, qS V CL^2, all over mass."""
-    if table["gust_mps"].iloc[0] > REGRESSION.largest_gust_mps:
+    if table["gust_mps"].iloc[0] > SHOWN.turbulent_mps:
         raise InputError("too turbulent for the energy method: gusts change the speed as slowly as the run does")
     regressions = []
     for run, t, data in run_data(table, runs, COLUMNS):

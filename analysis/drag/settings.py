@@ -7,7 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from analysis.maneuvers.settings import FLIGHT
 from analysis.signals.settings import STATISTICS
+from analysis.trajectory.block_means import BLOCK
 from flight.settings import Settings, setting
 
 
@@ -15,15 +17,16 @@ from flight.settings import Settings, setting
 class Regression(Settings):
     """Data of a regression of drag on lift."""
 
-    fewest_blocks: int = setting(10, "blocks", "of a run, or of a steady point: two seconds of the trajectory")
     level_percentile: float = setting(97.5, "%", "of the lift coefficients flown: the largest one of level flight")
     level_margin_rad: float = setting(
         np.radians(1.0), "rad", "above the largest angle of attack of level flight, for turns and heave"
     )
     CL_minD_sigma: float = setting(0.2, "1", "prior of the lift coefficient of least drag, where a method has none")
-    largest_gust_mps: float = setting(
-        0.4, "m/s", "vertical, 1 sigma, for the energy method: W20 = 3 kt makes 0.15, 15 kt 0.8"
-    )
+
+    @property
+    def fewest_blocks(self) -> int:
+        """Of a run, or of a steady point."""
+        return FLIGHT.fewest_samples // BLOCK
 
     @property
     def fewest_blocks_of_flight(self) -> int:
@@ -36,10 +39,6 @@ class SteadyPoints(Settings):
     """Steady level points, for the classic methods."""
 
     correlation_s: float = setting(2.0, "s", "readings closer than this are correlated")
-    table_share: float = setting(
-        0.005, "1", "of power: error of interpolation in a propeller's table; no point is better than that"
-    )
-    different_speeds: float = setting(0.08, "1", "relative difference from which on two speeds count as different")
 
 
 @dataclass(frozen=True)
@@ -115,8 +114,6 @@ class Comparison(Settings):
 class CrossCheckSettings(Settings):
     """Output error on the runs alone."""
 
-    speed_smoothing_s: float = setting(0.5, "s", "of the speed at which thrust is read from the table")
-    fewest_blocks: int = setting(12, "blocks", "of a run")
     V_bias_mps: float = setting(0.15, "m/s", "prior of a constant error of airspeed")
     unzeroed_gyro_radps: float = setting(
         0.02, "rad/s", "an MPU9250's zero-rate output at room temperature, uncalibrated"

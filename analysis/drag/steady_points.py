@@ -25,6 +25,7 @@ from analysis.drag.sensor_errors import CAUSES
 from analysis.drag.settings import REGRESSION, STEADY_POINTS
 from analysis.maneuvers.kinds import STEADY, Maneuver
 from analysis.schema import Cause
+from analysis.settings import EVIDENCE, FLOWN
 from flight.aircraft import Aircraft
 from flight.atmosphere import GAS_CONSTANT_AIR, SEA_LEVEL_DENSITY, SEA_LEVEL_PRESSURE_PA
 from flight.errors import InputError
@@ -72,7 +73,7 @@ def steady_means(table: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft) 
         power_W = m * (_mean(along_V * V) - mean_Vdot * V.mean() - g * _mean(f["climb"]))
         scatter_W = m * _error_of_mean(drag_over_m * V, t[1] - t[0])
         gusts_W = m * g * mean_gust_mps(gust_mps, gust_s, t[-1] - t[0])
-        error_W = np.sqrt(scatter_W**2 + gusts_W**2 + (STEADY_POINTS.table_share * power_W) ** 2)
+        error_W = np.sqrt(scatter_W**2 + gusts_W**2 + (EVIDENCE.negligible * power_W) ** 2)
         lift_N = m * _mean(g / np.cos(f["bank"]) - across_V)
         air = (_mean(f[name]) for name in ("rho", "static_Pa", "temperature_K"))
         rows.append((V.mean(), power_W, error_W, lift_N, *air, run.start_s))
@@ -99,7 +100,7 @@ def require_speeds(points: SteadyMeans, terms: int) -> None:
         raise InputError("by the propeller table a steady point has no positive power")
     different, last = 0, 0.0
     for V in np.sort(points.V):
-        if V > last * (1 + STEADY_POINTS.different_speeds):
+        if V > last * (1 + 2 * FLOWN.nearby):
             different, last = different + 1, V
     if different < terms:
         raise InputError(f"steady points at {terms} different speeds are needed, there are {different}")

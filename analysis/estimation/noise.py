@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.estimation.settings import TESTS
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
@@ -109,4 +110,4 @@ def information_factor(tail_dof: float | None) -> float:
     return 1.0 if tail_dof is None else (tail_dof + 1) / (tail_dof + 3)
 
 
-NORMAL_95 = 1.959964  # half width of the central 95 % of a normal distribution, in standard deviations
+NORMAL_95 = TESTS.half_width  # of an interval, in standard deviations

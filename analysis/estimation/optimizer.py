@@ -127,7 +127,7 @@ def maximize(
             return point, iteration, Stop.OPTIMUM
         new, damping = _improve(likelihood, point, eigen, moving, damping)
         if new is None or new.cost == point.cost:  # rounding errors dominate, or the gradient is wrong
-            if gain < SEARCH.gain_tolerance:
+            if gain < SEARCH.step_tolerance:
                 return point, iteration, Stop.OPTIMUM
             return point, iteration, Stop.NO_BETTER_STEP
         step = new.theta - point.theta

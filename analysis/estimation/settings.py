@@ -14,6 +14,11 @@ class Tests(Settings):
     false_alarms: float = setting(0.05, "1", "level of a test whose result is shown with its probability")
     rare_false_alarms: float = setting(0.001, "1", "level of a test that is made in every analysis, for a warning")
 
+    @property
+    def half_width(self) -> float:
+        """Of the interval that a value lies in but for false alarms, in standard deviations: 95 %."""
+        return float(special.ndtri(1 - self.false_alarms / 2))
+
 
 TESTS = Tests()
 
@@ -22,11 +27,11 @@ TESTS = Tests()
 class Search(Settings):
     """When a maximization has converged, and how it makes a step."""
 
-    step_tolerance: float = setting(1e-4, "standard errors", "length of the last step, by the information matrix")
+    step_tolerance: float = setting(
+        1e-4, "standard errors", "length of the last step, by the information matrix; where no step decreases the cost,"
+        " twice the decrease that was predicted, in standard errors squared",
+    )  # fmt: skip
     lndet_tolerance: float = setting(1e-6, "1", "change of ln det R in the last step")
-    gain_tolerance: float = setting(
-        1e-4, "1", "twice the decrease in cost predicted of a Newton step, when no step decreases the cost"
-    )
     near: float = setting(
         0.25, "1", "steps that change the response by less than this share of the residuals use the curvature of the"
         " cost; for longer ones the information matrix is the better guide",

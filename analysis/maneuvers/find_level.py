@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from scipy import special
 
 from analysis.maneuvers.kinds import Maneuver, RejectedManeuver, maneuver_in
 from analysis.maneuvers.quality import NEEDED_COLUMNS, SmoothedMotion, missing_share, notes, smooth
@@ -15,7 +16,6 @@ from flight import runs
 from flight.runs import LEVEL_RUN, Rejection, RunMeasures, changing_part, larger, legs_of, noise_share
 
 Array = NDArray[np.float64]
-NORMAL_1_SIGMA = (15.87, 84.13)  # percentiles of a normal variable one standard deviation from its mean
 
 
 def find_runs(table: pd.DataFrame, noise_mps: float | None = None) -> tuple[list[Maneuver], list[RejectedManeuver]]:
@@ -74,7 +74,7 @@ def _noise_mps(V: Array, smooth_V: Array) -> float:
     """Standard deviation of speeds (n,) about the smoothed ones; of noise and quick gusts, not of outliers."""
     if not len(V):
         return np.inf
-    lower, upper = np.percentile(V - smooth_V, NORMAL_1_SIGMA)
+    lower, upper = np.percentile(V - smooth_V, 100 * special.ndtr([-1.0, 1.0]))
     return float(upper - lower) / 2
 
 

@@ -39,7 +39,9 @@ class SteadyPointSettings(Settings):
 class LoadSettings(Settings):
     """Roller coasters, porpoising, wind-up turns: the load factor varies at nearly constant speed."""
 
-    smoothing_s: float = setting(1.0, "s", "of speed and bank, and longest pause in a maneuver; short against a turn")
+    smoothing_s: float = setting(
+        1.0, "s", "of speed, bank and motor speed, and longest pause in a maneuver; short against a turn"
+    )
     load_smoothing_s: float = setting(
         0.4, "s", "of the load factor, and of the height at either end of a maneuver; short against a swing"
     )
@@ -102,7 +104,7 @@ class FlightSettings(Settings):
     shortest_s: float = setting(10.0, "s", "a shorter time aloft is a hop; overlapping a 3-2-1-1 input, part of it")
     bridged_s: float = setting(5.0, "s", "half of it outside the probe's calibrated range does not end a flight")
     fewest_samples: int = setting(
-        60, "1", "of a run by hand: twelve of the estimators' five-sample blocks; estimators ignore shorter maneuvers"
+        50, "1", "of a run or a steady point: ten of the estimators' blocks, two seconds; shorter ones tell nothing"
     )
 
 

@@ -23,6 +23,7 @@ from analysis.estimation.data import Segment
 from analysis.estimation.model import Model, Parameter
 from analysis.estimation.output_error import fit_output_error
 from analysis.ground.thrust_prior import J_REFERENCE
+from analysis.maneuvers.settings import LOADS, STEADY_POINT
 from analysis.performance.propagation import ParameterVector, SigmaPoints, combine_independent
 from analysis.performance.settings import ASSUMED_MOTOR, POWER_TRAIN
 from analysis.schema import MeasuredEfficiencyPoint, ParameterResult
@@ -224,7 +225,7 @@ def fit_power_train(
 def _slow_stretches(data: pd.DataFrame, propulsion: CompletePropulsion, propeller: Propeller) -> list[Segment]:
     """Stretches in which the motor drives the propeller and n hardly changes; inputs shaft [W], n, V, rho."""
     step_s = float(data.index[1] - data.index[0])
-    smooth = data["n"].rolling(max(1, round(POWER_TRAIN.smoothing_s / step_s)), center=True, min_periods=1).mean()
+    smooth = data["n"].rolling(max(1, round(LOADS.smoothing_s / step_s)), center=True, min_periods=1).mean()
     acceleration = pd.Series(np.gradient(smooth.to_numpy(), step_s), data.index)  # rev/s^2
     complete = data[["V", "n", "rho", "battery_W"]].notna().all(axis=1) & data["covered"]
     slow = complete & (smooth > STANDING.motor_revps) & (acceleration.abs() < POWER_TRAIN.slow_per_s * smooth)
@@ -250,7 +251,7 @@ def _efficiencies(
 ) -> list[MeasuredEfficiencyPoint]:
     """Means over parts of a slow stretch of some seconds each."""
     efficiencies = []
-    parts = max(1, round(len(segment) * segment.step_s / POWER_TRAIN.point_s))
+    parts = max(1, round(len(segment) * segment.step_s / STEADY_POINT.smoothing_s))
     for rows in np.array_split(np.arange(len(segment)), parts):
         V, n, rho = (segment.u[name][rows] for name in ("V", "n", "rho"))
         thrust_N = corrected_thrust(propeller, V, n, rho, thrust_scale=thrust_scale, thrust_slope=thrust_slope)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from analysis.maneuvers.settings import LOADS, STEADY_POINT
 from flight.settings import Settings, setting
 
 
@@ -19,19 +20,17 @@ class PowerTrain(Settings):
     meter_scale_sigma: float = setting(
         0.02, "1", "current sensors are set up to a few per cent, and nothing on board measures it better"
     )
-    smoothing_s: float = setting(1.0, "s", "motor speed is averaged over this before it is differentiated")
     slow_per_s: float = setting(0.04, "1/s", "largest relative change of motor speed that counts as slow")
-    point_s: float = setting(5.0, "s", "each measured efficiency is a mean over this")
 
     @property
     def shortest_s(self) -> float:
         """A slow stretch that is shorter is left out: three windows of the average."""
-        return 3 * self.smoothing_s
+        return 3 * LOADS.smoothing_s
 
     @property
     def needed_s(self) -> float:
         """Of slow flight in all, two points of efficiency; with less the losses stay those assumed."""
-        return 2 * self.point_s
+        return 2 * STEADY_POINT.smoothing_s
 
 
 @dataclass(frozen=True)
@@ -62,7 +61,7 @@ class FullThrottleFlown(Settings):
     @property
     def shortest_s(self) -> float:
         """A settled stretch that is shorter is left out: one window of the average of motor speed."""
-        return POWER_TRAIN.smoothing_s
+        return LOADS.smoothing_s
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.drag.settings import COMPARISON
 from analysis.planning.expected_aircraft import ExpectedAircraft
 from analysis.planning.information import (
     Covariances,
@@ -34,7 +35,7 @@ from analysis.planning.pieces import (
     sequence,
     slowest_mps,
 )
-from analysis.planning.settings import MARGINS, NOISE, PATH, SEARCH
+from analysis.planning.settings import MARGINS, PATH, SEARCH
 from analysis.planning.time_history import TimeHistory, fly
 from analysis.trajectory.settings import SOLVER
 from flight.errors import InputError
@@ -53,7 +54,7 @@ class Request:
     pilot: Pilot
     question: str = "curve"
     earlier: Array | None = None  # (m, m) information of earlier flights about the sensor errors of the installation
-    alpha_scale_sigma: float = NOISE.alpha_scale_sigma
+    alpha_scale_sigma: float = COMPARISON.installation_sigma["alpha_scale"]
 
     @property
     def gust_mps(self) -> float:

@@ -89,7 +89,6 @@ class ExpectedNoise(Settings):
     rest_share: float = setting(
         0.8, "1", "of the residuals; errors of the states make the rest. White noise of it has the same effect"
     )
-    alpha_scale_sigma: float = setting(0.01, "1", "of a probe's tunnel calibration")
 
 
 NOISE = ExpectedNoise()

@@ -23,9 +23,6 @@ Array = NDArray[np.float64]
 FORCES = ("ax_mps2", "ay_mps2", "az_mps2")
 GPS_HORIZONTAL = ("gps_north_mps", "gps_east_mps")
 CHANNELS = ("p_radps", "q_radps", "r_radps", "dp_alpha_Pa", "dp_beta_Pa", "q_c_Pa")
-# Largest difference between the zero of a log and one of another day, by the parts' drift with temperature. MPU-9250
-# PS 3.1: 30 deg/s over the range, here 10 K; MS4515DO and SSC: 1 % and 2 % of the span over their ranges.
-LARGEST_DIFFERENCE = {"Pa": 3.0, "rad/s": 0.01}
 
 
 class Zeros(NamedTuple):
@@ -177,7 +174,7 @@ def _middle(table: pd.DataFrame, rows: list[slice]) -> float:
 
 
 def _disagreement(name: str, rest: float, daq_zero: float | None) -> list[str]:
-    if daq_zero is None or not abs(rest - daq_zero) > LARGEST_DIFFERENCE[_unit(name)]:
+    if daq_zero is None or not abs(rest - daq_zero) > REST.zero_drift[_unit(name)]:
         return []
     wind = " Was there wind on the probe at one of them?" if _unit(name) == "Pa" else ""
     return [

@@ -1,5 +1,6 @@
 """Settings of `analysis.signals`: limits, priors and windows, with units and reasons."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from flight.settings import Settings, setting
@@ -15,6 +16,9 @@ class StatisticsSettings(Settings):
     false_alarm_rate: float = setting(0.01, "1", "of tests of several values together")
     fewest_values: int = setting(
         30, "1", "by which a correlation or a fit is judged: a correlation of 0.36 is then two standard errors"
+    )
+    largest_misfit: float = setting(
+        2.0, "1", "rms of residuals over their standard deviation, beyond which the model or the sensor is doubted"
     )
     determined_share: float = setting(
         0.8,
@@ -66,6 +70,12 @@ class RestSettings(Settings):
         2.0, "s", "q_c above its zero by the dynamic pressure of flight for this time is flight, not wind"
     )
     significant: float = setting(4.0, "1", "a drift of more standard errors is corrected")
+    zero_drift: Mapping[str, float] = setting(
+        {"Pa": 3.0, "rad/s": 0.01},
+        "Pa, rad/s",
+        "largest difference of zeros of two days, by drift with temperature: MPU-9250 PS 3.1, 30 deg/s over the range,"
+        " here 10 K; MS4515DO and SSC, 1 % and 2 % of the span over their ranges",
+    )
 
     @property
     def shortest_s(self) -> float:

@@ -221,7 +221,7 @@ def heading_notes(trajectory: Trajectory, *, calibrated: bool) -> list[str]:
     if residual is not None:
         offset = trajectory.value("heading_bias")
         largest = STATISTICS.sigmas * trajectory.prior_standard_error("heading_bias")
-        if residual > SHOWN.largest_compass_residual or abs(offset) > largest:
+        if residual > STATISTICS.largest_misfit or abs(offset) > largest:
             return [
                 f"The magnetometer contradicts {'GPS' if gps else 'the gyros'}: mean heading error"
                 f" {math.degrees(1.0) * offset:+.0f} deg, rms residual {residual:.1f} standard deviations."

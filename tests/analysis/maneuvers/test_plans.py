@@ -189,7 +189,7 @@ ONE = '[[run]]\nkind = "acceleration"\nstart = "60 s"\nend = "68 s"\n'
         (ONE + "keep = false", "no [[run]] has keep = true"),
         (ONE.replace("60", "9000").replace("68", "9010"), "the log ends at"),
         (ONE.replace("60 s", "67.9 s"), "samples"),
-        (ONE.replace("60 s", "66 s"), "only 51 samples; 60 are needed"),
+        (ONE.replace("60 s", "66.2 s"), "samples; 50 are needed"),
         (ONE + ONE.replace("60 s", "67 s").replace("68 s", "72 s"), "overlaps the acceleration at 60 s"),
         (ONE.replace("60 s", "5 s"), "no V for"),
     ],
