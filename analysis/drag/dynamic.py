@@ -100,6 +100,9 @@ def drag_model(aircraft: Aircraft) -> Model:
 TRAJECTORY_DID_NOT_CONVERGE = "the trajectory did not converge"
 
 
+SPEED_TITLE, DRAG_TITLE = "V, m/s", "drag / mass, m/s²"
+
+
 class RunFit(NamedTuple):
     """Measured and modeled quantities of one run at times t_s (n,), each (n,) by its name and unit."""
 
@@ -349,16 +352,16 @@ def _run_fits(flight_forces: FlightForces, forces: pd.DataFrame, trajectory: Tra
         by_slope = flight_forces.block_means["dalpha_dlndp_alpha_rad"][rows]
         alpha = run["alpha"].to_numpy() + (slope - 2 * scale) * by_slope + bias
         measured = {
-            "V, m/s": flight_forces.block_means["V_mps"][rows],
+            SPEED_TITLE: flight_forces.block_means["V_mps"][rows],
             "α, deg": np.degrees(flight_forces.block_means["alpha_rad"][rows]),
             "height, m": flight_forces.block_means["height_m"][rows],
-            "drag / mass, m/s²": segment.z["drag"],
+            DRAG_TITLE: segment.z["drag"],
         }
         modeled = {
-            "V, m/s": run["V"].to_numpy() * (1 + scale),
+            SPEED_TITLE: run["V"].to_numpy() * (1 + scale),
             "α, deg": np.degrees(alpha),
             "height, m": states["height"].to_numpy(),
-            "drag / mass, m/s²": fit.responses[segment.name].y[:, 0],
+            DRAG_TITLE: fit.responses[segment.name].y[:, 0],
         }
         fits.append(RunFit(segment.name, segment.t_s, measured, modeled))
     return fits

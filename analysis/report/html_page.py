@@ -13,8 +13,10 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from analysis.report.figures.style import ON_DARK, Figure
+from analysis.report.svg import color_variable, svg
 
 PLOTLY = "plotly-basic.min.js"
+DRAWN_AT_ONCE = ("power", "difference")  # the first figure of a page
 
 
 class HtmlTable(NamedTuple):
@@ -26,14 +28,20 @@ class HtmlTable(NamedTuple):
 
 
 class HtmlFigure(NamedTuple):
-    """A figure or several side by side: ids of the elements and what is drawn in them. run: the one that they show."""
+    """A figure or several side by side: ids of the elements and what is drawn in them.
+
+    run: the one that they show     still: the figure as SVG, until a script draws it
+    """
 
     parts: list[tuple[str, Figure]]
     run: str = ""
+    still: str = ""
 
 
 def html_figure(drawn: Figure | Sequence[Figure], name: str, run: str = "") -> HtmlFigure:
     """name: id of the element; of several figures, with their number. run: the one that is shown, if it is one."""
+    if isinstance(drawn, Figure) and name in DRAWN_AT_ONCE:
+        return HtmlFigure([(name, drawn)], run, svg(drawn))
     if isinstance(drawn, Figure):
         return HtmlFigure([(name, drawn)], run)
     return HtmlFigure([(f"{name}-{i}", figure) for i, figure in enumerate(drawn, start=1)], run)
@@ -42,7 +50,8 @@ def html_figure(drawn: Figure | Sequence[Figure], name: str, run: str = "") -> H
 def render_page(template: str, **context: object) -> str:
     """A template of this package, filled. Text is escaped; raises UndefinedError when the template names more."""
     plotly_js = resources.files("analysis.report").joinpath("vendor", PLOTLY).read_text("utf-8")
-    return _environment().get_template(template).render(plotly_js=plotly_js, on_dark=ON_DARK, **context)
+    colors = {color_variable(light): (light, dark) for light, dark in ON_DARK.items()}
+    return _environment().get_template(template).render(plotly_js=plotly_js, on_dark=ON_DARK, colors=colors, **context)
 
 
 def to_json(value: object, **_: object) -> str:

@@ -2,6 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
+from analysis.drag.interval_sources import variance_by_source
 from analysis.performance.analysis import Performance
 from analysis.pipeline import Analysis
 from analysis.report.figures import flight, power
@@ -29,6 +32,9 @@ def figures_by_name(analysis: Analysis) -> dict[str, Drawn]:
     }
     if any(run.power_required for run in results.one_by_one):
         figures["one_by_one"] = power.run_by_run(results)
+    if analysis.drag.main.fits:
+        kinds = {run.name: run.kind for run in analysis.maneuvers.maneuvers}
+        figures["residuals"] = flight.residuals_of_drag(analysis.drag.main.fits, kinds)
     if any(differences.notna().any(axis=None) for differences in analysis.consistency):
         figures["consistency"] = flight.consistency(analysis.consistency)
     if results.run_residuals:
@@ -46,7 +52,9 @@ def figures_by_name(analysis: Analysis) -> dict[str, Drawn]:
     if results.track:
         figures["track"] = flight.ground_track(results.track, analysis.maneuvers.maneuvers, results.air)
     if results.interval_parts:
-        figures["parts"] = power.interval_parts(results)
+        V = np.linspace(results.power_required[0].speed_mps, results.power_required[-1].speed_mps, 9)
+        variances = variance_by_source(analysis.drag.main, analysis.aircraft, analysis.condition, V)
+        figures["parts"] = power.interval_by_source(results.power_required, V, variances)
     if results.use:
         figures["loadings"] = power.loadings(results.use)
         figures["efficiency"] = power.efficiency(results.use)

@@ -3,6 +3,9 @@
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from analysis.estimation.noise import NORMAL_95
 from analysis.maneuvers.runs_file import blocks, head
 from analysis.pipeline import Analysis
@@ -10,6 +13,7 @@ from analysis.report.figures.style import ORANGE, OTHER_RUN
 from analysis.schema import Results
 
 Json = dict[str, Any]
+Array = NDArray[np.float64]
 
 
 class NamedRun(NamedTuple):
@@ -20,6 +24,11 @@ class NamedRun(NamedTuple):
     start_s: float
     end_s: float
     says: str
+
+
+def _short(values: Array) -> Any:
+    """With twelve significant digits."""
+    return [_short(row) if np.ndim(row) else float(f"{row:.12g}") for row in values]
 
 
 def named_runs(results: Results) -> list[NamedRun]:
@@ -46,7 +55,7 @@ def embedded_runs(analysis: Analysis) -> Json:
         shares = {
             "information": main.shares.information,
             "by_run": {
-                name: {"information": information, "gradient": gradient}
+                name: {"information": _short(information), "gradient": _short(gradient)}
                 for name, (information, gradient) in main.shares.by_run.items()
             },
             "noise_factor": main.shares.noise_factor,

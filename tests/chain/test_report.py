@@ -16,9 +16,11 @@ from tests.browser import CHROMIUM, Browser, started
 pytestmark = pytest.mark.xdist_group("chain")
 
 SIZES = ((400, True), (400, False), (1280, False), (1280, True), (1920, True), (1920, False))  # px, dark
+MOST_PAGES = 6  # of the demonstration
 PAPER_PX = 695  # A4 without the margins of page.css
 FIRST = {"power", "parts", "methods", "loadings-1", "loadings-2", "efficiency", "timeline", "polar",
-         "track", "autocorrelation", "convergence", "correlation", "air_and_path", "consistency", "fit-0-1",
+         "track", "residuals", "autocorrelation",
+         "convergence", "correlation", "air_and_path", "consistency", "fit-0-1",
          "fit-0-2"}  # fmt: skip
 OPEN_ALL = "document.querySelectorAll('details').forEach(d => d.open = true); drawAll()"
 TOO_WIDE = """(() => {
@@ -67,20 +69,46 @@ def test_the_report_in_a_browser(flown: Path, results: Results, browser: Browser
     assert power.count("stroke-dasharray: 9px, 6px") >= 1, "power available there"
     saved = browser.value_of("Plotly.toImage('power', {format: 'svg', width: 900, height: 400})")
     assert saved.startswith("data:image/svg+xml") and "airspeed" in saved
-    on_paper(browser)
+    on_paper(browser, page)
+    the_curve_is_there_before_any_script(browser, page)
     assert browser.complaints == []
     assert browser.requests == [page.as_uri()], "no network"
 
 
-def on_paper(browser: Browser) -> None:
-    """Before it prints, the page opens what is folded and draws all figures anew, as wide as the paper."""
-    browser.value_of("document.getElementById('flight').open = false")
-    found = f"[{CUT}, {TOO_WIDE}, document.querySelectorAll('details:not([open])').length, document.body.offsetWidth]"
+def on_paper(browser: Browser, page: Path) -> None:
+    """Before it prints, the page draws all figures anew, as wide as the paper; what is folded stays off it."""
+    browser.show(page, 1280)
+    found = f"[{CUT}, {TOO_WIDE}, document.body.offsetWidth]"
     browser.value_of(f"window.printed = null; addEventListener('beforeprint', () => {{ printed = {found}; }})")
-    assert browser.pdf().startswith(b"%PDF")
-    cut, too_wide, folded, width = browser.value_of("printed")
-    assert cut == [] and too_wide == [] and folded == 0 and width <= PAPER_PX
-    assert browser.value_of("document.querySelectorAll('details:not([open])').length") == 1, "as before"
+    short = pages(browser.pdf())
+    cut, too_wide, width = browser.value_of("printed")
+    assert [line for line in cut if "not drawn" not in line] == [] and too_wide == [] and width <= PAPER_PX
+    assert short <= MOST_PAGES
+    browser.value_of(OPEN_ALL)
+    assert pages(browser.pdf()) > short, "what is opened is printed, too"
+    cut, too_wide, _ = browser.value_of("printed")
+    assert cut == [] and too_wide == []
+
+
+def pages(pdf: bytes) -> int:
+    return len(re.findall(rb"/Type /Page\b", pdf))
+
+
+def the_curve_is_there_before_any_script(browser: Browser, page: Path) -> None:
+    """With scripts off, and in the place of which a script draws it."""
+    drawn = "document.querySelectorAll('#power svg.still path').length"
+    browser.command("Emulation.setScriptExecutionDisabled", value=True)
+    try:
+        browser.show(page, 400, dark=True)
+        assert browser.value_of(drawn) > 10
+        curve = "getComputedStyle(document.querySelector('#power .still path[stroke-width=\"5\"]')).stroke"
+        assert browser.value_of(curve) == "rgb(108, 182, 255)", "light on a dark page"
+        assert browser.value_of("document.querySelector('#power .still').getBoundingClientRect().height") > 200
+    finally:
+        browser.command("Emulation.setScriptExecutionDisabled", value=False)
+    browser.show(page, 400)
+    browser.value_of("new Promise(done => setTimeout(done, 300)); draw('power')")
+    assert browser.value_of(drawn) == 0
 
 
 def sorted_like_the_page(browser: Browser) -> list[str]:

@@ -59,7 +59,8 @@ def new_folder() -> Iterator[Path]:
 def flight(plan: str, *options: str) -> bytes:
     """The log of a simulated flight."""
     with new_folder() as folder:
-        done = run("sim", "fly", "--no-hardware", "--plan", plan, "-o", folder / "flight", *options)
+        directly = [] if "--as" in options else ["--no-hardware"]
+        done = run("sim", "fly", *directly, "--plan", plan, "-o", folder / "flight", *options)
         assert done["exit code"] == 0, done
         (log,) = (path for path in (folder / "flight").iterdir() if path.suffix in (".mcap", ".ulg", ".BIN"))
         return log.read_bytes()

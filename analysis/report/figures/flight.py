@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from analysis.drag.dynamic import DRAG_TITLE, SPEED_TITLE, RunFit
 from analysis.estimation.fit import Convergence
 from analysis.estimation.noise import NORMAL_95
 from analysis.maneuvers.kinds import STEADY, Maneuver
@@ -74,14 +75,17 @@ def _shades(runs: Sequence[Maneuver], rejected: Sequence[RejectedResult]) -> lis
     return [place | stretch for stretch in stretches]
 
 
-def consistency(agreement: Consistency) -> Figure:
-    """Differences between sensors that should be zero, before and after the correction of sensor errors and gusts."""
+def consistency(agreement: Consistency, overlaid: int = 600) -> Figure:
+    """Differences between sensors that should be zero, before and after the correction of sensor errors and gusts.
+
+    overlaid : points of each line, over which another lies
+    """
     degrees = float(np.degrees(1.0))
     rows = ((ANGLES, "θ - α - γ, deg", degrees), (SPEED, "V - GPS, m/s", 1.0))
     figure = Figure(len(rows), 0.06)
     for i, (column, title, factor) in enumerate(rows, start=1):
         for name, differences, color in zip(("before", "after"), agreement, (GRAY, BLUE), strict=True):
-            x, y = thinned(differences.index.to_numpy(), factor * differences[column].to_numpy())
+            x, y = thinned(differences.index.to_numpy(), factor * differences[column].to_numpy(), overlaid)
             figure.add_scatter(
                 x=rounded(x), y=rounded(y), mode="lines", panel=i, name=name, legendgroup=name, showlegend=i == 1,
                 line={"color": color, "width": 1.8},
@@ -98,13 +102,13 @@ def run_fit(run: str, t_s: Array, measured: dict[str, Array], modeled: dict[str,
     point, model = {"size": 6, "color": GRAY}, {"color": ORANGE, "width": 3}
     for i, quantity in enumerate(measured, start=1):
         difference = measured[quantity] - modeled[quantity]
-        for figure, values in ((both, measured[quantity]), (differences, difference)):
+        for figure, values, digits in ((both, measured[quantity], 4), (differences, difference, 3)):
             figure.add_scatter(
-                x=rounded(t_s), y=rounded(values), mode="markers", panel=i, marker=point, name="measured",
+                x=rounded(t_s, 4), y=rounded(values, digits), mode="markers", panel=i, marker=point, name="measured",
                 legendgroup="measured", showlegend=i == 1 and figure is both, meta={"run": run},
             )  # fmt: skip
         both.add_scatter(
-            x=rounded(t_s), y=rounded(modeled[quantity]), mode="lines", panel=i, line=model, name="model",
+            x=rounded(t_s, 4), y=rounded(modeled[quantity], 4), mode="lines", panel=i, line=model, name="model",
             showlegend=i == 1,
         )  # fmt: skip
         differences.add_zero_line(model, panel=i)
@@ -116,6 +120,32 @@ def run_fit(run: str, t_s: Array, measured: dict[str, Array], modeled: dict[str,
         figure.update_layout(font={"size": 15})
     differences.update_layout(showlegend=False)
     return [both, differences]
+
+
+def residuals_of_drag(fits: Sequence[RunFit], kinds: Mapping[str, str], averaged_s: float = 1.0) -> Figure:
+    """Drag measured along each run, against airspeed, in per cent of that of the common polar; means of about
+    `averaged_s`. kinds : of the runs, by name"""
+    figure = Figure()
+    in_legend = set()
+    for fit in fits:
+        averaged = max(1, round(averaged_s / float(np.median(np.diff(fit.t_s)))))
+        usable = np.arange(len(fit.t_s) // averaged * averaged).reshape(-1, averaged)
+        V, measured, modeled = (
+            values[usable].mean(axis=1) for values in (fit.modeled[SPEED_TITLE], fit.measured[DRAG_TITLE],
+                                                       fit.modeled[DRAG_TITLE])
+        )  # fmt: skip
+        kind = kinds.get(fit.run, fit.run)
+        figure.add_scatter(
+            x=rounded(V), y=rounded(100 * (measured / modeled - 1)), mode="lines+markers", name=kind, legendgroup=kind,
+            line={"color": RUN_COLOR.get(kind, OTHER_RUN), "width": 1}, marker={"size": 6},
+            showlegend=kind not in in_legend, hovertemplate=f"{fit.run}: %{{y:+.1f}} %<extra></extra>",
+            meta={"run": fit.run},
+        )  # fmt: skip
+        in_legend.add(kind)
+    figure.add_zero_line({"color": INK, "width": 2})
+    figure.update_xaxis(title="true airspeed, m/s")
+    figure.update_yaxis(title="drag less the model's, %")
+    return styled(figure, 400, hover="closest")
 
 
 def autocorrelation(residuals: Sequence[RunResidual]) -> Figure:
@@ -143,8 +173,8 @@ def autocorrelation(residuals: Sequence[RunResidual]) -> Figure:
     return styled(figure, 380, hover="closest")
 
 
-def air_and_path(trajectory: Trajectory) -> Figure:
-    """Airspeed and angle of attack of the probe, and as the path and the mean wind give them."""
+def air_and_path(trajectory: Trajectory, overlaid: int = 600) -> Figure:
+    """Airspeed and angle of attack of the probe, and as the path and the mean wind give them. overlaid : as above"""
     blocks, x = trajectory.block_means, trajectory.states
     flying = np.where(blocks.flying, 1.0, np.nan)
     north, east, down, phi, theta, psi = (
@@ -162,7 +192,7 @@ def air_and_path(trajectory: Trajectory) -> Figure:
     )
     for panel, (probe, path, title) in enumerate(rows, start=1):
         for values, name, color, width in ((probe, "probe", GRAY, 3.0), (path, "path and wind", BLUE, 1.5)):
-            t, y = thinned(blocks.t_s, values * flying)
+            t, y = thinned(blocks.t_s, values * flying, overlaid)
             figure.add_scatter(
                 x=rounded(t), y=rounded(y), mode="lines", panel=panel, name=name, legendgroup=name,
                 showlegend=panel == 1, line={"color": color, "width": width},
@@ -176,7 +206,7 @@ def ground_track(track: Track, runs: Sequence[Maneuver], air: AirFound | None) -
     """The path over the ground with equal axes, runs colored by kind, and the direction of the wind."""
     figure = Figure()
     t, north, east = np.array(track.t_s), np.array(track.north_m), np.array(track.east_m)
-    figure.add_scatter(x=rounded(east), y=rounded(north), mode="lines", line={"color": GRAY, "width": 1.2},
+    figure.add_scatter(x=rounded(east, 4), y=rounded(north, 4), mode="lines", line={"color": GRAY, "width": 1.2},
                        name="whole flight", hoverinfo="skip")  # fmt: skip
     in_legend = set()
     for run in runs:

@@ -1,13 +1,17 @@
 """Figures over airspeed: power required by all methods, its interval, drag polar, endurance, range, efficiencies."""
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
+from analysis.drag.interval_sources import Source
 from analysis.estimation.noise import NORMAL_95
 from analysis.maneuvers.kinds import LEVEL_RUNS
 from analysis.polar import Polar
 from analysis.report.figures.style import (
     ALL_RUNS,
     BLUE,
+    GRAY,
     GREEN,
     INK,
     ORANGE,
@@ -49,12 +53,15 @@ def add_measured_points(figure: Figure, method: MethodResult, color: str, name: 
     )
 
 
+REQUIRED = "power required"  # entry of the legend that shows and hides curve, interval and continuation
+
+
 def power_required(results: Results) -> Figure:
     """Power required against speed with its 95 % interval, steady points, and power available at full throttle."""
     figure = Figure()
     V, P, lo, hi = curve_arrays(results.power_required)
-    add_band(figure, V, (lo, hi), BLUE, 0.3)
-    add_curve(figure, results.power_required, "power required", BLUE, width=5)
+    add_band(figure, V, (lo, hi), BLUE, 0.3, legendgroup=REQUIRED)
+    add_curve(figure, results.power_required, REQUIRED, BLUE, width=5)
     with_points = [method for method in results.methods if method.points]
     if with_points:
         add_measured_points(figure, with_points[0], ORANGE, "steady points")
@@ -83,7 +90,7 @@ def _add_continuation(figure: Figure, results: Results, fastest: float) -> None:
     power = q * S * V * (polar.A0 + polar.A1 * CL + polar.A2 * CL**2)
     figure.add_scatter(
         x=rounded(V), y=rounded(power), mode="lines", line={"color": BLUE, "width": 3, "dash": "dash"},
-        showlegend=False, hovertemplate="%{y:.1f} W, not flown", name="power required",
+        showlegend=False, hovertemplate="%{y:.1f} W, not flown", name=REQUIRED, legendgroup=REQUIRED,
     )  # fmt: skip
 
 
@@ -112,23 +119,35 @@ def _add_speed(
     )
 
 
-def interval_parts(results: Results) -> Figure:
-    """Half width of the 95 % interval against speed: its noise part and the part that all runs share."""
-    V, noise, systematic = np.array([(p.speed_mps, p.noise_W, p.systematic_W) for p in results.interval_parts]).T
-    power = np.interp(V, *curve_arrays(results.power_required)[:2])
+SOURCE_COLOR = {
+    Source.NOISE: GRAY, Source.AIRSPEED: BLUE, Source.ANGLE_OF_ATTACK: ORANGE, Source.ACCELEROMETER: "#6b4e00",
+    Source.PROPELLER: OTHER_RUN, Source.WEIGHT: "#00735c", Source.DENSITY: "#0087b3", Source.UPDRAFT: "#5a7d00",
+    Source.TRANSDUCERS: "#a3123f", Source.AIRCRAFT_FILE: "#b58900", Source.POLAR_SHAPE: "#5a3fc0",
+    Source.OTHER_SENSORS: "#2f5d8c", Source.SHARED: ORANGE,
+}  # fmt: skip
+
+
+def interval_by_source(curve: Sequence[PowerPoint], V: Array, variances: Mapping[Source, Array]) -> Figure:
+    """A bar at each of the speeds V (n,), as high as half the 95 % interval in per cent of power; each source has the
+    part of the bar that it has of the variance (n,)."""
+    power = np.interp(V, *curve_arrays(curve)[:2])
+    total = np.sum(list(variances.values()), axis=0)
+    half_percent = 100 * NORMAL_95 * np.sqrt(total) / power
     figure = Figure()
-    for half_width, name, color, width, dash in (
-        (np.hypot(noise, systematic), "whole interval", INK, 4, "solid"),
-        (systematic, "shared by all runs", ORANGE, 3, "dash"),
-        (noise, "noise", BLUE, 3, "dot"),
-    ):
-        figure.add_scatter(
-            x=rounded(V), y=rounded(100 * half_width / power), mode="lines", name=name,
-            line={"color": color, "width": width, "dash": dash}, hovertemplate="±%{y:.1f} %",
+    width = 0.72 * float(np.min(np.diff(V), initial=np.ptp(V) or 1.0))
+    for source, variance in variances.items():
+        share = variance / total
+        if np.max(share) < 0.005:  # thinner than a pixel
+            continue
+        figure.add_bars(
+            x=rounded(V), y=rounded(half_percent * share), name=source, width=width,
+            marker={"color": SOURCE_COLOR[source]}, customdata=np.round(100 * share),
+            hovertemplate="%{customdata} % of the variance",
         )  # fmt: skip
-    figure.update_xaxis(title="true airspeed, m/s")
-    figure.update_yaxis(title="± % of power", rangemode="tozero")
-    return styled(figure, 360)
+    figure.update_layout(barmode="stack")
+    figure.update_xaxis(title="true airspeed, m/s", tickvals=rounded(V), tickformat=".1f")
+    figure.update_yaxis(title="± % of power")
+    return styled(figure, 400 + 18 * len(variances))
 
 
 def drag_polar(polar: Polar, flown_CL: tuple[float, float]) -> Figure:
@@ -153,8 +172,11 @@ def drag_polar(polar: Polar, flown_CL: tuple[float, float]) -> Figure:
     return styled(figure, 420, hover="closest")
 
 
-def every_method(results: Results) -> Figure:
-    """The curve of every method; bars are its 95 % interval, circles the points it measured."""
+def every_method(results: Results, shown_first: int = 2) -> Figure:
+    """The curve of every method; bars are its 95 % interval, circles the points it measured.
+
+    The legend has all; the curve and its cross-check, `shown_first`, are drawn until the reader asks for others.
+    """
     figure = Figure()
     drawn = [method for method in listed_methods(results) if method.power_required]
     V, _, lo, hi = curve_arrays(results.power_required)
@@ -167,6 +189,10 @@ def every_method(results: Results) -> Figure:
             _add_interval_bars(figure, method, color, (i - 0.5) / len(drawn))
         if method.points:
             add_measured_points(figure, method, color, title, in_legend=False)
+    shown = {capitalized_title(method) for method in drawn[:shown_first]}
+    for trace in figure.data:
+        if trace["legendgroup"] not in shown:
+            trace["visible"] = "legendonly"
     figure.update_xaxis(title="true airspeed, m/s")
     figure.update_yaxis(title="power required, W", range=[0, 1.3 * float(np.max(hi))])
     figure = styled(figure, 640 + 13 * len(drawn), hover="closest")
@@ -194,25 +220,34 @@ def _add_interval_bars(figure: Figure, method: MethodResult, color: str, offset:
 
 
 def run_by_run(results: Results) -> Figure:
-    """The curve of every run fitted alone, over the curve of all runs."""
-    figure = Figure()
-    V, _, lo, hi = curve_arrays(results.power_required)
-    add_band(figure, V, (lo, hi), ALL_RUNS, 0.3)
-    add_curve(figure, results.power_required, "all runs", ALL_RUNS, width=5)
+    """The curve of every run fitted alone, over the curve of all runs; below, in per cent of that."""
+    figure = Figure(2, 0.06)
+    V, P, lo, hi = curve_arrays(results.power_required)
+    for panel, ends in ((1, (lo, hi)), (2, (100 * (lo / P - 1), 100 * (hi / P - 1)))):
+        add_band(figure, V, ends, ALL_RUNS, 0.3, panel=panel, legendgroup=ALL_RUNS_NAME)
+    add_curve(figure, results.power_required, ALL_RUNS_NAME, ALL_RUNS, width=5)
     in_legend = set()
     kinds = (run.kind for run in results.runs if run.kind in LEVEL_RUNS)
     for kind, run in zip(kinds, results.one_by_one, strict=True):
         if run.power_required:
-            V, P, _, _ = curve_arrays(run.power_required)
-            figure.add_scatter(
-                x=rounded(V), y=rounded(P), mode="lines", line={"color": RUN_COLOR.get(kind, OTHER_RUN), "width": 2},
-                name=kind, legendgroup=kind, showlegend=kind not in in_legend,
-                hovertemplate=f"{run.title}: %{{y:.1f}} W<extra></extra>", meta={"run": run.title},
-            )  # fmt: skip
+            at, alone, _, _ = curve_arrays(run.power_required[::3])
+            percent = 100 * (alone / np.interp(at, V, P, left=np.nan, right=np.nan) - 1)
+            for panel, values, unit in ((1, alone, "%{y:.1f} W"), (2, percent, "%{y:+.1f} %")):
+                figure.add_scatter(
+                    panel=panel, x=rounded(at), y=rounded(values), mode="lines", name=kind, legendgroup=kind,
+                    line={"color": RUN_COLOR.get(kind, OTHER_RUN), "width": 2},
+                    showlegend=panel == 1 and kind not in in_legend,
+                    hovertemplate=f"{run.title}: {unit}<extra></extra>", meta={"run": run.title},
+                )  # fmt: skip
             in_legend.add(kind)
+    figure.add_zero_line({"color": ALL_RUNS, "width": 2}, panel=2)
     figure.update_xaxis(title="true airspeed, m/s")
     figure.update_yaxis(title="power required, W", range=[0, 1.3 * float(np.max(hi))])
-    return styled(figure, 460, hover="closest")
+    figure.update_yaxis(title="from all runs, %", panel=2)
+    return styled(figure, 620, hover="closest")
+
+
+ALL_RUNS_NAME = "all runs"
 
 
 def loadings(use: PerformanceResult) -> list[Figure]:

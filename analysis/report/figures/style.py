@@ -118,7 +118,7 @@ def styled(figure: Figure, height_px: int, *, hover: str = "x unified") -> Figur
     return figure
 
 
-def thinned(x: Array, y: Array, points: int = 1200) -> tuple[Array, Array]:
+def thinned(x: Array, y: Array, points: int = 1000) -> tuple[Array, Array]:
     """At most so many points of a time history: the least and the greatest value of each stretch, in order of time.
 
     points: more than the default do not show on a screen. A stretch without a value keeps its first point, so that a
@@ -137,12 +137,12 @@ def thinned(x: Array, y: Array, points: int = 1200) -> tuple[Array, Array]:
     return x[chosen], y[chosen]
 
 
-def rounded(values: Array) -> Array:
-    """Values to five significant digits of their range, enough to zoom a little; NaN stays."""
+def rounded(values: Array, digits: int = 5) -> Array:
+    """Values to that many significant digits of their range; five are enough to zoom a little. NaN stays."""
     finite = values[np.isfinite(values)]
     span = float(np.ptp(finite)) if len(finite) else 0.0
     largest = float(np.max(np.abs(finite), initial=0.0))
-    decimals = 4 - int(np.floor(np.log10(span or largest or 1.0)))
+    decimals = digits - 1 - int(np.floor(np.log10(span or largest or 1.0)))
     return np.asarray(np.round(values.astype(float), max(decimals, 0)))
 
 

@@ -6,7 +6,8 @@ const added = {};  // by the same: traces that the reader asked for, by what the
 const told = new Set();  // figures whose clicks are told
 const marks = [];  // what changes figures before they are drawn: {key(), mark(data, layout)}
 const NARROW_PX = 520;
-const PAPER_HEIGHT = 0.8;  // of a figure's height on a screen
+const PAPER_HEIGHT = 0.7;  // of a figure's height on a screen
+const asked = {};  // by the id of the element: how often the reader had all shown again
 const root = document.documentElement;
 const dark = window.matchMedia("(prefers-color-scheme: dark)");
 
@@ -49,14 +50,28 @@ function draw(name) {
   if (extra.length && layout.yaxis.range) layout.yaxis.range[1] = 1.06 * highest(extra, layout.yaxis.range[1] / 1.06);
   for (const {mark} of marks) mark(data, layout);
   if (inDark) [data, layout] = [recolored(data), recolored(layout)];
-  layout = {...layout, width, height: Math.round(layout.height * (onPaper() ? PAPER_HEIGHT : 1))};
+  layout = {...layout, uirevision: asked[name] || 0, width, height: Math.round(layout.height * (onPaper() ? PAPER_HEIGHT : 1))};
   if (width < NARROW_PX) layout = narrowed(layout, data);
   else if (onPaper()) layout = {...layout, font: {...layout.font, size: 14}, legend: {...layout.legend, font: {size: 13}}};
   for (const name of Object.keys(layout).filter(name => /^[xy]axis/.test(name)))
     if (layout[name].title) Object.assign(layout[name].title, {font: {size: layout.font.size}, standoff: 10});
   element.style.height = `${layout.height}px`;
+  const still = element.querySelector("svg.still");
+  if (still) still.remove();
   Plotly.react(element, data, layout, {displayModeBar: false, scrollZoom: false});
-  if (!told.has(name)) tellClicks(name, element);
+  if (!told.has(name)) tellClicks(name, element), tellChanges(name, element);
+}
+
+// What the reader zoomed or hid stays when a figure is drawn anew, until all is to be shown again.
+function tellChanges(name, element) {
+  const button = element.parentElement.querySelector("[data-reset]"), show = () => { button.hidden = false; };
+  for (const event of ["plotly_relayout", "plotly_restyle"]) element.on(event, show);
+}
+function reset(name) {
+  asked[name] = (asked[name] || 0) + 1;
+  document.getElementById(name).parentElement.querySelector("[data-reset]").hidden = true;
+  drawn.delete(name);
+  draw(name);
 }
 
 function highest(traces, least) {
@@ -114,16 +129,13 @@ function openTarget() {
   if (target) target.scrollIntoView();
 }
 
-let folded = [];
+// What is folded stays off paper.
 function toPaper() {
-  folded = [...document.querySelectorAll("details:not([open])")];
-  for (const element of folded) element.open = true;
   root.classList.add("paper");
   drawAll();
 }
 function fromPaper() {
   root.classList.remove("paper");
-  for (const element of folded) element.open = false;
   drawAgain();
 }
 

@@ -9,7 +9,7 @@ from analysis.polar import Condition, Polar, minimum_power_lift
 from analysis.report import page
 from analysis.report.answers import headline_answers, optimum_speed_text
 from analysis.report.figures.flight import run_fit
-from analysis.report.figures.power import every_method, interval_parts, power_required
+from analysis.report.figures.power import every_method, power_required
 from analysis.report.figures.style import Figure
 from analysis.report.wording import listed_methods
 from analysis.results.files import to_csv
@@ -39,7 +39,7 @@ def test_without_battery_answers_the_aerodynamic_speeds_are_the_answers(results:
 def drawings(results: Results) -> dict[str, Figure]:
     """The figures that the page always has, and those of a battery."""
     names = ("power", "methods", "timeline", "polar", "parts", "loadings", "efficiency")
-    return dict.fromkeys(names, interval_parts(results))
+    return dict.fromkeys(names, power_required(results))
 
 
 def test_the_page_says_all_of_it_and_escapes_what_users_wrote(results: Results) -> None:
