@@ -541,6 +541,35 @@ class FieldRow(msgspec.Struct, frozen=True, kw_only=True):
     extrapolated: bool
 
 
+class PropellerRow(msgspec.Struct, frozen=True, kw_only=True):
+    """One speed of rotation of a propeller's table."""
+
+    rpm: float
+    J: list[float]
+    cT: list[float]
+    cP: list[float]
+
+
+class PropellerTable(msgspec.Struct, frozen=True, kw_only=True):
+    name: str
+    diameter_m: float
+    beyond_zero_thrust: str
+    rows: list[PropellerRow]
+
+
+class ComputationModel(msgspec.Struct, frozen=True, kw_only=True):
+    """What battery power at any weight, density, speed and climb is computed from (`analysis.performance`)."""
+
+    names: list[
+        str
+    ]  # of polar, thrust, angle of attack, losses, battery's meter, and of full throttle where it is known
+    values: list[float]
+    covariance: list[list[float]]
+    no_load_torque_Nm: float
+    flown_CL: tuple[float, float]
+    propeller: PropellerTable
+
+
 class PerformanceResult(msgspec.Struct, frozen=True, kw_only=True):
     """Performance with battery and propeller. `loadings` begins with the flight's own weight and density."""
 
@@ -552,6 +581,7 @@ class PerformanceResult(msgspec.Struct, frozen=True, kw_only=True):
     costs: list[str]  # changes of weight alone and of air alone, where there are any
     field_table: list[FieldRow]
     too_much: list[str] = []  # requested conditions in which full throttle does not sustain level flight
+    model: ComputationModel | None = None  # null in results of earlier versions
 
 
 class ElectricalStatistics(msgspec.Struct, frozen=True, kw_only=True):

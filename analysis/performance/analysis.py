@@ -38,6 +38,7 @@ from analysis.performance.request import (
     density_altitude_m,
     requested_conditions,
 )
+from analysis.performance.stored_model import model_result
 from analysis.polar import Condition, speed_at
 from analysis.schema import FieldRow, PerformanceCase, PerformanceResult, PowerTrainResult
 from analysis.settings import CURVES, EVIDENCE
@@ -167,6 +168,7 @@ def flight_performance(
             for other in others
             if not other.sustained
         ],
+        model=model_result(model),
     )
 
 

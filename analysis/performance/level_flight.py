@@ -29,6 +29,7 @@ from analysis.schema import LevelEfficiencyPoint
 from flight.propeller import Propeller
 
 Array = NDArray[np.float64]
+Floats = float | Array
 
 
 @dataclass(frozen=True)
@@ -69,18 +70,23 @@ def drag(parameters: SigmaPoints, V: Array, CL: Array, condition: Condition) -> 
     return _qS(V, condition) * (parameters["A0"] + parameters["A1"] * CL + parameters["A2"] * CL**2)
 
 
-def level_thrust(parameters: SigmaPoints, V: Array, condition: Condition) -> Array:
-    """Thrust [N] of level flight at V (k,) [m/s], (2m + 1, k). parameters : A0, A1, A2, alpha_0, alpha_CL
+def steady_thrust(
+    parameters: SigmaPoints, V: Array, condition: Condition, sine: Floats = 0.0, load_factor: Floats = 1.0
+) -> Array:
+    """Thrust [N] of steady flight at V (k,) [m/s], (2m + 1, k). parameters : A0, A1, A2, alpha_0, alpha_CL
 
-    1/cos(alpha) makes it larger than drag; the weight that it carries reduces lift, and with it drag.
+    Level and straight, or at a climb angle of this sine and a load factor (of a turn: 1/cos of the bank). 1/cos(alpha)
+    makes it larger than drag; the weight that it carries reduces lift, and with it drag. It is below zero in a descent
+    steeper than a glide.
     """
     carried_N = np.zeros(1)
+    held_N = condition.weight_N * load_factor * np.sqrt(1 - np.square(sine))
     for _ in range(6):  # each changes the result by a tenth of the change before
-        CL = (condition.weight_N - carried_N) / _qS(V, condition)
+        CL = (held_N - carried_N) / _qS(V, condition)
         alpha = parameters["alpha_0"] + parameters["alpha_CL"] * CL
-        thrust_N = drag(parameters, V, CL, condition) / np.cos(alpha)
+        thrust_N = (drag(parameters, V, CL, condition) + condition.weight_N * sine) / np.cos(alpha)
         carried_N = thrust_N * np.sin(alpha)
-    return thrust_N
+    return np.asarray(thrust_N)
 
 
 def climb_angle(parameters: SigmaPoints, thrust_N: Array, V: Array, condition: Condition) -> tuple[Array, Array]:
@@ -141,7 +147,7 @@ class LevelFlight:
 def level_flight(model: PerformanceModel, condition: Condition, V: Array) -> LevelFlight:
     """Power at speeds V (k,) [m/s]."""
     parameters, propeller, train = model.sigma_points, model.propeller, model.power_train
-    CL, thrust_N = lift_coefficient(V, condition), level_thrust(parameters, V, condition)
+    CL, thrust_N = lift_coefficient(V, condition), steady_thrust(parameters, V, condition)
     correction = {name: parameters[name] for name in ("thrust_scale", "thrust_slope")}
     n = revps_for_thrust(propeller, V, thrust_N, condition.rho, **correction)
     _, table_shaft_W = propeller.thrust_and_power(V, n, condition.rho)

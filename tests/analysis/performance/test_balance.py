@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.performance.level_flight import climb_angle, drag, incidence, level_thrust
+from analysis.performance.level_flight import climb_angle, drag, incidence, steady_thrust
 from analysis.polar import Condition, lift_coefficient
 
 AT = Condition(37.7, 1.19, 0.4636)
@@ -29,7 +29,7 @@ def forces(thrust: np.ndarray, sine: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 
 def test_in_level_flight_nothing_is_left_over() -> None:
-    thrust = level_thrust(POINTS, V, AT)
+    thrust = steady_thrust(POINTS, V, AT)
     assert np.abs(forces(thrust, np.zeros_like(thrust))).max() < 1e-6 * AT.weight_N
 
 
@@ -42,11 +42,22 @@ def test_in_a_climb_and_in_a_glide_nothing_is_left_over(share: float) -> None:
     assert np.all(along_path <= thrust)
 
 
+@pytest.mark.parametrize("sine", [-0.05, 0.0, 0.2])
+def test_thrust_for_a_path_climbs_or_descends_along_it(sine: float) -> None:
+    thrust = steady_thrust(POINTS, V, AT, sine)
+    assert np.abs(forces(thrust, np.full_like(thrust, sine))).max() < 1e-6 * AT.weight_N
+
+
+def test_a_turn_takes_the_thrust_of_level_flight_at_the_weight_times_the_load_factor() -> None:
+    heavy = AT._replace(weight_N=1.4 * AT.weight_N)
+    np.testing.assert_allclose(steady_thrust(POINTS, V, AT, 0.0, 1.4), steady_thrust(POINTS, V, heavy), rtol=1e-12)
+
+
 def test_thrust_that_carries_weight_saves_drag_at_low_speed() -> None:
     """At 11.5 m/s and 9.6 deg it carries 2 % of the weight: thrust is 0.7 % below drag over cos(alpha)."""
     CL = lift_coefficient(V, AT)
     alone = drag(POINTS, V, CL, AT) / np.cos(-0.075 + 0.235 * CL)
-    saved = 1 - level_thrust(POINTS, V, AT) / alone
+    saved = 1 - steady_thrust(POINTS, V, AT) / alone
     assert 0.005 < saved[0, 0] < 0.03
     assert abs(saved[0, -1]) < 0.001
 

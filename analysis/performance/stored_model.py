@@ -1,0 +1,54 @@
+"""The model of performance as `results.json` holds it, so that it is computed from again without the log."""
+
+import numpy as np
+
+from analysis.performance.full_throttle import FullThrottle
+from analysis.performance.level_flight import PerformanceModel
+from analysis.performance.power_train import PowerTrainModel
+from analysis.performance.propagation import ParameterVector
+from analysis.schema import ComputationModel, PropellerRow, PropellerTable
+from flight.propeller import Propeller, Row
+
+LOSSES = ("shaft_scale", "friction", "copper", "meter_scale")
+FULL_THROTTLE = ("unloaded_revps", "revps_per_Nm")
+
+
+def model_result(model: PerformanceModel) -> ComputationModel:
+    """The form of `results.json`."""
+    parameters, propeller = model.parameters, model.propeller
+    rows = [PropellerRow(rpm=one.rpm, J=list(one.J), cT=list(one.cT), cP=list(one.cP)) for one in propeller.rows]
+    return ComputationModel(
+        names=list(parameters.names),
+        values=parameters.values.tolist(),
+        covariance=parameters.covariance.tolist(),
+        no_load_torque_Nm=model.power_train.no_load_torque_Nm,
+        flown_CL=model.flown_CL,
+        propeller=PropellerTable(
+            name=propeller.name,
+            diameter_m=propeller.diameter_m,
+            beyond_zero_thrust=propeller.beyond_zero_thrust,
+            rows=rows,
+        ),
+    )
+
+
+def model_of(result: ComputationModel) -> PerformanceModel:
+    """The model again; without what only the page tells of it. Raises InputError for an impossible propeller."""
+    parameters = ParameterVector(
+        tuple(result.names), np.array(result.values), np.array(result.covariance).reshape(2 * (len(result.names),))
+    )
+    table = result.propeller
+    rows = tuple(Row(one.rpm, tuple(one.J), tuple(one.cT), tuple(one.cP)) for one in table.rows)
+    motor = _part(parameters, FULL_THROTTLE) if set(FULL_THROTTLE) <= set(parameters.names) else None
+    return PerformanceModel(
+        parameters,
+        PowerTrainModel(_part(parameters, LOSSES), result.no_load_torque_Nm, measured=False, basis="", points=()),
+        FullThrottle(motor),
+        Propeller(table.name, table.diameter_m, rows, beyond_zero_thrust=table.beyond_zero_thrust),
+        result.flown_CL,
+    )
+
+
+def _part(parameters: ParameterVector, names: tuple[str, ...]) -> ParameterVector:
+    at = [parameters.names.index(name) for name in names]
+    return ParameterVector(names, parameters.values[at], parameters.covariance[np.ix_(at, at)])
