@@ -26,6 +26,7 @@ SIDES = {
     "analyze": Side("analysis.cli.analyze", "From a log to the power-required curve.", LAPTOP, "analysis"),
     "export": Side("analysis.cli.export", "A flight as tables and files for other programs.", LAPTOP, "analysis"),
     "plan": Side("analysis.cli.plan", "What to fly next, for the narrowest interval.", LAPTOP, "analysis"),
+    "route": Side("analysis.cli.route", "The energy of a mission in wind, and the way home.", LAPTOP, "analysis"),
     "calibrate": Side("analysis.cli.calibrate", "Probe, tubes, magnetometer, surfaces, airspeed.", LAPTOP, "analysis"),
     "sim": Side("sim.__main__", "Simulated flights and wind tunnel.", ("casadi", "numpy", "pandas", "pyarrow"), "sim"),
     "daq": Side("daq.__main__", "Record the sensors on the aircraft's computer.", ()),

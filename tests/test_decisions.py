@@ -33,6 +33,8 @@ PARSERS = {
     "analysis/cli/": "what the user types",
     "analysis/ground/": "tables of calibrations",
     "analysis/performance/request.py": "what the user types",
+    "analysis/route/mission.py": "what the user types",
+    "analysis/route/mission_files.py": "missions of ground stations",
     "daq/config.py": "messages of msgspec",
     "daq/linux_bus.py": "names of the kernel's files",
     "daq/part_identity.py": "answers of parts",

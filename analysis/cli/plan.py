@@ -155,7 +155,7 @@ class PlanOptions:
     @property
     def place_deg(self) -> tuple[float, float] | None:
         """Latitude and longitude of the middle of the legs, where given. Raises InputError."""
-        return None if self.home is None else _place(self.home)
+        return None if self.home is None else place_of(self.home)
 
 
 @app.command()
@@ -234,7 +234,8 @@ def flight_plan(aircraft: str, options: PlanOptions) -> "FlightPlan":
     return plan_flight(expected, request)
 
 
-def _place(text: str) -> tuple[float, float]:
+def place_of(text: str) -> tuple[float, float]:
+    """Latitude and longitude [deg] of `--home`. Raises InputError."""
     try:
         latitude, longitude = (float(part) for part in text.split(","))
     except ValueError:

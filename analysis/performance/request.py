@@ -94,6 +94,12 @@ def _battery_Wh(text: str) -> float:
     return value
 
 
+def voltage_of(text: str) -> float | None:
+    """The voltage [V] of a battery given by charge and voltage; None of one given by energy."""
+    found = CHARGE_AND_VOLTAGE.fullmatch(text)
+    return _si_or_nan(found["voltage"], "V") if found else None
+
+
 def _share(text: str) -> float:
     text = text.strip()
     value = _number(text[:-1]) / 100 if text.endswith("%") else _number(text)

@@ -1,0 +1,341 @@
+"""The command `route`: the energy of a mission in wind. Arguments, messages and exit codes only."""
+
+import sys
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from analysis.cli.options import ReplaceOption
+from flight.command_line import ExitCode, application, quantity, run, takes_options
+from flight.errors import InputError
+from flight.files import check_new_file
+
+if TYPE_CHECKING:
+    from analysis.route.mission import Mission, Speed, Wind
+    from analysis.route.prediction import Flight, Objective
+    from analysis.schema import Results
+
+app = application()
+
+
+class SpeedChoice(StrEnum):
+    MISSION = "mission"
+    ENERGY = "energy"
+    TIME = "time"
+
+
+@dataclass(frozen=True)
+class RouteOptions:
+    """What is known of flight, wind and battery."""
+
+    legs: Annotated[
+        str | None,
+        typer.Option("--legs", metavar="LEGS", help='Instead of a mission: "3 km 045, 2 km 135 +50 m, drop 0.5 kg".'),
+    ] = None
+    wind_sd_mps: Annotated[
+        float,
+        typer.Option(
+            "--wind-sd",
+            parser=quantity("--wind-sd", "m/s", '"3 kt"', least=0, most=20),
+            metavar="SPEED",
+            help="Standard deviation of each component of the mean wind; the default is that of a forecast.",
+        ),
+    ] = 1.5
+    speed: Annotated[
+        str,
+        typer.Option(
+            "--speed",
+            metavar="SPEED",
+            help="Airspeeds: mission (energy where it has none), energy or time (the best in this wind), or one for all"
+            ' legs, such as "17 m/s", equivalent airspeed.',
+        ),
+    ] = SpeedChoice.MISSION
+    battery_Wh: Annotated[
+        str | None,
+        typer.Option("--battery-Wh", metavar="ENERGY", help='"74 Wh" or "5000 mAh, 14.8 V"; default: of the results.'),
+    ] = None
+    usable: Annotated[
+        str | None, typer.Option("--usable", metavar="SHARE", help="Of the battery; the rest is the reserve.")
+    ] = None
+    health: Annotated[
+        float,
+        typer.Option(
+            "--health",
+            parser=quantity("--health", "%", '"85 %"', above=0, most=100),
+            metavar="SHARE",
+            help="Capacity left of an aged battery [%].",
+        ),
+    ] = 100.0
+    health_sd: Annotated[
+        float,
+        typer.Option(
+            "--health-sd",
+            parser=quantity("--health-sd", "%", '"3 %"', least=0, most=50),
+            metavar="SHARE",
+            help="Its standard deviation [%].",
+        ),
+    ] = 4.0
+    resistance_ohm: Annotated[
+        float,
+        typer.Option(
+            "--resistance",
+            parser=quantity("--resistance", "ohm", '"40 mohm"', least=0, most=10),
+            metavar="RESISTANCE",
+            help="Of the battery; its loss then counts, at the voltage of --battery-Wh.",
+        ),
+    ] = 0.0
+    stall_mps: Annotated[
+        float | None,
+        typer.Option(
+            "--stall",
+            parser=quantity("--stall", "m/s", '"20 kt"', above=0, most=100),
+            metavar="SPEED",
+            help="Stall speed (equivalent airspeed); default: of the largest lift coefficient of the flight.",
+        ),
+    ] = None
+    stall_margin: Annotated[
+        float,
+        typer.Option(
+            "--stall-margin",
+            parser=quantity("--stall-margin", "", "1.2", least=1, most=3),
+            metavar="NUMBER",
+            help="No leg is flown below this many stall speeds.",
+        ),
+    ] = 1.2
+    climb_mps: Annotated[
+        float | None,
+        typer.Option(
+            "--climb",
+            parser=quantity("--climb", "m/s", '"300 ft/min"', above=0, most=100),
+            metavar="SPEED",
+            help="Largest rate of climb and descent; default: 0.3 of the stall speed.",
+        ),
+    ] = None
+    weight_N: Annotated[
+        float | None,
+        typer.Option(
+            "--weight",
+            parser=lambda text: _weight_N(text, "--weight"),
+            metavar="WEIGHT",
+            help='At the start, such as "4.1 kg"; default: of the results.',
+        ),
+    ] = None
+    dropped_N: Annotated[
+        float | None,
+        typer.Option(
+            "--drop",
+            parser=lambda text: _weight_N(text, "--drop"),
+            metavar="WEIGHT",
+            help="Payload of each release in the mission.",
+        ),
+    ] = None
+    home: Annotated[
+        str | None, typer.Option("--home", metavar="LAT,LON", help="Home [deg]; default: of the mission.")
+    ] = None
+    height_m: Annotated[
+        float,
+        typer.Option(
+            "--height",
+            parser=quantity("--height", "m", '"300 ft"', least=0, most=5000),
+            metavar="HEIGHT",
+            help="Above home, of legs and of lines without heights.",
+        ),
+    ] = 100.0
+    elevation_m: Annotated[
+        float | None,
+        typer.Option(
+            "--elevation",
+            parser=quantity("--elevation", "m", '"1500 ft"', least=-500, most=6000),
+            metavar="HEIGHT",
+            help="Of home above sea level; default: the air of the results.",
+        ),
+    ] = None
+    temperature_K: Annotated[
+        float | None,
+        typer.Option(
+            "--temperature",
+            parser=quantity("--temperature", "K", '"20 degC"', least=220, most=330),
+            metavar="TEMPERATURE",
+            help="At home; default: of the results, or the standard one at --elevation.",
+        ),
+    ] = None
+    idle_W: Annotated[
+        float | None,
+        typer.Option(
+            "--idle-power",
+            parser=quantity("--idle-power", "W", '"8 W"', least=0, most=1000),
+            metavar="POWER",
+            help="Drawn with the motor off; default: of the results of an autopilot's log, else 0.",
+        ),
+    ] = None
+    sure: Annotated[
+        float,
+        typer.Option(
+            "--sure",
+            parser=quantity("--sure", "%", '"99 %"', least=50, most=99.8),
+            metavar="PROBABILITY",
+            help="Probability that counts as safe [%].",
+        ),
+    ] = 95.0
+
+
+@app.command()
+@takes_options(RouteOptions)
+def route(
+    mission: Annotated[
+        Path | None, typer.Argument(metavar="[MISSION]", help=".plan of QGroundControl, .waypoints, or .kml.")
+    ] = None,
+    *,
+    options: RouteOptions,
+    results: Annotated[Path, typer.Option("--results", metavar="FILE", help="results.json of `analyze`.")],
+    wind_text: Annotated[
+        str, typer.Option("--wind", metavar="WIND", help='At the height of the flight: "5 m/s from 270 deg", or 0.')
+    ],
+    map_file: Annotated[
+        Path | None, typer.Option("--map", metavar="FILE", help="Write the map as an SVG image.")
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
+    replace: ReplaceOption = False,
+) -> None:
+    """The energy of a mission in wind: by leg, charge left with its interval, the probability of coming home.
+
+    Airspeeds are those of the mission, or the best in this wind; none is slower than the stall margin allows, none
+    faster than was flown. A mission that ends away from home is continued straight home.
+
+    \b
+    Examples:
+      flightpower route survey.plan --results log.report/results.json --wind "5 m/s from 270 deg"
+      flightpower route field.waypoints --results results.json --wind "12 kt from 200" --speed energy --map map.svg
+      flightpower route --legs "3 km 045, 2 km 135 +50 m, 4 km 250" --results results.json --wind 0
+
+    Exit code 0: the route ends with the reserve left, as sure as --sure asks. 1: it does not. 2: wrong input; one line
+    on stderr says what.
+    """
+    if map_file is not None:
+        check_new_file(map_file, replace=replace)
+    if (mission is None) == (options.legs is None):
+        raise InputError('give a mission file or --legs "3 km 045, 2 km 135", one of them')
+    from analysis.route.mission import parse_wind
+    from analysis.route.prediction import predict
+
+    wind = parse_wind(wind_text, options.wind_sd_mps)
+    asked = _asked_speed(options.speed)
+    flown = _mission(mission, options)
+    read = _read_results(results)
+    result = predict(read, flown, _flight(read, wind, asked, options))
+    if json:
+        import msgspec
+
+        print(msgspec.json.encode(result).decode())
+    else:
+        from analysis.route.text import lines
+
+        for line in lines(result):
+            print(line)
+    if map_file is not None:
+        from analysis.route.figure import map_svg
+
+        map_file.write_text(map_svg(result, flown, wind), "utf-8")
+    raise typer.Exit(ExitCode.DONE if result.probability >= result.sure else ExitCode.FAILURE)
+
+
+def _mission(path: Path | None, options: RouteOptions) -> "Mission":
+    from analysis.cli.plan import place_of
+    from analysis.route.mission import parse_legs, with_return
+    from analysis.route.mission_files import Assumed, load_mission
+    from flight.units import GRAVITY_MPS2
+
+    if path is None:
+        return with_return(parse_legs(options.legs or "", options.height_m), ends_by_landing=False)
+    home = None if options.home is None else place_of(options.home)
+    return load_mission(path, Assumed(home, options.height_m, (options.dropped_N or 0.0) / GRAVITY_MPS2))
+
+
+def _asked_speed(text: str) -> "Speed | Objective | None":
+    """None: the mission's. Raises InputError."""
+    from analysis.route.mission import Speed
+    from analysis.route.prediction import Objective
+
+    if text == SpeedChoice.MISSION:
+        return None
+    if text in set(Objective):
+        return Objective(text)
+    words = ", ".join(SpeedChoice)
+    wanted = quantity("--speed", "m/s", '"30 kt"', above=0, most=200)
+    try:
+        return Speed(wanted(text))
+    except InputError:
+        raise InputError(f'--speed {text}: should be one of {words}, or an airspeed such as "17 m/s"') from None
+
+
+def _flight(results: "Results", wind: "Wind", speed: "Speed | Objective | None", options: RouteOptions) -> "Flight":
+    """Raises InputError where the battery's energy is not known."""
+    from analysis.performance.request import parse_request, voltage_of
+    from analysis.route.energy import Battery
+    from analysis.route.prediction import Air, Flight
+    from flight.atmosphere import pressure_at, temperature_at
+
+    asked = parse_request(options.battery_Wh, options.usable)
+    energy_Wh = asked.battery_Wh or (results.use.battery_energy_Wh if results.use else None)
+    if not energy_Wh:
+        raise InputError('the results do not know the battery; give --battery-Wh "5000 mAh, 14.8 V"')
+    voltage_V = voltage_of(options.battery_Wh or "")
+    if options.resistance_ohm and voltage_V is None:
+        raise InputError('--resistance takes the voltage, too; give the battery as --battery-Wh "5000 mAh, 14.8 V"')
+    battery = Battery(
+        energy_J=3600 * energy_Wh,
+        reserve=1 - asked.usable,
+        health=options.health / 100,
+        health_sd=options.health_sd / 100,
+        open_circuit_V=voltage_V,
+        resistance_ohm=options.resistance_ohm,
+    )
+    temperature_K, pressure_Pa = results.air_temperature_K, results.air_pressure_Pa
+    if options.elevation_m is not None:
+        temperature_K, pressure_Pa = float(temperature_at(options.elevation_m)), float(pressure_at(options.elevation_m))
+    return Flight(
+        wind,
+        battery,
+        Air(pressure_Pa, options.temperature_K or temperature_K),
+        options.weight_N or results.test.weight_N,
+        stall_mps=options.stall_mps,
+        stall_margin=options.stall_margin,
+        speed=speed,
+        climb_mps=options.climb_mps,
+        idle_W=options.idle_W,
+        sure=options.sure / 100,
+    )
+
+
+def _read_results(path: Path) -> "Results":
+    """Doubts go to stderr. Raises InputError when it is something else, or not to be trusted."""
+    from analysis.results.trust import sentence
+    from analysis.schema import FORMAT, Results, Trust
+    from flight.files import JsonFormat, json_object_text
+
+    of = "results of `analyze`"
+    results = JsonFormat(Results, (FORMAT,), of).parsed(json_object_text(path, of), str(path))
+    if results.trust is Trust.NOT_TO_BE_TRUSTED:
+        raise InputError(f"{path}: not to be trusted ({results.evidence[0].kind}); take another flight's results")
+    for one in results.evidence:
+        if one.level is Trust.DOUBTFUL:
+            print(f"{one.level}: {sentence(one)}", file=sys.stderr)
+    return results
+
+
+def _weight_N(text: str, option: str) -> float:
+    from analysis.performance.request import parse_weight
+
+    return parse_weight(text, option)
+
+
+def main() -> None:
+    """Entry point. Wrong input gives one line on stderr and exit code 2."""
+    run(app, "route")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,165 @@
+"""A mission as steps over flat ground, and the text of `--legs`.
+
+Positions are meters east and north of home, heights above it. Airspeeds are equivalent ones, as autopilots show them.
+"""
+
+import re
+from collections.abc import Sequence
+from itertools import pairwise
+from math import atan2, cos, degrees, hypot, radians, sin
+from typing import NamedTuple
+
+from flight.errors import InputError
+from flight.units import GRAVITY_MPS2, to_si, weight_to_N
+
+
+class Place(NamedTuple):
+    """A point: meters east and north of home, and above it."""
+
+    east_m: float
+    north_m: float
+    height_m: float
+
+    def distance_m(self, other: "Place") -> float:
+        """Over the ground."""
+        return hypot(other.east_m - self.east_m, other.north_m - self.north_m)
+
+
+HOME = Place(0.0, 0.0, 0.0)
+AT_HOME_M = 100.0  # from home, within which a mission counts as ended there: circles of a landing are wider
+
+
+class Speed(NamedTuple):
+    """A speed that a mission asks for [m/s]: equivalent airspeed, or speed over the ground."""
+
+    mps: float
+    over_ground: bool = False
+
+
+class Step(NamedTuple):
+    """Straight flight to a place, then circles there.
+
+    speed: None where the mission leaves it open     circle_s, turns: of the circles     radius_m: None: by the bank
+    launched: it begins at rest     dropped_kg: payload that leaves the aircraft at the end
+    """
+
+    name: str
+    to: Place
+    speed: Speed | None = None
+    circle_s: float = 0.0
+    turns: float = 0.0
+    radius_m: float | None = None
+    launched: bool = False
+    dropped_kg: float = 0.0
+
+
+class Mission(NamedTuple):
+    """The steps from `start` on. notes: what of the mission costs no energy here, and what was assumed of it."""
+
+    start: Place
+    steps: tuple[Step, ...]
+    notes: tuple[str, ...] = ()
+
+
+def with_return(mission: Mission, ends_by_landing: bool) -> Mission:
+    """The mission, and straight home at its last height where it ends neither there nor by landing."""
+    last = mission.steps[-1]
+    if ends_by_landing or last.to.distance_m(HOME) < AT_HOME_M:
+        return mission
+    home = Step("home", HOME._replace(height_m=last.to.height_m))
+    note = "The mission ends away from home: straight flight home at its last height is added."
+    return mission._replace(steps=(*mission.steps, home), notes=(*mission.notes, note))
+
+
+LEG = re.compile(
+    r"(?P<distance>[\d.]+\s*[a-zA-Z]+)\s+(?P<course>[\d.]+)\s*(?:deg|°)?"
+    r"(?P<climb>\s+[+-]\s*[\d.]+\s*[a-zA-Z]+)?(?:\s+(?:at|@)\s*(?P<speed>[\d.]+\s*[a-zA-Z]+(?:/[a-zA-Z]+)?))?"
+)
+DROP = re.compile(r"drop\s+(?P<weight>.+)")
+
+
+def parse_legs(text: str, height_m: float) -> Mission:
+    """The mission of "3 km 045, 2 km 135 +50 m at 17 m/s, drop 0.5 kg, 3 km 225", from `height_m` above home on.
+
+    Raises InputError naming the leg.
+    """
+    place, steps = HOME._replace(height_m=height_m), list[Step]()
+    for number, part in enumerate(text.split(","), start=1):
+        where = f"--legs: leg {number} {part.strip()!r}"
+        drop, leg = DROP.fullmatch(part.strip()), LEG.fullmatch(part.strip())
+        if drop:
+            if not steps:
+                raise InputError(f"{where}: drops before the first leg; begin with a leg")
+            steps[-1] = steps[-1]._replace(dropped_kg=weight_to_N(drop["weight"], where) / GRAVITY_MPS2)
+            continue
+        if not leg:
+            raise InputError(
+                f'{where}: should be distance, course and, if need be, climb and speed: "3 km 045 +50 m at 17 m/s",'
+                ' or "drop 0.5 kg"'
+            )
+        distance_m, course_deg = to_si(leg["distance"], "m", where), _degrees(leg["course"], where)
+        climb_m = to_si(leg["climb"].replace(" ", ""), "m", where) if leg["climb"] else 0.0
+        course = radians(course_deg)
+        place = Place(
+            place.east_m + distance_m * sin(course),
+            place.north_m + distance_m * cos(course),
+            place.height_m + climb_m,
+        )
+        speed = Speed(to_si(leg["speed"], "m/s", where)) if leg["speed"] else None
+        steps.append(Step(f"leg {number}", place, speed))
+    return Mission(HOME._replace(height_m=height_m), tuple(steps))
+
+
+def _degrees(text: str, where: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0 <= value <= 360:
+        raise InputError(f"{where}: the course {text} should be degrees from 0 to 360")
+    return value
+
+
+WIND = re.compile(r"(?P<speed>.+?)\s+from\s+(?P<direction>[\d.]+)\s*(?:deg|degrees|°)?", re.IGNORECASE)
+
+
+class Wind(NamedTuple):
+    """Mean wind at the height of the flight: where it blows to [m/s], and the standard deviation of each component."""
+
+    east_mps: float
+    north_mps: float
+    sd_mps: float
+
+    @property
+    def mps(self) -> float:
+        return hypot(self.east_mps, self.north_mps)
+
+
+def parse_wind(text: str, sd_mps: float) -> Wind:
+    """The wind of "5 m/s from 270 deg", or "0" for calm. Raises InputError."""
+    calm = re.fullmatch(r"0(?:\.0*)?\s*(?:m/s|kt|km/h)?", text.strip())
+    found = WIND.fullmatch(text.strip())
+    if calm:
+        return Wind(0.0, 0.0, sd_mps)
+    if not found:
+        raise InputError(f'--wind {text}: should be speed and direction it comes from, such as "5 m/s from 270 deg"')
+    speed_mps, direction = to_si(found["speed"], "m/s", "--wind"), _degrees(found["direction"], f"--wind {text}")
+    if not 0 <= speed_mps <= STRONGEST_MPS:
+        raise InputError(f"--wind {text}: should be from 0 to {STRONGEST_MPS:g} m/s")
+    return Wind(-speed_mps * sin(radians(direction)), -speed_mps * cos(radians(direction)), sd_mps)
+
+
+STRONGEST_MPS = 40.0
+
+
+def courses_rad(mission: Mission) -> list[float | None]:
+    """Course of each step over the ground, clockwise from north; None where it covers no distance."""
+    places: Sequence[Place] = (mission.start, *(step.to for step in mission.steps))
+    return [
+        atan2(b.east_m - a.east_m, b.north_m - a.north_m) if a.distance_m(b) > 0 else None for a, b in pairwise(places)
+    ]
+
+
+def course_text(course_rad: float | None) -> str:
+    """ "045", or nothing."""
+    return "" if course_rad is None else f"{round(degrees(course_rad)) % 360:03d}"
