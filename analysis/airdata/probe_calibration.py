@@ -130,7 +130,7 @@ def speed_dependence(tunnel: TunnelData, residual_rad: Array, angle_rad: Array) 
     for group in range(groups.max() + 1):
         mine = small & (groups == group)
         x, y = angle_rad[mine], residual_rad[mine]
-        if len(x) < TUNNEL.fewest_points_at_a_speed or np.ptp(x) == 0:
+        if len(x) < STATISTICS.fewest_readings or np.ptp(x) == 0:
             continue
         x_mean = x - x.mean()
         slope = float(x_mean @ y / (x_mean @ x_mean))

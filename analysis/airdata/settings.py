@@ -109,7 +109,6 @@ class TunnelSettings(Settings):
     slope_range_rad: float = setting(
         np.radians(10.0), "rad", "the angles of normal flight, over which the slope of alpha is fitted"
     )
-    fewest_points_at_a_speed: int = setting(5, "1", "for a slope at this speed")
     least_predicted: float = setting(0.9, "1", "of the angles' variance, at points left out (predictive R^2)")
     largest_slope_sigma: float = setting(
         0.1, "1", "relative standard error of the slope of alpha, beyond which it is not determined"

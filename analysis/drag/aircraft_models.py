@@ -20,33 +20,31 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.drag.settings import CROSS_CHECK
 from analysis.estimation.data import Segment
 from analysis.estimation.model import Model, NamedValues, Parameter
 from flight import motion
 from flight.aerodynamics import body_axes, lift_slope, stability_axes
-from flight.aircraft import Aircraft
+from flight.aircraft import Aircraft, Uncertainty
 
 Array = NDArray[np.float64]
+
+
+STATED = Uncertainty()  # by an aircraft file that states nothing
 
 
 @dataclass(frozen=True, kw_only=True)
 class Priors:
     """Standard deviations of the systematic errors before a flight, about zero or about the given mean."""
 
-    alpha_bias_rad: float = float(np.radians(1.0))
-    alpha_scale: float = 0.03
-    accelerometer_bias_mps2: float = 0.19  # a bias of 0.17 m/s^2 and 0.5 deg of misalignment under 1 g
-    gyro_bias_radps: float = 0.001  # after subtraction of the value on the ground
-    V_scale: float = 0.0125
-    V_bias_mps: float = 0.3
-    air_data_lag_s: float = 0.01  # lag of tubes and filters that remains after the correction for the known lag
-    air_data_lag_mean_s: float = 0.01
-    thrust_scale: float = 0.018
-    thrust_slope: float = 0.15  # error of the slope of thrust over advance ratio, relative to thrust
-    CLde_mean: float = 0.4  # tail with 15 to 20 % of the wing's area
-    CLde: float = 0.2
-    CLq_mean: float = 5.0  # 2 a_t V_H for a tail with lift slope a_t = 4 and tail volume V_H = 0.6
-    CLq: float = 3.0
+    alpha_bias_rad: float = STATED.angle_of_attack_offset_rad
+    alpha_scale: float = STATED.angle_of_attack_slope_fraction
+    accelerometer_bias_mps2: float = STATED.accelerometer_offset_mps2
+    gyro_bias_radps: float = CROSS_CHECK.priors["q_bias"][1]
+    V_scale: float = STATED.airspeed_scale_fraction
+    V_bias_mps: float = CROSS_CHECK.priors["V_bias"][1]
+    thrust_scale: float = STATED.thrust_scale_fraction
+    thrust_slope: float = STATED.thrust_slope
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,13 +68,14 @@ class Constants:
         )
 
 
-def aerodynamic_parameters(c: Constants, priors: Priors) -> tuple[Parameter, ...]:
+def aerodynamic_parameters(c: Constants) -> tuple[Parameter, ...]:
     """Lift (3.35) and drag (3.36). CLq is fixed at zero; see `CLq_with_prior`."""
+    CLde, CLde_sigma = CROSS_CHECK.priors["CLde"]
     # Starting values of a cambered wing with fuselage and landing gear; a span efficiency of 0.8 is usual.
     return (
         Parameter(name="CL0", start=0.25),
         Parameter(name="CLa", start=lift_slope(c.aspect_ratio), unit="1/rad"),
-        Parameter(name="CLde", start=priors.CLde_mean, prior_sigma=priors.CLde, unit="1/rad"),
+        Parameter(name="CLde", start=CLde, prior_sigma=CLde_sigma, unit="1/rad"),
         Parameter(name="CLq", start=0.0, unit="1/rad", free=False),
         Parameter(name="A0", start=0.04),
         Parameter(name="A1", start=0.0),
@@ -84,9 +83,10 @@ def aerodynamic_parameters(c: Constants, priors: Priors) -> tuple[Parameter, ...
     )
 
 
-def CLq_with_prior(priors: Priors) -> dict[str, float | bool]:
+def CLq_with_prior() -> dict[str, float | bool]:
     """Changes that free CLq with its prior, for `Model.changed`."""
-    return {"free": True, "start": priors.CLq_mean, "prior_sigma": priors.CLq}
+    start, sigma = CROSS_CHECK.priors["CLq"]
+    return {"free": True, "start": start, "prior_sigma": sigma}
 
 
 def thrust_parameters(priors: Priors) -> tuple[Parameter, ...]:
@@ -192,6 +192,7 @@ def force_models(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float 
         ax = (qS * CX + corrected_thrust(c, u, p)) / c.m + p.ax_bias
         return (*measured_air_data(x, p), x.theta, ax, qS * CZ / c.m + p.az_bias)
 
+    CLde, CLde_sigma = CROSS_CHECK.priors["CLde"]
     return Model(
         name="force_models",
         states=("V", "alpha", "theta"),
@@ -206,7 +207,7 @@ def force_models(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float 
             Parameter(name="CZ0", start=-0.25),
             Parameter(name="CZa", start=-lift_slope(c.aspect_ratio), unit="1/rad"),
             Parameter(name="CZa2", start=0.0, prior_sigma=2.0, unit="1/rad^2"),
-            Parameter(name="CZde", start=-priors.CLde_mean, prior_sigma=priors.CLde, unit="1/rad"),
+            Parameter(name="CZde", start=-CLde, prior_sigma=CLde_sigma, unit="1/rad"),
             *thrust_parameters(priors),
             *sensor_parameters(priors, V_bias_free=True),
         ),
@@ -232,7 +233,7 @@ def starting_values(aircraft: Aircraft, segments: Segment | Sequence[Segment], C
     CL, CD = stability_axes((c.m * ax - pooled("thrust")) / qS, c.m * az / qS, alpha)
     good = np.isfinite(CL) & np.isfinite(CD) & (qS > 0)
     CL, CD, alpha, elevator = CL[good], CD[good], alpha[good], pooled("elevator")[good]
-    default = {q.name: q.start for q in aerodynamic_parameters(c, Priors())}
+    default = {q.name: q.start for q in aerodynamic_parameters(c)}
     start = {name: default[name] for name in ("CL0", "CLa", "A0", "A1", "A2")}
     if len(CL) < len(start):
         return start
@@ -293,7 +294,7 @@ def two_state(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float = 0
         inputs=("thrust", "J", "elevator", "q", "theta", "phi", "p", "r", "beta", "rho"),
         outputs=("V", "alpha", "ax", "az"),
         parameters=(
-            *aerodynamic_parameters(c, priors),
+            *aerodynamic_parameters(c),
             *thrust_parameters(priors),
             *sensor_parameters(priors, V_bias_free=True),
             gyro_bias(priors, free=False),
@@ -357,14 +358,15 @@ def level_run(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float = 0
             state["gamma"] = state["theta"] - state["alpha"]
         return state
 
-    lag = Parameter(name="air_data_lag", start=priors.air_data_lag_mean_s, prior_sigma=priors.air_data_lag_s, unit="s")
+    start, sigma = CROSS_CHECK.priors["air_data_lag"]
+    lag = Parameter(name="air_data_lag", start=start, prior_sigma=sigma, unit="s")
     return Model(
         name="level_run",
         states=("V", "gamma", "theta", "h"),
         inputs=("thrust", "thrust_per_speed", "V_ref", "J", "elevator", "q", "phi", "p", "r", "beta", "rho"),
         outputs=("V", "alpha", "ax", "az", "h"),
         parameters=(
-            *aerodynamic_parameters(c, priors),
+            *aerodynamic_parameters(c),
             *thrust_parameters(priors),
             *sensor_parameters(priors, V_bias_free=True),
             lag,
@@ -373,4 +375,4 @@ def level_run(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float = 0
         dynamics=dynamics,
         output_function=outputs,
         initial_state=initial_state,
-    ).changed(CLq=CLq_with_prior(priors))
+    ).changed(CLq=CLq_with_prior())

@@ -23,7 +23,8 @@ from analysis.drag.dynamic import POLAR, DynamicEstimate
 from analysis.drag.settings import COVARIANCE
 from analysis.polar import Condition, Polar, power_required, speed_at
 from analysis.settings import EVIDENCE
-from analysis.trajectory.priors import UPWASH, UPWASH_SIGMA_RAD, upwash_slope_sigma
+from analysis.trajectory.priors import UPWASH, upwash_slope_sigma
+from analysis.trajectory.settings import PRIORS
 from flight.aircraft import Aircraft
 from flight.propeller import FOLD, Propeller
 
@@ -56,7 +57,7 @@ def _probe_ahead(aircraft: Aircraft) -> Aircraft:
 
 
 def _more_upwash(aircraft: Aircraft) -> Aircraft:
-    upwash = aircraft.probe.upwash_per_CL_rad + UPWASH_SIGMA_RAD
+    upwash = aircraft.probe.upwash_per_CL_rad + PRIORS.upwash_rad
     return replace(aircraft, probe=replace(aircraft.probe, upwash_per_CL_rad=upwash))
 
 

@@ -54,7 +54,6 @@ def priors(aircraft: Aircraft, *, zeroed: bool) -> Priors:
         alpha_scale=math.hypot(stated.angle_of_attack_slope_fraction, upwash_slope_sigma(aircraft)),
         accelerometer_bias_mps2=stated.accelerometer_offset_mps2,
         V_scale=stated.airspeed_scale_fraction,
-        V_bias_mps=CROSS_CHECK.V_bias_mps,
         thrust_scale=stated.thrust_scale_fraction,
         thrust_slope=stated.thrust_slope,
     )

@@ -35,9 +35,10 @@ from analysis.ground.thrust_prior import J_REFERENCE, THRUST, stand_measurements
 from analysis.maneuvers.kinds import Maneuver
 from analysis.polar import Polar
 from analysis.schema import CurveStatus, ParameterResult
-from analysis.settings import EVIDENCE
+from analysis.settings import EVIDENCE, FLOWN
 from analysis.signals.settings import STATISTICS
 from analysis.trajectory.equations import SENSOR_ERRORS
+from analysis.trajectory.observability import SENSOR_ERROR_KINDS
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
 from flight.propeller import Propeller
@@ -45,12 +46,6 @@ from flight.units import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
 POLAR = ("A0", "A1", "A2")
-UNITS = {
-    "p_bias": "rad/s", "q_bias": "rad/s", "r_bias": "rad/s", "ax_bias": "m/s^2", "ay_bias": "m/s^2", "az_bias": "m/s^2",
-    "alpha_bias": "rad", "beta_bias": "rad", "heading_bias": "rad", "gps_latency": "s",
-    "air_data_lag": "s", "dp_alpha_zero": "Pa", "q_c_zero": "Pa",
-    "ax_vibration": "m/s^2", "az_vibration": "m/s^2", "alpha_per_g": "rad",
-}  # fmt: skip
 
 
 def _drag(_: NamedValues, u: NamedValues, p: NamedValues) -> Sequence[Any]:
@@ -295,7 +290,7 @@ def parameter_list(values: Array, covariance: Array, trajectory: Trajectory) -> 
             name=name,
             value=trajectory.value(name),
             standard_error=trajectory.standard_error(name),
-            unit=UNITS.get(name, ""),
+            unit=SENSOR_ERROR_KINDS[name].unit,
         )
         for name in SENSOR_ERRORS
     ]
@@ -318,7 +313,7 @@ def _within_level_flight(forces: pd.DataFrame, airborne: NDArray[np.bool_], runs
     slope, offset = np.polyfit(flown["CL"], flown["alpha"], 1)
     CL_level = GRAVITY_MPS2 / forces["qS_over_m_mps2"]
     in_runs = pd.concat([CL_level.loc[run.start_s : run.end_s] for run in runs])
-    largest_CL = max(np.nanpercentile(CL, REGRESSION.level_percentile) for CL in (CL_level[airborne], in_runs))
+    largest_CL = max(np.nanpercentile(CL, FLOWN.robust_percentiles[1]) for CL in (CL_level[airborne], in_runs))
     return np.asarray(~(forces["alpha"].to_numpy() > offset + slope * largest_CL + REGRESSION.level_margin_rad))
 
 

@@ -17,7 +17,6 @@ from flight.settings import Settings, setting
 class Regression(Settings):
     """Data of a regression of drag on lift."""
 
-    level_percentile: float = setting(97.5, "%", "of the lift coefficients flown: the largest one of level flight")
     level_margin_rad: float = setting(
         np.radians(1.0), "rad", "above the largest angle of attack of level flight, for turns and heave"
     )
@@ -114,7 +113,19 @@ class Comparison(Settings):
 class CrossCheckSettings(Settings):
     """Output error on the runs alone."""
 
-    V_bias_mps: float = setting(0.15, "m/s", "prior of a constant error of airspeed")
+    priors: Mapping[str, tuple[float, float]] = setting(
+        {
+            "CLde": (0.4, 0.2),
+            "CLq": (5.0, 3.0),
+            "air_data_lag": (0.01, 0.01),
+            "q_bias": (0.0, 0.001),
+            "V_bias": (0.0, 0.15),
+        },
+        "1, s, rad/s, m/s",
+        "mean and 1 sigma of what no aircraft file states: a tail with 15 to 20 % of the wing's area, lift slope 4 and"
+        " tail volume 0.6; the lag that remains after the correction of the known one; the gyro about its zero at rest;"
+        " a constant error of airspeed",
+    )
     unzeroed_gyro_radps: float = setting(
         0.02, "rad/s", "an MPU9250's zero-rate output at room temperature, uncalibrated"
     )

@@ -16,6 +16,7 @@ import pandas as pd
 from analysis.ground.settings import STAND_LIMITS
 from analysis.ground.thrust_stand import student_fit
 from analysis.signals.rest import rest_segments
+from analysis.signals.settings import STATISTICS
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2
 
@@ -52,7 +53,7 @@ def hanging_weights(table: pd.DataFrame, source: str) -> list[HangingWeight]:
     for rows in rest_segments(table, 1 / step_s):
         x, y, z = (float(table[name].iloc[rows].mean()) for name in ("ax_mps2", "ay_mps2", "az_mps2"))
         found.append(HangingWeight(float(table.index[rows].to_numpy().mean()), math.atan2(x, math.hypot(y, z))))
-    if len(found) < STAND_LIMITS.fewest_readings:
+    if len(found) < STATISTICS.fewest_readings:
         raise InputError(
             f"{source}: the aircraft stood still {len(found)} times; hang {STAND_LIMITS.fewest_speeds} weights or more,"
             " up and down, and let it stand for ten seconds with each, and before and after"

@@ -18,6 +18,7 @@ from analysis.airdata.settings import GROUND
 from analysis.airdata.transducers import steady_stretches
 from analysis.ground.settings import RUN_UP, STAND_LIMITS
 from analysis.ground.thrust_stand import StandReadings, student_fit
+from analysis.signals.settings import STATISTICS
 from flight.aircraft import VIBRATION_REVPS, Propulsion
 from flight.atmosphere import density
 from flight.errors import InputError
@@ -137,7 +138,7 @@ def battery(held: list[HeldSpeed]) -> Battery | None:
     """By voltage and current of the held stretches; None where these were not measured."""
     volts, amperes = (np.array([one.mean[name] for one in held]) for name in ("battery_V", "battery_A"))
     known = np.isfinite(volts) & np.isfinite(amperes)
-    if known.sum() < STAND_LIMITS.fewest_readings:
+    if known.sum() < STATISTICS.fewest_readings:
         return None
     volts, amperes = volts[known], amperes[known]
     X = np.column_stack([np.ones(len(volts)), -amperes])

@@ -12,7 +12,6 @@ from flight.settings import Settings, setting
 class ThrustStandSettings(Settings):
     """Thrust at rest, on a stand, against the propeller's table."""
 
-    fewest_readings: int = setting(5, "readings", "fewer say nothing of their scatter")
     fewest_speeds: int = setting(3, "speeds", "for the change of the ratio with motor speed")
     same_speed: float = setting(0.02, "1", "readings at speeds nearer than this are repetitions")
     largest_difference: float = setting(

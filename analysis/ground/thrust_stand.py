@@ -20,6 +20,7 @@ from scipy import special
 from analysis.estimation.noise import NORMAL_95
 from analysis.ground.settings import STAND_LIMITS
 from analysis.settings import EVIDENCE
+from analysis.signals.settings import STATISTICS
 from flight.aircraft import Aircraft
 from flight.atmosphere import density
 from flight.errors import InputError
@@ -96,9 +97,9 @@ def calibrate(
     """
     n = readings.revps
     speeds = _speeds(n)
-    if len(n) < STAND_LIMITS.fewest_readings or len(speeds) < STAND_LIMITS.fewest_speeds:
+    if len(n) < STATISTICS.fewest_readings or len(speeds) < STAND_LIMITS.fewest_speeds:
         raise InputError(
-            f"{source}: {len(n)} readings at {len(speeds)} motor speeds; measure {STAND_LIMITS.fewest_readings} at"
+            f"{source}: {len(n)} readings at {len(speeds)} motor speeds; measure {STATISTICS.fewest_readings} at"
             f" {STAND_LIMITS.fewest_speeds} speeds at least, from half to full throttle"
         )
     begins_at = np.interp(60 * n, [row.rpm for row in propeller.rows], [row.J[0] for row in propeller.rows])

@@ -23,6 +23,7 @@ from analysis.maneuvers.quality import load_factor, smooth
 from analysis.maneuvers.settings import FLIGHT, LOADS, STEADY_POINT, STEPS
 from analysis.signals.channels import least_height_m
 from analysis.signals.smoothing import stretches
+from analysis.trajectory.settings import CONSISTENCY
 from flight.runs import LEVEL_RUN, Rejection, RunRejected
 
 Array = NDArray[np.float64]
@@ -34,7 +35,7 @@ def find_steady(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeu
     # Bank is not smoothed: a turn can be shorter than the smoothing window.
     steady = np.isfinite(motion.V) & table["flying"].to_numpy() & (np.abs(motion.Vdot) < STEADY_POINT.largest_mps2)
     steady &= (np.abs(np.nan_to_num(motion.climb, nan=np.inf)) < STEADY_POINT.largest_climb_mps) & (
-        np.abs(motion.bank) < STEADY_POINT.largest_bank_rad
+        np.abs(motion.bank) < CONSISTENCY.level_rad
     )
     points: list[Maneuver] = []
     rejected: list[RejectedManeuver] = []

@@ -25,7 +25,6 @@ class SteadyPointSettings(Settings):
     smoothing_s: float = setting(5.0, "s", "the slope of speed with 0.3 m/s noise is then good to 0.02 m/s²")
     largest_mps2: float = setting(0.12, "m/s²", "1 % of the weight; the energy balance corrects for what remains")
     largest_climb_mps: float = setting(0.5, "m/s", "momentary; the energy balance corrects for what remains")
-    largest_bank_rad: float = setting(np.radians(12), "rad", "2 % more lift than weight")
     shortest_s: float = setting(8.0, "s", "longer than the smoothing")
     largest_speed_change: float = setting(0.06, "1", "of the mean speed: one point of the curve")
 

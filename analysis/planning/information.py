@@ -32,7 +32,7 @@ from analysis.polar import Condition, Polar, best_range_lift, minimum_power_lift
 from analysis.schema import FORMAT, Results, Trust
 from analysis.trajectory.equations import MEASUREMENT_INPUTS, PREDICTED_FLOW, SENSOR_ERRORS, STATES, EquationInputs
 from analysis.trajectory.gusts import Estimate, planned_ratios, with_slow_power
-from analysis.trajectory.observability import TITLES
+from analysis.trajectory.observability import SENSOR_ERROR_KINDS
 from analysis.trajectory.priors import SensorPriors, stated_sigma
 from analysis.trajectory.problem import TrajectoryProblem
 from analysis.trajectory.reconstruction import Trajectory
@@ -70,7 +70,7 @@ def information(results: Sequence[Results]) -> Array | None:
             raise InputError(f"{found.log}: these results have no sensor errors, so a plan cannot begin with them")
         for error in found.path.sensor_errors:
             if error.name in INSTALLATION:
-                i, factor = SENSOR_ERRORS.index(error.name), TITLES[error.name][1]
+                i, factor = SENSOR_ERRORS.index(error.name), SENSOR_ERROR_KINDS[error.name].shown[0]
                 gained = (factor / error.standard_error) ** 2 - (factor / error.assumed_sigma) ** 2
                 total[i, i] += max(gained, 0.0)
     return total if results else None
@@ -116,7 +116,7 @@ QUESTION_TITLES = {
 
 
 def question(name: str, expected: ExpectedAircraft, slowest_mps: float, fastest_mps: float) -> Question:
-    """One of TITLES, for the speeds that are planned."""
+    """One of QUESTION_TITLES, for the speeds that are planned."""
     V = np.linspace(slowest_mps, fastest_mps, 5)
     center = {"endurance": minimum_power_lift, "range": best_range_lift}.get(name)
     if center is not None:

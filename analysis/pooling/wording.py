@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from enum import Enum
 
 from analysis.pooling.agreement import LikelyCause, Test
-from analysis.trajectory.observability import TITLES
+from analysis.trajectory.observability import SENSOR_ERROR_KINDS, SensorErrorKind
 
 _PROPELLER = "another or a damaged propeller?"
 _CAUSES = {
@@ -17,10 +17,10 @@ _CAUSES = {
     "thrust_slope": _PROPELLER,
     "thrust_beyond": _PROPELLER,
 }
-_TITLES = TITLES | {
-    "thrust_scale": ("scale of thrust", 100.0, "%"),
-    "thrust_slope": ("slope of thrust", 100.0, "%"),
-    "thrust_beyond": ("thrust beyond the propeller's table", 100.0, "%"),
+_KINDS = SENSOR_ERROR_KINDS | {
+    "thrust_scale": SensorErrorKind("scale of thrust", ""),
+    "thrust_slope": SensorErrorKind("slope of thrust", ""),
+    "thrust_beyond": SensorErrorKind("thrust beyond the propeller's table", ""),
 }
 
 
@@ -31,9 +31,10 @@ def cause_text(cause: LikelyCause | None) -> str:
             "no sensor or thrust error stands out: weight, rising or sinking air, or something changed on the aircraft"
             " (surface, gear, flaps)?"
         )
-    title, factor, unit = _TITLES[cause.parameter]
+    kind = _KINDS[cause.parameter]
+    factor, unit = kind.shown
     return (
-        f"the {title} differs by {factor * cause.difference:+.2g} {unit}, {cause.standard_deviations:.1f} standard"
+        f"the {kind.title} differs by {factor * cause.difference:+.2g} {unit}, {cause.standard_deviations:.1f} standard"
         f" deviations: {_CAUSES[cause.parameter]}"
     )
 

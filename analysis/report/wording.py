@@ -5,6 +5,7 @@ from typing import TypeVar
 
 from analysis.maneuvers.kinds import LEVEL_RUNS
 from analysis.schema import MethodResult, Results, Trust
+from analysis.trajectory.observability import SENSOR_ERROR_KINDS
 
 T = TypeVar("T")
 
@@ -53,24 +54,7 @@ MEANING = {
     "thrust_slope": "change of this for each 1 of J",
     "static_thrust_ratio": "thrust at rest over that of the propeller table, by flight and stand together",
     "thrust_beyond": "thrust beyond the propeller table, in standard deviations assumed",
-    "p_bias": "bias of the roll gyro",
-    "q_bias": "bias of the pitch gyro",
-    "r_bias": "bias of the yaw gyro",
-    "ax_bias": "bias of the accelerometer, forward",
-    "ay_bias": "bias of the accelerometer, right",
-    "az_bias": "bias of the accelerometer, down",
-    "alpha_bias": "offset of angle of attack",
-    "alpha_scale": "relative error of the slope of angle of attack",
-    "beta_bias": "offset of sideslip",
-    "V_scale": "relative error of airspeed",
-    "air_data_lag": "lag of the probe",
-    "gps_latency": "latency of GPS",
-    "heading_bias": "offset of the compass, declination included",
-    "dp_alpha_zero": "error of the zero of the pressure between the angle-of-attack ports",
-    "q_c_zero": "error of the zero of the airspeed pressure",
-    "ax_vibration": "offset of the accelerometer by vibration, forward, at 100 rev/s",
-    "az_vibration": "offset of the accelerometer by vibration, down, at 100 rev/s",
-    "alpha_per_g": "angle of attack by load factor, per g",
+    **{name: kind.title for name, kind in SENSOR_ERROR_KINDS.items()},
     "shaft_scale": "shaft power over that of the propeller table",
     "friction": "friction loss of the motor for each rev/s",
     "copper": "resistive loss of the motor for each (N m)² of torque",

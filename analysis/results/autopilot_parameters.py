@@ -10,6 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from analysis.electrical.settings import SHARED
+from analysis.estimation.noise import NORMAL_95
 from analysis.results.settings import RESULTS
 from analysis.schema import AutopilotParameter, Interval, Results
 from flight.atmosphere import SEA_LEVEL_DENSITY
@@ -146,7 +148,8 @@ def _known(interval: Interval) -> bool:
 
 def wing_loading_of(weight_N: float, wing_area_m2: float) -> Interval:
     value = 2 * weight_N / (SEA_LEVEL_DENSITY * wing_area_m2)
-    return Interval(value=value, lo=value * (1 - RESULTS.weighed_share), hi=value * (1 + RESULTS.weighed_share))
+    half = NORMAL_95 * SHARED.mass
+    return Interval(value=value, lo=value * (1 - half), hi=value * (1 + half))
 
 
 def around(value: float, half: float, least: float = -np.inf) -> Interval:

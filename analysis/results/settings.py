@@ -14,7 +14,6 @@ class ResultsSettings(Settings):
     widest_share: float = setting(
         0.4, "1", "half width of an interval over its value beyond which a value for an autopilot is withheld"
     )
-    weighed_share: float = setting(0.01, "1", "half width of the 95 % interval of a weighed mass")
 
 
 @dataclass(frozen=True)

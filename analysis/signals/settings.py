@@ -17,6 +17,9 @@ class StatisticsSettings(Settings):
     fewest_values: int = setting(
         30, "1", "by which a correlation or a fit is judged: a correlation of 0.36 is then two standard errors"
     )
+    fewest_readings: int = setting(
+        5, "1", "on a stand, or in a tunnel at one speed: fewer say nothing of their scatter"
+    )
     largest_misfit: float = setting(
         2.0, "1", "rms of residuals over their standard deviation, beyond which the model or the sensor is doubted"
     )

@@ -5,6 +5,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.airdata.magnetometer import Compass
+from analysis.signals.settings import CHANNELS
 from analysis.signals.smoothing import CubicSpline, without_gaps
 from analysis.trajectory.block_means import BLOCK, BlockMeans, block_mean, moving_average
 from analysis.trajectory.equations import MEASUREMENTS
@@ -102,7 +103,7 @@ class Measurements:
             t_s = series.index.to_numpy() - latency_s
             values[:, i] = CubicSpline(t_s, series.to_numpy())(self._t_s)
             after = np.clip(np.searchsorted(t_s, self._t_s), 1, len(t_s) - 1)
-            without_gap = t_s[after] - t_s[after - 1] < SENSORS.longest_gps_gap_s
+            without_gap = t_s[after] - t_s[after - 1] < CHANNELS.gap * np.median(np.diff(t_s))
             weight[:, i] *= without_gap & (self._t_s > t_s[0]) & (self._t_s < t_s[-1])
         return values, weight
 

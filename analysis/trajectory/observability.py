@@ -34,26 +34,45 @@ from flight.errors import InputError
 
 Array = NDArray[np.float64]
 
-# Title, factor and unit for the reader.
-TITLES: dict[str, tuple[str, float, str]] = {
-    "alpha_bias": ("offset of angle of attack", math.degrees(1.0), "deg"),
-    "alpha_scale": ("slope of angle of attack", 100.0, "%"),
-    "V_scale": ("scale of airspeed", 100.0, "%"),
-    "beta_bias": ("offset of sideslip", math.degrees(1.0), "deg"),
-    "air_data_lag": ("lag of the probe", 1000.0, "ms"),
-    "gps_latency": ("latency of GPS", 1000.0, "ms"),
-    "heading_bias": ("offset of the compass, declination included", math.degrees(1.0), "deg"),
-    "ax_bias": ("bias of the accelerometer, forward", 1.0, "m/s²"),
-    "ay_bias": ("bias of the accelerometer, right", 1.0, "m/s²"),
-    "az_bias": ("bias of the accelerometer, down", 1.0, "m/s²"),
-    "p_bias": ("bias of the roll gyro", math.degrees(1.0), "deg/s"),
-    "q_bias": ("bias of the pitch gyro", math.degrees(1.0), "deg/s"),
-    "r_bias": ("bias of the yaw gyro", math.degrees(1.0), "deg/s"),
-    "dp_alpha_zero": ("zero of the angle-of-attack pressure", 1.0, "Pa"),
-    "q_c_zero": ("zero of the airspeed pressure", 1.0, "Pa"),
-    "ax_vibration": ("offset of the accelerometer by vibration at 100 rev/s, forward", 1.0, "m/s²"),
-    "az_vibration": ("offset of the accelerometer by vibration at 100 rev/s, down", 1.0, "m/s²"),
-    "alpha_per_g": ("angle of attack for each g of load factor", math.degrees(1.0), "deg"),
+
+class SensorErrorKind(NamedTuple):
+    """title: for the reader. unit: SI; empty for a ratio."""
+
+    title: str
+    unit: str
+
+    @property
+    def shown(self) -> tuple[float, str]:
+        """Factor and unit in which it is shown."""
+        match self.unit:
+            case "":
+                return 100.0, "%"
+            case "rad" | "rad/s":
+                return math.degrees(1.0), self.unit.replace("rad", "deg")
+            case "s":
+                return 1000.0, "ms"
+        return 1.0, self.unit.replace("^2", "²")
+
+
+SENSOR_ERROR_KINDS = {
+    "alpha_bias": SensorErrorKind("offset of angle of attack", "rad"),
+    "alpha_scale": SensorErrorKind("slope of angle of attack", ""),
+    "V_scale": SensorErrorKind("scale of airspeed", ""),
+    "beta_bias": SensorErrorKind("offset of sideslip", "rad"),
+    "air_data_lag": SensorErrorKind("lag of the probe", "s"),
+    "gps_latency": SensorErrorKind("latency of GPS", "s"),
+    "heading_bias": SensorErrorKind("offset of the compass, declination included", "rad"),
+    "ax_bias": SensorErrorKind("bias of the accelerometer, forward", "m/s^2"),
+    "ay_bias": SensorErrorKind("bias of the accelerometer, right", "m/s^2"),
+    "az_bias": SensorErrorKind("bias of the accelerometer, down", "m/s^2"),
+    "p_bias": SensorErrorKind("bias of the roll gyro", "rad/s"),
+    "q_bias": SensorErrorKind("bias of the pitch gyro", "rad/s"),
+    "r_bias": SensorErrorKind("bias of the yaw gyro", "rad/s"),
+    "dp_alpha_zero": SensorErrorKind("zero of the angle-of-attack pressure", "Pa"),
+    "q_c_zero": SensorErrorKind("zero of the airspeed pressure", "Pa"),
+    "ax_vibration": SensorErrorKind("offset of the accelerometer by vibration at 100 rev/s, forward", "m/s^2"),
+    "az_vibration": SensorErrorKind("offset of the accelerometer by vibration at 100 rev/s, down", "m/s^2"),
+    "alpha_per_g": SensorErrorKind("angle of attack for each g of load factor", "rad"),
 }
 MATTERS = ("alpha_bias", "alpha_scale", "V_scale")  # sensor errors with a large effect on the power curve
 
@@ -138,9 +157,10 @@ def sensor_error_estimates(trajectory: Trajectory) -> list[SensorError]:
     flight = excitation(trajectory)
     left_out = {*ZEROS} if "compass" in trajectory.residuals else {*ZEROS, "heading_bias"}
     estimates = []
-    for name, (title, factor, unit) in TITLES.items():
+    for name, kind in SENSOR_ERROR_KINDS.items():
         if name in left_out:
             continue
+        title, (factor, unit) = kind.title, kind.shown
         sigma, prior = trajectory.standard_error(name), trajectory.prior_standard_error(name)
         determined = sigma < STATISTICS.determined_share * prior
         reasons = () if determined else missing(name, flight)
@@ -307,9 +327,11 @@ def conflict_notes(conflict: PriorConflict, trajectory: Trajectory) -> list[str]
     if not conflict.conflicting:
         return []
     named = [
-        f"the {title} is {value:+.1f} standard deviations ({factor * trajectory.prior_standard_error(name):.2g} {unit})"
+        f"the {kind.title} is {value:+.1f} standard deviations"
+        f" ({factor * trajectory.prior_standard_error(name):.2g} {unit})"
         for name, value in conflict.beyond.items()
-        for title, factor, unit in [TITLES[name]]
+        for kind in [SENSOR_ERROR_KINDS[name]]
+        for factor, unit in [kind.shown]
     ]
     what = "; ".join(named) or f"by a factor of {conflict.together:.1f} in all"
     return [

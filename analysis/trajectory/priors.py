@@ -22,11 +22,7 @@ from flight.aircraft import Aircraft, Uncertainty
 
 Array = NDArray[np.float64]
 
-# Standard deviations of one sample where the log has no rest.
-BENCH_SIGMA = {
-    "p_radps": 0.005, "q_radps": 0.005, "r_radps": 0.005, "ax_mps2": 0.06, "ay_mps2": 0.06, "az_mps2": 0.06,
-    "dp_alpha_Pa": 6.0, "dp_beta_Pa": 6.0, "q_c_Pa": 6.0, "static_Pa": 6.0,
-}  # fmt: skip
+BENCH_SIGMA = SENSORS.bench_sigma
 ZEROS = {"dp_alpha_zero": "dp_alpha_Pa", "q_c_zero": "q_c_Pa"}  # sensor errors, and their channels
 
 
@@ -66,14 +62,12 @@ def stated_sigma(uncertainty: Uncertainty, wing_loading_Pa: float = 0.0) -> Mapp
     """
     accelerometer = uncertainty.accelerometer_offset_mps2
     return MappingProxyType({
-        "p_bias": 0.002, "q_bias": 0.002, "r_bias": 0.002,  # about the zeros at rest
+        **{name: sigma for name, (_, sigma) in PRIORS.unstated.items()},
         "ax_bias": accelerometer, "ay_bias": accelerometer, "az_bias": accelerometer,
         "alpha_bias": uncertainty.angle_of_attack_offset_rad,
         "alpha_scale": uncertainty.angle_of_attack_slope_fraction,
-        "beta_bias": np.radians(1.0),
         "V_scale": uncertainty.airspeed_scale_fraction,
-        "air_data_lag": uncertainty.air_data_lag_s, "gps_latency": 0.2,
-        "heading_bias": np.radians(10.0),  # declination in inhabited regions, and how the tray sits
+        "air_data_lag": uncertainty.air_data_lag_s,
         "dp_alpha_zero": PRIORS.unmeasured_zero_Pa, "q_c_zero": PRIORS.unmeasured_zero_Pa,
         "ax_vibration": uncertainty.accelerometer_vibration_mps2,
         "az_vibration": uncertainty.accelerometer_vibration_mps2,
@@ -84,14 +78,8 @@ def stated_sigma(uncertainty: Uncertainty, wing_loading_Pa: float = 0.0) -> Mapp
 
 
 PRIOR_SIGMA = stated_sigma(Uncertainty())  # where the aircraft file states nothing
-PRIOR_MEAN = {"gps_latency": 0.1}
-# What remains of two priors once the transducers are calibrated: error of the density, position error of the static
-# ports, differences of the probe on the aircraft from the probe in the tunnel. Values assumed, not measured.
-REMAINING_SIGMA = {"V_scale": 0.003, "alpha_scale": 0.005}
+PRIOR_MEAN = {name: mean for name, (mean, _) in PRIORS.unstated.items()}
 UPWASH = "probe.upwash_per_CL"  # a key of the aircraft file
-# A horseshoe vortex of the wing gives 1 to 2 deg of upwash per unit of lift coefficient at 0.2 to 0.4 spans ahead of
-# the quarter chord; at the end of a boom from the wing tip, or far ahead, it is next to nothing.
-UPWASH_SIGMA_RAD = np.radians(1.0)
 
 
 def upwash_slope_sigma(aircraft: Aircraft) -> float:
@@ -101,7 +89,7 @@ def upwash_slope_sigma(aircraft: Aircraft) -> float:
     """
     if aircraft.has(UPWASH):
         return 0.0
-    return float(UPWASH_SIGMA_RAD * lift_slope(aircraft.aspect_ratio))
+    return float(PRIORS.upwash_rad * lift_slope(aircraft.aspect_ratio))
 
 
 class SensorPriors(NamedTuple):
@@ -109,7 +97,7 @@ class SensorPriors(NamedTuple):
 
     alpha_scale_sigma : of the slope of the probe's calibration, in addition to the stated one
     stated : standard deviations of `stated_sigma`
-    calibrated : standard errors by the calibration of the transducers, by name of REMAINING_SIGMA; in place of
+    calibrated : standard errors by the calibration of the transducers, by name of PRIORS.calibrated; in place of
         the stated ones. An error of the reference's scale acts on both; they are taken as independent.
     factor : on all standard deviations, a number or (m,)
     """
@@ -128,7 +116,7 @@ def sensor_error_prior(
     zeros : standard errors [Pa] of the zeros that the log shows, `zeros_at_rest`
     """
     alpha_scale_sigma, stated, calibrated, factor = priors
-    with_calibration = {name: float(np.hypot(error, REMAINING_SIGMA[name])) for name, error in calibrated.items()}
+    with_calibration = {name: float(np.hypot(error, PRIORS.calibrated[name])) for name, error in calibrated.items()}
     sigma = {**stated, **with_calibration, **zeros}
     for name in ZEROS:
         sigma[name] = float(np.hypot(sigma[name], stated[CHANGE_OF_ZERO]))

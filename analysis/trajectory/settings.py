@@ -1,5 +1,6 @@
 """Settings of `analysis.trajectory`: limits, priors and windows, with units and reasons."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,10 +15,10 @@ class ConsistencySettings(Settings):
 
     batch_s: float = setting(20.0, "s", "longer than the correlation time of gusts: means over batches are independent")
     level_rad: float = setting(
-        np.radians(10.0),
+        np.radians(12.0),
         "rad",
-        "largest bank of level flight, 1.5 % more lift than weight; beyond it an error of sideslip acts like one of"
-        " angle of attack, and a note is written on a maneuver",
+        "largest bank of level flight, 2 % more lift than weight, also of a steady point; beyond it an error of"
+        " sideslip acts like one of angle of attack, and a note is written on a maneuver",
     )
     least_shift_s: float = setting(0.004, "s", "a tenth of a sample interval has no effect on the results")
 
@@ -72,7 +73,14 @@ class SensorSettings(Settings):
         "all blocks of the compass count as so many independent ones: residual iron depends on heading, and motor"
         " current on speed, so that these errors repeat with every leg",
     )
-    longest_gps_gap_s: float = setting(0.5, "s", "in a longer gap GPS is not used")
+    bench_sigma: Mapping[str, float] = setting(
+        {
+            "p_radps": 0.005, "q_radps": 0.005, "r_radps": 0.005, "ax_mps2": 0.06, "ay_mps2": 0.06, "az_mps2": 0.06,
+            "dp_alpha_Pa": 6.0, "dp_beta_Pa": 6.0, "q_c_Pa": 6.0, "static_Pa": 6.0,
+        },
+        "rad/s, m/s², Pa",
+        "of one sample where the log has no rest (Table 4.1)",
+    )  # fmt: skip
     least_noise_share: float = setting(
         0.1, "1", "of the noise on the bench: less at rest is quantization or a stuck channel"
     )
@@ -85,6 +93,30 @@ class PriorSettings(Settings):
     compass_averaging_s: float = setting(10.0, "s", "of the compass, for the first estimate")
     unmeasured_zero_Pa: float = setting(
         1.0, "Pa", "of a log without rest, by `daq zero` on another day or at another temperature"
+    )
+    unstated: Mapping[str, tuple[float, float]] = setting(
+        {
+            "p_bias": (0.0, 0.002), "q_bias": (0.0, 0.002), "r_bias": (0.0, 0.002),
+            "beta_bias": (0.0, float(np.radians(1.0))),
+            "gps_latency": (0.1, 0.2),
+            "heading_bias": (0.0, float(np.radians(10.0))),
+        },
+        "rad/s, rad, s",
+        "mean and 1 sigma of errors that no aircraft file states: gyros, about their zeros at rest; how the probe sits;"
+        " receivers; declination in inhabited regions, and how the tray sits",
+    )  # fmt: skip
+    calibrated: Mapping[str, float] = setting(
+        {"V_scale": 0.003, "alpha_scale": 0.005},
+        "1",
+        "what remains once the transducers are calibrated: error of the density, position error of the static ports,"
+        " differences of the probe on the aircraft from the probe in the tunnel; assumed",
+    )
+    upwash_rad: float = setting(
+        float(np.radians(1.0)),
+        "rad",
+        "1 sigma for each unit of lift coefficient, where the aircraft file does not say: a horseshoe vortex of the"
+        " wing gives 1 to 2 deg at 0.2 to 0.4 spans ahead of the quarter chord; at the end of a boom from the wing tip,"
+        " or far ahead, it is next to nothing",
     )
     north_rad: float = setting(
         0.01, "rad", "without GPS the compass defines north, and without a compass the initial heading does"
@@ -186,7 +218,7 @@ class ObservabilitySettings(Settings):
     )
     uncertain_alpha_deg: float = setting(0.3, "deg", "a degree is 20 % of power near the stall")
     turbulent_mps: float = setting(
-        0.4, "m/s", "vertical gusts, 1 sigma: W20 = 3 kt makes 0.15, 15 kt 0.8; beyond, the energy method has no curve"
+        0.3, "m/s", "vertical gusts, 1 sigma: W20 = 6 kt and more; beyond, the energy method has no curve"
     )
 
 

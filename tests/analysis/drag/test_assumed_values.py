@@ -15,7 +15,8 @@ from analysis.drag.dynamic import DynamicEstimate
 from analysis.drag.settings import COVARIANCE
 from analysis.polar import Condition, Polar, power_required, speed_at
 from analysis.schema import CurveStatus, ParameterResult
-from analysis.trajectory.priors import UPWASH_SIGMA_RAD, upwash_slope_sigma
+from analysis.trajectory.priors import upwash_slope_sigma
+from analysis.trajectory.settings import PRIORS
 from flight.aircraft import parse_aircraft
 
 FOUR_KEYS = """
@@ -73,7 +74,7 @@ def test_the_change_by_one_standard_deviation_is_squared_into_the_covariance(pro
     assert found is not None
     wanted = np.zeros((5, 5))
     wanted[0, 0] = (0.01 * COVARIANCE.probe_position_m) ** 2
-    wanted[2, 2] = (0.1 * UPWASH_SIGMA_RAD) ** 2
+    wanted[2, 2] = (0.1 * PRIORS.upwash_rad) ** 2
     wanted[1, 1] = (0.02 * COVARIANCE.imu_position_m) ** 2
     assert found.covariance == pytest.approx(wanted, abs=1e-15)
 
@@ -137,7 +138,7 @@ def test_known_upwash_narrows_the_interval_by_its_change_and_by_its_slope(propel
 
     without = standard_error(OWN * (1 + upwash_slope_sigma(mine)) + found.covariance)
     part = np.zeros((5, 5))
-    part[2, 2] = (0.1 * UPWASH_SIGMA_RAD) ** 2
+    part[2, 2] = (0.1 * PRIORS.upwash_rad) ** 2
     known = standard_error(OWN + found.covariance - part)
     assert f"{100 * (1 - known / without):.0f} % narrower" in note
 

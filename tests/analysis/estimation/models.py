@@ -58,7 +58,7 @@ def longitudinal(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float 
         inputs=("thrust", "J", "elevator", "phi", "p", "r", "beta", "rho"),
         outputs=("V", "alpha", "q", "ax", "az", "h"),
         parameters=(
-            *aerodynamic_parameters(c, priors),
+            *aerodynamic_parameters(c),
             # Typical of model aircraft and light singles with a static margin of 15 %.
             Parameter(name="Cm0", start=0.05),
             Parameter(name="Cma", start=-0.15 * lift_slope(c.aspect_ratio), unit="1/rad"),
@@ -105,7 +105,7 @@ def pitch_and_height(
         inputs=("thrust", "J", "elevator", "q", "phi", "p", "r", "beta", "rho"),
         outputs=("V", "alpha", "ax", "az", "h", *(("hdot",) if with_climb_rate else ())),
         parameters=(
-            *aerodynamic_parameters(c, priors),
+            *aerodynamic_parameters(c),
             *thrust_parameters(priors),
             *sensor_parameters(priors, V_bias_free=False),
             gyro_bias(priors, free=True),
@@ -113,4 +113,4 @@ def pitch_and_height(
         dynamics=dynamics,
         output_function=outputs,
         initial_state=level_flight_state,
-    ).changed(CLq=CLq_with_prior(priors))
+    ).changed(CLq=CLq_with_prior())

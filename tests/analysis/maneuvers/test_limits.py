@@ -137,8 +137,8 @@ def test_four_equal_steps_are_no_3211() -> None:
     ("change", "note"),
     [
         ({}, ""),
-        ({"bank_deg": 8.0}, ""),
-        ({"bank_deg": 12.0}, "bank reached 12 deg"),
+        ({"bank_deg": 11.0}, ""),
+        ({"bank_deg": 14.0}, "bank reached 14 deg"),
         ({"uncovered": 0.01}, ""),
         ({"uncovered": 0.05}, "5 % of the data lie outside the propeller table"),
         ({"height_m": 3.0}, ""),

@@ -344,11 +344,13 @@ def test_all_blocks_of_a_compass_count_as_four_measurements(exact) -> None:
     assert np.sqrt(np.sum(weight**2)) == pytest.approx(np.sqrt(4) / 1e-6)
 
 
-def test_gps_is_left_out_in_gaps_of_half_a_second(exact) -> None:
+def test_gps_is_left_out_in_gaps_of_several_of_its_intervals(exact) -> None:
+    """A receiver of 1 Hz is as good as one of 5 Hz, and a gap of half a second none of its."""
     blocks = BlockMeans(exact.table)
     rest = np.zeros(blocks.n, dtype=bool)
-    for gap_s, left_out in ((0.4, False), (0.8, True)):
+    for every_s, gap_s, left_out in ((0.2, 0.4, False), (0.2, 0.8, True), (1.0, 0.8, False), (1.0, 4.0, True)):
         table = exact.table.copy()
+        table.loc[np.arange(len(table)) % round(every_s / 0.04) > 0, "gps_north_mps"] = np.nan
         table.loc[30.0 : 30.0 + gap_s - 0.05, "gps_north_mps"] = np.nan
         measurements = Measurements(
             table, blocks, rest, BENCH_SIGMA, V_reference=blocks["V_mps"], field=LevelField(None, blocks)

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from test_reconstruction import flown as fly
 
+from analysis.results import trust
 from analysis.results.flight_found import path_result
 from analysis.trajectory import observability
 from analysis.trajectory.block_means import block_mean
@@ -19,7 +20,7 @@ from analysis.trajectory.observability import (
     sensor_error_estimates,
     sensor_error_notes,
 )
-from analysis.trajectory.priors import ZEROS
+from analysis.trajectory.priors import PRIOR_SIGMA, ZEROS
 from analysis.trajectory.reconstruction import reconstruct
 
 GPS = ("gps_north_mps", "gps_east_mps", "gps_down_mps")
@@ -171,7 +172,7 @@ def test_in_gusts_porpoising_determines_the_slope_of_angle_of_attack(probe, tmp_
 def test_every_sensor_error_has_a_reason_when_not_determined() -> None:
     complete = FlightExcitation(gps=True, sideslip=True, mean_heading_vector=0.0, speed_ratio=2.0, gust_mps=0.0)
     empty = FlightExcitation(gps=False, sideslip=False, mean_heading_vector=1.0, speed_ratio=1.0, gust_mps=2.0)
-    for name in observability.TITLES:
+    for name in observability.SENSOR_ERROR_KINDS:
         assert missing(name, complete) == (Lacking.DURATION,)
         assert missing(name, empty)
     assert len(missing("beta_bias", empty)) == 4
@@ -192,5 +193,13 @@ def test_the_standard_error_of_a_mean_allows_for_slow_changes() -> None:
 def test_each_error_is_shown_in_its_unit():
     """The factor is what one SI unit (rad, s, 1) is in the unit that stands beside the number."""
     in_unit = {"deg": 180 / np.pi, "deg/s": 180 / np.pi, "%": 100.0, "ms": 1000.0, "m/s²": 1.0, "Pa": 1.0}
-    for title, factor, unit in observability.TITLES.values():
-        assert factor == pytest.approx(in_unit[unit]), title
+    for kind in observability.SENSOR_ERROR_KINDS.values():
+        factor, unit = kind.shown
+        assert factor == pytest.approx(in_unit[unit]), kind.title
+
+
+def test_each_error_has_a_title_a_prior_and_a_culprit():
+    """What a new sensor error needs besides its equation, in the folders that tell of it."""
+    for table in (observability.SENSOR_ERROR_KINDS, trust._CULPRIT):
+        assert set(table) == set(SENSOR_ERRORS)
+    assert set(SENSOR_ERRORS) <= set(PRIOR_SIGMA)
