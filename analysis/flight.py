@@ -221,12 +221,14 @@ def _as_measured(flight: Flown, cause: str) -> Reconstructed:
         " wind and sensor errors are not estimated. Check the axes and times of the IMU, or leave out the part of the"
         " log without runs."
     )
+    contents, notes_on_air = _with_updraft(flight, trajectory)
     return Reconstructed(
         **flight.known()
         | {
+            "contents": contents,
             "trajectory": trajectory,
             "prior_conflict": PriorConflict(np.ones(len(trajectory.prior_sigma)), {}, 1.0),
-            "notes": (*flight.notes, note),
+            "notes": (*flight.notes, note, *notes_on_air),
         }
     )
 

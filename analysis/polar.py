@@ -52,7 +52,7 @@ def unphysical(polar: Polar, flown_CL: tuple[float, float]) -> str:
     if not np.isfinite(polar.covariance).all():
         return "the range of lift coefficients flown is too narrow to determine the drag polar"
     if polar.A[2] <= 0:
-        return "drag does not increase with lift"
+        return "the drag polar curves downward"
     if np.min(polar.A @ [np.ones_like(CL), CL, CL**2]) <= 0:
         return "drag is negative"
     return ""
@@ -94,12 +94,15 @@ def optimum_speed(
 ) -> SpeedWithInterval:
     """The speed at the C_L that `lift_of(A)` computes, and its 95 % interval by random draws of the polar.
 
-    Draws without such a speed (the curve has no minimum) count as speed 0.
+    Draws without such a speed count as the slowest or the fastest: where drag by lift is not positive, the curve falls
+    towards speed 0; where drag without lift is not, it falls beyond the fastest speed of all other draws.
     """
     draws = np.random.default_rng(seed).multivariate_normal(polar.A, polar.covariance, 4000, method="eigh")
     CL = np.array([lift_of(A) for A in draws])
-    speed = np.where(np.isfinite(CL), speed_at(np.where(CL > 0, CL, np.nan), condition), 0.0)
-    lo, hi = np.nanpercentile(speed, [2.5, 97.5])
+    speed = speed_at(np.where(CL > 0, CL, np.nan), condition)
+    beyond = np.max(speed, initial=0.0, where=np.isfinite(speed))
+    speed = np.where(np.isfinite(speed), speed, np.where(draws[:, 0] > 0, 0.0, beyond))
+    lo, hi = np.percentile(speed, [2.5, 97.5])
     return SpeedWithInterval(float(speed_at(lift_of(polar.A), condition)), float(lo), float(hi))
 
 

@@ -111,7 +111,7 @@ class EvidenceKind(StrEnum):
     FLIGHTS_DIFFER = "flight against the other flights"
     OUTSIDE_TABLE = "outside the propeller's table"
     INTERVAL_REACHES_ZERO = "interval reaches zero"
-    DRAG_FALLS_WITH_LIFT = "drag falls with lift"
+    POLAR_CURVES_DOWNWARD = "drag polar curves downward"
     CROSS_CHECK = "cross-check"
     NO_VERDICT = "no verdict"  # the results are of an earlier version
 

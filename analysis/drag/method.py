@@ -163,7 +163,7 @@ def _missing_term(CL: Array, A: Array) -> Array:
 def _notes(A: Array, table: pd.DataFrame, runs: list[Maneuver]) -> tuple[str, ...]:
     notes = []
     if A[2] <= 0:
-        notes.append("drag does not increase with lift in this fit: the range of lift coefficients flown is too narrow")
+        notes.append("the drag polar curves downward in this fit: the range of lift coefficients flown is too narrow")
     covered = pd.concat([table.loc[run.start_s : run.end_s, "covered"] for run in runs])
     outside = 1 - float(covered.mean())
     if outside > STATISTICS.unmentioned_share:

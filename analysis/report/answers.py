@@ -65,8 +65,9 @@ def not_slower(results: Results) -> str:
 
 
 def stall_margin_percent(slowest: SlowestFlown) -> int:
-    """Least margin of speed to the stall, of whole percents: by the largest lift coefficient that the wing carried."""
-    return round(100 * (math.sqrt(slowest.largest_lift_coefficient / slowest.lift_coefficient) - 1))
+    """Least margin of speed to the stall, rounded down to whole percents: by the largest lift coefficient that the wing
+    carried, with the motor's power of that moment."""
+    return math.floor(100 * (math.sqrt(slowest.largest_lift_coefficient / slowest.lift_coefficient) - 1))
 
 
 def optimum_speed_text(optimum: SpeedInterval) -> str:

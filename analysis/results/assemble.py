@@ -86,7 +86,7 @@ def assemble(
         runs_against_others=drag.runs_against_others,
         disagreements=drag.disagreements,
         interval_parts=power_curves.interval_parts(
-            drag.main, condition, np.array([point.speed_mps for point in power_required])
+            drag.main, aircraft, condition, np.array([point.speed_mps for point in power_required])
         ),
         path=flight_found.path_result(trajectory, agreement, flight.prior_conflict.beyond),
         speed_over_motor_constant=speed_over_motor_constant(flight.table, aircraft.propulsion),

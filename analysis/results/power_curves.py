@@ -7,6 +7,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.drag.dynamic import DynamicEstimate
+from analysis.drag.interval_sources import Source, variance_by_source
 from analysis.estimation.noise import NORMAL_95
 from analysis.flown import largest_lift, thrust_known
 from analysis.polar import (
@@ -131,13 +132,13 @@ def two_term_polar(polar: Polar, flown_CL: tuple[float, float]) -> tuple[Interva
     return CD0, B
 
 
-def interval_parts(estimate: DynamicEstimate, condition: Condition, V: Array) -> list[IntervalPart]:
+def interval_parts(estimate: DynamicEstimate, aircraft: Aircraft, condition: Condition, V: Array) -> list[IntervalPart]:
     """Half widths of the curve's interval by noise, and by the errors that all runs share."""
-    (_, noise), (_, systematic) = (
-        power_required(V, Polar(estimate.polar.A, covariance[:3, :3]), condition)
-        for covariance in (estimate.noise, estimate.systematic)
-    )
+    variances = variance_by_source(estimate, aircraft, condition, V)
+    nothing = np.zeros(len(V))
+    noise = variances.pop(Source.NOISE, nothing)
+    half_widths = NORMAL_95 * np.sqrt([noise, sum(variances.values(), start=nothing)])
     return [
-        IntervalPart(speed_mps=float(v), noise_W=float(NORMAL_95 * n), systematic_W=float(NORMAL_95 * s))
-        for v, n, s in zip(V, noise, systematic, strict=True)
+        IntervalPart(speed_mps=v, noise_W=by_noise, systematic_W=systematic)
+        for v, by_noise, systematic in zip(V.tolist(), *half_widths.tolist(), strict=True)
     ]

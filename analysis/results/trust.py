@@ -374,12 +374,13 @@ def _curve(results: Results) -> Iterator[Evidence]:
         )
     if results.drag_polar is not None and results.drag_polar.A2 <= 0:
         yield Evidence(
-            kind=EvidenceKind.DRAG_FALLS_WITH_LIFT,
+            kind=EvidenceKind.POLAR_CURVES_DOWNWARD,
             level=Trust.NOT_TO_BE_TRUSTED,
             part=PartOfResult.CURVE,
             figure=results.drag_polar.A2,
             limit=0.0,
-            text="Drag does not increase with lift: the range of lift coefficients flown is too narrow.",
+            text="The drag polar curves downward (A2 is not above zero), which would make drag by lift negative: the"
+            " range of lift coefficients flown is too narrow.",
         )
     if results.cross_check_differs:
         yield Evidence(

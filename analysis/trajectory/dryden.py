@@ -67,7 +67,7 @@ def mean_wind_profile(height_m: ArrayLike) -> Array:
     """Mean wind at heights (n,) above ground [m], up to a factor: logarithmic (sec. 3.7.3.4: roughness of open
     country 0.15 ft), constant outside the layer of `_in_layer`.
 
-    From 20 to 100 m the wind grows by a quarter. Country ten times rougher or smoother makes that a third or a fifth.
+    From 20 to 100 m the wind grows by 26 %. Country ten times rougher or smoother makes that 43 or 19 %.
     """
     return np.asarray(np.log(_in_layer(height_m) / (0.15 * FOOT_M)))
 

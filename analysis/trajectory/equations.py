@@ -113,9 +113,12 @@ def _gust_increments(gust_a: Any, twice_a: Any, gust_b: Any, twice_b: Any, decay
 def flow(x: Any, predicted: Any) -> tuple[Any, Any, Any]:
     """Airspeed [m/s], angles of attack and of sideslip [rad] at state x; predicted: PREDICTED_FLOW.
 
-    Linear in the gust: its components along and across the predicted flow. The mean effect of the transverse gusts'
-    square on airspeed is included. Components along and across the actual flow would have products of gusts that act
-    like an offset of angle of attack.
+    Linear in the gust: its components along and across the predicted flow. Components along and across the actual flow
+    would have products of gusts that act like an offset of angle of attack.
+
+    The mean effect of the transverse gusts' square g^2 on airspeed is included. Airspeed is |v - g| = V - v.g/V +
+    g^2/(2 V), with the direction of flight v/V. The aircraft heaves and yaws with the gust, so that v has a transverse
+    component g too, which the predicted flow lacks: v.g/V contains g^2/V on average, and the sum is -g^2/(2 V).
     """
     steady = x.v_north - x.wind_north, x.v_east - x.wind_east, x.v_down
     u, v, w = motion.body_from_earth(steady, (x.phi, x.theta, x.psi))

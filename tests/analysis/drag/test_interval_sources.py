@@ -7,7 +7,9 @@ import pytest
 
 from analysis.drag.interval_sources import Source, shares_of_correlated, variance_by_source
 from analysis.drag.joint_estimate import JointEstimate
+from analysis.estimation.noise import NORMAL_95
 from analysis.polar import Condition, Polar, power_required
+from analysis.results.power_curves import interval_parts
 
 NAMES = ("A0", "A1", "A2", "thrust_scale", "V_scale", "alpha_bias", "gps_latency")
 CONDITION = Condition(weight_N=37.0, rho=1.2, wing_area_m2=0.46)
@@ -67,3 +69,15 @@ def test_a_curve_by_another_method_has_noise_and_what_all_runs_share() -> None:
     estimate = SimpleNamespace(polar=polar, joint=None, noise=noise, systematic=shared)
     found = variance_by_source(estimate, SimpleNamespace(), CONDITION, V)  # type: ignore[arg-type]
     assert found[Source.SHARED] / found[Source.NOISE] == pytest.approx(3.0)
+
+
+def test_what_a_propeller_table_contributes_is_no_noise_that_more_runs_average() -> None:
+    """A0 goes with thrust's scale alone: all of its variance is common to all runs."""
+    covariance = np.diag([4e-6, 0.0, 0.0, 1e-2, 1.0, 1.0, 1.0])
+    covariance[0, 3] = covariance[3, 0] = 2e-4
+    polar = Polar(np.array([0.045, 0.0, 0.065]), covariance[:3, :3])
+    estimate = SimpleNamespace(polar=polar, joint=joint(covariance))
+    parts = interval_parts(estimate, SimpleNamespace(), CONDITION, V)  # type: ignore[arg-type]
+    whole = NORMAL_95 * power_required(V, polar, CONDITION)[1]
+    assert [part.systematic_W for part in parts] == pytest.approx(whole, rel=1e-9)
+    assert max(part.noise_W for part in parts) < 1e-3 * min(whole)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from methods import drawn, fly
 
+from analysis import flight
 from analysis.drag.estimate import estimate
 from analysis.drag.method import MethodEstimate
 from analysis.drag.methods import DIRECT, LADDER, fallback, informative, why_not
@@ -95,3 +96,28 @@ def test_without_a_trajectory_the_energy_of_the_runs_still_gives_the_truth(flown
     power, error = power_required(V, drag.main.polar, record.condition)
     truth = np.interp(V, flown.truth["speed_mps"], flown.truth["power_W"])
     assert np.all(np.abs(power - truth) < 1.96 * error) and np.all(1.96 * error < 0.5 * power)
+
+
+def test_at_noon_the_updraft_is_larger_without_a_trajectory_too(flown, path, monkeypatch) -> None:
+    monkeypatch.setattr(flight, "trajectory_with", trajectory_or_error(path))
+    maneuvers = find(flown.table, flown.still)
+    propeller = load_propeller(AIRCRAFT.propulsion.propeller)
+    record = flight_record(flown.table, path, maneuvers.maneuvers, AIRCRAFT, propeller)
+    updraft_mps = []
+    for sun_deg in (-5, 60):
+        monkeypatch.setattr(flight, "sun_over", lambda log, sun_deg=sun_deg: np.radians(sun_deg))
+        found = flight.reconstructed(record)
+        assert found.trajectory.as_measured
+        updraft_mps.append(found.aircraft.uncertainty.updraft_mps)
+    assert updraft_mps[0] == AIRCRAFT.uncertainty.updraft_mps and updraft_mps[1] > 10 * updraft_mps[0]
+
+
+def trajectory_or_error(path):
+    """Of a flight for which the reconstruction finds none."""
+
+    def trajectory_with(record, data, *, as_measured: bool = False, **assumed):
+        if as_measured:
+            return path
+        raise InputError("no trajectory")
+
+    return trajectory_with

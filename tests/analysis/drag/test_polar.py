@@ -88,6 +88,14 @@ def test_interval_of_a_special_speed_covers_as_often_as_it_says() -> None:
     assert hits / 500 == pytest.approx(0.95, abs=3 * np.sqrt(0.95 * 0.05 / 500))
 
 
+def test_speeds_of_draws_without_drag_at_zero_lift_lie_at_the_fast_end() -> None:
+    """A0 is known no better than its size: one polar in six has best range at ever higher speed, none at speed 0."""
+    A0, A2 = 0.02, 0.065
+    speed = optimum_speed(best_range_lift, Polar(np.array([A0, 0, A2]), np.diag([A0**2, 0, 1e-12])), NEXSTAR)
+    slowest_of_all = speed_at(np.sqrt(4 * A0 / A2), NEXSTAR)  # three standard deviations above
+    assert slowest_of_all < speed.lo_mps < speed.speed_mps and speed.hi_mps > 4 * speed.speed_mps
+
+
 def test_a_polar_without_a_minimum_has_no_special_speed() -> None:
     assert np.isnan(minimum_power_lift(np.array([0.05, 0.0, -0.01])))
     assert np.isnan(best_range_lift(np.array([0.05, 0.0, -0.01])))
@@ -98,7 +106,7 @@ def test_a_polar_without_a_minimum_has_no_special_speed() -> None:
     [
         ([0.045, -0.02, 0.065], 1e-6, ""),
         ([-0.01, 0.02, 0.065], 1e-6, ""),  # a parabola that is sound over what was flown
-        ([0.045, 0.1, -0.02], 1e-6, "does not increase"),
+        ([0.045, 0.1, -0.02], 1e-6, "curves downward"),
         ([-0.05, -0.02, 0.065], 1e-6, "negative"),
         ([0.045, -0.02, 0.065], np.nan, "too narrow"),
     ],

@@ -202,7 +202,7 @@ def test_more_runs_halve_the_interval_only_if_they_shrink_the_larger_part(result
 
 
 def test_a_slow_flight_s_margin_is_in_speed_and_an_unknown_optimum_is_advice(results: Results) -> None:
-    slowest = SimpleNamespace(speed_mps=12.0, lift_coefficient=0.8, largest_lift_coefficient=1.152)
+    slowest = SimpleNamespace(speed_mps=12.0, lift_coefficient=0.8, largest_lift_coefficient=1.16)
     shown = SimpleNamespace(slowest_flown=slowest)
     assert "margin of 20 % of speed" in certainty.stall_margin(shown)  # type: ignore[arg-type]
     slowest.largest_lift_coefficient = 0.803

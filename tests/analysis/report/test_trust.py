@@ -40,7 +40,7 @@ NOT_TRUSTED = {
     EvidenceKind.INTERVAL_REACHES_ZERO: lambda r: replace(
         r, power_required=[replace(r.power_required[0], power_lo_W=-1.0)]
     ),
-    EvidenceKind.DRAG_FALLS_WITH_LIFT: lambda r: replace(r, drag_polar=replace(r.drag_polar, A2=-0.01)),
+    EvidenceKind.POLAR_CURVES_DOWNWARD: lambda r: replace(r, drag_polar=replace(r.drag_polar, A2=-0.01)),
     EvidenceKind.THRUST_TABLE: lambda r: replace(r, pooling=statistics(thrust_scale=-19.0)),
 }
 DOUBTFUL = {
@@ -191,7 +191,7 @@ def test_an_export_of_such_a_result_is_written_and_ends_with_exit_code_1(
 ) -> None:
     """As `analyze` does; the program that called it is not to go on with the tables unaware."""
     written: list[Path] = []
-    analyzed = SimpleNamespace(results=with_trust(NOT_TRUSTED[EvidenceKind.DRAG_FALLS_WITH_LIFT](results)))
+    analyzed = SimpleNamespace(results=with_trust(NOT_TRUSTED[EvidenceKind.POLAR_CURVES_DOWNWARD](results)))
     monkeypatch.setattr("analysis.cli.export.read_log", lambda path: None)
     monkeypatch.setattr("analysis.pipeline.analyze", lambda *_, **__: analyzed)
     monkeypatch.setattr("analysis.exports.tables.tables_of", lambda flight: {})
@@ -204,7 +204,7 @@ def test_an_export_of_such_a_result_is_written_and_ends_with_exit_code_1(
 
 def test_no_flight_is_planned_after_such_a_result(results: Results, tmp_path: Path) -> None:
     file = tmp_path / "results.json"
-    for change, usable in ((NOT_TRUSTED[EvidenceKind.DRAG_FALLS_WITH_LIFT], False), (lambda same: same, True)):
+    for change, usable in ((NOT_TRUSTED[EvidenceKind.POLAR_CURVES_DOWNWARD], False), (lambda same: same, True)):
         changed = with_trust(change(results))
         file.write_bytes(to_json(changed))
         if usable:

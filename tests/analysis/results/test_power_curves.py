@@ -104,14 +104,14 @@ def test_csv_rows_hold_their_condition_speed_power_and_interval() -> None:
     assert (standard["power_W"], standard["extrapolated"]) == ("55", "true")
 
 
-def test_the_two_parts_of_an_interval_are_those_of_their_covariances() -> None:
+def test_the_two_parts_of_an_interval_are_those_of_their_covariances(nexstar) -> None:
     """A0 known to 0.001 by noise and to 0.002 by systematic errors."""
     noise, systematic = np.diag([0.001**2, 0, 0, 0, 0]), np.diag([0.002**2, 0, 0, 0, 0])
     estimate = DynamicEstimate(
-        polar=POLAR, parameters=[], status=CurveStatus.CONVERGED, verdict="", warnings=[], fits=[], values=np.zeros(5),
-        noise=noise, systematic=systematic,
+        polar=Polar(POLAR.A, (noise + systematic)[:3, :3]), parameters=[], status=CurveStatus.CONVERGED, verdict="",
+        warnings=[], fits=[], values=np.zeros(5), noise=noise, systematic=systematic,
     )  # fmt: skip
-    (part,) = power_curves.interval_parts(estimate, AT, np.array([15.0]))
+    (part,) = power_curves.interval_parts(estimate, nexstar, AT, np.array([15.0]))
     unit_W = AT.rho * 15.0**3 / 2 * AT.wing_area_m2
     assert (part.noise_W, part.systematic_W) == pytest.approx((1.96 * 0.001 * unit_W, 1.96 * 0.002 * unit_W), rel=1e-4)
 
