@@ -15,6 +15,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from pathlib import Path
 from types import FrameType
 from typing import NoReturn
@@ -140,7 +141,8 @@ def yield_to_others() -> None:
 
     Not SCHED_IDLE: beside two busy programs its share of 0.3 % completes a log in a quarter of a minute.
     """
-    os.nice(NICE)
+    with suppress(PermissionError):  # a sandbox that forbids it must not leave the logs unfinished
+        os.nice(NICE)
     if platform.machine() in IOPRIO_SET:
         ctypes.CDLL(None).syscall(IOPRIO_SET[platform.machine()], IOPRIO_WHO_PROCESS, 0, IOPRIO_CLASS_IDLE)
 

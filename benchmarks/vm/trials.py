@@ -18,6 +18,7 @@ from flight.messages import Status
 
 LARGEST_LOSS_S = 1.0
 LARGEST_EXPOSURE = 0.7
+COMPLETED_WITHIN_S = 60.0  # of a recording that begins: the logs of earlier ones
 RECORDED_S = (4.0, 20.0)  # how long a recording lasts before its power is pulled: drawn from this range
 DAQ = "/opt/flightpower/bin/daq"
 TRAY = "/etc/flightpower/tray.toml"
@@ -107,8 +108,9 @@ def power_pulls(folder: Path, disk: Path, *, count: int, rng: random.Random) -> 
     for number in range(1, count + 1):
         booting = number % 2 == 0
         with Machine(folder, disk) as machine:
+            share = rng.uniform(0.0, 1.0)  # of the time until data are on the card
             if booting:
-                time.sleep(rng.uniform(0.0, 1.0) * boots_s[-1])
+                time.sleep(share * boots_s[-1])
             else:
                 machine.wait_for_recording(len(known))
                 boots_s.append(time.monotonic() - machine.started_s)
@@ -120,17 +122,28 @@ def power_pulls(folder: Path, disk: Path, *, count: int, rng: random.Random) -> 
         last_s = max((state.last_s for state in new if state.last_s is not None), default=None)
         completed = sum(not known[name].state.complete and logs[name].state.complete for name in known if name in logs)
         if last_s is None:
-            lost, good = "nothing was recorded", booting and not wrong
+            lost, good = f"nothing was recorded, after {share:.0%} of a start", booting and not wrong
         else:
-            lost, good = f"lost {cut_s - last_s:.2f} s", not wrong and cut_s - last_s <= LARGEST_LOSS_S
+            lost, good = f"lost {cut_s - last_s:.2f} s at {cut_s:.1f} s", not wrong and cut_s - last_s <= LARGEST_LOSS_S
             first_messages_s += [state.first_s for state in new if state.first_s is not None][-1:]
         when = "booting" if booting else "recording"
-        text = f"{lost}; cut at {cut_s:.1f} s; {len(logs)} logs, {completed} completed"
+        text = f"{lost}; {len(logs)} logs, {completed} completed"
         rows.append(Row(f"power pull {number}, {when}", "; ".join([text, *wrong]), good))
         print(f"{rows[-1].what}: {rows[-1].figure}", flush=True)
         known = logs
     seen = f"{min(first_messages_s):.1f} to {max(first_messages_s):.1f} s in {len(first_messages_s)} boots"
-    return [*rows, Row("first message, after the kernel's start", seen, True)]
+    with Machine(folder, disk) as machine:
+        machine.wait_for_recording(len(known))
+        machine.wait(COMPLETED_WITHIN_S)
+    logs = logs_on(folder, disk)
+    left = [name for name in known if name in logs and not logs[name].state.complete]
+    wrong = [*trouble(known, logs), *(f"{name} is not complete" for name in left)]
+    text = f"{len(known) - len(left)} of {len(known)} logs complete after {COMPLETED_WITHIN_S:.0f} s"
+    return [
+        *rows,
+        Row("first message, after the kernel's start", seen, True),
+        Row("the next start", "; ".join([text, *wrong]), not wrong),
+    ]
 
 
 def eight_hours() -> list[Row]:
