@@ -161,6 +161,27 @@ def quantity(
     return parse
 
 
+def numbers_and_unit(text: str, option: str, example: str) -> tuple[list[str], str]:
+    """The numbers of a list, as typed, and the unit at its end ("100 200 - Pa"); nothing of an empty text.
+
+    - stands for a number that was not read. Raises InputError naming the option where a word is no number, or the unit
+    is missing.
+    """
+    *numbers, unit = text.replace(",", " ").split() or [""]
+    wrong = [word for word in numbers if word != "-" and not _is_number(word)]
+    if wrong or (unit and not numbers) or _is_number(unit):
+        what = f"{wrong[0]!r} is no number" if wrong else "numbers and their unit are needed"
+        raise InputError(f"{option} {text!r}: {what}, such as {example}")
+    return numbers, unit
+
+
+def _is_number(word: str) -> bool:
+    try:
+        return math.isfinite(float(word))
+    except ValueError:
+        return False
+
+
 def _si_or_nan(text: str, unit: str) -> float:
     try:
         if unit == "%":  # not of other dimensionless units, such as degrees

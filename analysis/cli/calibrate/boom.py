@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from analysis.cli.calibrate.runner import AircraftFileLines, Calibrated, LogFile, calibration
-from flight.command_line import quantity
+from flight.command_line import numbers_and_unit, quantity
 from flight.errors import InputError
 from flight.units import to_si
 
@@ -98,10 +98,8 @@ def boom(
 
 def quantities(text: str, unit: str, option: str, example: str) -> list[float]:
     """Values in `unit` of a list with its unit at the end; empty for an empty text. Raises InputError."""
-    words = text.replace(",", " ").split()
-    if len(words) == 1:
-        raise InputError(f"{option} {text!r}: numbers and their unit are needed, such as {example}")
-    return [to_si(f"{word} {words[-1]}", unit, option) for word in words[:-1]]
+    numbers, given = numbers_and_unit(text, option, example)
+    return [to_si(f"{number} {given}", unit, option) for number in numbers]
 
 
 def summary(bending: "BoomBending") -> list[str]:

@@ -1,6 +1,5 @@
 """`calibrate run-up`"""
 
-import math
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -9,6 +8,7 @@ from analysis.cli.calibrate.runner import AircraftFileLines, Calibrated, LogFile
 from analysis.cli.calibrate.thrust import ScaleErrorOption, doubts
 from analysis.cli.calibrate.thrust import summary as thrust_summary
 from flight.aircraft import Aircraft
+from flight.command_line import numbers_and_unit
 from flight.errors import InputError
 from flight.units import to_si
 
@@ -90,12 +90,9 @@ def run_up(
 
 def thrusts_N(text: str) -> list[float | None]:
     """Thrusts [N] of a list with its unit at the end; None for -. Raises InputError naming --thrust."""
-    words = text.replace(",", " ").split()
-    if not words:
-        return []
-    *numbers, unit = words
+    numbers, unit = numbers_and_unit(text, "--thrust", EXAMPLE)
     values = [None if word == "-" else to_si(f"{word} {unit}", "N", "--thrust") for word in numbers]
-    if not any(values) or not all(value is None or (math.isfinite(value) and value > 0) for value in values):
+    if numbers and (not any(values) or not all(value is None or value > 0 for value in values)):
         raise InputError(f"--thrust {text!r}: positive numbers and their unit are needed, such as {EXAMPLE}")
     return values
 

@@ -1,13 +1,12 @@
 """`calibrate transducers`"""
 
-import math
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from analysis.autopilot_logs.settings import READABLE
 from analysis.cli.calibrate.runner import Calibrated, CalibrationFile, LogFile, calibration
-from flight.command_line import quantity
+from flight.command_line import numbers_and_unit, quantity
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2, to_si
 
@@ -77,21 +76,11 @@ def transducers(
 
 def pressures_Pa(text: str) -> list[float]:
     """Pressures [Pa] other than zero of a list with its unit at the end. Raises InputError naming --pressures."""
-    numbers, unit = [], ""
-    words = text.replace(",", " ").split()
-    for number, word in enumerate(words, start=1):
-        try:
-            numbers.append(float(word))
-        except ValueError:
-            if number < len(words) or not numbers:
-                raise InputError(f"--pressures: {word!r} is not a number; give a list such as {EXAMPLE}") from None
-            unit = word
-    if not unit:
-        raise InputError(f"--pressures {text!r}: the unit is missing; give a list such as {EXAMPLE}")
+    numbers, unit = numbers_and_unit(text, "--pressures", EXAMPLE)
     factor = _unit_Pa(unit, text)
-    values = [factor * number for number in numbers]
+    values = [factor * float(number) for number in numbers if number != "-"]
     highest = READABLE.possible["pitot_Pa"][1]
-    if not all(math.isfinite(value) and abs(value) <= highest for value in values):
+    if not all(abs(value) <= highest for value in values):
         raise InputError(f"--pressures {text!r}: not within {highest:g} Pa; give a list such as {EXAMPLE}")
     return [value for value in values if value]
 

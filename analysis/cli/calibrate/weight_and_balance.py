@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from analysis.cli.calibrate.runner import AircraftFileLines, Calibrated, calibration
-from flight.command_line import quantity
+from flight.command_line import numbers_and_unit, quantity
 from flight.errors import InputError
 from flight.units import to_si
 
@@ -81,10 +81,10 @@ def support(text: str) -> "Support":
     from analysis.ground.weight_and_balance import Support
 
     position, _, readings = text.rpartition(":")
-    words = readings.replace(",", " ").split()
-    if len(words) < 2:
-        raise InputError(f"--scale {text!r}: a reading and its unit are needed, such as {EXAMPLE}")
-    values = tuple(to_si(f"{word} {words[-1]}", "kg", "--scale") for word in words[:-1])
+    numbers, unit = numbers_and_unit(readings, "--scale", EXAMPLE)
+    if not numbers:
+        raise InputError(f"--scale {text!r}: numbers and their unit are needed, such as {EXAMPLE}")
+    values = tuple(to_si(f"{number} {unit}", "kg", "--scale") for number in numbers)
     return Support(to_si(position.strip(), "m", "--scale") if position.strip() else None, values)
 
 

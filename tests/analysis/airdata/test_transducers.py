@@ -116,8 +116,8 @@ def test_a_list_of_pressures_has_its_unit_at_the_end() -> None:
     assert pressures_Pa("0, 100, 200 Pa") == [100.0, 200.0], "those at zero are known"
     assert pressures_Pa("10 -20 mm") == pytest.approx([97.89, -195.78], rel=1e-4), "water at 20 degC"
     assert pressures_Pa("1 inH2O") == pytest.approx([249.089], rel=1e-5)
-    for wrong, cause in (("10 20", "the unit is missing"), ("10 kg", "no unit of pressure"), ("ten Pa", "not a number"),
-                         ("10 m", "not within"), ("nan Pa", "not within")):  # fmt: skip
+    for wrong, cause in (("10 20", "their unit are needed"), ("10 kg", "no unit of pressure"), ("ten Pa", "no number"),
+                         ("10 m", "not within"), ("nan Pa", "no number")):  # fmt: skip
         with pytest.raises(InputError, match=cause):
             pressures_Pa(wrong)
 
