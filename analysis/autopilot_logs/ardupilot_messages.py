@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.constants import micro, milli
 
 from analysis.autopilot_logs.dataflash import DataflashLog
-from analysis.autopilot_logs.read import TEXT_MAGIC, is_telemetry
+from analysis.autopilot_logs.recognize import TEXT_MAGIC, is_telemetry
 from analysis.autopilot_logs.telemetry import TelemetryLog
 from analysis.autopilot_logs.text_log import TextLog
 from flight.errors import InputError

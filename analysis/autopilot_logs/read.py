@@ -1,30 +1,23 @@
-"""Recognizes a log of an autopilot by its first bytes, and reads it."""
+"""Reads a log of an autopilot by the reader of its format."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING, assert_never
 
-from flight.errors import InputError
+from analysis.autopilot_logs.recognize import Autopilot
 
-ULOG_MAGIC, DATAFLASH_MAGIC = b"ULog\x01\x12\x35", b"\xa3\x95\x80"  # the latter: a format message
-TEXT_MAGIC = b"FMT,"
-MAVLINK_MARKERS = b"\xfe\xfd"
-PX4, ARDUPILOT = "PX4", "ArduPilot"
-
-
-def firmware_of(path: Path) -> str | None:
-    """PX4 or ARDUPILOT; None where the file is neither's log. Raises InputError when it cannot be read."""
-    try:
-        with path.open("rb") as stream:
-            start = stream.read(9)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
-    if start.startswith(ULOG_MAGIC):
-        return PX4
-    return ARDUPILOT if start.startswith((DATAFLASH_MAGIC, TEXT_MAGIC)) or is_telemetry(start) else None
+if TYPE_CHECKING:
+    from analysis.autopilot_logs.recording import FlightRecording
 
 
-def is_telemetry(start: bytes) -> bool:
-    """Whether a .tlog begins so: the time of reception, 8 bytes, big-endian, in us since 1970, and a MAVLink frame."""
-    time_s, marker = int.from_bytes(start[:8], "big") * 1e-6, start[8:9]
-    return (
-        bool(marker) and marker in MAVLINK_MARKERS and 946_684_800 < time_s < 4_102_444_800
-    )  # of the years 2000, 2100
+def read_autopilot_log(path: Path, autopilot: Autopilot) -> "FlightRecording":
+    """The recording in a log. Raises InputError. The readers are loaded here, since they load NumPy."""
+    match autopilot:
+        case Autopilot.PX4:
+            from analysis.autopilot_logs.px4 import read_px4
+
+            return read_px4(path)
+        case Autopilot.ARDUPILOT:
+            from analysis.autopilot_logs.ardupilot import read_ardupilot
+
+            return read_ardupilot(path)
+    assert_never(autopilot)

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple
 from rich.console import Console
 from scipy.constants import hour
 
-from analysis.autopilot_logs.read import PX4
+from analysis.autopilot_logs.read import read_autopilot_log
+from analysis.autopilot_logs.recognize import Autopilot
 from analysis.performance.request import Request
 from flight.aircraft import Aircraft, Propulsion, Uncertainty, load_aircraft, parse_aircraft
 from flight.errors import InputError
@@ -39,15 +40,6 @@ class Done(NamedTuple):
 def lacks_drag_topics(log: Log) -> bool:
     """Whether a log of the daemon gives no drag, but electrical power."""
     return not all(map(log.entries.get, NEEDED_TOPICS)) and all(map(log.entries.get, ELECTRICAL))
-
-
-def read_autopilot_log(log: Path, firmware: str) -> "FlightRecording":
-    """The recording in a log of PX4 or ArduPilot. Raises InputError."""
-    if firmware == PX4:
-        from analysis.autopilot_logs.px4 import read_px4 as read
-    else:
-        from analysis.autopilot_logs.ardupilot import read_ardupilot as read
-    return read(log)
 
 
 def refuse_drag_options(log: Path, why: str, **given: object) -> None:
@@ -81,13 +73,13 @@ class OrdinaryFlight:
     propeller: str | None
     command_line: str
 
-    def analyze_autopilot_log(self, firmware: str, progress: Progress) -> Done:
+    def analyze_autopilot_log(self, autopilot: Autopilot, progress: Progress) -> Done:
         """Write the report of a log of PX4 or ArduPilot. Raises InputError."""
         from analysis.electrical.estimate import flown_aircraft
 
         given = load_aircraft(self.aircraft) if self.aircraft else None
         flown = flown_aircraft(given, self.weight_N, self.wing_area_m2, self.span_m, str(self.log))
-        return self._analyze(read_autopilot_log(self.log, firmware), flown, given, progress)
+        return self._analyze(read_autopilot_log(self.log, autopilot), flown, given, progress)
 
     def analyze_daemon_log(self, log: Log, progress: Progress) -> Done:
         """Write the report of a log of the daemon. Raises InputError."""
@@ -138,7 +130,7 @@ class OrdinaryFlight:
         from analysis.ground.thrust_prior import stand_measurements
         from analysis.report.electrical_page import write_electrical_report
         from analysis.report.terminal import print_electrical_summary
-        from analysis.results.electrical import ElectricalFlight, electrical_results
+        from analysis.results.electrical import ElectricalFindings, electrical_results
         from analysis.results.provenance import provenance_of_file
 
         recording = replace(recording, air_temperature_K=self.air_temperature_K)
@@ -164,7 +156,7 @@ class OrdinaryFlight:
         provenance = provenance_of_file(self.log, weighed, self.aircraft, self.command_line)
         name = propeller.name if propeller else ""
         simulated = compared(recording, flight, found)
-        known = ElectricalFlight(flight, found, drag, name, battery_J, recording.parameters, simulated)
+        known = ElectricalFindings(flight, found, drag, name, battery_J, recording.parameters, simulated)
         results = electrical_results(self.log, flown, known, provenance)
         progress("writing the report")
         replaced = write_electrical_report(results, flight, found, self.folder)

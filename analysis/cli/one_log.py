@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from analysis.autopilot_logs.read import firmware_of
+from analysis.autopilot_logs.recognize import autopilot_of
 from analysis.cli.electrical import (
     Done,
     OrdinaryFlight,
@@ -43,7 +43,7 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
         command_line,
     )
     refuse_folder(log)
-    firmware = firmware_of(log)
+    autopilot = autopilot_of(log)
     for_drag = {
         "probe": options.probe,
         "zero": options.zero,
@@ -53,10 +53,10 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
         "transducers": options.transducers,
         "thrust_stand": options.thrust_stand,
     }
-    if firmware:
+    if autopilot:
         refuse_drag_options(log, "the log is an autopilot's", **for_drag)
         check_writable(folder / "report.html")
-        return ordinary.analyze_autopilot_log(firmware, progress)
+        return ordinary.analyze_autopilot_log(autopilot, progress)
     # Wrong input is refused before the numerical libraries are loaded, which takes a second.
     recorded = read_log(log)
     check_writable(folder / "report.html")

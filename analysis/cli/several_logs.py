@@ -17,7 +17,7 @@ from mcap.records import Attachment, AttachmentIndex, Footer, SummaryOffset
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from analysis.autopilot_logs.read import firmware_of
+from analysis.autopilot_logs.recognize import autopilot_of
 from analysis.campaign.campaign import Campaign, Work, run
 from analysis.campaign.folders import exclusive
 from analysis.campaign.processes import Outcome, below
@@ -219,7 +219,7 @@ def _named_propeller(log: Path, aircraft: Path | None) -> str | None:
     """The propeller in the aircraft file given, or in the log's where the log has no table of it."""
     if aircraft is not None:
         return load_aircraft(aircraft).propulsion.propeller
-    if firmware_of(log):
+    if autopilot_of(log):
         return None
     attached = _attachments(log)
     if "propeller.csv" in attached or "aircraft.toml" not in attached:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from analysis.autopilot_logs.read import firmware_of
+from analysis.autopilot_logs.recognize import Autopilot, autopilot_of
 from analysis.cli.calibrate.runner import Calibrated, OptionalFile, calibration
 from analysis.cli.electrical import refuse_drag_options
 from analysis.cli.options import AircraftOption, ProbeOption
@@ -48,10 +48,10 @@ def airspeed(
     from flight.aircraft import load_aircraft
     from flight.log_reader import read_log
 
-    firmware = firmware_of(log)
-    if firmware:
+    autopilot = autopilot_of(log)
+    if autopilot:
         refuse_drag_options(log, "the log is an autopilot's", probe=probe, aircraft=aircraft)
-        return _calibrated(autopilot_airspeed(log, firmware), [], log)
+        return _calibrated(autopilot_airspeed(log, autopilot), [], log)
     given = Replacements(
         aircraft=load_aircraft(aircraft) if aircraft else None, probe=PROBE_FILE.load(probe) if probe else None
     )
@@ -62,16 +62,16 @@ def airspeed(
     return _calibrated(found, list(flight.notes), log)
 
 
-def autopilot_airspeed(log: Path, firmware: str) -> "AirspeedCalibration":
+def autopilot_airspeed(log: Path, autopilot: Autopilot) -> "AirspeedCalibration":
     """Scale and wind of a flight under PX4 or ArduPilot. Raises InputError."""
+    from analysis.autopilot_logs.read import read_autopilot_log
     from analysis.autopilot_logs.recording import GPS
-    from analysis.cli.electrical import read_autopilot_log
     from analysis.electrical.airspeed_gps import airspeed_errors, one_way
     from analysis.electrical.flight_table import flight_table
     from analysis.trajectory.consistency import AirspeedCalibration, notes_on, why_not_determined
 
     typical_N, area_m2 = 60.0, 1.0  # their ratio recognizes flight
-    flight = flight_table(read_autopilot_log(log, firmware), typical_N, area_m2)
+    flight = flight_table(read_autopilot_log(log, autopilot), typical_N, area_m2)
     if flight.first_wind_mps is not None:
         raise InputError(f"{log}: the log lacks airspeed, whose scale could be determined")
     found = airspeed_errors(flight)

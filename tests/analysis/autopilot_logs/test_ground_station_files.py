@@ -7,7 +7,7 @@ import pytest
 
 from analysis.autopilot_logs import recording
 from analysis.autopilot_logs.ardupilot import read_ardupilot
-from analysis.autopilot_logs.read import ARDUPILOT, firmware_of
+from analysis.autopilot_logs.recognize import Autopilot, autopilot_of
 from analysis.autopilot_logs.recording import FlightRecording
 from analysis.autopilot_logs.telemetry import TelemetryLog
 from flight.errors import InputError
@@ -56,7 +56,7 @@ def flight(firmware: str = "ArduPlane V4.5.7") -> list[DataflashMessages]:
 def read(folder: Path, suffix: str, kinds: list[DataflashMessages]) -> FlightRecording:
     path = folder / f"flight{suffix}"
     SUFFIXES[suffix](path, kinds)
-    assert firmware_of(path) == ARDUPILOT
+    assert autopilot_of(path) is Autopilot.ARDUPILOT
     return read_ardupilot(path)
 
 

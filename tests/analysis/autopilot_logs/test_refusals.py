@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from analysis.autopilot_logs.px4 import read_px4
-from analysis.autopilot_logs.read import ARDUPILOT, PX4, firmware_of
+from analysis.autopilot_logs.recognize import Autopilot, autopilot_of
 from analysis.cli.analyze import app
 from analysis.electrical.flight_table import flight_table
 from flight.errors import InputError
@@ -69,12 +69,12 @@ def log(tmp_path: Path) -> Path:
 
 
 def test_the_format_is_that_of_the_first_bytes(tmp_path: Path, log: Path) -> None:
-    assert firmware_of(log) == PX4
+    assert autopilot_of(log) is Autopilot.PX4
     named_wrong = tmp_path / "log.mcap"
     named_wrong.write_bytes(b"\xa3\x95\x80\x80\x59")
-    assert firmware_of(named_wrong) == ARDUPILOT
+    assert autopilot_of(named_wrong) is Autopilot.ARDUPILOT
     named_wrong.write_bytes(b"\x89MCAP0\r\n")
-    assert firmware_of(named_wrong) is None
+    assert autopilot_of(named_wrong) is None
 
 
 def test_what_the_aircraft_is_must_be_given(log: Path) -> None:

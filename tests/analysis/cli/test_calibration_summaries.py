@@ -8,6 +8,7 @@ import pytest
 
 from analysis.airdata.magnetometer import MagnetometerCalibration
 from analysis.airdata.transducers import TransducerCalibration, TransducerLine
+from analysis.autopilot_logs.recognize import Autopilot
 from analysis.autopilot_logs.recording import GPS
 from analysis.cli.calibrate.airspeed import autopilot_airspeed
 from analysis.cli.calibrate.airspeed import summary as of_airspeed
@@ -75,7 +76,7 @@ def test_a_support_is_its_position_and_its_readings(text: str, position_m: float
 
 @pytest.mark.parametrize("text", ["kg", "0.1 m: kg", ""])
 def test_a_support_without_a_reading_is_refused(text: str) -> None:
-    with pytest.raises(InputError, match="a reading and its unit are needed"):
+    with pytest.raises(InputError, match="numbers and their unit are needed"):
         support(text)
 
 
@@ -105,8 +106,9 @@ def test_pressures_are_those_of_a_unit_or_of_a_column_of_water_at_20_degC(text: 
 
 @pytest.mark.parametrize(
     ("text", "said"),
-    [("10 20", "the unit is missing"), ("10 x 20 mm", "'x' is not a number"), ("10 kg", "'kg' is no unit"),
-     ("20010 Pa", "not within 20000 Pa"), ("10 nan Pa", "not within"), ("-20010 Pa", "not within"), ("mm", "'mm' is")],
+    [("10 20", "their unit are needed"), ("10 x 20 mm", "'x' is no number"), ("10 kg", "'kg' is no unit"),
+     ("20010 Pa", "not within 20000 Pa"), ("10 nan Pa", "'nan' is no number"),
+     ("-20010 Pa", "not within"), ("mm", "their unit are needed")],
 )  # fmt: skip
 def test_pressures_that_are_none_are_refused(text: str, said: str) -> None:
     with pytest.raises(InputError, match=said):
@@ -129,13 +131,13 @@ def test_the_scale_s_error_under_an_autopilot_is_that_of_the_comparison_with_gps
     )
     loading = []
     errors = AirspeedErrors(0.02, 1.0, np.diag([0.003**2, 4.0]), 4.0, 0.0)
-    monkeypatch.setattr("analysis.cli.electrical.read_autopilot_log", lambda *_: None)
+    monkeypatch.setattr("analysis.autopilot_logs.read.read_autopilot_log", lambda *_: None)
     monkeypatch.setattr("analysis.electrical.flight_table.flight_table", lambda _, W, S: loading.append(W / S) or flown)
     monkeypatch.setattr("analysis.electrical.airspeed_gps.airspeed_errors", lambda _: errors)
-    found = autopilot_airspeed(tmp_path / "log.ulg", "px4")
+    found = autopilot_airspeed(tmp_path / "log.ulg", Autopilot.PX4)
     assert (found.scale, found.scale_error, found.wind_mps) == (0.02, pytest.approx(0.003), 4.0)
     assert found.one_way == pytest.approx(0.0, abs=1e-9) and loading == [60.0] and found.unsupported == ""
     assert found.notes[0] == "of the flight"
     monkeypatch.setattr("analysis.electrical.airspeed_gps.airspeed_errors", lambda _: errors._replace(wind_mps=None))
     with pytest.raises(InputError, match="no GPS velocity in flight"):
-        autopilot_airspeed(tmp_path / "log.ulg", "px4")
+        autopilot_airspeed(tmp_path / "log.ulg", Autopilot.PX4)

@@ -23,7 +23,7 @@ def refusal(monkeypatch, folder: Path, candidates: list[RejectedManeuver], optio
         one_log, "read_log", lambda _: SimpleNamespace(entries={topic: [1] for topic in topics or TOPICS})
     )
     monkeypatch.setattr("analysis.pipeline.analyze", none)
-    monkeypatch.setattr(one_log, "firmware_of", lambda _: None)
+    monkeypatch.setattr(one_log, "autopilot_of", lambda _: None)
     with pytest.raises(InputError) as refused:
         one_log.analyze_log(folder / "flight.mcap", folder / "out", options, lambda _: None)
     return str(refused.value)
