@@ -7,7 +7,7 @@ from flight.settings import Settings, setting
 
 
 @dataclass(frozen=True)
-class Evidence(Settings):
+class EvidenceLimits(Settings):
     """When data contradict an assumption, and what is too small or too costly to matter."""
 
     contradiction: float = setting(
@@ -58,4 +58,4 @@ class Flown(Settings):
     )
 
 
-EVIDENCE, CURVES, FLOWN = Evidence(), Curves(), Flown()
+EVIDENCE, CURVES, FLOWN = EvidenceLimits(), Curves(), Flown()

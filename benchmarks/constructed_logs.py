@@ -23,7 +23,7 @@ from flights import Setup, flown
 from analysis.electrical.estimate import estimate
 from analysis.electrical.flight_table import flight_table
 from analysis.estimation.noise import NORMAL_95
-from analysis.results.electrical import ElectricalFlight, _beside_the_curve
+from analysis.results.electrical import ElectricalFindings, _beside_the_curve
 from analysis.results.electrical_parameters import flight_values
 from analysis.schema import Interval
 from flight.atmosphere import SEA_LEVEL_DENSITY
@@ -83,7 +83,7 @@ def found_of(job: tuple[int, tuple[str, str, str]]) -> Found:
     power = f"{np.sum(inside & known)} of {known.sum()}, ± {100 * np.median(half / found.power_W[at]):.1f} %"
     every = true_power(aircraft, flight, errors, found.V_mps, found.conditions.rho)
     cruise_mps = float(found.V_mps[int(np.nanargmin(every / found.V_mps))])
-    best_range = _beside_the_curve(ElectricalFlight(table, found)).best_range_speed
+    best_range = _beside_the_curve(ElectricalFindings(table, found)).best_range_speed
     values = flight_values(found, best_range, recording.parameters)
     assert values.airspeed_factor is not None
     factor = 1 / (1 + errors.values.V_scale)

@@ -22,7 +22,7 @@ from analysis.electrical.flight_table import flight_table
 from analysis.electrical.thrust_balance import motor_constants
 from analysis.estimation.noise import NORMAL_95
 from analysis.pooling.electrical import compare_electrical, electrical_pool
-from analysis.results.electrical import ElectricalFlight as Found
+from analysis.results.electrical import ElectricalFindings as Found
 from analysis.results.electrical import electrical_results
 from analysis.results.provenance import provenance_of_file
 from analysis.schema import ElectricalFlight

@@ -28,7 +28,7 @@ VALUE = [3 * (3 * HALF**2 + 3 * HALF - 1 - 5 * i**2) / _NORM for i in _INDEX]
 SLOPE = [i / sum(k**2 for k in _INDEX) / STEP_S for i in _INDEX]
 
 
-class Verdict(NamedTuple):
+class JudgedRun(NamedTuple):
     """On one stretch. rejection: why it is no run; None if it is one."""
 
     kind: str  # acceleration, deceleration
@@ -109,7 +109,7 @@ class RunMonitor:
     ):
         """zeros: of `daq zero`, by field of `Means`; those at rest before the flight replace them. card: the plan's."""
         self.card = card
-        self._ticked_off: Verdict | None = None
+        self._ticked_off: JudgedRun | None = None
         name = aircraft.propulsion.propeller
         thrust = load_thrust(name, folding=aircraft.propulsion.beyond_zero_thrust == "fold") if name else None
         self.motion = MotionFromMeans(aircraft, probe, thrust, zeros or {})
@@ -119,10 +119,10 @@ class RunMonitor:
         self._window: deque[Motion] = deque(maxlen=2 * HALF + 1)
         self._legs = Legs()
         self._turning_or_steep = False
-        self._early: Verdict | None = None  # on a leg that had not ended
+        self._early: JudgedRun | None = None  # on a leg that had not ended
         self._measured_thrust = thrust is not None
 
-    def add(self, means: Means) -> list[Verdict]:
+    def add(self, means: Means) -> list[JudgedRun]:
         """Verdicts that became possible with these means."""
         motion = self.motion.at(means)
         if motion is None or (self._window and motion.t_s - self._window[-1].t_s > 1.5 * STEP_S):
@@ -159,7 +159,7 @@ class RunMonitor:
                 texts.append(("warning", verdict.text))
         return texts
 
-    def _ticked(self, verdict: Verdict) -> list[str]:
+    def _ticked(self, verdict: JudgedRun) -> list[str]:
         """What the card says after a good run; nothing if it is not planned, or was ticked off before its end."""
         if self.card is None or (self._ticked_off and abs(self._ticked_off.start_s - verdict.start_s) < 1.0):
             return []
@@ -197,12 +197,12 @@ class RunMonitor:
             middle.drag,
         )
 
-    def _ended_stretch(self) -> list[Verdict]:
+    def _ended_stretch(self) -> list[JudgedRun]:
         leg = self._legs.end()
         self._legs = Legs()
         return self._verdicts(leg) if leg else []
 
-    def _verdicts(self, leg: Leg) -> list[Verdict]:
+    def _verdicts(self, leg: Leg) -> list[JudgedRun]:
         """The verdict on a leg; none if it is that already given before the leg's end."""
         early, verdict = self._early, self._judged(leg)
         self._early = None if leg.ended else verdict
@@ -218,14 +218,14 @@ class RunMonitor:
         self.slowest_mps, self.fastest_mps = min(self.slowest_mps, *speeds), max(self.fastest_mps, *speeds)
         self.energy.add_run(rows)
 
-    def _judged(self, leg: Leg) -> Verdict | None:
+    def _judged(self, leg: Leg) -> JudgedRun | None:
         """None for a stretch that is too short to mention, or in which speed was held."""
         rows = leg.changing_part(LEVEL_RUN.changing_mps2 * self._scale)
         measures = self._measures(leg.sign, rows)
         if measures.negligible(self._scale):
             return None
         ends = rows[0].t_s, rows[-1].t_s, rows[0].V, rows[-1].V
-        return Verdict(leg.kind, *ends, measures.speed_change, measures.rejection(self._scale))
+        return JudgedRun(leg.kind, *ends, measures.speed_change, measures.rejection(self._scale))
 
     def _measures(self, sign: int, rows: list[Row]) -> RunMeasures:
         speeds, heights = [row.V for row in rows], [row.height_m for row in rows]
@@ -245,6 +245,6 @@ class RunMonitor:
         )
 
 
-def _same(one: Verdict, other: Verdict) -> bool:
+def _same(one: JudgedRun, other: JudgedRun) -> bool:
     """Whether two verdicts are on nearly the same stretch."""
     return abs(one.start_s - other.start_s) < 1.0 and abs(one.end_s - other.end_s) < 1.0

@@ -80,7 +80,7 @@ class MotorSpeed:
 
 
 @dataclass(frozen=True)
-class Comparison(Settings):
+class ComparisonLimits(Settings):
     """Methods against each other, and single runs."""
 
     installation_sigma: Mapping[str, float] = setting(
@@ -152,6 +152,6 @@ REGRESSION = Regression()
 STEADY_POINTS = SteadyPoints()
 COVARIANCE = Covariance()
 MOTOR_SPEED = MotorSpeed()
-COMPARISON = Comparison()
+COMPARISON = ComparisonLimits()
 CROSS_CHECK = CrossCheckSettings()
 LIKELIHOOD = LikelihoodSettings()

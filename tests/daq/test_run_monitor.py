@@ -11,7 +11,7 @@ from analysis.ground import thrust_prior
 from daq import energy_balance, run_monitor
 from daq.energy_balance import EnergyBalance, PowerInterval, inverted
 from daq.legs import KEPT_ROWS, Legs, Row
-from daq.run_monitor import RunMonitor, Verdict
+from daq.run_monitor import JudgedRun, RunMonitor
 from daq.sensors import Sample
 from daq.thrust import load_thrust
 from daq.tick_means import Means, TickMeans
@@ -421,19 +421,19 @@ def test_a_verdict_says_how_far_the_run_is_from_its_limits(
     rows = [row(100.0, **first), row(110.0, **({"V": 20.0} | last))]
     rejection = RunMonitor(NEXSTAR, None)._measures(1, rows).rejection(1.0)
     assert (rejection.reason if rejection else None) is reason
-    assert Verdict("acceleration", 100.0, 110.0, 15.0, 20.0, 0.3, rejection).reason == words
+    assert JudgedRun("acceleration", 100.0, 110.0, 15.0, 20.0, 0.3, rejection).reason == words
 
 
 def test_every_reason_has_words_and_a_turn_is_not_told():
     for reason in RunRejected:
-        verdict = Verdict("deceleration", 0.0, 10.0, 20.0, 12.0, 0.5, Rejection(reason, 1.0, 2.0))
+        verdict = JudgedRun("deceleration", 0.0, 10.0, 20.0, 12.0, 0.5, Rejection(reason, 1.0, 2.0))
         assert verdict.reason and len(verdict.text) <= 50 and verdict.told == (reason is not RunRejected.BANKED)
         assert not verdict._replace(speed_change=0.1).told
 
 
 def test_verdicts_are_the_same_if_both_ends_are_within_a_second() -> None:
     ends = ((10.0, 20.0), (10.9, 19.1), (11.1, 20.0))
-    verdicts = [Verdict("acceleration", *both, 12.0, 20.0, 0.5, None) for both in ends]
+    verdicts = [JudgedRun("acceleration", *both, 12.0, 20.0, 0.5, None) for both in ends]
     assert run_monitor._same(verdicts[0], verdicts[1]) and run_monitor._same(verdicts[1], verdicts[0])
     assert not run_monitor._same(verdicts[0], verdicts[2]) and not run_monitor._same(verdicts[2], verdicts[0])
     assert not run_monitor._same(verdicts[0], verdicts[0]._replace(end_s=21.1))

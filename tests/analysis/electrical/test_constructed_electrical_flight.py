@@ -19,7 +19,7 @@ from analysis.electrical.flight_table import FlightTable, flight_table
 from analysis.electrical.thrust_balance import PARAMETERS, MotorConstants
 from analysis.estimation.model import PriorMeasurement
 from analysis.performance.power_train import revps_for_thrust
-from analysis.results.electrical import ElectricalFlight, _warnings, electrical_results
+from analysis.results.electrical import ElectricalFindings, _warnings, electrical_results
 from analysis.results.electrical_parameters import flight_values
 from analysis.schema import Provenance, SpeedInterval
 from flight.atmosphere import height_at, pressure_at, temperature_at
@@ -286,7 +286,7 @@ def test_the_results_are_those_of_the_estimate(
     found, _ = drag
     aircraft, battery_J = FlownAircraft("test", MASS_KG * g, AREA_M2, SPAN_M), 3.6e5
     provenance = cast(Provenance, None)
-    known = ElectricalFlight(table, electrical, found, "apc-12x8e", battery_J)
+    known = ElectricalFindings(table, electrical, found, "apc-12x8e", battery_J)
     results = electrical_results(Path("log"), aircraft, known, provenance)
     beside = results.electrical
     assert beside is not None and beside.endurance_s is not None and beside.range_m is not None

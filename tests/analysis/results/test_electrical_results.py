@@ -11,7 +11,7 @@ from analysis.electrical.energy_balance import FlightConditions
 from analysis.electrical.settings import FLIGHT, SHARED
 from analysis.estimation.noise import NORMAL_95
 from analysis.polar import maximum_lift_to_drag
-from analysis.results.electrical import ElectricalFlight, _beside_the_curve, _best_speed, _points, _polar, _warnings
+from analysis.results.electrical import ElectricalFindings, _beside_the_curve, _best_speed, _points, _polar, _warnings
 from analysis.results.electrical_parameters import flight_values
 from analysis.schema import SpeedInterval
 from flight.atmosphere import SEA_LEVEL_DENSITY
@@ -36,7 +36,7 @@ def estimate(*, share: float = 0.03, noise_W: float = 1e-6, wind_mps: float | No
 
 
 def beside(drag=DragWithheld(), **of):
-    return _beside_the_curve(ElectricalFlight(FLOWN, estimate(**of), drag, "apc-12x8e", BATTERY_J))
+    return _beside_the_curve(ElectricalFindings(FLOWN, estimate(**of), drag, "apc-12x8e", BATTERY_J))
 
 
 def test_endurance_is_energy_over_the_least_power_and_range_over_that_per_speed() -> None:
@@ -46,7 +46,7 @@ def test_endurance_is_energy_over_the_least_power_and_range_over_that_per_speed(
     for interval in (found.endurance_s, found.range_m):
         ends = interval.value / (1 + 1.96 * 0.03), interval.value / (1 - 1.96 * 0.03)
         assert (interval.lo, interval.hi) == pytest.approx(ends, rel=0.015)  # 400 draws
-    assert _beside_the_curve(ElectricalFlight(FLOWN, estimate())).endurance_s is None
+    assert _beside_the_curve(ElectricalFindings(FLOWN, estimate())).endurance_s is None
 
 
 def test_best_speeds_are_those_of_the_least_power_and_of_the_least_energy_per_meter() -> None:
