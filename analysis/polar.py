@@ -1,6 +1,6 @@
 """Power required from a drag polar, with its interval, and the speeds of least power and least drag.
 
-Power is linear in the coefficients of C_D = A0 + A1 C_L + A2 C_L^2, so that intervals of the curve are exact.
+Power is linear in the coefficients of C_D = A0 + A1 C_L + A2 C_L^2, so that its intervals need no linearization.
 """
 
 from collections.abc import Callable

@@ -1,5 +1,8 @@
 """The parts of the covariance of the drag polar, in the order in which `dynamic.estimate_polar` adds them.
 
+Errors of thrust are in the first part: scale, slope, and thrust beyond the table are parameters of the regression, with
+their priors as measurements (`dynamic.drag_model`, `analysis.ground.thrust_prior`).
+
 1. Noise (`noise_covariance`): by errors of the reconstructed states, propagated exactly, and by what else the residuals
    of the runs contain. These hold the errors of the states too, whose spectrum is estimated from random draws and
    subtracted: the two must not simply be added.

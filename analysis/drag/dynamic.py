@@ -192,8 +192,9 @@ def estimate_polar(
     beyond = float(np.mean([np.isnan(segment_fit.segment.z["drag"]).mean() for segment_fit in fit.segment_fits]))
     if beyond > STATISTICS.unmentioned_share:
         warnings.append(
-            f"In {100 * beyond:.0f} % of the runs gusts raised the angle of attack beyond that of level flight, towards"
-            " the stall, where drag exceeds the parabolic polar. These moments were left out."
+            f"During {100 * beyond:.0f} % of the time of the runs gusts raised the angle of attack"
+            " beyond that of level flight, towards the stall, where drag exceeds the parabolic polar. These moments"
+            " were left out."
         )
     return DynamicEstimate(
         polar=Polar(fit.values[:3], total[:3, :3]),
@@ -227,8 +228,9 @@ def _run_shares(fit: Fit, polar_noise: Array) -> RunShares:
 def _miscounted_note(error: MotorSpeedError, standard_errors: float) -> str:
     where = "at every speed" if error.by_poles else f"above {error.above_revps:.0f} rev/s"
     return (
-        f"The motor turns {100 * error.share:+.1f} % faster than counted {where}, {abs(standard_errors):.0f} standard"
-        " errors. The curve is corrected for it. Check the number of poles and the pulses of the motor."
+        f"The motor turns {abs(100 * error.share):.1f} % {'faster' if error.share > 0 else 'slower'} than counted"
+        f" {where}, {abs(standard_errors):.0f} standard errors. The curve is corrected for it. Check"
+        " `propulsion.pole_pairs` and the pulses of the motor."
     )
 
 

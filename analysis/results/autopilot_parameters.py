@@ -96,8 +96,8 @@ BASIS = {
 }
 ALWAYS_WITHHELD = (
     "FW_THR_TRIM (PX4 1.14 and later; FW_THR_CRUISE before), TRIM_THROTTLE (ArduPlane) and nav_fw_cruise_thr (INAV) do"
-    " not follow: they take a throttle calibrated against power; read it at cruise speed in level flight.",
-    "A stall speed does not follow: it takes a stall. The lowest values are the slowest speed flown.",
+    " not follow: they require a throttle calibrated against power; read it at cruise speed in level flight.",
+    "A stall speed cannot be derived: no stall was flown. The lowest values are the slowest speed flown.",
 )
 WITHOUT = {
     "sink": "FW_T_SINK_MIN and TECS_SINK_MIN are withheld: drag is not known well enough; they take a propeller table"

@@ -43,12 +43,12 @@ LARGE_SCALE = 0.03
 LARGE_HALF_WIDTH = 0.3
 
 WITHHELD_CLIMB = (
-    "Climb, highest speed and ceiling are not known: they take full throttle over several speeds, a propeller table and"
-    " motor speed."
+    "Climb, highest speed and ceiling are not known: they require full throttle over several speeds, a propeller table"
+    " and motor speed."
 )
 
 
-class ElectricalFlight(NamedTuple):
+class ElectricalFindings(NamedTuple):
     """What is known of a flight.
 
     propeller : name of the table that drag follows from          battery_J : usable energy; None where it is not known
@@ -64,7 +64,9 @@ class ElectricalFlight(NamedTuple):
     simulated: SimulatedTruth | None = None
 
 
-def electrical_results(log: Path, aircraft: FlownAircraft, found: ElectricalFlight, provenance: Provenance) -> Results:
+def electrical_results(
+    log: Path, aircraft: FlownAircraft, found: ElectricalFindings, provenance: Provenance
+) -> Results:
     """The contents of `results.json`."""
     flight, estimate, drag, propeller, _, logged, simulated = found
     beside, known = _beside_the_curve(found), None if isinstance(drag, DragWithheld) else drag
@@ -131,11 +133,11 @@ def _thrust_basis(drag: DragEstimate, propeller: str) -> str:
     speed = "motor speed in the log" if drag.measured_speed else "motor speed by electrical power and motor constants"
     return (
         f"Thrust by the table of {propeller} and {speed}. By these the motor with its controller has an efficiency of"
-        f" {100 * drag.motor_efficiency:.0f} % in the mean."
+        f" {100 * drag.motor_efficiency:.0f} % on average."
     )
 
 
-def _beside_the_curve(found: ElectricalFlight) -> ElectricalResult:
+def _beside_the_curve(found: ElectricalFindings) -> ElectricalResult:
     flight, estimate, drag, propeller, battery_J, _, _ = found
     V, power = estimate.V_mps, estimate.power_W
     covariance = estimate.noise + estimate.systematic

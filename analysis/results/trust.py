@@ -14,6 +14,7 @@ from scipy import special
 from analysis.drag.motor_speed import PARAMETER as MOTOR_SPEED_PARAMETER
 from analysis.drag.rejected_assumptions import THRUST_TITLES
 from analysis.drag.settings import MOTOR_SPEED
+from analysis.estimation.noise import NORMAL_95
 from analysis.ground.thrust_prior import STAND
 from analysis.results.settings import TRUST
 from analysis.schema import (
@@ -156,8 +157,8 @@ def _thrust(statistics: PoolingStatistics | None) -> Iterator[Evidence]:
         limit=limit,
         false_alarm_rate=TRUST.false_alarm_rate,
         text=(
-            f"Thrust differs from the propeller's table by {worst.sigmas:+.1f} of the standard deviations assumed"
-            f" ({worst.title}; limit {limit:.1f}): check the number of poles, the pulses of the motor speed, the"
+            f"Thrust differs from the propeller's table by {worst.sigmas:+.1f} times the standard deviation assumed"
+            f" ({worst.title}; limit {limit:.1f}): check `propulsion.pole_pairs`, the pulses of the motor speed, the"
             " propeller and its table, and analyze again."
         ),
     )
@@ -184,7 +185,7 @@ def _counted_speed(statistics: PoolingStatistics | None) -> Iterator[Evidence]:
     i = statistics.names.index(MOTOR_SPEED_PARAMETER)
     share, error = statistics.values[i], math.sqrt(statistics.covariance[i][i])
     poles = abs(share) > MOTOR_SPEED.least_pole_share
-    check = "check the number of poles, and analyze again" if poles else "check its signal and wires"
+    check = "check `propulsion.pole_pairs`, and analyze again" if poles else "check its signal and wires"
     yield Evidence(
         kind=EvidenceKind.COUNTED_SPEED,
         level=Trust.NOT_TO_BE_TRUSTED if poles else Trust.DOUBTFUL,
@@ -194,8 +195,9 @@ def _counted_speed(statistics: PoolingStatistics | None) -> Iterator[Evidence]:
         unit="%",
         limit=100 * MOTOR_SPEED.least_errors * error,
         text=(
-            f"The motor turns {100 * share:+.1f} ± {196 * error:.1f} % faster than counted, by drag in accelerations"
-            f" and decelerations at one speed. The curve is corrected for it; {check}."
+            f"The motor turns {abs(100 * share):.1f} ± {100 * NORMAL_95 * error:.1f} %"
+            f" {'faster' if share > 0 else 'slower'} than counted, since accelerations and decelerations differ in drag"
+            f" at one speed. The curve is corrected for it; {check}."
         ),
     )
 
@@ -212,7 +214,7 @@ def _motor_speed(results: Results) -> Iterator[Evidence]:
         limit=1 + TRUST.motor_constant if ratio > 1 else 1 - TRUST.motor_constant,
         text=(
             f"Motor speed at full throttle is {ratio:.2f} times what the motor's kV, voltage and current give: check"
-            " the number of poles first, then kV, resistance and the power module."
+            " `propulsion.pole_pairs` first, then kV, resistance and the power module."
         ),
     )
 
@@ -230,9 +232,9 @@ def _efficiencies(results: Results) -> Iterator[Evidence]:
 
 _CHECK_EFFICIENCY: Mapping[EvidenceKind, str] = {
     EvidenceKind.PROPELLER_EFFICIENCY: "Propeller efficiency in level flight is {:.2f}, more than any propeller has:"
-    " check the number of poles, the propeller and its table, and the weight.",
-    EvidenceKind.MOTOR_EFFICIENCY: "Shaft power is {:.2f} times the power from the battery: check the number of poles,"
-    " the propeller's table, and the power module.",
+    " check `propulsion.pole_pairs`, the propeller and its table, and the weight.",
+    EvidenceKind.MOTOR_EFFICIENCY: "Shaft power is {:.2f} times the power from the battery: check"
+    " `propulsion.pole_pairs`, the propeller's table, and the power module.",
 }
 
 
@@ -275,7 +277,7 @@ def _sensor_errors(results: Results) -> Iterator[Evidence]:
             limit=limit,
             false_alarm_rate=TRUST.false_alarm_rate,
             text=(
-                f"The {subject} is {sigmas:+.1f} of the standard deviations assumed (limit {limit:.1f}). Usually"
+                f"The {subject} is {sigmas:+.1f} times the standard deviation assumed (limit {limit:.1f}). Usually"
                 f" {_CULPRIT[name]}: mend it, or state a larger [uncertainty] in the aircraft file."
             ),
         )

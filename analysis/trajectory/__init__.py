@@ -15,6 +15,10 @@ States (`equations.STATES`): phi, theta, psi; v_north, v_east, v_down, the inert
 ground [m]; wind_north, wind_east, where the air of the slow wind goes [m/s]; gust_u, gust_v, gust_w, the rest of
 the air's motion along the body axes [m/s], and two filter states of gusts. Air moves at wind + gust over the ground.
 
+The moving air: a slow wind, level, that is a random walk of the time and grows with height by the logarithmic profile
+(`dryden.mean_wind_profile`); and gusts by Dryden's spectra (`process`). A mean updraft is no state: it is an error that
+the interval of drag contains (`updraft`, `analysis.drag.covariance`).
+
 Sensor errors (`equations.SENSOR_ERRORS`) are constant over the flight; a positive one makes the sensor read high, or
 late. "Prior" is what is known of them before the flight, 1 sigma.
 

@@ -10,7 +10,7 @@ everything else: the probe's channels, whose tubes have much the same length,
 against the inertial sensors; and GPS against them. It always corrects for them, significant or not; this module only
 reports them.
 
-Why not alpha by itself, against pitch rate and lift (3.22): the aircraft responds to a gust by turning away from it,
+Why not alpha by itself, against pitch rate and lift (3.22): the aircraft heaves with a gust and turns into it,
 which looks like a late probe. On simulated flights with lags of 15 to 20 ms such a fit gave 53 to 75 ms in a turbulence
 of W20 = 3 kt and 120 to 134 ms at 15 kt, with errors of 3 to 8 ms and residuals that look like white noise.
 

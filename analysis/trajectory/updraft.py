@@ -112,7 +112,7 @@ def convective_mean(path_m: Array, t_s: Array, height_m: float, sun_rad: float) 
     """Standard deviation [m/s] of the mean of deep updrafts and sinks over instants t_s (n,) at places path_m (n, 2).
 
     path_m : horizontal, in the frame that moves with the mean wind
-    Eddies that span a mixed layer of depth z_i have a standard deviation of 0.65 w* in its middle (the greatest of
+    Eddies that span a mixed layer of depth z_i have a standard deviation of 0.65 w* in its middle (of
     1.8 w*^2 (z/z_i)^(2/3) (1 - 0.8 z/z_i)^2, Lenschow & Stephens 1980, Boundary-Layer Meteorol. 19, 509), and vanish
     at its bottom and top: as the sine of pi z/z_i. Their integral length is 0.28 z_i (Lenschow & Stankov 1986, J.
     Atmos. Sci. 43, 1198), and they change within the turnover time z_i / w*. The variance of the mean is the mean of
