@@ -30,6 +30,7 @@ from daq.tick_means import FIELDS, Means, TickMeans
 from flight.aircraft import Aircraft, load_aircraft
 from flight.messages import OK, Event
 from flight.probe_maps import ProbeMaps, load_probe_maps
+from flight.units import GAS_CONSTANT_AIR
 
 RESTART_AFTER_S = 5.0
 HEARTBEAT_PERIOD_S = 1.0
@@ -40,7 +41,6 @@ KEPT_EVENTS = 20  # the latest events are kept while the pipe is full
 EVENTS_PER_LINE = 4  # a line has to fit into PIPE_BUF
 KEPT_MEANS = 25  # the same for means of the readings
 MEANS_PER_LINE = 6
-GAS_CONSTANT = 287.05287  # of air [J/(kg K)] (ISO 2533)
 SEVERITIES = {"error": 3, "warning": 4, "info": 6}  # MAV_SEVERITY
 TOPICS = frozenset(
     ("/gps", "/static", "/rpm", "/controls", "/probe/alpha", "/probe/beta", "/probe/airspeed", "/attitude")
@@ -380,7 +380,7 @@ def airspeed_mps(qbar_Pa: float | None, static_Pa: float | None, temperature_K: 
     """True airspeed, V = sqrt(2 qbar/rho) with rho = p/(R T) [m/s]; 0 if an argument is missing."""
     if not qbar_Pa or qbar_Pa < 0 or not static_Pa or not temperature_K:
         return 0.0
-    return math.sqrt(2 * qbar_Pa * GAS_CONSTANT * temperature_K / static_Pa)
+    return math.sqrt(2 * qbar_Pa * GAS_CONSTANT_AIR * temperature_K / static_Pa)
 
 
 def course_deg(north: float, east: float) -> float:

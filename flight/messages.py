@@ -28,6 +28,7 @@ class Status(enum.StrEnum):
     NO_DATA = "no_data"  # nothing was received since the last tick
 
 
+TOPICS_FOR_DRAG = ("/imu", "/probe/alpha", "/probe/airspeed", "/static", "/rpm")  # without one no drag is known
 OK = Status.OK  # looking up a member of an enum takes as long as making a small message (Python 3.11)
 
 

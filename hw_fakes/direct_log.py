@@ -36,6 +36,7 @@ from hw_fakes import ak8963, bridge, mpu9250, ms56xx
 from hw_fakes.esc_counter import BAUD, FakeEscCounter
 from hw_fakes.ms56xx import FakeMS56xx, pressure_counts, temperature_counts
 from hw_fakes.tray import FakeTray
+from hw_fakes.ublox import GPS_EPOCH, LEAP_SECONDS, WEEK_MS
 from sim.sensor_truth import SensorTruth
 
 Array = NDArray[np.float64]
@@ -239,7 +240,7 @@ def _bridge(sensor_truth: SensorTruth, read_times: ReadTimes, name: str) -> Iter
 
 # u-blox M8: NAV-PVT, 100 bytes at 38400 baud, each 0.1 s; units of 1e-7 deg, mm and mm/s.
 GPS_PERIOD_NS, GPS_ARRIVES_NS = 100_000_000, round(100 * 10e9 / 38400)
-GPS_EPOCH_UNIX_S, LEAP_SECONDS, WEEK_MS = 315_964_800, 18, 604_800_000
+GPS_EPOCH_UNIX_S = round(GPS_EPOCH.timestamp())
 # Pulse counter: frames of four bytes; the driver takes periods of up to 1 s, and silence for 0.5 s as no data.
 RPM_ARRIVES_NS, RPM_SILENCE_NS, RPM_LONGEST_US = round(4 * 10e9 / BAUD), 500_000_000, 1_000_000
 # Autopilot at 57600 baud: attitude and servos each tick, sent 20 ms before it, and battery each 0.5 s, since the daemon

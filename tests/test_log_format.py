@@ -6,10 +6,10 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from analysis.signals.channels import COLUMNS, NEEDED_TOPICS
+from analysis.signals.channels import COLUMNS
 from daq.attachments import Attachments, write_attachments
 from flight.aircraft import load_aircraft
-from flight.messages import SECOND_TOPICS, TYPE_OF_TOPIC, Status
+from flight.messages import SECOND_TOPICS, TOPICS_FOR_DRAG, TYPE_OF_TOPIC, Status
 
 PAGE = (Path(__file__).parent.parent / "docs" / "log-format.md").read_text("utf-8")
 UNITS = {
@@ -54,7 +54,7 @@ def test_a_topic_has_its_fields_with_their_units(topic: str) -> None:
             assert meaning.startswith("integer"), name
 
 
-@pytest.mark.parametrize("topic", NEEDED_TOPICS)
+@pytest.mark.parametrize("topic", TOPICS_FOR_DRAG)
 def test_required_fields_are_bold(topic: str) -> None:
     bold = {row[0].strip("*`") for row in rows(SECTIONS[topic]) if row[0].startswith("**")}
     assert bold == {field for of, field in COLUMNS.values() if of == topic}
@@ -62,7 +62,7 @@ def test_required_fields_are_bold(topic: str) -> None:
 
 def test_the_table_of_methods_begins_with_the_required_topics() -> None:
     first = next(line for line in section("## What each method needs").splitlines() if line.startswith("| every"))
-    assert re.findall("`(.*?)`", first) == list(NEEDED_TOPICS)
+    assert re.findall("`(.*?)`", first) == list(TOPICS_FOR_DRAG)
     assert set(re.findall("`(/[a-z/]+)`", section("## What each method needs"))) == set(TYPE_OF_TOPIC) - SECOND_TOPICS
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.autopilot_logs.settings import INSTANCES, READABLE
+from flight.units import SEA_LEVEL_DENSITY
 
 Array = NDArray[np.float64]
 
@@ -84,7 +85,7 @@ def channel(t_s: ArrayLike, value: ArrayLike) -> Channel:
 def pressure_of_indicated_airspeed(speed_mps: ArrayLike) -> Array:
     """Differential pressure [Pa] that an autopilot showed as this indicated airspeed; negative below zero."""
     speed = np.asarray(speed_mps, dtype=float)
-    return np.asarray(np.sign(speed) * 1.225 / 2 * speed**2)  # indicated airspeed is defined at sea level
+    return np.asarray(np.sign(speed) * SEA_LEVEL_DENSITY / 2 * speed**2)  # indicated airspeed is defined at sea level
 
 
 def without_jumps(*groups: Mapping[str, Channel]) -> tuple[list[dict[str, Channel]], list[str]]:

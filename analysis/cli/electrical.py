@@ -15,6 +15,7 @@ from analysis.performance.request import Request
 from flight.aircraft import Aircraft, Propulsion, Uncertainty, load_aircraft, parse_aircraft
 from flight.errors import InputError
 from flight.log_reader import Log
+from flight.messages import TOPICS_FOR_DRAG
 
 if TYPE_CHECKING:
     from analysis.autopilot_logs.recording import FlightRecording
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from analysis.schema import Results
     from flight.propeller import Propeller
 
-NEEDED_TOPICS = ("/imu", "/probe/alpha", "/probe/airspeed", "/static", "/rpm")  # by drag
 ELECTRICAL = ("/probe/airspeed", "/static", "/battery")
 
 Progress = Callable[[str], None]
@@ -39,7 +39,7 @@ class Done(NamedTuple):
 
 def lacks_drag_topics(log: Log) -> bool:
     """Whether a log of the daemon gives no drag, but electrical power."""
-    return not all(map(log.entries.get, NEEDED_TOPICS)) and all(map(log.entries.get, ELECTRICAL))
+    return not all(map(log.entries.get, TOPICS_FOR_DRAG)) and all(map(log.entries.get, ELECTRICAL))
 
 
 def refuse_drag_options(log: Path, why: str, **given: object) -> None:

@@ -26,11 +26,12 @@ from analysis.electrical.settings import BESIDE_A_COMPLETE_LOG
 from analysis.electrical.thrust_balance import aerodynamics
 from analysis.ground.thrust_prior import stand_measurements
 from analysis.polar import Polar
-from analysis.signals.channels import NEEDED_TOPICS, samples
+from analysis.signals.channels import samples
 from flight.aircraft import Aircraft
 from flight.errors import InputError
 from flight.log_entries import NO_ENTRIES
 from flight.log_reader import Log
+from flight.messages import TOPICS_FOR_DRAG
 from flight.propeller import Propeller
 from flight.units import GRAVITY_MPS2 as g
 
@@ -64,7 +65,7 @@ def recording_of(log: Log) -> FlightRecording:
     first = float(np.mean(warm.value[:50])) if len(warm.value) else float("nan")
     # The tray warms up: its first reading is that of the air.
     air = Channel(warm.t_s, np.full(len(warm.t_s), first))
-    missing = ", ".join(topic for topic in NEEDED_TOPICS if not log.entries.get(topic))
+    missing = ", ".join(topic for topic in TOPICS_FOR_DRAG if not log.entries.get(topic))
     note = f"The log lacks {missing}, which drag needs: the electrical power of level flight is given instead."
     return FlightRecording(log.path, channels, {"/static": air}, (note, NOTE), zeroed=False)
 

@@ -11,12 +11,12 @@ import numpy as np
 
 from analysis.log_checks.settings import STRUCTURE
 from analysis.log_checks.units import check_units
-from analysis.signals.channels import COLUMNS, NEEDED_TOPICS, TOPICS, is_good, times_ns, values
+from analysis.signals.channels import COLUMNS, TOPICS, is_good, times_ns, values
 from analysis.signals.settings import STATISTICS
 from flight.errors import InputError
 from flight.log_entries import NO_ENTRIES, STATUSES
 from flight.log_reader import FORMAT_PAGE, Log, other_encoding
-from flight.messages import AIRBORNE_MODELS, TYPE_OF_TOPIC
+from flight.messages import AIRBORNE_MODELS, TOPICS_FOR_DRAG, TYPE_OF_TOPIC
 
 
 def check_log(log: Log, propeller_diameter_m: float) -> None:
@@ -45,7 +45,7 @@ def check_lacking(log: Log) -> None:
     For a log that gives electrical power instead: one that really lacks the topic.
     """
     check_decodable(log)
-    for topic in NEEDED_TOPICS:
+    for topic in TOPICS_FOR_DRAG:
         if not log.entries.get(topic) and _match(log, topic):
             raise _no_topic(log, topic)
 
@@ -55,7 +55,7 @@ def check_messages(log: Log) -> None:
     check_decodable(log)
     for topic in TOPICS:
         entries = log.entries.get(topic, NO_ENTRIES)
-        if topic in NEEDED_TOPICS and not entries:
+        if topic in TOPICS_FOR_DRAG and not entries:
             raise _no_topic(log, topic)
         if entries:
             _check_fields(log, topic)
@@ -73,7 +73,7 @@ def _check_fields(log: Log, topic: str) -> None:
     if misnamed:
         field, match = misnamed[0]
         raise InputError(f"{log.path}: {topic}: {field} has no value, but there is an unknown field {match}: rename it")
-    if (unknown and good.any() and len(empty) == len(used)) or (topic in NEEDED_TOPICS and empty):
+    if (unknown and good.any() and len(empty) == len(used)) or (topic in TOPICS_FOR_DRAG and empty):
         left_out = [field for field in empty if good.any() and field not in log.fields.get(topic, frozenset(empty))]
         if left_out and not unknown:
             words = "is missing; it is" if len(left_out) == 1 else "are missing; they are"

@@ -171,7 +171,6 @@ COLUMNS = {
     "battery_A": ("/battery", "current_A"),
 }
 TOPICS = tuple(dict.fromkeys(topic for topic, _ in COLUMNS.values()))
-NEEDED_TOPICS = ("/imu", "/probe/alpha", "/probe/airspeed", "/static", "/rpm")
 
 
 class Channels(NamedTuple):

@@ -6,10 +6,10 @@ import msgspec
 import numpy as np
 import pytest
 
-from analysis.signals.channels import NEEDED_TOPICS, synchronize
+from analysis.signals.channels import synchronize
 from flight.log_entries import LogEntry, entries_of
 from flight.log_reader import Log
-from flight.messages import TYPE_OF_TOPIC, AbsolutePressure, DifferentialPressure, Imu, Rpm, Status
+from flight.messages import TOPICS_FOR_DRAG, TYPE_OF_TOPIC, AbsolutePressure, DifferentialPressure, Imu, Rpm, Status
 
 SECONDS = 20.0
 SOUND = {
@@ -65,7 +65,7 @@ def test_a_long_gap_is_said_with_its_place(lost) -> None:
 
 
 def test_a_topic_that_may_be_missing_is_missing_without_ado() -> None:
-    assert "/probe/beta" not in NEEDED_TOPICS
+    assert "/probe/beta" not in TOPICS_FOR_DRAG
     without = synchronize(log_of(lambda topic, t: None if topic == "/probe/beta" else Status.OK))
     assert without.table["dp_beta_Pa"].isna().all()
 
