@@ -17,7 +17,7 @@ from analysis.maneuvers.kinds import (
     Unsuitable,
     reason_in_words,
 )
-from analysis.maneuvers.quality import SmoothedMotion, notes, without_data
+from analysis.maneuvers.quality import SmoothedMotion, notes, too_low, without_data
 from analysis.maneuvers.runs_file import nearest_miss
 from analysis.signals.channels import SPEED_SCALE
 from flight.runs import LEVEL_RUN, Rejection, RunRejected, larger
@@ -270,3 +270,10 @@ def test_steps_flown_by_hand_may_be_a_third_of_a_unit_off(third_s: float, found:
     """The unit is the sum over seven: it grows with a hold that is too long."""
     inputs, rejected = find_3211(elevator([1.5, 1.0, third_s, 0.5]))
     assert bool(inputs) is found and bool(rejected) is not found
+
+
+@pytest.mark.parametrize(("lowest_m", "rejected"), [(5.0, True), (30.0, False)])
+def test_the_lowest_point_of_a_maneuver_says_whether_it_is_near_the_ground(lowest_m: float, rejected: bool) -> None:
+    data = steady_flight(height_m=60.0)
+    data.loc[data.index[len(data) // 2], "height_m"] = lowest_m
+    assert (too_low(data) is not None) == rejected

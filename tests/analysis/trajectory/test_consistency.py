@@ -10,6 +10,7 @@ from analysis.trajectory.consistency import (
     SPEED,
     Consistency,
     TimeShift,
+    _moving_average,
     calibrate,
     consistency,
     consistency_checks,
@@ -283,3 +284,10 @@ def test_results_tell_differences_in_degrees_and_meters_a_second(exact) -> None:
     assert (angles.before.unit, speed.before.unit) == ("deg", "m/s")
     assert (angles.before.mean, angles.after.mean) == pytest.approx((2.0, 1.0))
     assert (speed.before.mean, speed.after.mean) == pytest.approx((0.5, 0.25))
+
+
+def test_means_over_seconds_do_not_depend_on_when_the_log_begins() -> None:
+    t_s, values = np.arange(0, 60, 0.25), np.random.default_rng(0).normal(0, 1, 240)
+    mean, later = (_moving_average(values, t_s + begin_s) for begin_s in (0.0, 1000.0))
+    np.testing.assert_array_equal(mean, later)
+    assert np.nanstd(mean) == pytest.approx(1 / np.sqrt(13), rel=0.4)  # of thirteen values in 3 s
