@@ -302,6 +302,7 @@ def list_(
     from rich.table import Table
 
     from daq.log_list import list_logs
+    from daq.log_names import numbered_logs
 
     table = Table("log", "begin (UTC)", "min", "MB", "state", box=None)
     for log in list_logs(folder, latest=None if every else SHOWN_LOGS):
@@ -310,6 +311,8 @@ def list_(
         table.add_row(log.path.name, begin, length, f"{log.bytes / 1e6:.1f}", log.state)
     none = f"{folder}: no log-NNNN.mcap (`daq info FILE` describes a log of any name)"
     Console().print(table if table.rows else none, highlight=False, soft_wrap=not table.rows)
+    if table.rows and (left := len(numbered_logs(folder)) - table.row_count) > 0:
+        Console().print(f"{left} earlier logs are not shown; --all lists them", highlight=False)
 
 
 @app.command(short_help="Serve a page that shows the state of the daemon.")

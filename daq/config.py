@@ -9,7 +9,7 @@ from functools import reduce
 from importlib import metadata
 from operator import or_
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, cast, get_args
+from typing import Annotated, Any, ClassVar, Literal, cast, get_args, get_type_hints
 
 import msgspec
 from msgspec import Meta
@@ -418,7 +418,7 @@ def check_places(tray: Tray, where: str) -> None:
             socket.getaddrinfo(host, None, socket.AF_INET)
         except OSError as error:
             raise InputError(
-                f"{where}: {host} has no address here ({error.strerror}); misspelt, or give the address in numbers"
+                f"{where}: {host} has no address here ({error.strerror}): correct it, or give the address in numbers"
             ) from None
 
 
@@ -428,7 +428,7 @@ def parse_tray(text: str, where: str, folder: Path) -> Tray:
         document = msgspec.toml.decode(text)
         file = msgspec.convert(document, _tray_type(document), str_keys=True)
     except msgspec.ValidationError as error:
-        raise InputError(f"{where}: {_with_key(error)}") from None
+        raise InputError(f"{where}: {_with_key(error, document)}") from None
     except msgspec.DecodeError as error:
         raise InputError(f"{where}: not valid TOML ({error})") from None
     _reject_conflicts(file, where)
@@ -460,16 +460,29 @@ def _tray_type(document: Any) -> type[TrayFile]:
     return cast(type[TrayFile], extended)
 
 
-def _with_key(error: msgspec.ValidationError) -> str:
+def _with_key(error: msgspec.ValidationError, document: Any) -> str:
     """Turn msgspec's "what - at `$.sensors[2].range_g`" into "sensors[2].range_g: what"."""
     what, _, key = str(error).partition(" - at `$.")
     if number := re.fullmatch(r"Invalid enum value (\d+)", what):
-        what = f"{number[1]} (0x{int(number[1]):02x}) is not one of the permitted values; see `daq config --example`"
+        shown = hex if key.endswith(".address`") else str
+        values = " or ".join(map(shown, _permitted(key.rstrip("`"), document)))
+        what = f"{shown(int(number[1]))} must be {values or 'one of the permitted values'}"
     if key.endswith(".driver`"):
         what += f"; the drivers are {', '.join(installed_drivers())}"
     if what.startswith("Object contains unknown field"):
         what += "; `daq config --example` shows every key"
     return f"{key.rstrip('`')}: {what}" if key else what
+
+
+def _permitted(key: str, document: Any) -> tuple[int, ...]:
+    """The numbers that a key such as sensors[2].range_g or telemetry.baud may have; none where they are not listed."""
+    table, _, name = key.rpartition(".")
+    kind: Any = TelemetryConfig
+    if number := re.fullmatch(r"sensors\[(\d+)\]", table):
+        driver = document["sensors"][int(number[1])]["driver"]
+        tables = [*get_args(SensorConfig), *map(load_driver, metadata.entry_points(group=DRIVER_GROUP, name=driver))]
+        kind = next(each for each in tables if each.__struct_config__.tag == driver)
+    return get_args(get_type_hints(kind).get(name))
 
 
 def _resolve(path: str | None, folder: Path) -> str | None:
@@ -515,7 +528,7 @@ def _reject_conflicts(tray: TrayFile, where: str) -> None:
         if isinstance(sensor, Ak8963Config) or (isinstance(sensor, Mpu9250Config) and not sensor.second)
     }
     if len(mounted) > 1:
-        raise InputError(f"{where}: the axes of mpu9250 and ak8963 differ, but the one contains the other")
+        raise InputError(f"{where}: ak8963 is inside mpu9250, so give both the same axes")
     if tray.arm is not None and "/controls" not in topics:
         raise InputError(f"{where}: arm: no sensor writes /controls, which the switch is read from")
     if tray.card is not None and (tray.telemetry is None or tray.aircraft is None):
