@@ -56,3 +56,13 @@ def test_a_list_gives_minutes_and_megabytes(log: Path) -> None:
     (log.parent / "log-0008.mcap").write_bytes(bytes(3_400_000))
     outcome = CliRunner().invoke(app, ["list", str(log.parent)], env={"COLUMNS": "120"})
     assert " 3.4 " in next(line for line in outcome.output.splitlines() if "log-0008" in line)
+
+
+def test_a_full_card_is_listed_from_its_end_and_says_so(log: Path, tmp_path: Path) -> None:
+    for number in range(1, 54):
+        (tmp_path / f"log-{number:04}.mcap").hardlink_to(log)
+    lines = CliRunner().invoke(app, ["list", str(tmp_path)], env={"COLUMNS": "80"}).output.splitlines()
+    assert sum("complete" in line for line in lines) == 50 and not any("log-0003" in line for line in lines)
+    assert lines[-1].startswith("3 earlier")
+    every = CliRunner().invoke(app, ["list", "--all", str(tmp_path)], env={"COLUMNS": "80"}).output
+    assert every.count("complete") == 53 and "earlier" not in every
