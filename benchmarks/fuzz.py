@@ -25,10 +25,8 @@ SEEDS: dict[str, list[str]] = {
     "propeller": ["flight/data/propellers/*.csv", "tests/data/propellers/*"],
     "plan": ["sim/plans/*.toml"],
     "probe": ["sim/data/*.json", "flight/data/*.json"],
-    "ulog": ["tests/data/autopilot_logs/*.ulg"],
 }
 LONGEST_BYTES = 60_000  # of a file
-LONGEST_FLIGHT_BYTES = 200_000  # of two minutes in the air
 LONGEST_STREAM_BYTES = 2_000  # of what a driver reads
 FILES = (
     "tray",
@@ -44,6 +42,7 @@ FILES = (
     "dataflash-text",
     "telemetry",
     "electrical",
+    "electrical-ulog",
 )
 SLOWEST_S = 10
 MEMORY_MB = 1000
@@ -55,6 +54,7 @@ SHARE = {
     "dataflash-text": 0.02,
     "telemetry": 0.02,
     "electrical": 0.005,
+    "electrical-ulog": 0.005,
     "aircraft": 0.3,
     "propeller": 0.3,
     "plan": 0.3,
@@ -66,48 +66,20 @@ app = typer.Typer(add_completion=False, no_args_is_help=True, help=__doc__)
 
 def seeds(name: str, folder: Path) -> None:
     """Put the initial inputs of a target into a folder."""
+    from altered_logs import TARGETS, small_log  # what it imports is instrumented before
+
     patterns = SEEDS.get(name, [])
     for number, path in enumerate(path for pattern in patterns for path in sorted(ROOT.glob(pattern))):
         (folder / f"seed-{number}").write_bytes(path.read_bytes()[:LONGEST_BYTES])
-    if name in ("dataflash", "dataflash-text", "telemetry", "electrical"):
-        suffix = {"dataflash-text": ".log", "telemetry": ".tlog"}.get(name, ".bin")
-        autopilot_log(folder / f"seed-log{suffix}", flown_s=120 if name == "electrical" else 10)
+    for target in TARGETS:
+        if name == target.name:
+            small_log(folder / f"seed-log{target.suffix}", *target.log)
     if name == "log":
         record_a_log(folder / "seed-log")
     if name in ("ublox", "ublox-ddc", "counter", "counter-framed", "autopilot"):
         (folder / "seed-frames").write_bytes(frames(name))
     for path in (KEPT / name).glob("*"):
         shutil.copy(path, folder / path.name)
-
-
-def autopilot_log(path: Path, flown_s: float) -> None:
-    """A log of ArduPilot with each kind of message that is read, in the format of its suffix."""
-    import numpy as np
-
-    from sim.dataflash_writer import DataflashMessages, write_dataflash, write_text
-    from sim.telemetry_writer import write_telemetry
-
-    t_s = np.arange(0.0, flown_s, 0.2)
-    time_us = np.round(1e6 * (10 + t_s)).astype(np.uint64)
-    zero, one, wave = 0 * t_s, 0 * t_s + 1, np.sin(0.3 * t_s)
-    airspeed = 15 + 3 * wave
-    kinds = {
-        "MSG": ("QZ", {"Message": np.full(len(t_s), b"ArduPlane V4.5.7")}),
-        "PARM": ("QNf", {"Name": np.full(len(t_s), b"ARSPD_RATIO"), "Value": 2 * one}),
-        "ARSP": ("QBffcBBB", {"I": zero, "Airspeed": airspeed, "DiffPress": airspeed**2 / 2, "Temp": 20 * one,
-                              "U": one, "H": one, "Pri": zero}),
-        "BARO": ("QBfcB", {"I": zero, "Press": 1e5 - 100 * np.sin(0.1 * t_s), "Temp": 40 * one, "Health": one}),
-        "BAT": ("QBff", {"Inst": zero, "Volt": 15 * one, "Curr": 10 + 5 * wave}),
-        "CTUN": ("Qf", {"ThO": 50 + 40 * wave}),
-        "MODE": ("QMB", {"Mode": 10 * one, "ModeNum": 10 * one}),
-        "ESC": ("QBff", {"Instance": zero, "Volt": 15 * one, "Curr": 9 + 4 * wave}),
-        "SIM2": ("Qf", {"As": airspeed}),
-        "IMU": ("QBfff", {"I": zero, "AccX": wave, "AccY": zero, "AccZ": -9.8 * one}),
-        "RPM": ("QBf", {"I": zero, "RPM": 6000 * one}),
-        "GPS": ("QBBfff", {"I": zero, "Status": 3 * one, "Spd": airspeed, "GCrs": 10 * t_s % 360, "VZ": zero}),
-    }  # fmt: skip
-    logged = [DataflashMessages(n, codes, {"TimeUS": time_us, **x}) for n, (codes, x) in kinds.items()]
-    {".log": write_text, ".tlog": write_telemetry}.get(path.suffix, write_dataflash)(path, logged)
 
 
 def record_a_log(path: Path) -> None:
@@ -163,8 +135,6 @@ def one(name: str, inputs: int = 50_000, seed: int = 1) -> None:
     seeds(name, corpus)
     (KEPT / name).mkdir(parents=True, exist_ok=True)
     longest = LONGEST_BYTES if name in FILES else LONGEST_STREAM_BYTES
-    if name == "electrical":
-        longest = LONGEST_FLIGHT_BYTES
     atheris.Setup(
         [
             sys.argv[0],

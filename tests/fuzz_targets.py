@@ -112,9 +112,9 @@ def file(suffix: str, *readers: Callable[[Path], object]) -> Target:
 
 
 def electrical(path: Path) -> None:
-    """The whole analysis of an autopilot's log, on few windows."""
-    flight = flight_table(ardupilot.read_ardupilot(path), 20.0, 0.45)
-    estimate(flight, 20.0, 0.45, 1.9, most_windows=40, most_points=40)
+    """The whole analysis of an autopilot's log, on as few windows as it takes."""
+    read = px4.read_px4 if path.suffix == ".ulg" else ardupilot.read_ardupilot
+    estimate(flight_table(read(path), 20.0, 0.45), 20.0, 0.45, 1.9, most_windows=20, most_points=24)
 
 
 def binary(parse: Callable[[bytes, str], object]) -> Target:
@@ -163,4 +163,5 @@ TARGETS: dict[str, Target] = {
     "dataflash-text": file(".log", ardupilot.read_ardupilot),
     "telemetry": file(".tlog", ardupilot.read_ardupilot),
     "electrical": file(".bin", electrical),
+    "electrical-ulog": file(".ulg", electrical),
 }

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.constants import micro, milli
 
-from analysis.autopilot_logs.dataflash import DataflashLog
+from analysis.autopilot_logs.dataflash import DataflashLog, Form
 from analysis.autopilot_logs.recognize import TEXT_MAGIC, is_telemetry
 from analysis.autopilot_logs.telemetry import TelemetryLog
 from analysis.autopilot_logs.text_log import TextLog
@@ -83,8 +83,9 @@ def read_messages(path: Path) -> Messages:
     for text in log.columns("MSG").get("Message", ()):
         _refuse_wingless(path, _text(text))
     tables = {key: table for kind in FIELDS for key, table in _instances(kind, log.columns(kind))}
+    told, multipliers = log.columns("FMTU"), log.columns("MULT")
     for (kind, _), table in tables.items():
-        for field, unit in _units(log, kind).items():
+        for field, unit in _units(log.form(kind), told, multipliers).items():
             if field in table:
                 table[field] = unit * table[field]
     if not tables:
@@ -98,12 +99,11 @@ def read_messages(path: Path) -> Messages:
     return Messages(tables, {_text(name): float(x) for name, x in pairs if isinstance(x, float)}, notes)
 
 
-def _units(log: DataflashLog | TelemetryLog | TextLog, kind: str) -> dict[str, float]:
+def _units(form: Form | None, told: dict[str, NDArray[Any]], multipliers: dict[str, NDArray[Any]]) -> dict[str, float]:
     """By field that is an integer without a scale of its own, what one unit of it is in SI, as FMTU and MULT say.
 
     Firmware before 2015, which writes no FMTU, has voltage and current in hundredths.
     """
-    form, told, multipliers = log.form(kind), log.columns("FMTU"), log.columns("MULT")
     if form is None:
         return {}
     if not len(told.get("FmtType", ())):

@@ -1,0 +1,249 @@
+"""Altered logs of autopilots through their readers and the electrical estimate: no traceback, no hang.
+
+    python benchmarks/altered_logs.py --inputs 1000000 --minutes 30
+
+The logs are as short as their reader, or the estimate, takes them. Each input has one to eight alterations, which
+follow from its number: bytes and bits, whole numbers and floats at their limits, stretches cut, repeated, moved. A
+defect is any exception but a refusal, 10 s for one input, or 2 GB of memory; its input is kept in tests/data/fuzz.
+"""
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import random
+import resource
+import signal
+import struct
+import sys
+import tempfile
+import time
+import traceback
+import warnings
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import Annotated
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+import numpy as np
+import typer
+
+from analysis.autopilot_logs.ardupilot import read_ardupilot
+from analysis.autopilot_logs.px4 import read_px4
+from flight.errors import InputError
+from sim.dataflash_writer import DataflashMessages, write_dataflash, write_text
+from sim.telemetry_writer import write_telemetry
+from sim.ulog_writer import UlogContents, UlogTopic, write_ulog
+from tests.fuzz_targets import electrical
+
+KEPT = Path(__file__).resolve().parent.parent / "tests" / "data" / "fuzz"
+IN_MEMORY = Path("/dev/shm") if Path("/dev/shm").is_dir() else None
+READ_S, FLOWN_S = 4.4, 64.0  # as little as is read at 5 messages a second, and as a curve needs at one a second
+SLOWEST_S, MEMORY_BYTES = 10.0, 2 << 30
+BATCH = 500
+LIMITS = [struct.pack(code, x) for code, x in (
+    ("<f", np.nan), ("<f", np.inf), ("<f", -3e38), ("<f", 1e-40), ("<d", np.nan), ("<d", -np.inf), ("<d", 1e300),
+    ("<I", 0), ("<I", 2**32 - 1), ("<i", 2**31 - 1), ("<q", -1), ("<Q", 2**63), ("<H", 0), ("<H", 2**16 - 1),
+    ("<B", 0), ("<B", 255), ("<B", 127),
+)]  # fmt: skip
+
+
+def small_log(path: Path, flown_s: float, rate_Hz: float) -> None:
+    """A log in the format of its suffix, with each kind of message that is read."""
+    t_s = np.arange(0.0, flown_s, 1 / rate_Hz)
+    time_us = np.round(1e6 * (10 + t_s)).astype(np.uint64)
+    zero, one, wave = 0 * t_s, 0 * t_s + 1, np.sin(0.3 * t_s)
+    airspeed, course = 15 + 3 * wave, np.radians(10 * t_s % 360)
+    static, current = 1e5 - 100 * np.sin(0.1 * t_s), 10 + 5 * wave
+    if path.suffix == ".ulg":
+        axes = {f"xyz[{i}]": x for i, x in enumerate((wave, zero, -9.8 * one))}
+        topics = {
+            "airspeed_validated": {"indicated_airspeed_m_s": airspeed, "airspeed_source": one},
+            "differential_pressure": {"differential_pressure_pa": 0.6 * airspeed**2, "temperature": 20 * one},
+            "vehicle_air_data": {"baro_pressure_pa": static, "baro_temp_celcius": 40 * one},
+            "battery_status": {"voltage_v": 15 * one, "current_a": current},
+            "esc_status": {f"esc[0].esc_{name}": x for name, x in (("rpm", 6000 * one), ("voltage", 15 * one),
+                                                                   ("current", current))},
+            "vehicle_acceleration": axes,
+            "vehicle_thrust_setpoint": {"xyz[0]": 0.5 + 0.4 * wave},
+            "vehicle_gps_position": {"vel_n_m_s": airspeed * np.cos(course), "vel_e_m_s": airspeed * np.sin(course),
+                                     "vel_d_m_s": zero, "fix_type": 3 * one},
+            "vehicle_status": {"vehicle_type": 2 * one, "system_type": one, "in_transition_mode": zero},
+            "wind": {"windspeed_north": one, "windspeed_east": zero},
+        }  # fmt: skip
+        write_ulog(path, UlogContents([
+            UlogTopic(name, time_us, {key: np.asarray(x, dtype=np.float32) for key, x in columns.items()})
+            for name, columns in topics.items()
+        ], {"sys_name": "PX4"}, parameters={"FW_AIRSPD_TRIM": 15.0}))  # fmt: skip
+        return
+    kinds = {
+        "MSG": ("QZ", {"Message": np.full(2, b"ArduPlane V4.5.7")}),
+        "PARM": ("QNf", {"Name": np.full(2, b"ARSPD_RATIO"), "Value": 2 * one[:2]}),
+        "ARSP": ("QBffcBBB", {"I": zero, "Airspeed": airspeed, "DiffPress": airspeed**2 / 2, "Temp": 20 * one,
+                              "U": one, "H": one, "Pri": zero}),
+        "BARO": ("QBfcB", {"I": zero, "Press": static, "Temp": 40 * one, "Health": one}),
+        "BAT": ("QBff", {"Inst": zero, "Volt": 15 * one, "Curr": current}),
+        "CTUN": ("Qf", {"ThO": 50 + 40 * wave}),
+        "MODE": ("QMB", {"Mode": 10 * one[:2], "ModeNum": 10 * one[:2]}),
+        "ESC": ("QBfff", {"Instance": zero, "RPM": 6000 * one, "Volt": 15 * one, "Curr": 0.9 * current}),
+        "SIM2": ("Qf", {"As": airspeed}),
+        "IMU": ("QBfff", {"I": zero, "AccX": wave, "AccY": zero, "AccZ": -9.8 * one}),
+        "GPS": ("QBBfff", {"I": zero, "Status": 3 * one, "Spd": airspeed, "GCrs": np.degrees(course), "VZ": zero}),
+    }  # fmt: skip
+    logged = []
+    for name, (codes, columns) in kinds.items():
+        n = len(next(iter(columns.values())))
+        logged.append(DataflashMessages(name, codes, {"TimeUS": time_us[:n], **columns}))
+    {".log": write_text, ".tlog": write_telemetry}.get(path.suffix, write_dataflash)(path, logged)
+
+
+@dataclass(frozen=True)
+class Target:
+    """share : of all inputs"""
+
+    name: str
+    suffix: str
+    run: Callable[[Path], object]
+    share: float
+    log: tuple[float, float] = (READ_S, 5.0)  # duration [s], rate [Hz]
+
+
+TARGETS = (
+    Target("dataflash", ".bin", read_ardupilot, 0.474),
+    Target("ulog", ".ulg", read_px4, 0.38),
+    Target("telemetry", ".tlog", read_ardupilot, 0.08),
+    Target("dataflash-text", ".log", read_ardupilot, 0.06),
+    Target("electrical", ".bin", electrical, 0.003, (FLOWN_S, 1.0)),
+    Target("electrical-ulog", ".ulg", electrical, 0.003, (FLOWN_S, 1.0)),
+)
+
+
+def altered(data: bytes, number: int) -> bytes:
+    """The input of this number."""
+    draw, out = random.Random(number), bytearray(data)
+    for _ in range(draw.choice((1, 1, 2, 4, 8))):
+        at, length = draw.randrange(len(out) + 1), draw.choice((1, 2, 8, 64, 512))
+        match draw.randrange(8):
+            case 0:
+                out[at : at + 1] = draw.randbytes(1)
+            case 1 if at < len(out):
+                out[at] ^= 1 << draw.randrange(8)
+            case 2 | 3:
+                limit = draw.choice(LIMITS)
+                out[at : at + len(limit)] = limit
+            case 4:
+                del out[at : at + length]
+            case 5:
+                out[at:at] = out[at : at + length]
+            case 6:
+                there = draw.randrange(len(out) + 1)
+                out[there : there + length] = out[at : at + length]
+            case 7 if draw.random() < 0.2:
+                del out[at:]
+            case _:
+                out[at:at] = draw.randbytes(length)
+    return bytes(out)
+
+
+class Hang(Exception):
+    """One input takes too long."""
+
+
+@dataclass
+class Tally:
+    """inputs, of which were refused; those with a defect; seconds in all, and of the slowest input"""
+
+    inputs: int = 0
+    refused: int = 0
+    defects: int = 0
+    seconds: float = 0.0
+    slowest_s: float = 0.0
+    last: str = ""
+
+    def add(self, other: "Tally") -> None:
+        self.inputs, self.refused = self.inputs + other.inputs, self.refused + other.refused
+        self.defects, self.seconds = self.defects + other.defects, self.seconds + other.seconds
+        self.slowest_s, self.last = max(self.slowest_s, other.slowest_s), other.last or self.last
+
+
+def tried(job: tuple[int, bytes, int, int, float]) -> Tally:
+    """Inputs of one target from one number to before another, until a time."""
+    index, data, first, stop, until = job
+    target, tally = TARGETS[index], Tally()
+    warnings.simplefilter("ignore")
+
+    def too_long(_: int, __: FrameType | None) -> None:
+        raise Hang(f"longer than {SLOWEST_S:g} s")
+
+    signal.signal(signal.SIGALRM, too_long)
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
+    with tempfile.TemporaryDirectory(dir=IN_MEMORY) as folder:
+        path = Path(folder) / f"log{target.suffix}"
+        for number in range(first, stop):
+            if time.time() > until:
+                break
+            one = altered(data, number)
+            path.write_bytes(one)
+            began = time.perf_counter()
+            signal.setitimer(signal.ITIMER_REAL, SLOWEST_S)
+            try:
+                target.run(path)
+            except InputError:
+                tally.refused += 1
+            except Exception:
+                tally.defects += 1
+                tally.last = f"{target.name} {number}\n{traceback.format_exc(limit=-4)}"
+                kept = KEPT / target.name
+                kept.mkdir(parents=True, exist_ok=True)
+                (kept / f"altered-{number}{target.suffix}").write_bytes(one)
+            finally:
+                signal.setitimer(signal.ITIMER_REAL, 0)
+            took_s = time.perf_counter() - began
+            tally.inputs, tally.seconds = tally.inputs + 1, tally.seconds + took_s
+            tally.slowest_s = max(tally.slowest_s, took_s)
+    return tally
+
+
+def original(target: Target) -> bytes:
+    """The log that is altered; raises InputError if it is refused itself."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"log{target.suffix}"
+        small_log(path, *target.log)
+        target.run(path)
+        return path.read_bytes()
+
+
+def main(
+    inputs: Annotated[int, typer.Option(help="In all, shared out among the targets.")] = 1_000_000,
+    minutes: Annotated[float, typer.Option(help="Ends after this time, whatever is left.")] = 30.0,
+    seed: Annotated[int, typer.Option(help="The number of the first input.")] = 0,
+) -> None:
+    until, done = time.time() + 60 * minutes, Tally()
+    jobs = []
+    for index, target in enumerate(TARGETS):
+        data, count = original(target), round(inputs * target.share)
+        for first in range(seed, seed + count, BATCH):
+            jobs.append(((first - seed) / count, (index, data, first, min(first + BATCH, seed + count), until)))
+    jobs.sort(key=lambda job: job[0])  # all targets advance alike, so that the time limit cuts none alone
+    tallies = [Tally() for _ in TARGETS]
+    with ProcessPoolExecutor(2) as pool:
+        for (_, job), tally in zip(jobs, pool.map(tried, [job for _, job in jobs]), strict=True):
+            tallies[job[0]].add(tally)
+    print(f"{'target':20} {'inputs':>8} {'refused':>8} {'defects':>8} {'mean, ms':>9} {'slowest, s':>11}")
+    for target, tally in zip(TARGETS, tallies, strict=True):
+        mean_ms = 1e3 * tally.seconds / max(tally.inputs, 1)
+        print(f"{target.name:20} {tally.inputs:8} {tally.refused:8} {tally.defects:8} {mean_ms:9.2f} "
+              f"{tally.slowest_s:11.2f}")  # fmt: skip
+        done.add(tally)
+        if tally.last:
+            print(tally.last)
+    print(f"{done.inputs} altered logs, {done.defects} with a defect; slowest {done.slowest_s:.2f} s")
+    raise typer.Exit(bool(done.defects))
+
+
+if __name__ == "__main__":
+    typer.run(main)
