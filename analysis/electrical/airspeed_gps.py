@@ -125,17 +125,35 @@ def airspeed_errors(flight: FlightTable, most_points: int = GPS.most_points) -> 
     priors = np.array([*prior_sigma, GPS.wind_sigma_mps, GPS.wind_sigma_mps, GPS.trend_mps2, GPS.trend_mps2])
     apart_s = np.abs(elapsed[:, None] - elapsed)
 
-    def residual(x: Array) -> Array:
-        scale, zero_Pa, wind_n, wind_e, trend_n, trend_e = x
-        air_n, air_e = north - wind_n - trend_n * elapsed, east - wind_e - trend_e * elapsed
-        return np.asarray(np.sqrt(air_n**2 + air_e**2 + down**2) - true_airspeed(pressure, rho, scale, zero_Pa))
+    def by_pitot(x: Array) -> Array:
+        """Right where gusts and noise are in the pitot's airspeed alone: no parameter acts on it."""
+        return np.asarray(np.sqrt(np.maximum((1 + x[0]) ** 2 * through_air(x) + 2 * x[1] / rho, 0.1)) - seen)
 
-    x = np.array([0.0, 0.0, float(np.mean(north)), float(np.mean(east)), 0.0, 0.0])
-    sigma, time_s = 1.0, GPS.correlation_s[0]
-    for _ in range(3):
-        whiten = np.linalg.inv(np.linalg.cholesky(sigma**2 * correlation(apart_s, time_s)))
-        x, jacobian = most_probable(residual, whiten, np.zeros(len(priors)), priors, x)
-        sigma, time_s = most_likely_noise(residual(x), apart_s, GPS.correlation_s)
-    covariance = np.asarray(np.linalg.inv(jacobian.T @ jacobian)[:2, :2], dtype=float)
+    def by_gps(x: Array) -> Array:
+        """Right where they are in the velocity by GPS, as slow gusts are, which carry the aircraft along."""
+        return np.asarray(np.sqrt(through_air(x)) - true_airspeed(pressure, rho, x[0], x[1]))
+
+    def through_air(x: Array) -> Array:
+        air_n, air_e = north - x[2] - x[4] * elapsed, east - x[3] - x[5] * elapsed
+        return np.asarray(air_n**2 + air_e**2 + down**2)
+
+    seen, start = true_airspeed(pressure, rho, 0.0, 0.0), np.array([0.0, 0.0, np.mean(north), np.mean(east), 0.0, 0.0])
+    (x, covariance), (other, other_covariance) = (_solved(of, priors, start, apart_s) for of in (by_pitot, by_gps))
+    # The truth is between both regressions (R. Frisch, 1934), evenly; no flight says less than its prior.
+    x, half = (x + other) / 2, (x - other)[:2] / 2
+    before = np.diag(1 / prior_sigma**2)
+    by_flight = np.linalg.inv((covariance + other_covariance) / 2) - before
+    by_flight = by_flight - np.outer(by_flight @ half, by_flight @ half) / (3 + half @ by_flight @ half)
+    covariance = np.asarray(np.linalg.inv(before + by_flight), dtype=float)
     wind_mps, wind_from_deg = float(np.hypot(x[2], x[3])), float(np.degrees(np.arctan2(-x[3], -x[2])) % 360)
     return AirspeedErrors(float(x[0]), float(x[1]), covariance, wind_mps, wind_from_deg)
+
+
+def _solved(residual: Callable[[Array], Array], sigma_of: Array, start: Array, apart_s: Array) -> tuple[Array, Array]:
+    """Most probable parameters (6,), and the covariance (2, 2) of the first two, with the most likely noise."""
+    x, sigma, time_s = start, 1.0, GPS.correlation_s[0]
+    for _ in range(3):
+        whiten = np.linalg.inv(np.linalg.cholesky(sigma**2 * correlation(apart_s, time_s)))
+        x, jacobian = most_probable(residual, whiten, np.zeros(len(sigma_of)), sigma_of, x)
+        sigma, time_s = most_likely_noise(residual(x), apart_s, GPS.correlation_s)
+    return x, np.asarray(np.linalg.inv(jacobian.T @ jacobian)[:2, :2], dtype=float)

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.electrical.ground_velocity import WIND, GroundVelocity, gusts
-from analysis.electrical.settings import PRIOR, RESIDUALS, WINDOWS
+from analysis.electrical.settings import PRIOR, RESIDUALS, SHARED, WINDOWS
 from flight.units import GRAVITY_MPS2 as g
 
 Array = NDArray[np.float64]
@@ -130,7 +130,8 @@ class PowerLaw(NamedTuple):
 class FlightConditions(NamedTuple):
     """What stays the same in a flight.
 
-    updraft_mps : mean over the flight          power_scale : true over measured electrical power
+    idle_sigma_W : standard deviation of idle_power_W          updraft_mps : mean over the flight
+            power_scale : true over measured electrical power
     power_law : instead of a propeller's efficiency
     """
 
@@ -141,6 +142,7 @@ class FlightConditions(NamedTuple):
     updraft_mps: float = 0.0
     power_scale: float = 1.0
     power_law: PowerLaw | None = None
+    idle_sigma_W: float = SHARED.idle_power_W
 
 
 class Samples(NamedTuple):

@@ -26,7 +26,7 @@ from analysis.electrical.fit import (
 )
 from analysis.electrical.flight_table import FlightTable
 from analysis.electrical.ground_velocity import WIND, ground_velocity, wind_prior
-from analysis.electrical.settings import CURVE, GPS, PRIOR, WINDOWS
+from analysis.electrical.settings import CURVE, GPS, PRIOR, SHARED, WINDOWS
 from analysis.estimation.noise import NORMAL_95
 from analysis.settings import CURVES
 from flight.aircraft import Aircraft
@@ -149,7 +149,9 @@ def _estimate(
     most_points: int,
 ) -> ElectricalEstimate:
     rho = float(np.median(flight.table["rho"].to_numpy()[flight.flown]))
-    conditions = FlightConditions(weight_N / g, wing_area_m2, rho, flight.idle_power_W)
+    conditions = FlightConditions(
+        weight_N / g, wing_area_m2, rho, flight.idle_power_W, idle_sigma_W=flight.idle_sigma_W
+    )
     if flight.first_wind_mps is None:
         airspeed = airspeed_errors(flight, most_points)
         balance, fit = _fitted(
@@ -237,7 +239,7 @@ def _fitted(
     balance = EnergyBalance(samples, conditions, most_windows)
     if len(balance.windows.centers_s) < WINDOWS.fewest:
         raise InputError(f"{log}: the flight is too short or too torn for an energy balance")
-    if float(np.max(balance.power_W)) < 2 * conditions.idle_power_W + 5.0:
+    if float(np.max(balance.power_W)) < 2 * conditions.idle_power_W + SHARED.unseen_idle_W:
         raise InputError(f"{log}: the motor took no power in flight; electrical power of level flight is not known")
     fit = most_probable_fit(balance, *_prior(balance, span_m))
     other = EnergyBalance(samples, conditions._replace(power_law=balance.middle()), most_windows)

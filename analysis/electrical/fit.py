@@ -256,7 +256,7 @@ def shared_errors(
     yield error(thinner, c._replace(rho=c.rho * warmer))
     yield error(balance.samples, c._replace(mass_kg=c.mass_kg * heavier))
     yield error(balance.samples, c._replace(power_scale=1 + power_sigma))
-    yield error(balance.samples, c._replace(idle_power_W=c.idle_power_W + SHARED.idle_power_W))
+    yield error(balance.samples, c._replace(idle_power_W=c.idle_power_W + c.idle_sigma_W))
     yield error(
         balance.samples, c._replace(updraft_mps=float(np.hypot(SHARED.least_updraft_mps, updraft_share * fit.gust_mps)))
     )

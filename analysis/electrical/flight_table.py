@@ -18,7 +18,7 @@ from analysis.autopilot_logs import recording
 from analysis.autopilot_logs.recording import Channel, FlightRecording
 from analysis.autopilot_logs.settings import READABLE
 from analysis.electrical.ground_velocity import circle_center, height_factor
-from analysis.electrical.settings import FLIGHT, TEMPERATURE, WINDOWS, ZERO
+from analysis.electrical.settings import FLIGHT, SHARED, TEMPERATURE, WINDOWS, ZERO
 from analysis.electrical.throttle import Meter, meter, power_off
 from analysis.signals.smoothing import stretches
 from flight.atmosphere import density, height_at, temperature_at
@@ -80,7 +80,7 @@ class FlightTable(NamedTuple):
         power does not follow it); NaN in gaps
     airborne : slices of rows          flown : the same as an array (n,)
     zero_sigma_Pa : standard deviation of the pitot's zero          rho_sigma : of density, relative
-    idle_power_W : drawn from the battery with the motor off
+    idle_power_W, idle_sigma_W : drawn from the battery with the motor off, and its standard deviation
     first_wind_mps : (2,), north and east, where no sensor measures the airspeed
     """
 
@@ -91,6 +91,7 @@ class FlightTable(NamedTuple):
     rho_sigma: float
     air_temperature_K: float
     idle_power_W: float
+    idle_sigma_W: float
     notes: list[str]
     first_wind_mps: Array | None = None
 
@@ -140,7 +141,7 @@ def flight_table(flight: FlightRecording, weight_N: float, wing_area_m2: float) 
         flown[rows] = True
     columns[recording.THROTTLE], throttle_notes = _believed_throttle(columns, moving)
     off = power_off(columns[recording.THROTTLE])
-    idle_W = _idle_power_W(columns["power_W"], standing, flown, off)
+    idle_W, idle_sigma_W = _idle_power_W(columns["power_W"], standing, flown, off)
     columns["power_W"] = np.where(off & np.isfinite(columns["power_W"]), idle_W, columns["power_W"])
     table = pd.DataFrame(columns, index=pd.Index(t_s - t_s[0], name="t_s"))
     return FlightTable(
@@ -151,6 +152,7 @@ def flight_table(flight: FlightRecording, weight_N: float, wing_area_m2: float) 
         temperature_sigma_K / temperature_K,
         temperature_K,
         idle_W,
+        idle_sigma_W,
         [*flight.notes, *notes, *throttle_notes, temperature_note],
         first_wind,
     )
@@ -367,13 +369,16 @@ def _touches_ground(moving: BoolArray, row: int, direction: int) -> bool:
     return bool(len(beyond)) and not bool(beyond.all())
 
 
-def _idle_power_W(power: Array, standing: BoolArray, flown: BoolArray, off: BoolArray) -> float:
-    """Power with the motor off: the median in flight with the throttle closed; where it is never closed, or is not
-    known, the median on the ground, or less if less was drawn in flight.
+def _idle_power_W(power: Array, standing: BoolArray, flown: BoolArray, off: BoolArray) -> tuple[float, float]:
+    """Power with the motor off, and its standard deviation: the median in flight with the throttle closed, or on the
+    ground, or less if less was drawn in flight. Where neither is in the log, the motor may have run all the time.
     """
     gliding = power[flown & off & np.isfinite(power)]
     if len(gliding) * FLIGHT.step_s > FLIGHT.recognized_over_s:
-        return float(np.median(gliding))
+        return float(np.median(gliding)), SHARED.idle_power_W
     in_flight = float(np.nanpercentile(power[flown], 1))
     on_ground = power[standing & np.isfinite(power)]
-    return min(in_flight, float(np.median(on_ground))) if len(on_ground) else in_flight
+    if len(on_ground):
+        return min(in_flight, float(np.median(on_ground))), SHARED.idle_power_W
+    unseen_W = min(in_flight, SHARED.unseen_idle_W)
+    return unseen_W, max(unseen_W, SHARED.idle_power_W)

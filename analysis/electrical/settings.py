@@ -143,7 +143,8 @@ class ErrorsOfTheFlight(Settings):
 
     current: float = setting(0.0115, "1", "of a current meter: evenly within 2 %")
     mass: float = setting(0.005, "1", "of a weighed aircraft")
-    idle_power_W: float = setting(1.0, "W", "of the power drawn with the motor off")
+    idle_power_W: float = setting(1.0, "W", "of the power drawn with the motor off, where the log shows it")
+    unseen_idle_W: float = setting(5.0, "W", "of avionics where it does not; as uncertain as itself")
     least_updraft_mps: float = setting(0.01, "m/s", "mean of a flight, of calm air over warm ground")
     updraft_share: float = setting(0.08, "1", "of the size of vertical air motion; for electrical power")
     updraft_share_for_drag: float = setting(

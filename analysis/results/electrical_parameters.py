@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from analysis.electrical.drag import DragEstimate
 from analysis.electrical.energy_balance import DragAndEfficiency, FlightConditions, drag_power
 from analysis.electrical.estimate import ElectricalEstimate
-from analysis.electrical.settings import SHARED
 from analysis.electrical.thrust_balance import aerodynamics
 from analysis.estimation.noise import NORMAL_95
 from analysis.results.autopilot_parameters import FlightValues, around, wing_loading_of
@@ -70,7 +69,7 @@ def flight_values(
         fastest=equivalent(float(V[-1])),
         wing_loading=wing_loading_of(c.mass_kg * GRAVITY_MPS2, c.wing_area_m2),
         cruise_power=around(power, NORMAL_95 * half),
-        idle_power=around(c.idle_power_W, NORMAL_95 * SHARED.idle_power_W, 0.0),
+        idle_power=around(c.idle_power_W, NORMAL_95 * c.idle_sigma_W, 0.0),
         sink=around(float(sink[0]), NORMAL_95 * float(sink_error[0])),
         CD0=around(float(polar[0]), NORMAL_95 * float(polar_error[0])),
         B=around(float(polar[1]), NORMAL_95 * float(polar_error[1])),

@@ -269,13 +269,15 @@ def test_the_ground_is_looked_for_on_the_side_asked() -> None:
 def test_the_idle_power_is_that_with_the_throttle_closed_or_the_least_seen() -> None:
     power = np.r_[np.full(100, 6.0), np.full(200, 80.0)]
     standing, flown, never = np.arange(300) < 100, np.arange(300) >= 100, np.zeros(300, dtype=bool)
-    assert _idle_power_W(power, standing, flown, never) == 6.0
+    assert _idle_power_W(power, standing, flown, never) == (6.0, 1.0)
+    idle_W, sigma_W = _idle_power_W(power, standing & False, flown, never)
+    assert idle_W < 10 and sigma_W == idle_W  # not the least of a motor that never stood
     power[150:200] = 3.0
-    assert _idle_power_W(power, standing, flown, never) == 3.0
-    assert _idle_power_W(power, 0 * power > 1, flown, never) == 3.0
+    assert _idle_power_W(power, standing, flown, never) == (3.0, 1.0)
+    assert _idle_power_W(power, standing & False, flown, never) == (3.0, 3.0)
     closed = (np.arange(300) >= 200) & (np.arange(300) < 250)
     power[200:250] = np.tile([2.0, 5.0], 25) + 1.0  # noise of the meter
-    assert _idle_power_W(power, standing, flown, closed) == pytest.approx(4.5)
+    assert _idle_power_W(power, standing, flown, closed) == pytest.approx((4.5, 1.0))
 
 
 def test_gaps_are_bridged_up_to_their_length_or_four_intervals() -> None:

@@ -1,11 +1,17 @@
 """Airspeed as the velocity by GPS less the wind: circles, the wind's profile, and what gusts do to it."""
 
+from types import SimpleNamespace
+
 import numpy as np
+import pandas as pd
 import pytest
 
+from analysis.autopilot_logs import recording
+from analysis.electrical.airspeed_gps import airspeed_errors
 from analysis.electrical.energy_balance import Windows, by_horizontal_gusts
 from analysis.electrical.ground_velocity import GroundVelocity, circle_center, gusts, height_factor
 from analysis.electrical.settings import GPS
+from analysis.estimation.noise import NORMAL_95
 
 STEP_S = 0.2
 
@@ -58,3 +64,30 @@ def test_a_gust_changes_windows_as_the_wind_does() -> None:
     assert abs(found[0, 2]) < 0.1 * np.sqrt(found[0, 0] * found[2, 2])
     twice = by_horizontal_gusts(windows, np.vstack([change, -change]), 0.5, 1000.0)
     assert twice[:3, 3:] == pytest.approx(-found)
+
+
+@pytest.mark.parametrize(("noise_Pa", "gust_mps"), [(6.0, 0.0), (0.5, 0.8)])
+def test_the_airspeed_s_scale_is_covered_whichever_velocity_is_disturbed(noise_Pa: float, gust_mps: float) -> None:
+    """White noise of the pitot, or gusts that last 10 s and carry the aircraft along after 5 s. If all errors are taken
+    to be in the velocity by GPS, the scale of the first is two standard errors too high.
+    """
+    t, rho, scale, z = np.arange(0.0, 200.0, 0.2), 1.2, 0.01, []
+    V, heading = 16 + 1.5 * np.sign(np.sin(0.11 * t)), 0.12 * t
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        gust, drift = np.zeros((2, 2, len(t)))
+        for i in range(1, len(t)):
+            gust[:, i] = np.exp(-0.02) * gust[:, i - 1] + gust_mps * np.sqrt(0.04) * rng.standard_normal(2)
+            drift[:, i] = drift[:, i - 1] + 0.04 * (gust[:, i] - drift[:, i - 1])
+        (north, east), (felt_n, felt_e) = np.array([np.cos(heading), np.sin(heading)]) * V + drift, drift - gust
+        through_air = np.hypot(V * np.cos(heading) + felt_n, V * np.sin(heading) + felt_e)
+        noise = np.interp(t, t[::5], noise_Pa * rng.standard_normal(len(t[::5])))
+        pressure = rho / 2 * (through_air * (1 + scale)) ** 2 + noise
+        gps = (np.interp(t - GPS.latency_s, t, one) for one in (north + 3.0, east - 2.0, 0 * t))
+        table = pd.DataFrame(
+            {"pressure_Pa": pressure, "rho": rho} | dict(zip(recording.GPS, gps, strict=True)), index=t
+        )
+        flight = SimpleNamespace(table=table, flown=np.ones(len(t), dtype=bool), zero_sigma_Pa=3.0)
+        found = airspeed_errors(flight, most_points=150)  # type: ignore[arg-type]
+        z.append((found.scale - scale) / np.sqrt(found.covariance[0, 0]))
+    assert np.mean(np.abs(z) < NORMAL_95) >= 0.8 and abs(np.mean(z)) < 1.2

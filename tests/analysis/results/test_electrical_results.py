@@ -8,7 +8,7 @@ import pytest
 from analysis.electrical.airspeed_gps import AirspeedErrors
 from analysis.electrical.drag import DragWithheld
 from analysis.electrical.energy_balance import FlightConditions
-from analysis.electrical.settings import FLIGHT, SHARED
+from analysis.electrical.settings import FLIGHT
 from analysis.estimation.noise import NORMAL_95
 from analysis.polar import maximum_lift_to_drag
 from analysis.results.electrical import ElectricalFindings, _beside_the_curve, _best_speed, _points, _polar, _warnings
@@ -29,7 +29,8 @@ def estimate(*, share: float = 0.03, noise_W: float = 1e-6, wind_mps: float | No
     noise = noise_W**2 * np.eye(len(V))
     return SimpleNamespace(
         V_mps=V, power_W=POWER_W, noise=noise, systematic=systematic, residual_W=np.array([3.0, -4.0]),
-        standard_error_W=np.sqrt(np.diag(noise + systematic)), conditions=SimpleNamespace(idle_power_W=4.0),
+        standard_error_W=np.sqrt(np.diag(noise + systematic)),
+        conditions=SimpleNamespace(idle_power_W=4.0, idle_sigma_W=1.0),
         rho_sigma=0.0, own=noise, common={"current": share * POWER_W},
         airspeed=AirspeedErrors(scale, 0.0, np.diag([0.01**2, 4.0]), wind_mps, 10.0),
     )  # fmt: skip
@@ -197,8 +198,8 @@ def test_powers_and_the_factor_of_airspeed_have_intervals_of_95_per_cent() -> No
     found = values(share=0.04)
     half = NORMAL_95 * 0.04 * 50.0
     assert (found.cruise_power.lo, found.cruise_power.hi) == pytest.approx((50 - half, 50 + half))
-    assert found.idle_power.value == 4.0 and found.idle_power.lo == max(4.0 - NORMAL_95 * SHARED.idle_power_W, 0.0)
-    assert found.idle_power.hi == pytest.approx(4.0 + NORMAL_95 * SHARED.idle_power_W)
+    assert found.idle_power.value == 4.0 and found.idle_power.lo == 4.0 - NORMAL_95 * 1.0
+    assert found.idle_power.hi == pytest.approx(4.0 + NORMAL_95 * 1.0)
     assert found.airspeed_factor.value == pytest.approx(1 / 1.02)
     assert found.airspeed_factor.hi - found.airspeed_factor.value == pytest.approx(NORMAL_95 * 0.01)
     assert values(wind_mps=None).airspeed_factor is None
