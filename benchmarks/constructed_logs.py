@@ -43,7 +43,7 @@ RIGHT = [
         "dropouts", "clock-jump truncated", "landed wrong-battery-first")),
 ]  # fmt: skip
 WRONG = [(autopilot, file, faults) for autopilot, file in (("ardupilot", BIN), ("px4", "log.ulg"))
-         for faults in ("no-airspeed", "dead-meter")]  # fmt: skip
+         for faults in ("no-airspeed no-gps", "dead-meter")]  # fmt: skip
 
 
 class Found(NamedTuple):

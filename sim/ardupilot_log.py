@@ -48,8 +48,8 @@ def write_ardupilot_log(
     faults: of sim.log_faults.FAULTS. Raises OSError where it cannot be written.
     """
     kinds = _messages(flight, sensors, errors, faults)
-    if "no-airspeed" in faults:
-        kinds = [one for one in kinds if one.name != "ARSP"]
+    absent = {name for fault, name in (("no-airspeed", "ARSP"), ("no-gps", "GPS")) if fault in faults}
+    kinds = [one for one in kinds if one.name not in absent]
     if "dropouts" in faults:
         kinds, _ = with_dropouts(kinds, errors.seed)
     if "airborne-start" in faults:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 FAULTS = (
     "landed", "wrong-battery-first", "pressure-offset", "dropouts", "clock-jump", "airborne-start", "appended",
     "truncated", "no-airspeed", "no-thermometer", "second-airspeed", "old-firmware", "hover", "two-packs", "esc-power",
-    "dead-meter",
+    "dead-meter", "no-gps",
 )  # fmt: skip
 LONGEST_DROPOUT_MS, DROPOUTS = 4000, 12
 CLOCK_SET_US, CLOCK_SET_AT = 3_600_000_000, 0.15  # the latter as a share of the flight

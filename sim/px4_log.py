@@ -58,10 +58,13 @@ def write_px4_log(
         topics.append(_unused_airspeed(sensors, errors.seed))
     if "old-firmware" in faults:
         topics = [as_in_2018(one) for one in topics]
-    if "no-airspeed" in faults:
-        topics = [one for one in topics if one.name not in ("airspeed_validated", "differential_pressure")]
-    if "pressure-offset" in faults:  # the raw pressure alone
-        topics = [one for one in topics if one.name != "airspeed_validated"]
+    absent = {
+        "no-airspeed": ("airspeed_validated", "differential_pressure"),
+        "pressure-offset": ("airspeed_validated",),  # the raw pressure alone
+        "no-gps": ("vehicle_gps_position",),
+    }
+    for fault in absent.keys() & set(faults):
+        topics = [one for one in topics if one.name not in absent[fault]]
     dropouts: list[Dropout] = []
     if "dropouts" in faults:
         topics, dropouts = with_dropouts(topics, errors.seed)

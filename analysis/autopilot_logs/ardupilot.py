@@ -18,7 +18,6 @@ from analysis.autopilot_logs.ardupilot_messages import (
     IMU,
     LIFT,
     RPM,
-    WIND,
     Messages,
     Table,
     read_messages,
@@ -92,9 +91,6 @@ def read_ardupilot(path: Path) -> FlightRecording:
         channels[recording.MOTOR] = motor
     if (throttle := _throttle(log)) is not None:
         channels[recording.THROTTLE] = throttle
-    for table in log.of(WIND)[:1]:
-        north, east = (channel(table["t_s"], table[field]) for field in FIELDS[WIND[0]])
-        channels |= dict(zip(recording.WIND, (north, east), strict=True))
     (channels, thermometers, truth), jumps = without_jumps(channels, _thermometers(log), _truth(log))
     hover_notes: list[str] = []
     if recording.AIRSPEED_PRESSURE in channels:

@@ -21,7 +21,6 @@ AIRSPEED, BATTERY = ("ARSP", "ASP2"), ("BAT", "BAT2", "CURR", "CUR2")
 CONTROLLERS, RPM = ("ESC", *(f"ESC{i}" for i in range(1, 9))), ("RPM",)
 SIMULATION = ("SIM", "SIM2")
 LIFT = ("QTUN",)  # control of a VTOL's lifting motors
-WIND = ("XKF2", "NKF2")  # of the estimator
 BAROMETER, IMU, GPS = ("BARO", "BAR2", "BAR3"), ("IMU", "IMU2", "IMU3"), ("GPS", "GPS2")
 # By kind of message, the fields that are read; none stands for all.
 FIELDS: dict[str, tuple[str, ...]] = {
@@ -37,7 +36,6 @@ FIELDS: dict[str, tuple[str, ...]] = {
     "AETR": ("Thr",),
     "RCOU": (),
     "MODE": ("ModeNum", "Mode"),
-    **dict.fromkeys(WIND, ("VWN", "VWE")),
     "SIM": ("Alt",),
     "SIM2": ("As",),
 }

@@ -31,7 +31,6 @@ TOPICS = (
     "actuator_controls_0", "actuator_controls_1", "airspeed", "airspeed_validated", "battery_status",
     "differential_pressure", "esc_status", "rpm", "sensor_baro", "sensor_combined", "sensor_gps",
     "vehicle_acceleration", "vehicle_air_data", "vehicle_gps_position", "vehicle_status", "vehicle_thrust_setpoint",
-    "wind", "wind_estimate",
 )  # fmt: skip
 AIRSPEED_TOPICS = (  # in order of preference
     ("airspeed_validated", ("indicated_airspeed_m_s",)),
@@ -75,7 +74,7 @@ def read_px4(path: Path) -> FlightRecording:
     topics, parameters, notes = _topics(path)
     _refuse_wingless(path, topics)
     airspeed, zeroed = _airspeed(topics)
-    channels = airspeed | _static(topics) | _force(topics) | _gps(topics) | _wind(topics)
+    channels = airspeed | _static(topics) | _force(topics) | _gps(topics)
     batteries = [
         Battery(f"battery_status {one.instance}", one.channel("voltage_v"), one.channel("current_a"))
         for one in topics.get("battery_status", [])
@@ -226,14 +225,6 @@ def _gps(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
                     axis: channel(one.t_s[fixed], one.values(field)[fixed])
                     for axis, field in zip(recording.GPS, fields, strict=True)
                 }
-    return {}
-
-
-def _wind(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
-    """Of the estimator that the vehicle flies by, or of the airspeed's."""
-    for one in (*topics.get("wind", [])[:1], *topics.get("wind_estimate", [])[:1]):
-        fields = zip(recording.WIND, ("windspeed_north", "windspeed_east"), strict=True)
-        return {name: one.channel(field) for name, field in fields}
     return {}
 
 

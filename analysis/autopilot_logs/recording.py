@@ -18,7 +18,6 @@ AIRSPEED_PRESSURE = "airspeed_pressure_Pa"  # pitot less static pressure, its ze
 STATIC, FORCE_X, FORCE_Y, FORCE_Z = "static_Pa", "ax_mps2", "ay_mps2", "az_mps2"
 VOLTAGE, CURRENT = "battery_V", "battery_A"
 MOTOR, THROTTLE = "motor_revps", "throttle"  # the latter from 0 to 1, negative where it reverses
-WIND = ("wind_north_mps", "wind_east_mps")  # where the air goes, by the autopilot's estimator
 TRUE_AIRSPEED, TRUE_HEIGHT = "true_airspeed_mps", "true_height_m"  # of a simulation
 OF_AIRSPEED, OF_BAROMETER = frozenset({AIRSPEED_PRESSURE}), frozenset({STATIC})
 OF_BATTERY = frozenset({VOLTAGE, CURRENT})
@@ -36,7 +35,7 @@ POSSIBLE = {
     CURRENT: READABLE.possible["current_A"],
     MOTOR: READABLE.possible["motor_revps"],
     THROTTLE: READABLE.possible["throttle"],
-    **dict.fromkeys((*GPS, *WIND, TRUE_AIRSPEED), READABLE.possible["ground_mps"]),
+    **dict.fromkeys((*GPS, TRUE_AIRSPEED), READABLE.possible["ground_mps"]),
     TRUE_HEIGHT: READABLE.possible["height_m"],
 }
 

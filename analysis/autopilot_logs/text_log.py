@@ -55,7 +55,7 @@ class TextLog:
             if code in TEXTS:
                 out[field] = np.array([str(x).encode("ascii", "replace") for x in values])
             elif code not in ARRAYS:
-                out[field] = np.array(values, dtype=np.float64)
+                out[field] = np.array([_number(x) for x in values])
         return out
 
 
@@ -64,4 +64,12 @@ def _value(message: Any, field: str) -> Any:
     try:
         return getattr(message, field)
     except (ValueError, AttributeError):
+        return np.nan
+
+
+def _number(value: Any) -> float:
+    """NaN where a damaged definition has a text for a number."""
+    try:
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
         return np.nan
