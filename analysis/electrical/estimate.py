@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.electrical.airspeed_gps import AirspeedErrors, airspeed_errors, by_wind
-from analysis.electrical.energy_balance import EnergyBalance, FlightConditions, Samples, level_power
+from analysis.electrical.energy_balance import PARAMETERS, EnergyBalance, FlightConditions, Samples, level_power
 from analysis.electrical.fit import (
     Fit,
     SharedErrors,
@@ -237,7 +237,7 @@ def _fitted(
 ) -> tuple[EnergyBalance, Fit]:
     """With a propeller's efficiency, or with the power law where that is far more probable."""
     balance = EnergyBalance(samples, conditions, most_windows)
-    if len(balance.windows.centers_s) < WINDOWS.fewest:
+    if len(balance.windows.centers_s) < len(PARAMETERS) + 3:  # a few more than there are parameters
         raise InputError(f"{log}: the flight is too short or too torn for an energy balance")
     if float(np.max(balance.power_W)) < 2 * conditions.idle_power_W + SHARED.unseen_idle_W:
         raise InputError(f"{log}: the motor took no power in flight; electrical power of level flight is not known")

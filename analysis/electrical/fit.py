@@ -21,7 +21,7 @@ from analysis.electrical.energy_balance import (
 )
 from analysis.electrical.flight_table import FlightTable
 from analysis.electrical.ground_velocity import ground_velocity
-from analysis.electrical.settings import FLIGHT, RESIDUALS, SHARED
+from analysis.electrical.settings import FLIGHT, RESIDUALS, SHARED, WINDOWS
 from analysis.signals.smoothing import without_gaps
 
 Array = NDArray[np.float64]
@@ -30,10 +30,8 @@ SharedErrors = list[tuple[Array, FlightConditions]]
 
 SIGMAS_MPS = tuple(0.02 * 1.25**i for i in range(26))  # 0.02 to 5
 ANGLES_RAD = tuple(0.0005 * 1.25**i for i in range(22))  # to 0.05: of the angle of attack
-STEP = 0.2  # of numerical derivatives, in standard deviations
-
-
 SHARES = tuple(0.002 * 1.25**i for i in range(20))  # to 0.14
+STEP = 0.2  # of numerical derivatives, in standard deviations
 
 
 class Fit(NamedTuple):
@@ -93,20 +91,15 @@ def most_probable_fit(
     windows, mass_kg, V = balance.windows, balance.conditions.mass_kg, float(np.mean(balance.V_mps))
     n, with_force = len(balance.V_mps), balance.samples.force_x_mps2 is not None
     white = uncorrelated(windows)
-    times_s = RESIDUALS.times_s
     along_mps = 0.0 if balance.samples.ground is not None else V  # a gust along the path changes no velocity by GPS
-    vertical = [by_air(windows, mass_kg, along_mps, 1.0, time_s) for time_s in times_s]
-    angles = [by_angle(windows, mass_kg, balance.V_mps, 1.0, time_s) for time_s in RESIDUALS.times_s]
+    vertical = [by_air(windows, mass_kg, along_mps, 1.0, time_s) for time_s in WINDOWS.times_s]
+    angles = [by_angle(windows, mass_kg, balance.V_mps, 1.0, time_s) for time_s in WINDOWS.times_s]
     unlikely = [
         (np.log(time_s * V / RESIDUALS.gust_length_m.mean) / RESIDUALS.gust_length_m.sigma) ** 2
-        for time_s in RESIDUALS.times_s
+        for time_s in WINDOWS.times_s
     ]
-    gust_mps, gust_s, angle_rad, angle_s = (
-        RESIDUALS.first_gust_mps,
-        RESIDUALS.first_s,
-        RESIDUALS.first_angle_rad,
-        RESIDUALS.first_s,
-    )
+    gust_mps, angle_rad = RESIDUALS.first_gust_mps, RESIDUALS.first_angle_rad
+    gust_s = angle_s = RESIDUALS.first_s
     parameters, share = mean, RESIDUALS.efficiency_share.mean
     prior = RESIDUALS.efficiency_share
     unlikely_shares = [(np.log(np.array(SHARES) / prior.mean) / prior.sigma) ** 2]
@@ -138,7 +131,7 @@ def most_probable_fit(
         parameters, jacobian = most_probable(balance.residual, whiten, mean, sigma, parameters, measured=measured)
         residual = balance.residual(parameters)
         of_drag = by_efficiency(windows, balance.useful_W(parameters), share) + white
-        airs = [one + of_gusts(first, 1.0, time_s) for one, time_s in zip(vertical, times_s, strict=True)]
+        airs = [one + of_gusts(first, 1.0, time_s) for one, time_s in zip(vertical, WINDOWS.times_s, strict=True)]
         gust_mps, gust_s = _size_and_time(residual[:n], of_drag, airs, SIGMAS_MPS, unlikely)
         air = by_air(windows, mass_kg, along_mps, gust_mps, gust_s)
         of_form = [by_efficiency(windows, balance.useful_W(parameters), 1.0)]
@@ -157,7 +150,7 @@ def most_probable_fit(
                     of_drag + of_gusts(lambda x: x[:n] + x[n:], gust_mps, gust_s) + white,
                 ),
             )
-            equal = [0.0] * len(RESIDUALS.times_s)
+            equal = [0.0] * len(WINDOWS.times_s)
             angle_rad, angle_s = max(_size_and_time(*one, angles, ANGLES_RAD, equal) for one in shown)
     information = jacobian.T @ jacobian
     estimate_covariance = np.asarray(np.linalg.inv(information), dtype=float)
@@ -177,7 +170,7 @@ def _size_and_time(
     what is probable given the residuals. A short flight leaves them uncertain, and their most likely values are too
     small more often than too large.
 
-    fixed: covariance of the rest. by_time: of the part at size 1, for each of RESIDUALS.times_s. unlikely: their
+    fixed: covariance of the rest. by_time: of the part at size 1, for each of WINDOWS.times_s. unlikely: their
     cost, as chi squared.
     """
     found = []
@@ -189,7 +182,7 @@ def _size_and_time(
         variance = 1 + np.square(sizes)[:, None] * np.maximum(values, 0.0)
         found.append(np.sum(white / variance + np.log(variance), axis=1) + cost_of_time)
     costs = np.concatenate(found)
-    sigmas, times_s = np.tile(sizes, len(by_time)), np.repeat(RESIDUALS.times_s[: len(by_time)], len(sizes))
+    sigmas, times_s = np.tile(sizes, len(by_time)), np.repeat(WINDOWS.times_s[: len(by_time)], len(sizes))
     weight = np.exp((costs.min() - costs) / 2)
     weight /= weight.sum()
     return float(np.sqrt(weight @ sigmas**2)), float(np.exp(weight @ np.log(times_s)))

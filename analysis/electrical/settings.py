@@ -114,7 +114,13 @@ class BalanceWindows(Settings):
 
     length_s: float = setting(8.0, "s", "shorter ones hold gusts alone, longer ones average maneuvers away")
     most: int = setting(400, "1", "a matrix of twice this size is inverted several times")
-    fewest: int = setting(15, "1", "as many as parameters, and a few")
+
+    @property
+    def times_s(self) -> tuple[float, ...]:
+        """Candidates for correlation times, from an eighth to twice the length: much shorter ones are averaged away,
+        much longer ones look constant.
+        """
+        return tuple(self.length_s * 2.0**i for i in range(-3, 2))
 
 
 WINDOWS = BalanceWindows()
@@ -127,7 +133,6 @@ class Residuals(Settings):
     efficiency_share: Normal = setting(Normal(0.05, 0.35), "1, ln", "error of the efficiency's form; estimated, too")
     efficiency_s: float = setting(10.0, "s", "how long it lasts: a maneuver")
     white_W: float = setting(1.0, "W", "of a window's power, uncorrelated: resolution of current and height")
-    times_s: tuple[float, ...] = setting((1.0, 2.0, 4.0, 8.0, 16.0), "s", "correlation times that are averaged over")
     gust_length_m: Normal = setting(Normal(60.0, 0.7), "m, ln", "the height above ground (MIL-F-8785C)")
     first_s: float = setting(3.0, "s", "with which the search begins")
     first_gust_mps: float = setting(0.3, "m/s", "with which the search begins")
@@ -183,10 +188,13 @@ THRUST = ThrustByTable()
 
 @dataclass(frozen=True)
 class BesideACompleteLog(Settings):
-    """Coarser steps for the whole flight of a complete log, which this costs little beside the rest."""
+    """The whole flight of a complete log is computed more coarsely: it shall cost little beside the rest."""
 
     every: int = setting(3, "1", "sample of the flight's table")
-    most_windows: int = setting(100, "1", "a second of computation instead of ten")
+
+    @property
+    def most_windows(self) -> int:
+        return WINDOWS.most // 4
 
 
 BESIDE_A_COMPLETE_LOG = BesideACompleteLog()
