@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from analysis.autopilot_logs.ardupilot import read_ardupilot
 from analysis.autopilot_logs.px4 import read_px4
-from analysis.autopilot_logs.recording import AIRSPEED_PRESSURE, MOTOR, FlightRecording
+from analysis.autopilot_logs.recording import AIRSPEED_PRESSURE, MOTOR, Channel, FlightRecording
 from analysis.electrical.drag import DragWithheld, ThrustSource, drag_estimate
 from analysis.electrical.estimate import FlownAircraft, estimate
 from analysis.electrical.flight_table import flight_table
@@ -43,6 +43,7 @@ Errors = tuple[Array, Array]
 
 AUTOPILOTS = {"px4": (write_px4_log, read_px4), "ardupilot": (write_ardupilot_log, read_ardupilot)}
 WITHOUT = {"motor": MOTOR, "blind": AIRSPEED_PRESSURE}
+KEPT_S, LOST_S = 4.0, 4.0  # means of what the radio of a telemetry log transmits, and loses, at a time
 SPEEDS = 7
 MORE_DRAG = 0.04
 CLOSED_LOOP = "laps"  # the plan that an energy controller flies, in a mean wind of W20
@@ -71,9 +72,9 @@ def true_power(aircraft: CompleteAircraft, flight: Flight, errors: DrawnErrors, 
 
 
 def one_flight(setup: Setup, *, autopilots: str = "px4", of: str = "electrical", traps: bool = False) -> Rows:
-    """By autopilot and quantity. of: electrical; blind: without the airspeed sensor; rpm or motor: power required by
-    propeller table and motor speed, or by the motor's constants. Several are separated by commas. traps: with each
-    fault of real logs, or its refusal."""
+    """By autopilot and quantity. of: electrical; blind: without the airspeed sensor; torn: one sample a second, half of
+    them lost by the radio; rpm or motor: power required by propeller table and motor speed, or by the motor's
+    constants. Several are separated by commas. traps: with each fault of real logs, or its refusal."""
     aircraft, errors = load_complete_aircraft(setup.aircraft), setup.drawn
     flight, sensors, _ = flown(
         aircraft, errors, setup.plan, setup.seed, setup.turbulence_kt, wind_too=setup.plan == CLOSED_LOOP
@@ -148,9 +149,18 @@ def columns(_: Aircraft) -> list[str]:
 
 
 def _without(recording: FlightRecording, of: str) -> FlightRecording:
-    """Without the channel that this quantity goes without."""
+    """Without the channel, or the samples, that this quantity goes without."""
     channels = {name: one for name, one in recording.channels.items() if name != WITHOUT.get(of)}
-    return dataclasses.replace(recording, channels=channels)
+    if of == "torn":
+        rng, end_s = np.random.default_rng(0), max(float(one.t_s[-1]) for one in channels.values())
+        kept_s, lost_s = rng.exponential(((KEPT_S,), (LOST_S,)), (2, round(end_s / KEPT_S)))
+        starts_s = np.cumsum(kept_s + lost_s) - kept_s - lost_s
+        for name, one in channels.items():
+            sent = np.flatnonzero(np.diff(np.floor(one.t_s)) > 0)
+            of_pair = np.clip(np.searchsorted(starts_s, one.t_s[sent]) - 1, 0, None)
+            received = sent[one.t_s[sent] - starts_s[of_pair] < kept_s[of_pair]]
+            channels[name] = Channel(one.t_s[received], one.value[received])
+    return dataclasses.replace(recording, channels=channels, by_radio=of == "torn")
 
 
 def _errors(

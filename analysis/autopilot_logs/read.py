@@ -20,4 +20,8 @@ def read_autopilot_log(path: Path, autopilot: Autopilot) -> "FlightRecording":
             from analysis.autopilot_logs.ardupilot import read_ardupilot
 
             return read_ardupilot(path)
+        case Autopilot.PAPARAZZI:
+            from analysis.autopilot_logs.paparazzi import read_paparazzi
+
+            return read_paparazzi(path)
     assert_never(autopilot)

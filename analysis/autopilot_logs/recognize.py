@@ -1,5 +1,7 @@
 """Recognizes a log of an autopilot by its first bytes."""
 
+import gzip
+import re
 from enum import StrEnum
 from pathlib import Path
 
@@ -8,6 +10,8 @@ from flight.errors import InputError
 ULOG_MAGIC, DATAFLASH_MAGIC = b"ULog\x01\x12\x35", b"\xa3\x95\x80"  # the latter: a format message
 TEXT_MAGIC = b"FMT,"
 MAVLINK_MARKERS = b"\xfe\xfd"
+GZIP_MAGIC = b"\x1f\x8b"
+PAPARAZZI_LINE = re.compile(rb"\d+\.\d+ \d+ [A-Z][A-Z0-9_]+( |\r?\n|$)")  # time, aircraft, message
 
 
 class Autopilot(StrEnum):
@@ -15,19 +19,31 @@ class Autopilot(StrEnum):
 
     PX4 = "PX4"
     ARDUPILOT = "ArduPilot"
+    PAPARAZZI = "Paparazzi"
 
 
 def autopilot_of(path: Path) -> Autopilot | None:
     """None where the file is no autopilot's log. Raises InputError when it cannot be read."""
-    try:
-        with path.open("rb") as stream:
-            start = stream.read(9)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+    start = first_bytes(path)
     if start.startswith(ULOG_MAGIC):
         return Autopilot.PX4
+    if PAPARAZZI_LINE.match(start):
+        return Autopilot.PAPARAZZI
     found = start.startswith((DATAFLASH_MAGIC, TEXT_MAGIC)) or is_telemetry(start)
     return Autopilot.ARDUPILOT if found else None
+
+
+def first_bytes(path: Path, count: int = 200) -> bytes:
+    """Those of the contents of a file that may be compressed by gzip. Raises InputError when it cannot be read."""
+    try:
+        with path.open("rb") as stream:
+            start = stream.read(count)
+        if start.startswith(GZIP_MAGIC):
+            with gzip.open(path) as stream:
+                return stream.read(count)
+    except (OSError, EOFError) as error:
+        raise InputError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
+    return start
 
 
 def is_telemetry(start: bytes) -> bool:

@@ -59,6 +59,7 @@ class FlightRecording:
     air_temperature_K : in flight, where the user says it
     inside : which thermometers are inside electronics, and so warmer than the air
     enabled_by : by a sensor's channels, which parameters of the autopilot switch it on
+    by_radio : received as telemetry, of which much may be lost
     truth : of a simulation by the firmware, TRUE_AIRSPEED and TRUE_HEIGHT; compared, never used
     """
 
@@ -72,6 +73,7 @@ class FlightRecording:
     inside: frozenset[str] = frozenset()
     enabled_by: Mapping[frozenset[str], str] = field(default_factory=dict)
     truth: Mapping[str, Channel] = field(default_factory=dict)
+    by_radio: bool = False
 
 
 def channel(t_s: ArrayLike, value: ArrayLike) -> Channel:

@@ -46,8 +46,9 @@ def analyze(
         list[Path],
         typer.Argument(
             metavar="LOG",
-            help="A log that the daemon recorded, one of other software (docs/log-format.md), or one of PX4 (.ulg) or"
-            " ArduPilot (.BIN, .log, .tlog). Several: each is analyzed, and the flights of one aircraft are pooled.",
+            help="A log that the daemon recorded, one of other software (docs/log-format.md), one of PX4 (.ulg),"
+            " ArduPilot (.BIN, .log, .tlog) or Paparazzi (.data). Several: each is analyzed, and the flights of one"
+            " aircraft are pooled.",
         ),
     ],
     output: Annotated[

@@ -104,7 +104,7 @@ class FlightTable(NamedTuple):
 def flight_table(flight: FlightRecording, weight_N: float, wing_area_m2: float) -> FlightTable:
     """The flight of a recording. Raises InputError, in one line, where it lacks a channel or a flight."""
     t_s = _grid(flight)
-    columns = _columns(flight.channels, t_s)
+    columns = _columns(flight, t_s)
     least_Pa = weight_N / wing_area_m2 / FLIGHT.highest_CL
     has_pitot = recording.AIRSPEED_PRESSURE in flight.channels
     if has_pitot:
@@ -130,12 +130,7 @@ def flight_table(flight: FlightRecording, weight_N: float, wing_area_m2: float) 
     airborne = _airborne(columns, standing, moving, least_Pa)
     _refuse_meter(flight.path, columns, moving, weight_N)
     if sum(rows.stop - rows.start for rows in airborne) * FLIGHT.step_s < FLIGHT.shortest_flight_s:
-        known = moving & np.isfinite(columns["pressure_Pa"] + columns["height_m"] + columns["power_W"])
-        raise InputError(
-            f"{flight.path}: too short a flight in this log: airspeed, height and battery for"
-            f" {known.sum() * FLIGHT.step_s:.0f} s in the air; {FLIGHT.shortest_flight_s:.0f} s clear of take-off and"
-            " landing are needed"
-        )
+        raise InputError(f"{flight.path}: {_why_too_short(columns, moving)}")
     flown = np.zeros(len(t_s), dtype=bool)
     for rows in airborne:
         flown[rows] = True
@@ -155,6 +150,23 @@ def flight_table(flight: FlightRecording, weight_N: float, wing_area_m2: float) 
         idle_sigma_W,
         [*flight.notes, *notes, *throttle_notes, temperature_note],
         first_wind,
+    )
+
+
+def _why_too_short(columns: Mapping[str, Array], moving: BoolArray) -> str:
+    known = np.isfinite(columns["pressure_Pa"] + columns["height_m"] + columns["power_W"])
+    in_air_s, known_s = (float(rows.sum()) * FLIGHT.step_s for rows in (moving, moving & known))
+    lasting_s = max(((rows.stop - rows.start) * FLIGHT.step_s for rows in stretches(moving & known)), default=0.0)
+    if known_s < FLIGHT.shortest_flight_s or lasting_s > 0.9 * in_air_s:
+        cause = f"airspeed, height and battery for {known_s:.0f} s in the air"
+    else:
+        cause = (
+            f"airspeed, height and battery for {known_s:.0f} s of {in_air_s:.0f} s in the air, but torn by gaps, for"
+            f" {lasting_s:.0f} s at most at a time"
+        )
+    return (
+        f"too short a flight in this log: {cause}; {FLIGHT.shortest_flight_s:.0f} s clear of take-off and landing are"
+        f" needed, in stretches of {2.5 * WINDOWS.length_s:.0f} s at least"
     )
 
 
@@ -224,10 +236,13 @@ def _grid(flight: FlightRecording) -> Array:
     return np.asarray(np.arange(main[0], main[-1], FLIGHT.step_s))
 
 
-def _columns(channels: Mapping[str, Channel], t_s: Array) -> dict[str, Array]:
+def _columns(flight: FlightRecording, t_s: Array) -> dict[str, Array]:
+    channels = flight.channels
+    gap_s = WINDOWS.length_s if flight.by_radio else FLIGHT.longest_gap_s
+
     def column(name: str, window_s: float = 0.0) -> Array:
         one = channels.get(name)
-        return np.full(len(t_s), np.nan) if one is None else resampled(one, t_s, window_s, FLIGHT.longest_gap_s)
+        return np.full(len(t_s), np.nan) if one is None else resampled(one, t_s, window_s, gap_s)
 
     columns = {
         "pressure_Pa": column(recording.AIRSPEED_PRESSURE, FLIGHT.smoothing_s),

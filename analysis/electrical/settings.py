@@ -25,7 +25,7 @@ class FlightDetection(Settings):
     climb_mps: float = setting(1.0, "m/s", "any take-off climbs faster, at an efficiency of 1")
     clear_of_ground_m: float = setting(3.0, "m", "above ground effect of a small wing, and a barometer's error")
     shortest_flight_s: float = setting(60.0, "s", "a shorter flight holds too few independent windows")
-    longest_gap_s: float = setting(2.5, "s", "bridged by interpolation: well below a window")
+    longest_gap_s: float = setting(2.5, "s", "bridged by interpolation: well below a window; by radio a window")
     longest_log_s: float = setting(40_000.0, "s", "eleven hours; a longer one has a wrong clock")
     measured_share: float = setting(0.98, "1", "of the flight, from which a channel counts as measured throughout")
 
