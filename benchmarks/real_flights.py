@@ -1,36 +1,48 @@
-"""Flights that were flown: the curve of `analyze` against the steady points of the same flight.
+"""Flights that were flown: the curve of `analyze` against steady flight in the same log, from each file as it is.
 
 python benchmarks/real_flights.py [FOLDER]: a Markdown table of errors, half widths, coverage, time and memory.
-FOLDER holds `citation-reference-flight.csv.gz` (docs/real-flights.md); default: ../shared/data/real-flights.
-Thrust and mass are shared by curve and reference: what is compared is how drag follows from motion.
+FOLDER holds the files of docs/real-flights.md; default: ../shared/data/real-flights. Tables are read with the map that
+`flightpower new columns` drafts. Mass, and thrust or current, are shared by curve and reference: what is compared is
+how drag follows from motion.
 """
 
-import json
+import gzip
 import resource
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from analysis.autopilot_logs.paparazzi import read_paparazzi
+from analysis.autopilot_logs.recording import FlightRecording
+from analysis.electrical.daemon_log import recording_of
+from analysis.electrical.estimate import ElectricalEstimate, estimate
+from analysis.electrical.flight_table import FlightTable, flight_table
+from analysis.estimation.noise import NORMAL_95
 from analysis.log_contents import Replacements
 from analysis.pipeline import analyze
 from analysis.schema import Results
-from flight.atmosphere import density, height_at, temperature_at
-from flight.log_reader import Log, read_log
-from flight.log_writer import LogWriter
-from flight.messages import AbsolutePressure, DifferentialPressure, Imu, Message, Rpm
+from analysis.tables.draft import draft
+from analysis.tables.log_of_table import log_of_table
+from flight.aircraft import parse_aircraft
+from flight.errors import InputError
+from flight.log_reader import Log
 from flight.units import GRAVITY_MPS2 as g
 
 Array = NDArray[np.float64]
-FOLDER = Path(__file__).parents[2] / "shared" / "data" / "real-flights"
+BESIDE = [folder / "shared" / "data" / "real-flights" for folder in Path(__file__).resolve().parents]
+FOLDER = next((folder for folder in BESIDE if folder.exists()), BESIDE[1])
 CITATION = "citation-reference-flight.csv.gz"
 WEIGHT_N, WING_AREA_M2 = 62501.0, 30.0  # mean of the steady points
 SPEEDS_MPS = np.arange(65.0, 136.0, 10.0)
-PORT_SLOPE = 4.5  # pressure difference of an ideal probe over dynamic pressure and angle
 
 AIRCRAFT = f"""name = "citation"
 [geometry]
@@ -46,69 +58,93 @@ upwash_per_CL = "0 deg"
 thrust_scale = "1 %"
 thrust_slope = 0.0001
 """
-# A thrust column as a motor speed: one meter of diameter and a thrust coefficient of one, whatever the advance ratio.
-THRUST_AS_SPEED = "# diameter_m = 1.0\nrpm,J,cT,cP\n" + "".join(
-    f"{rpm},{J},1,1\n" for rpm in (100, 20000) for J in (0, 1000)
+
+
+class Electrical(NamedTuple):
+    """A flight that gives electrical power. Mass, wing area and span of the Cyclone and the Daredevil are guesses."""
+
+    title: str
+    file: str
+    mass_kg: float
+    wing_area_m2: float
+    span_m: float
+    without: bytes = b""  # lines of a text log with this in them are left out
+    motors: int = 1  # of which one is measured
+
+
+ELECTRICAL = (
+    Electrical("Daredevil, 10 July", "daredevil-2020-07-10-flight2.data.gz", 0.75, 0.23, 1.0),
+    Electrical("the same without AIRSPEED", "daredevil-2020-07-10-flight2.data.gz", 0.75, 0.23, 1.0, b" AIRSPEED "),
+    Electrical("the same without AIR_DATA", "daredevil-2020-07-10-flight2.data.gz", 0.75, 0.23, 1.0, b" AIR_DATA "),
+    Electrical("Daredevil, 5 July", "daredevil-2020-07-05.data.gz", 0.75, 0.23, 1.0),
+    Electrical("Cyclone", "cyclone-test.mat", 1.0, 0.18, 0.9, motors=2),
 )
+# By measured airspeed [m/s], mean battery power [W] in level windows of 8 s of the flight of 10 July.
+LEVEL_WINDOWS = {12.4: 17.9, 12.7: 19.7, 13.1: 20.4, 13.4: 21.5}
 
 
-def vane_as_probe() -> str:
-    """A calibration for pressures that are PORT_SLOPE times angle times dynamic pressure."""
-
-    def linear(powers: list[tuple[int, int]], coefficient: float) -> dict[str, object]:
-        return {"powers": powers, "coefficients": [coefficient], "residual_rms": 0.0, "order": 1}
-
-    maps = {
-        "alpha_rad": linear([(1, 0)], 1 / PORT_SLOPE),
-        "beta_rad": linear([(0, 1)], 1 / PORT_SLOPE),
-        "q_ratio": linear([(0, 0)], 1.0),
-    }
-    hull = [(-3, -3), (3, -3), (3, 3), (-3, 3)]
-    head = {"format": "flightpower-probe-2", "source": "vane", "points": 1, "alpha_scale_sigma": 0.0, "hull": hull}
-    return json.dumps(head | maps)
+def citation_log(csv: Path, scratch: Path) -> Log:
+    """The whole flight of the Citation, by the drafted map of its columns."""
+    (scratch / "columns.toml").write_text(draft(csv))
+    return log_of_table(csv, scratch / "columns.toml")
 
 
-def citation_log(csv: Path, out: Path) -> Log:
-    """The whole flight of the Citation as a log; the vane, the airspeed and the thrust as pressures and motor speed."""
-    d = pd.read_csv(csv)
-    static_Pa = 101325 * (1 - 0.0065 * d.altitude_m.to_numpy() / 288.15) ** 5.25588
-    ground_Pa, ground_K = float(static_Pa[0]), float(d.static_temperature_K[0])
-    height_m = height_at(static_Pa, ground_pressure_Pa=ground_Pa, ground_temperature_K=ground_K)
-    rho = density(static_Pa, temperature_at(height_m, ground_K))
-    q_Pa = rho * d.true_airspeed_mps.to_numpy() ** 2 / 2
-    alpha_Pa = PORT_SLOPE * np.radians(d.vane_angle_of_attack_deg.to_numpy()) * q_Pa
-    revps = np.sqrt(np.maximum(d.thrust_N.to_numpy(), 0.0) / rho)
-    rates = np.radians(d[[f"{axis}_rate_degps" for axis in ("roll", "pitch", "yaw")]].to_numpy())
-    with out.open("wb") as stream:
-        log = LogWriter(stream)
-        for name, text in (
-            ("aircraft.toml", AIRCRAFT),
-            ("propeller.csv", THRUST_AS_SPEED),
-            ("probe.json", vane_as_probe()),
-        ):
-            log.attach(name, text.encode(), "text/plain", 0)
-        for i, t_s in enumerate(d.time_s):
-            messages: dict[str, Message] = {
-                "/imu": Imu(
-                    specific_force_x_mps2=float(d.longitudinal_specific_force_mps2[i]),
-                    specific_force_y_mps2=float(d.lateral_specific_force_mps2[i]),
-                    specific_force_z_mps2=float(-d.upward_specific_force_less_1g_mps2[i] - g),
-                    angular_rate_x_radps=float(rates[i, 0]),
-                    angular_rate_y_radps=float(rates[i, 1]),
-                    angular_rate_z_radps=float(rates[i, 2]),
-                ),
-                "/probe/airspeed": DifferentialPressure(differential_pressure_Pa=float(q_Pa[i])),
-                "/probe/alpha": DifferentialPressure(differential_pressure_Pa=float(alpha_Pa[i])),
-                "/static": AbsolutePressure(
-                    pressure_Pa=float(static_Pa[i]), temperature_K=float(d.static_temperature_K[i])
-                ),
-            }
-            if revps[i] > 0:
-                messages["/rpm"] = Rpm(motor_speed_revps=float(revps[i]))
-            for topic, message in messages.items():
-                log.write(topic, message, time_ns=round(t_s * 1e9), tick=i)
-        log.finish()
-    return read_log(out)
+def electrical_recording(flight: Electrical, folder: Path, scratch: Path) -> FlightRecording:
+    path = folder / flight.file
+    if flight.file.endswith(".mat"):
+        text = draft(path).replace('unit = "A"', f'unit = "A"\nfactor = {flight.motors}')
+        (scratch / "map.toml").write_text(text)
+        return recording_of(log_of_table(path, scratch / "map.toml"))
+    kept = scratch / "flight.data"
+    with gzip.open(path) as stream:
+        kept.write_bytes(b"".join(line for line in stream if not flight.without or flight.without not in line))
+    return replace(read_paparazzi(kept), path=path)
+
+
+def level_windows(table: FlightTable, found: ElectricalEstimate) -> Iterator[tuple[float, float]]:
+    """True airspeed [m/s] and mean battery power [W] of steady windows of 8 s, for flights without published ones."""
+    rows = table.table
+    V = np.sqrt(2 * np.maximum(rows["pressure_Pa"], 0.0) / rows["rho"]).to_numpy() / (1 + found.airspeed.scale)
+    energy = found.conditions.mass_kg * (g * rows["height_m"].to_numpy() + V**2 / 2)
+    power = rows["power_W"].to_numpy()
+    for airborne in table.airborne:
+        for i in range(airborne.start, airborne.stop - 40, 10):
+            window = slice(i, i + 40)
+            if abs(energy[i + 40] - energy[i]) / 8 < 0.05 * np.median(power[airborne]):
+                yield float(V[window].mean()), float(power[window].mean())
+
+
+def electrical_row(flight: Electrical, folder: Path, scratch: Path) -> str:
+    started = time.process_time()
+    try:
+        table = flight_table(electrical_recording(flight, folder, scratch), flight.mass_kg * g, flight.wing_area_m2)
+        found = estimate(table, flight.mass_kg * g, flight.wing_area_m2, flight.span_m, flight.file)
+    except InputError as refused:
+        return f"| {flight.title} | refused: {refused} |"
+    seconds = time.process_time() - started
+    if flight.file == ELECTRICAL[0].file:
+        V = np.array([*LEVEL_WINDOWS]) / (1 + found.airspeed.scale)
+        reference = np.array([*LEVEL_WINDOWS.values()])
+    else:
+        shown, watts = np.array([*level_windows(table, found)]).T
+        edges = np.quantile(shown, np.linspace(0, 1, 5))
+        of = [(shown >= low) & (shown <= high) for low, high in pairwise(edges)]
+        V = np.array([shown[one].mean() for one in of])
+        reference = np.array([watts[one].mean() for one in of])
+    reached = (V >= found.V_mps[0]) & (V <= found.V_mps[-1])
+    V, reference = V[reached], reference[reached]
+    power, sigma = (np.interp(V, found.V_mps, one) for one in (found.power_W, found.standard_error_W))
+    error, half = 100 * (power / reference - 1), 100 * NORMAL_95 * sigma / power
+    inside = np.count_nonzero(np.abs(power - reference) < NORMAL_95 * sigma)
+    return (
+        f"| {flight.title} | energy, electrical | {len(found.time_s)} windows | {V[0]:.1f} to {V[-1]:.1f} |"
+        f" {error.min():+.1f} to {error.max():+.1f} | {half.min():.0f} to {half.max():.0f} | {inside} of {len(V)} | |"
+        f" {seconds:.0f} | {_megabytes():.0f} |"
+    )
+
+
+def _megabytes() -> float:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def steady_power_W(csv: Path, rho: float) -> Array:
@@ -143,11 +179,10 @@ def row(title: str, results: Results, reference_W: Array, seconds: float) -> str
     inside = np.count_nonzero((low < reference) & (reference < high))
     method = results.methods_tried[-1].title
     speeds = f"{SPEEDS_MPS[flown][0]:.0f} to {SPEEDS_MPS[flown][-1]:.0f}"
-    megabytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     return (
         f"| {title} | {method} | {len(results.runs)} | {speeds} | {error.min():+.1f} to {error.max():+.1f} |"
         f" {half.min():.1f} to {half.max():.1f} | {inside} of {len(reference)} | {results.trust} | {seconds:.0f} |"
-        f" {megabytes:.0f} |"
+        f" {_megabytes():.0f} |"
     )
 
 
@@ -155,12 +190,15 @@ def main(folder: Path) -> None:
     csv = folder / CITATION
     print("| flight | curve by | maneuvers | m/s | error, % | half width, % | inside | trust | s | MB |")
     print("|---|---|---|---|---|---|---|---|---|---|")
-    with tempfile.TemporaryDirectory() as scratch:
-        log = citation_log(csv, Path(scratch) / "citation.mcap")
-        runs_file = Path(scratch) / "runs.toml"
+    with tempfile.TemporaryDirectory() as name:
+        scratch = Path(name)
+        for flight in ELECTRICAL:
+            print(electrical_row(flight, folder, scratch), flush=True)
+        log, given = citation_log(csv, scratch), Replacements(aircraft=parse_aircraft(AIRCRAFT, "citation.toml"))
+        runs_file = scratch / "runs.toml"
         for title, kept in (("Citation II, whole flight", None), ("its decelerations alone", runs_file)):
             started = time.process_time()
-            found = analyze(log, Replacements(), runs_file=kept)
+            found = analyze(log, given, runs_file=kept)
             seconds = time.process_time() - started
             reference_W = steady_power_W(csv, found.condition.rho)
             print(row(title, found.results, reference_W, seconds), flush=True)

@@ -1,5 +1,6 @@
 """`flightpower new`: files to begin with."""
 
+import importlib
 import json
 import sys
 from importlib import resources
@@ -64,6 +65,26 @@ def tray(
         # A JSON string is a TOML string: the backslashes of a Windows path are escaped.
         text = text.replace('aircraft = "nexstar" ', f"aircraft = {json.dumps(aircraft, ensure_ascii=False)} ", 1)
     _write(text, output, replace)
+
+
+@app.command(short_help="A map of the columns of a table, to analyze it.")
+def columns(
+    table: Annotated[Path, typer.Argument(metavar="FILE", help="A CSV, Parquet or .mat file of a flight.")],
+    output: Output = None,
+    replace: Replace = False,
+) -> None:
+    """A map of the columns of a table: which quantity each is, in which unit, with which sign and delay.
+
+    It is drafted from names and values, and checked by physics: gravity, rates against attitude, airspeed against GPS.
+    Look through it, and analyze the table; FILE.columns.toml beside the table is found without an option.
+
+    \b
+    Examples:
+      flightpower new columns table.csv -o table.csv.columns.toml
+      flightpower new columns table.mat -o map.toml
+    """
+    draft = importlib.import_module("analysis.tables.draft")  # needs the laptop's libraries
+    _write(draft.draft(table, output), output, replace)
 
 
 def _write(text: str, output: Path | None, replace: bool) -> None:

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from analysis.schema import Results
     from flight.propeller import Propeller
 
-ELECTRICAL = ("/probe/airspeed", "/static", "/battery")
+ELECTRICAL = ("/static", "/battery")
+SPEED = ("/probe/airspeed", "/gps")  # one of them
 
 Progress = Callable[[str], None]
 
@@ -39,7 +40,9 @@ class Done(NamedTuple):
 
 def lacks_drag_topics(log: Log) -> bool:
     """Whether a log of the daemon gives no drag, but electrical power."""
-    return not all(map(log.entries.get, TOPICS_FOR_DRAG)) and all(map(log.entries.get, ELECTRICAL))
+    if all(map(log.entries.get, TOPICS_FOR_DRAG)):
+        return False
+    return all(map(log.entries.get, ELECTRICAL)) and any(map(log.entries.get, SPEED))
 
 
 def refuse_drag_options(log: Path, why: str, **given: object) -> None:

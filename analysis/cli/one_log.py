@@ -15,7 +15,7 @@ from analysis.cli.lean_imports import import_lean
 from analysis.cli.options import Options
 from flight.errors import InputError
 from flight.files import check_writable
-from flight.log_reader import read_log
+from flight.log_reader import Log, read_log
 from flight.units import GRAVITY_MPS2
 
 Progress = Callable[[str], None]
@@ -58,7 +58,7 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
         check_writable(folder / "report.html")
         return ordinary.analyze_autopilot_log(autopilot, progress)
     # Wrong input is refused before the numerical libraries are loaded, which takes a second.
-    recorded = read_log(log)
+    recorded = _read(log, options.columns)
     check_writable(folder / "report.html")
     if lacks_drag_topics(recorded):
         refuse_drag_options(log, "the log lacks flow angles or motor speed, and gives no drag", **for_drag)
@@ -98,6 +98,19 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
         previous_runs,
         replaced_report,
     )
+
+
+def _read(log: Path, columns: Path | None) -> Log:
+    """A log of the daemon, or a table with the map of its columns. Raises InputError."""
+    from analysis.tables.read import table_kind
+
+    if table_kind(log) is not None:
+        from analysis.tables.log_of_table import log_of_table
+
+        return log_of_table(log, columns)
+    if columns is not None:
+        raise InputError(f"{log}: --columns: only for tables (CSV, Parquet, .mat), and this is none")
+    return read_log(log)
 
 
 def refuse_folder(log: Path) -> None:

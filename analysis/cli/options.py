@@ -135,6 +135,15 @@ class LogOptions:
 class Options(LogOptions):
     """What `analyze` is asked for, of each log. Raises InputError for a text that is not what it should be."""
 
+    columns: Annotated[
+        Path | None,
+        typer.Option(
+            "--columns",
+            metavar="FILE",
+            help="Map of the columns of a table (CSV, Parquet, .mat), of `flightpower new columns`; default:"
+            " LOG.columns.toml or columns.toml beside it.",
+        ),
+    ] = None
     likelihood: Annotated[
         bool,
         typer.Option(

@@ -23,8 +23,9 @@ from analysis.campaign.folders import exclusive
 from analysis.campaign.processes import Outcome, below
 from analysis.campaign.processes import Progress as Step
 from analysis.cli.one_log import analyze_log
-from analysis.cli.options import ATTACHMENTS, LogOptions, Options, option_name
+from analysis.cli.options import ATTACHMENTS, Options, option_name
 from analysis.cli.verdict import tell
+from analysis.tables.column_map import map_files
 from flight.aircraft import load_aircraft, parse_aircraft
 from flight.command_line import ExitCode
 from flight.errors import InputError
@@ -204,7 +205,7 @@ class ProgressOnConsole:
             self.console.print(text, highlight=False, markup=False, soft_wrap=True)
 
 
-def files_used(log: Path, options: LogOptions) -> list[tuple[str, Path]]:
+def files_used(log: Path, options: Options) -> list[tuple[str, Path]]:
     """(option, file) of every file that the analysis of `log` reads.
 
     Raises InputError when the aircraft file cannot be used.
@@ -212,6 +213,7 @@ def files_used(log: Path, options: LogOptions) -> list[tuple[str, Path]]:
     given = ((option_name(field), getattr(options, field)) for field in ATTACHMENTS)
     files = [(option, path) for option, path in given if isinstance(path, Path) and path.is_file()]
     propeller = options.propeller or _named_propeller(log, options.aircraft)
+    files += [(option_name("columns"), path) for path in map_files(log, options.columns)]
     return files + [(option_name("propeller"), path) for path in _propeller_files(propeller)]
 
 

@@ -27,6 +27,7 @@ from analysis.electrical.thrust_balance import aerodynamics
 from analysis.ground.thrust_prior import stand_measurements
 from analysis.polar import Polar
 from analysis.signals.channels import samples
+from analysis.signals.rest import ZERO_FILE
 from flight.aircraft import Aircraft
 from flight.errors import InputError
 from flight.log_entries import NO_ENTRIES
@@ -54,20 +55,24 @@ NOTE = "The pitot's pressure is taken as dynamic pressure: without flow angles t
 
 
 def recording_of(log: Log) -> FlightRecording:
-    """The channels of a log of the daemon; its clock starts at the first airspeed."""
-    start_ns = log.entries["/probe/airspeed"][0].time_ns
+    """The channels of a log of the daemon; its clock starts at the first airspeed, or at the first GPS without one."""
+    start_ns = next(log.entries[topic][0].time_ns for topic in ("/probe/airspeed", "/gps") if log.entries.get(topic))
     channels: dict[str, Channel] = {}
     for name, (topic, field) in CHANNELS.items():
         one = Channel(*samples(log.entries.get(topic, NO_ENTRIES), field, start_ns))
         if len(one.t_s) >= READABLE.fewest_samples:
             channels[name] = one
+    zero = ZERO_FILE.parsed_if_any(log.attachments.get("zero.json"), f"{log.path}: zero.json")
+    zero_Pa = zero.by_channel().get("q_c_Pa") if zero else None
+    if zero_Pa is not None and (pitot := channels.get(recording.AIRSPEED_PRESSURE)) is not None:
+        channels[recording.AIRSPEED_PRESSURE] = Channel(pitot.t_s, pitot.value - zero_Pa)
     warm = Channel(*samples(log.entries.get("/static", NO_ENTRIES), "temperature_K", start_ns))
     first = float(np.mean(warm.value[:50])) if len(warm.value) else float("nan")
     # The tray warms up: its first reading is that of the air.
     air = Channel(warm.t_s, np.full(len(warm.t_s), first))
     missing = ", ".join(topic for topic in TOPICS_FOR_DRAG if not log.entries.get(topic))
     note = f"The log lacks {missing}, which drag needs: the electrical power of level flight is given instead."
-    return FlightRecording(log.path, channels, {"/static": air}, (note, NOTE), zeroed=False)
+    return FlightRecording(log.path, channels, {"/static": air}, (note, NOTE), zeroed=zero_Pa is not None)
 
 
 WHOLE_FLIGHT = MethodDescription(

@@ -133,8 +133,9 @@ def _check_rate_unit(means: pd.DataFrame, log: str) -> None:
     """V times pitch and yaw rate is acceleration, which specific force and gravity supply: at most |f| + g."""
     force = np.sqrt(sum(means[f"a{axis}_mps2"] ** 2 for axis in "xyz"))
     needed = means["V_mps"] * np.hypot(means["q_radps"], means["r_radps"])
-    exceeded = float((needed > force + GRAVITY_MPS2 + AXES.slack_mps2)[needed.notna()].mean())
-    if exceeded > AXES.most_exceeded:
+    slack_mps2, most_exceeded = AXES.rate_unit
+    exceeded = float((needed > force + GRAVITY_MPS2 + slack_mps2)[needed.notna()].mean())
+    if exceeded > most_exceeded:
         raise InputError(
             f"{log}: /imu: angular_rate_y_radps and angular_rate_z_radps are too large for the specific force in"
             f" {100 * exceeded:.0f} % of the flight: they look like degrees per second; multiply by 0.0174533"
@@ -148,14 +149,14 @@ def _check_side_ports(means: pd.DataFrame, log: str) -> None:
         return
     ratio = {name: means[f"dp_{name}_Pa"] / means["q_c_Pa"] for name in ("alpha", "beta")}
     alpha, beta = (_correlation(ratio[name], lift) for name in ("alpha", "beta"))
-    least, more = AXES.exchanged
+    least, more, least_slope = AXES.side_ports
     if abs(beta) > max(least, abs(alpha) + more):
         raise InputError(
             f"{log}: /probe/alpha and /probe/beta: differential_pressure_Pa of beta follows the lift (correlation"
             f" {beta:+.2f}), that of alpha does not ({alpha:+.2f}): the topics or tubes are exchanged"
         )
     slope = alpha * float(ratio["alpha"].std() / lift.std())
-    if abs(alpha) > -ANGLE_OF_ATTACK.least and abs(slope) < AXES.least_slope:
+    if abs(alpha) > -ANGLE_OF_ATTACK.least and abs(slope) < least_slope:
         raise InputError(
             f"{log}: /probe/alpha: differential_pressure_Pa changes with the lift, but by {slope:+.4f} of that of"
             " /probe/airspeed only: is it in hPa (mbar), kPa or inches of water?"

@@ -49,18 +49,17 @@ class AxesSettings(Settings):
     slowest_share: float = setting(
         0.15, "1", "leaves out take-off and landing, where the wheels carry some of the weight"
     )
-    slack_mps2: float = setting(
-        5.0, "m/s²", "angular rate needs a centripetal force; none of 42 flights exceeded this in any second …"
+    rate_unit: tuple[float, float] = setting(
+        (5.0, 0.05),
+        "m/s², 1",
+        "angular rate needs a centripetal force; none of 42 flights exceeded the first in any second, and in deg/s 15 %"
+        " to 78 % do",
     )
-    most_exceeded: float = setting(0.05, "1", "… and in deg/s 15 % to 78 % do")
-    least_slope: float = setting(
-        0.03, "1", "of alpha's pressure over q_c on the relative lift coefficient; 0.22 to 0.58; in hPa 0.01 at most"
-    )
-    exchanged: tuple[float, float] = setting(
-        (0.6, 0.2),
+    side_ports: tuple[float, float, float] = setting(
+        (0.6, 0.2, 0.03),
         "1",
-        "correlation of lift and beta's pressure over q_c, which is -0.11 to 0.52; and how much more than alpha's,"
-        " which is 0.74 to 1.00",
+        "correlation of lift and beta's pressure over q_c, which is -0.11 to 0.52; how much more than alpha's, which is"
+        " 0.74 to 1.00; and least slope of alpha's on the relative lift coefficient: 0.22 to 0.58, in hPa 0.01 at most",
     )
     ground_speed: tuple[float, float] = setting(
         (0.05, 2.5), "1", "of the airspeed, medians; wind is slower than 1.5 of it"
@@ -94,9 +93,11 @@ class UnitSettings(Settings):
         " Celsius or Fahrenheit; speed of the tips of a propeller that drives an aircraft, faster"
         " than it flies and slower than sound",
     )
-    upright: float = setting(-0.5, "1", "z over magnitude, median; level flight, turns and rest are all near -1")
-    one_axis: float = setting(
-        0.8, "1", "of the magnitude, at least, is the median of one axis in any unit, unless gravity was taken out"
+    gravity: tuple[float, float] = setting(
+        (-0.5, 0.8),
+        "1",
+        "z over magnitude, median: level flight, turns and rest are all near -1; and share of the magnitude of one axis"
+        " in any unit, unless gravity was taken out",
     )
     swapped: float = setting(
         1.3, "1", "times q_c; q_c is largest below some 20 deg of angle of attack, beyond every wing's stall"

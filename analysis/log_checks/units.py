@@ -86,7 +86,7 @@ def _check_specific_force(log: Log) -> None:
     if not low <= magnitude <= high:
         factors = {"g": GRAVITY_MPS2, "milli-g": GRAVITY_MPS2 / 1000}
         unit = next((unit for unit, factor in factors.items() if low <= magnitude * factor <= high), None)
-        if np.abs(median).max() < UNITS.one_axis * magnitude:
+        if np.abs(median).max() < UNITS.gravity[1] * magnitude:
             remedy = "gravity was taken out; write what an accelerometer measures"
         else:
             remedy = f"it looks like {unit}; multiply by {factors[unit]:.6g}" if unit else "write m/s^2"
@@ -94,8 +94,8 @@ def _check_specific_force(log: Log) -> None:
             f"{log.path}: /imu: specific_force_{{x,y,z}}_mps2 have a magnitude of {magnitude:.3g} (median in flight),"
             f" but rest and flight have about 9.8: {remedy}"
         )
-    if median[2] > UNITS.upright * magnitude:
-        if median[2] > -UNITS.upright * magnitude:
+    if median[2] > UNITS.gravity[0] * magnitude:
+        if median[2] > -UNITS.gravity[0] * magnitude:
             cause = "z points up, or gravity was written in place of specific force"
         else:
             axis = int(np.argmax(np.abs(median)))
