@@ -40,8 +40,11 @@ class Done(NamedTuple):
 
 def lacks_drag_topics(log: Log) -> bool:
     """Whether a log of the daemon gives no drag, but electrical power."""
-    if all(map(log.entries.get, TOPICS_FOR_DRAG)):
-        return False
+    return not all(map(log.entries.get, TOPICS_FOR_DRAG)) and gives_electrical_power(log)
+
+
+def gives_electrical_power(log: Log) -> bool:
+    """Whether a log has the sensors of an energy balance."""
     return all(map(log.entries.get, ELECTRICAL)) and any(map(log.entries.get, SPEED))
 
 
@@ -84,8 +87,11 @@ class OrdinaryFlight:
         flown = flown_aircraft(given, self.weight_N, self.wing_area_m2, self.span_m, str(self.log))
         return self._analyze(read_autopilot_log(self.log, autopilot), flown, given, progress)
 
-    def analyze_daemon_log(self, log: Log, progress: Progress) -> Done:
-        """Write the report of a log of the daemon. Raises InputError."""
+    def analyze_daemon_log(self, log: Log, progress: Progress, reason: str = "") -> Done:
+        """Write the report of a log of the daemon. reason: why it gives no drag, where no sensor is missing.
+
+        Raises InputError.
+        """
         from analysis.electrical.daemon_log import recording_of
         from analysis.electrical.estimate import flown_aircraft
         from analysis.log_checks.structure import check_lacking
@@ -101,7 +107,10 @@ class OrdinaryFlight:
         if given is not None and self.propeller is None:
             with contextlib.suppress(InputError):  # drag is then withheld
                 table = propeller_of(log, given)
-        return self._analyze(recording_of(log), flown, given, progress, table)
+        recording = recording_of(log)
+        if reason:
+            recording = replace(recording, notes=(reason, *recording.notes))
+        return self._analyze(recording, flown, given, progress, table)
 
     def _propeller(self, propulsion: Propulsion) -> "Propeller | None":
         """The table given, or else the aircraft file's where it can be read."""

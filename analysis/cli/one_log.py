@@ -1,5 +1,6 @@
 """The analysis of one log as the command line asks for it: reads the files that options name, writes the report."""
 
+import contextlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -7,6 +8,7 @@ from analysis.autopilot_logs.recognize import autopilot_of
 from analysis.cli.electrical import (
     Done,
     OrdinaryFlight,
+    gives_electrical_power,
     lacks_drag_topics,
     refuse_autopilot_options,
     refuse_drag_options,
@@ -63,6 +65,8 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
     if lacks_drag_topics(recorded):
         refuse_drag_options(log, "the log lacks flow angles or motor speed, and gives no drag", **for_drag)
         return ordinary.analyze_daemon_log(recorded, progress)
+    if reason := _why_power_only(recorded, options):
+        return ordinary.analyze_daemon_log(recorded, progress, reason)
     refuse_autopilot_options(
         log,
         mass=options.mass_kg,
@@ -83,11 +87,16 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
             by_likelihood=options.likelihood,
         )  # fmt: skip
     except NoCurve as error:
-        if options.runs or not error.maneuvers.rejected:
-            raise
-        path = write_candidates(error.maneuvers, folder, log.name)
-        remedy = f"set keep = true in {path}, where all candidates are with their reasons, and add --runs {path}"
-        raise InputError(f"{error}; to use a stretch all the same, {remedy}") from None
+        said = str(error)
+        if not options.runs and error.maneuvers.rejected:
+            path = write_candidates(error.maneuvers, folder, log.name)
+            remedy = f"set keep = true in {path}, where all candidates are with their reasons, and add --runs {path}"
+            said = f"{error}; to use a stretch all the same, {remedy}"
+        if not gives_electrical_power(recorded):
+            raise InputError(said) from None
+        with contextlib.suppress(InputError):  # what was said of the runs is the cause
+            return ordinary.analyze_daemon_log(recorded, progress, f"No drag: {said.removeprefix(f'{log}: ')}.")
+        raise InputError(said) from None
     progress("writing the report")
     replaced_report = write_report(analysis, folder)
     previous_runs = write_run_list(analysis, folder, log.name, given=options.runs)
@@ -102,15 +111,38 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
 
 def _read(log: Path, columns: Path | None) -> Log:
     """A log of the daemon, or a table with the map of its columns. Raises InputError."""
-    from analysis.tables.read import table_kind
-
-    if table_kind(log) is not None:
+    if is_table(log):
         from analysis.tables.log_of_table import log_of_table
 
         return log_of_table(log, columns)
     if columns is not None:
         raise InputError(f"{log}: --columns: only for tables (CSV, Parquet, .mat), and this is none")
     return read_log(log)
+
+
+def is_table(log: Path) -> bool:
+    """Whether a file is a table of columns. Raises InputError when it cannot be read."""
+    from analysis.tables.read import table_kind
+
+    return log.is_file() and table_kind(log) is not None
+
+
+def _why_power_only(log: Log, options: Options) -> str:
+    """A sentence where a table has the sensors of drag, but not the files, and so gives electrical power; else empty.
+
+    A log of the daemon lacks these files by mistake, and is refused.
+    """
+    if not gives_electrical_power(log) or not is_table(log.path):
+        return ""
+    if options.aircraft is None:
+        return "No drag: that needs --aircraft FILE, and with a column of motor speed the propeller's table."
+    from analysis.log_contents import contents
+
+    try:
+        contents(log, options.replacements())
+    except InputError as error:
+        return f"No drag: {str(error).removeprefix(f'{log.path}: ')}."
+    return ""
 
 
 def refuse_folder(log: Path) -> None:

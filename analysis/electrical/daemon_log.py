@@ -71,8 +71,9 @@ def recording_of(log: Log) -> FlightRecording:
     # The tray warms up: its first reading is that of the air.
     air = Channel(warm.t_s, np.full(len(warm.t_s), first))
     missing = ", ".join(topic for topic in TOPICS_FOR_DRAG if not log.entries.get(topic))
-    note = f"The log lacks {missing}, which drag needs: the electrical power of level flight is given instead."
-    return FlightRecording(log.path, channels, {"/static": air}, (note, NOTE), zeroed=zero_Pa is not None)
+    lacks = f"The log lacks {missing}, which drag needs: the electrical power of level flight is given instead."
+    notes = (lacks, NOTE) if missing else (NOTE,)
+    return FlightRecording(log.path, channels, {"/static": air}, notes, zeroed=zero_Pa is not None)
 
 
 WHOLE_FLIGHT = MethodDescription(

@@ -75,8 +75,7 @@ def as_log(path: Path, channels: Channels) -> Log:
     if pressure is not None:
         topics["/static"] = {"pressure_Pa": pressure}
         if temperature is None and Q.ANGLE_OF_ATTACK in known:  # the drag methods need one
-            standard_K = float(temperature_at(_height(pressure.value)))
-            temperature = Channel(pressure.t_s, np.full(len(pressure.t_s), standard_K))
+            temperature = Channel(pressure.t_s, np.asarray(temperature_at(_height(pressure.value))))
         if temperature is not None:
             topics["/static"] |= {"temperature_K": temperature}
     q = _dynamic_pressure(known, pressure)
