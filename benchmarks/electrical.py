@@ -152,7 +152,8 @@ def _without(recording: FlightRecording, of: str) -> FlightRecording:
     """Without the channel, or the samples, that this quantity goes without."""
     channels = {name: one for name, one in recording.channels.items() if name != WITHOUT.get(of)}
     if of == "torn":
-        rng, end_s = np.random.default_rng(0), max(float(one.t_s[-1]) for one in channels.values())
+        noise = channels[AIRSPEED_PRESSURE].value[:8].view(np.uint32)  # each flight loses at other times
+        rng, end_s = np.random.default_rng(noise), max(float(one.t_s[-1]) for one in channels.values())
         kept_s, lost_s = rng.exponential(((KEPT_S,), (LOST_S,)), (2, round(end_s / KEPT_S)))
         starts_s = np.cumsum(kept_s + lost_s) - kept_s - lost_s
         for name, one in channels.items():
