@@ -110,7 +110,12 @@ class OrdinaryFlight:
         recording = recording_of(log)
         if reason:
             recording = replace(recording, notes=(reason, *recording.notes))
-        return self._analyze(recording, flown, given, progress, table)
+        try:
+            return self._analyze(recording, flown, given, progress, table)
+        except InputError as error:
+            if log.entries.get(SPEED[0]):
+                raise
+            raise InputError(f"{error}; the log has no {SPEED[0]}, which does without GPS") from None
 
     def _propeller(self, propulsion: Propulsion) -> "Propeller | None":
         """The table given, or else the aircraft file's where it can be read."""

@@ -92,7 +92,7 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
             path = write_candidates(error.maneuvers, folder, log.name)
             remedy = f"set keep = true in {path}, where all candidates are with their reasons, and add --runs {path}"
             said = f"{error}; to use a stretch all the same, {remedy}"
-        if not gives_electrical_power(recorded):
+        if options.runs or not gives_electrical_power(recorded):
             raise InputError(said) from None
         with contextlib.suppress(InputError):  # what was said of the runs is the cause
             return ordinary.analyze_daemon_log(recorded, progress, f"No drag: {said.removeprefix(f'{log}: ')}.")

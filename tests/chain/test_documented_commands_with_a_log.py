@@ -66,6 +66,7 @@ RUN_ELSEWHERE = {
     "analyze log.mcap --propeller PER3_12x8E.dat": "chain/test_runs_file.py",
     'analyze log-0001.mcap --weight "3.9 kg"': "chain/test_own_aircraft.py",
     "analyze 00000042.BIN .*": "analysis/electrical/test_formats.py",
+    "(flightpower new columns|analyze) table.csv .*": "analysis/tables/test_tables.py",
     r"analyze flights/\*(/log)?.mcap -o out( --scheduler .*)?": "analysis/campaign/test_campaign.py",
     "analyze compare old/ new/ -o difference": "analysis/pooling/test_pooled_comparison.py",
     "calibrate thrust stand.csv .*": "analysis/drag/test_thrust_stand.py",
