@@ -15,7 +15,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -131,6 +131,16 @@ class Reconstructed(Flown):
         return self.prior_conflict.factor
 
 
+class FlightPath(NamedTuple):
+    """The trajectory of a whole flight, which does not depend on its runs, and notes on it. as_measured : there is none
+    that explains the measurements. prior_conflict : as in `Reconstructed`"""
+
+    trajectory: Trajectory
+    prior_conflict: PriorConflict
+    notes: tuple[str, ...]
+    as_measured: bool = False
+
+
 def recorded(log: Log, replacements: Replacements, progress: Progress = lambda _: None) -> Recorded:
     """Raises InputError when the log lacks something that nothing replaces, or cannot be decoded."""
     check_decodable(log)
@@ -168,7 +178,31 @@ def _rows_flown(table: pd.DataFrame, maneuvers: Maneuvers) -> pd.DataFrame:
     return pd.concat([table.iloc[run.rows] for run in maneuvers.for_drag])
 
 
-def reconstructed(flight: Flown) -> Reconstructed:
+def reconstructed(flight: Flown, path: FlightPath | None = None) -> Reconstructed:
+    """The record with its trajectory. path : where it is known already, which other runs do not change"""
+    path = path or flight_path(flight)
+    notes = [*flight.notes, *path.notes]
+    if not path.as_measured:
+        notes += trajectory_notes(
+            path.trajectory,
+            sensor_error_estimates(path.trajectory),
+            len(flight.maneuvers.level_runs),
+            magnetometer_calibrated=flight.contents.magnetometer is not None,
+            log=flight.name,
+        )
+    contents, notes_on_air = _with_updraft(flight, path.trajectory)
+    return Reconstructed(
+        **flight.known()
+        | {
+            "contents": contents,
+            "trajectory": path.trajectory,
+            "prior_conflict": path.prior_conflict,
+            "notes": (*notes, *notes_on_air),
+        }
+    )
+
+
+def flight_path(flight: Measured) -> FlightPath:
     """The trajectory is reconstructed again with wider priors where the flight denies those of the sensor errors.
 
     Where there is none that explains the measurements, the path is as measured: simpler methods do without it.
@@ -181,24 +215,12 @@ def reconstructed(flight: Flown) -> Reconstructed:
     if not trajectory.converged:
         return _as_measured(flight, f"the trajectory did not converge{misfit_in_words(trajectory)}")
     conflict = prior_conflict(trajectory)
-    notes = [*flight.notes, *conflict_notes(conflict, trajectory)]
+    notes = conflict_notes(conflict, trajectory)
     if conflict.conflicting:
         flight.progress("reconstructing the trajectory with larger sensor errors")
         trajectory = trajectory_with(flight, flight.data, prior_factor=conflict.factor)
     trajectory, misfit_notes = with_misfit(trajectory)
-    notes += misfit_notes + trajectory_notes(
-        trajectory,
-        sensor_error_estimates(trajectory),
-        len(flight.maneuvers.level_runs),
-        magnetometer_calibrated=flight.contents.magnetometer is not None,
-        log=flight.name,
-    )
-    contents, notes_on_air = _with_updraft(flight, trajectory)
-    notes += notes_on_air
-    return Reconstructed(
-        **flight.known()
-        | {"contents": contents, "trajectory": trajectory, "prior_conflict": conflict, "notes": tuple(notes)}
-    )
+    return FlightPath(trajectory, conflict, (*notes, *misfit_notes))
 
 
 def _with_updraft(flight: Flown, trajectory: Trajectory) -> tuple[LogContents, list[str]]:
@@ -214,23 +236,15 @@ def _with_updraft(flight: Flown, trajectory: Trajectory) -> tuple[LogContents, l
     return flight.contents._replace(aircraft=replace(aircraft, uncertainty=uncertainty)), updraft_notes(updraft)
 
 
-def _as_measured(flight: Flown, cause: str) -> Reconstructed:
+def _as_measured(flight: Measured, cause: str) -> FlightPath:
     trajectory = trajectory_with(flight, flight.data, as_measured=True)
     note = (
         f"No flight path explains the measurements: {cause}. Speed, height and angle of attack are used as measured,"
         " wind and sensor errors are not estimated. Check the axes and times of the IMU, or leave out the part of the"
         " log without runs."
     )
-    contents, notes_on_air = _with_updraft(flight, trajectory)
-    return Reconstructed(
-        **flight.known()
-        | {
-            "contents": contents,
-            "trajectory": trajectory,
-            "prior_conflict": PriorConflict(np.ones(len(trajectory.prior_sigma)), {}, 1.0),
-            "notes": (*flight.notes, note, *notes_on_air),
-        }
-    )
+    unchanged = PriorConflict(np.ones(len(trajectory.prior_sigma)), {}, 1.0)
+    return FlightPath(trajectory, unchanged, (note,), as_measured=True)
 
 
 def trajectory_with(
