@@ -25,6 +25,7 @@ LAPTOP = ("casadi", "jinja2", "numpy", "pandas", "plotly", "scipy")
 SIDES = {
     "analyze": Side("analysis.cli.analyze", "From a log to the power-required curve.", LAPTOP, "analysis"),
     "export": Side("analysis.cli.export", "A flight as tables and files for other programs.", LAPTOP, "analysis"),
+    "open": Side("analysis.local_page.command", "Flights in the browser: edit runs.", (*LAPTOP, "waitress"), "page"),
     "plan": Side("analysis.cli.plan", "What to fly next, for the narrowest interval.", LAPTOP, "analysis"),
     "route": Side("analysis.cli.route", "The energy of a mission in wind, and the way home.", LAPTOP, "analysis"),
     "calibrate": Side("analysis.cli.calibrate", "Probe, tubes, magnetometer, surfaces, airspeed.", LAPTOP, "analysis"),

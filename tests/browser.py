@@ -73,13 +73,13 @@ class Browser:
         elif event == "Network.requestWillBeSent":
             self.requests.append(content["request"]["url"])
 
-    def show(self, page: Path, width: int, *, dark: bool = False, height: int = 900) -> None:
-        """Open a page in a window of this size and wait until it has loaded."""
+    def show(self, page: Path | str, width: int, *, dark: bool = False, height: int = 900) -> None:
+        """Open a page, a file or an address, in a window of this size and wait until it has loaded."""
         self.complaints.clear()
         self.requests.clear()
         self.resize(width, height, dark=dark)
         self._events.clear()
-        self.command("Page.navigate", url=page.as_uri())
+        self.command("Page.navigate", url=page if isinstance(page, str) else page.as_uri())
         while "Page.loadEventFired" not in self._events:
             self._next()
 
@@ -95,6 +95,35 @@ class Browser:
         answer = self.command("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
         assert "exceptionDetails" not in answer, answer
         return answer["result"].get("value")
+
+    def wait_for(self, condition: str, seconds: float = 20) -> None:
+        """Until a JavaScript expression is true."""
+        script = f"""new Promise((done, failed) => {{
+          const end = Date.now() + {1000 * seconds};
+          (function look() {{
+            if ({condition}) done();
+            else if (Date.now() > end) failed(new Error("not within {seconds} s"));
+            else setTimeout(look, 20);
+          }})();
+        }})"""
+        self.value_of(script)
+
+    def press(self, key: str, code: int) -> None:
+        """A key; code: its virtual key code."""
+        text = {"text": key} if len(key) == 1 else {}
+        self.command("Input.dispatchKeyEvent", type="keyDown", key=key, windowsVirtualKeyCode=code, **text)
+        self.command("Input.dispatchKeyEvent", type="keyUp", key=key, windowsVirtualKeyCode=code)
+
+    def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
+        """With the left button, from one point of the window to another."""
+        self.command("Input.dispatchMouseEvent", type="mouseMoved", x=start[0], y=start[1])
+        self.command(
+            "Input.dispatchMouseEvent", type="mousePressed", x=start[0], y=start[1], button="left", clickCount=1
+        )
+        for share in (0.3, 0.6, 1.0):
+            x, y = (a + share * (b - a) for a, b in zip(start, end, strict=True))
+            self.command("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y, button="left", buttons=1)
+        self.command("Input.dispatchMouseEvent", type="mouseReleased", x=end[0], y=end[1], button="left", clickCount=1)
 
     def picture(self) -> bytes:
         """PNG of the window."""

@@ -79,7 +79,7 @@ def estimate(flight: Reconstructed, *, by_likelihood: bool = False) -> DragEstim
     none does.
     """
     trajectory, aircraft = flight.trajectory, flight.aircraft
-    by_runs, first, assumptions = _by_runs(flight)
+    by_runs, first, assumptions = estimate_by_runs(flight)
     flight.progress("applying all other methods")
     others = every_method(
         trajectory, flight.maneuvers.maneuvers, aircraft, flight.propeller, flight.condition,
@@ -136,7 +136,7 @@ def _uncertainty_by_assumptions(flight: Reconstructed, method: str = "") -> Assu
 DYNAMIC_TITLE = "dynamic method"
 
 
-def _by_runs(flight: Reconstructed) -> tuple[DynamicEstimate | None, MethodTried, AssumptionUncertainty | None]:
+def estimate_by_runs(flight: Reconstructed) -> tuple[DynamicEstimate | None, MethodTried, AssumptionUncertainty | None]:
     """The dynamic method's estimate; None where it gives no curve, and why. With the uncertainty by assumptions."""
     runs = flight.maneuvers.level_runs
     if not runs:

@@ -1,0 +1,79 @@
+"""The command `flightpower open`: arguments and messages."""
+
+import os
+import signal
+import sys
+import tempfile
+import webbrowser
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from flight.command_line import application, run
+from flight.errors import InputError
+
+app = application(no_args_is_help=False)
+
+
+@app.command(name="open")
+def open_page(
+    logs: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[LOG]", help="A log, or several in one folder, or a folder; default: this folder."),
+    ] = None,
+    port: Annotated[
+        int, typer.Option("--port", metavar="PORT", min=0, max=65535, help="Port of the page; default: any free one.")
+    ] = 0,
+    browser: Annotated[
+        bool, typer.Option("--browser/--no-browser", help="Open the page in the browser, or only print its address.")
+    ] = True,
+) -> None:
+    """Look at flights and edit their runs in the browser: speed, height, motor, track, and the curve that follows.
+
+    Ends of runs are dragged, or typed; kinds are chosen; values of aircraft and propeller are changed. The curve
+    follows at once. "Write the report" writes what `analyze` writes, and the page shows the command that gives the
+    same. The page is for this computer only, and closes with the terminal (Ctrl-C).
+
+    \b
+    Examples:
+      flightpower open                  the logs of this folder
+      flightpower open flights/today/log.mcap
+    """
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    folder, first = opened_folder(logs or [])
+    from analysis.local_page.server import serve
+
+    def ready(address: str) -> None:
+        address += f"#{first}" if first else ""
+        print(f"{address}\nThe page of {folder} is open until Ctrl-C.", flush=True)
+        if browser:
+            webbrowser.open(address)
+
+    for closing in ("SIGTERM", "SIGHUP"):  # the latter when the terminal closes, not on Windows
+        if hasattr(signal, closing):
+            signal.signal(getattr(signal, closing), lambda *_: sys.exit(0))
+    with tempfile.TemporaryDirectory(prefix="flightpower-") as workspace:
+        serve(folder, Path(workspace), port, ready)
+
+
+def opened_folder(logs: list[Path]) -> tuple[Path, str]:
+    """The folder of the logs, and the name of the first. Raises InputError for a log that is missing or elsewhere."""
+    for path in logs:
+        if not path.exists():
+            raise InputError(f"{path}: there is no such log or folder")
+    if not logs:
+        return Path(), ""
+    folders = {path if path.is_dir() else path.parent for path in logs}
+    if len({folder.resolve() for folder in folders}) > 1:
+        raise InputError(f"{logs[0]}, {logs[-1]}: are in several folders; open one folder")
+    first = next((path.name for path in logs if path.is_file()), "")
+    return folders.pop(), first
+
+
+def main() -> None:
+    run(app, "flightpower open")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,49 @@
+"""`flightpower open` as it is called: what it opens, and that it closes with its terminal."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from urllib.error import HTTPError, URLError
+from urllib.request import urlopen
+
+import pytest
+
+from analysis.local_page.command import opened_folder
+from flight.errors import InputError
+
+
+def test_logs_of_one_folder_are_opened_and_others_refused(tmp_path: Path) -> None:
+    (tmp_path / "a").mkdir()
+    for name in ("one.mcap", "two.mcap", "a/three.mcap"):
+        (tmp_path / name).touch()
+    one, two, three = tmp_path / "one.mcap", tmp_path / "two.mcap", tmp_path / "a" / "three.mcap"
+    assert opened_folder([one, two]) == (tmp_path, "one.mcap")
+    assert opened_folder([tmp_path]) == (tmp_path, "") and opened_folder([]) == (Path(), "")
+    for wrong in ([one, three], [tmp_path / "missing.mcap"]):
+        with pytest.raises(InputError):
+            opened_folder(wrong)
+
+
+@pytest.mark.parametrize("closing", [signal.SIGHUP, signal.SIGINT])
+def test_the_page_closes_with_the_terminal_and_leaves_nothing(tmp_path: Path, closing: signal.Signals) -> None:
+    for name in ("flights", "temporary"):
+        (tmp_path / name).mkdir()
+    command = [sys.executable, "-m", "flightpower", "open", str(tmp_path / "flights"), "--no-browser"]
+    environment = os.environ | {"TMPDIR": str(tmp_path / "temporary")}
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=environment
+    ) as page:
+        assert page.stdout is not None
+        address = page.stdout.readline().strip()
+        assert address.startswith("http://127.0.0.1:") and len(address.split("/")[3]) >= 32, "this computer, a secret"
+        with urlopen(address, timeout=10) as answer:
+            assert "default-src 'none'" in answer.headers["Content-Security-Policy"]
+        with pytest.raises(HTTPError):
+            urlopen(address.rsplit("/", 2)[0] + "/", timeout=10)
+        page.send_signal(closing)
+        assert page.wait(20) in (0, 130)
+    with pytest.raises(URLError):
+        urlopen(address, timeout=2)
+    assert [*(tmp_path / "temporary").iterdir()] == []

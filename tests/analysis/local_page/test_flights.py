@@ -1,0 +1,154 @@
+"""What the local page computes is what the command writes, and only what changed is computed again."""
+
+import json
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.local_page import flights
+from analysis.local_page.flights import Folder, Kind, OpenedFlight, Run, Values, runs_text
+from analysis.maneuvers.runs_file import load
+from flight.errors import InputError
+from tests.unchanged.commands import flight, run
+
+
+@pytest.fixture
+def log(opened: Folder) -> OpenedFlight:
+    return opened.flight("log.mcap")
+
+
+def runs_of(log: OpenedFlight) -> list[Run]:
+    return [Run(**one) for one in log.curve(Values("log.mcap"))["runs"]]
+
+
+def without_the_acceleration(log: OpenedFlight) -> Values:
+    runs = runs_of(log)
+    for one in runs:
+        one.keep = one.keep and one.kind != "acceleration"
+    return Values("log.mcap", runs=runs, aircraft={"mass.weight": "4.2 kg"})
+
+
+def test_a_flight_is_shown_with_its_runs_and_the_reasons_of_those_left_out(log: OpenedFlight) -> None:
+    shown = log.shown()
+    assert shown["kind"] is Kind.DRAG and [*shown["strips"]] == ["speed, m/s", "height, m", "motor, rpm"]
+    used = [one["kind"] for one in shown["runs"] if one["keep"]]
+    assert used.count("acceleration") == used.count("deceleration") == 1
+    assert all(one["why"] for one in shown["runs"] if not one["keep"])
+    assert {"mass.weight", "probe.position", "propulsion.battery_energy"} <= {field["key"] for field in shown["form"]}
+
+
+def test_the_page_s_curve_is_that_of_the_files_and_of_the_command_that_it_shows(
+    log: OpenedFlight, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    values = without_the_acceleration(log)
+    curve = log.curve(values)["curve"]
+    told = log.write(values)["command"]
+    written = log.path.parent / "log.report"
+    results = json.loads((written / "results.json").read_text("utf-8"))
+    for name, drawn in curve.items():
+        assert drawn == pytest.approx([point[name] for point in results["power_required"]], rel=1e-12)
+    assert results["test"]["weight_N"] == pytest.approx(4.2 * 9.80665)
+    _, *words = shlex.split(told)
+    assert run("analyze", *words, "-o", tmp_path / "again")["exit code"] == 0
+    again = json.loads((tmp_path / "again" / "results.json").read_text("utf-8"))
+    for key in ("power_required", "runs", "methods", "use", "trust"):
+        assert again[key] == results[key], key
+    assert {path.name for path in (tmp_path / "again").iterdir()} <= {path.name for path in written.iterdir()}
+
+
+def test_other_runs_keep_the_trajectory_and_other_values_do_not(
+    log: OpenedFlight, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    computed = []
+
+    def counted(function: Callable[..., object]) -> Callable[..., object]:
+        return lambda *given: (computed.append(function.__name__), function(*given))[1]
+
+    for name in ("synchronized", "flight_path"):
+        monkeypatch.setattr(flights, name, counted(getattr(flights, name)))
+    before = log.curve(Values("log.mcap"))
+    assert computed == ["synchronized", "flight_path"]
+    runs = [Run(**one) for one in before["runs"]]
+    run = next(one for one in runs if one.kind == "deceleration" and one.keep)
+    run.start_s += 2.0
+    after = log.curve(Values("log.mcap", runs=runs))
+    assert computed == ["synchronized", "flight_path"]
+    assert after["curve"]["speed_mps"] != before["curve"]["speed_mps"]
+    heavier = log.curve(Values("log.mcap", runs=runs, aircraft={"mass.weight": "4.5 kg"}))
+    assert computed == ["synchronized", "flight_path"] * 2
+    assert heavier["mass_kg"] == pytest.approx(4.5)
+    assert np.mean(heavier["curve"]["power_W"]) > np.mean(after["curve"]["power_W"])
+    log.curve(Values("log.mcap"))
+    assert computed == ["synchronized", "flight_path"] * 2, "as recorded stays"
+
+
+def test_a_log_that_changed_is_read_again(opened: Folder, log: OpenedFlight) -> None:
+    assert opened.flight("log.mcap") is log
+    log.path.write_bytes(log.path.read_bytes() + b"\0")
+    assert opened.flight("log.mcap") is not log
+
+
+@pytest.mark.parametrize("plan, as_, kind", [("ordinary-flight", "ardupilot", Kind.AUTOPILOT)])
+def test_a_log_of_an_autopilot_needs_three_values(opened: Folder, plan: str, as_: str, kind: Kind) -> None:
+    (opened.path / "flight.BIN").write_bytes(flight(plan, "--as", as_, "--seed", "3"))
+    log = opened.flight("flight.BIN")
+    shown = log.shown()
+    assert shown["kind"] is kind and [field["key"] for field in shown["form"]] == ["mass", "wing area", "span"]
+    with pytest.raises(InputError):
+        log.write(Values("flight.BIN"))
+    values = Values("flight.BIN", aircraft={"mass": "3.84 kg", "wing area": "0.464 m^2", "span": "1.75 m"})
+    assert shlex.split(log.write(values)["command"])[2:] == [
+        "--mass", "3.84 kg", "--wing-area", "0.464 m^2", "--span", "1.75 m",
+    ]  # fmt: skip
+    assert (opened.path / "flight.report" / "results.json").is_file()
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        Values("log.mcap", runs=[]),
+        Values("log.mcap", runs=[Run("loop", 60, 70, True)]),
+        Values("log.mcap", runs=[Run("steady\"\nkeep = true # ", 60, 70, True)]),
+        Values("log.mcap", runs=[Run("deceleration", 70, 60, True)]),
+        Values("log.mcap", runs=[Run("deceleration", -5, 60, True)]),
+        Values("log.mcap", runs=[Run("deceleration", 1e6, 2e6, True)]),
+        Values("log.mcap", runs=[Run("deceleration", 60, float("inf"), True)]),
+        Values("log.mcap", runs=[Run("deceleration", 77, 85, True), Run("deceleration", 80, 89, True)]),
+        Values("log.mcap", runs=[Run("deceleration", 77, 89, False)]),
+        Values("log.mcap", aircraft={"mass.weight": "-3 kg"}),
+        Values("log.mcap", aircraft={"mass.weight": "four"}),
+        Values("log.mcap", aircraft={"mass.weight": ""}),
+        Values("log.mcap", aircraft={"mass.weight": '4 kg"\n[geometry]\nspan = "1 m'}),
+        Values("log.mcap", aircraft={"mass.wheight": "4 kg"}),
+        Values("log.mcap", aircraft={"x = 1\n[mass]\nweight": "4 kg"}),
+        Values("log.mcap", propeller="../../etc/passwd"),
+        Values("log.mcap", propeller="apc-99x99"),
+    ],
+    ids=str,
+)  # fmt: skip
+def test_wrong_values_are_refused_and_nothing_is_written(log: OpenedFlight, values: Values) -> None:
+    before = sorted(path.name for path in log.path.parent.rglob("*"))
+    with pytest.raises(InputError) as refused:
+        log.write(values)
+    assert "\n" not in str(refused.value).strip()
+    assert sorted(path.name for path in log.path.parent.rglob("*")) == before
+
+
+def test_what_was_typed_stays_text_number_or_list(log: OpenedFlight) -> None:
+    typed = {"title": '"]] = 3', "probe.upwash_per_CL": "2 deg", "imu_position": '["1 cm", "0 m", "0 m"]'}
+    text = log.aircraft_text(Values("log.mcap", aircraft=typed))
+    assert 'title = "\\"]] = 3"\n' in text and 'imu_position = ["1 cm", "0 m", "0 m"]\n' in text
+    assert flights.parse_aircraft(text, "form").title == '"]] = 3'
+
+
+def test_the_list_of_runs_is_the_file_that_analyze_reads(tmp_path: Path) -> None:
+    runs = [Run("deceleration", 77.0, 89.26, True, "a\nremark"), Run("steady", 20.0, 30.0, False)]
+    (tmp_path / "runs.toml").write_text(runs_text(runs, "log.mcap"), "utf-8")
+    entries = load(tmp_path / "runs.toml")
+    assert [(one.kind, one.start_s, one.end_s, one.keep) for one in entries] == [
+        ("steady", 20.0, 30.0, False), ("deceleration", 77.0, 89.26, True),
+    ]  # fmt: skip

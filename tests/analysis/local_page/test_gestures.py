@@ -1,0 +1,181 @@
+"""What a user does on the local page, in a browser: with mouse and keyboard, on a laptop and on a phone."""
+
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from threading import Thread
+
+import pytest
+import waitress
+
+from analysis.local_page.flights import Folder
+from analysis.local_page.server import LocalPage
+from tests.browser import CHROMIUM, Browser, started
+
+pytestmark = [
+    pytest.mark.xdist_group("local page"),
+    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here (Debian: apt-get install chromium)"),
+]
+# Of the package axe-core (npm), MPL-2.0: rules of WCAG 2 that a program can check.
+AXE = Path(os.environ.get("AXE_CORE", "node_modules/axe-core/axe.min.js"))
+QUIET = "!document.body.classList.contains('busy')"
+CURVE_DONE = f"last !== null && {QUIET}"
+TOO_WIDE = "document.documentElement.scrollWidth"
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with started() as browser:
+        yield browser
+
+
+@pytest.fixture(scope="module")
+def served(flown: bytes, tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, Path]]:
+    """Address of the page of a folder with one log, and the folder."""
+    at = tmp_path_factory.mktemp("served")
+    for name in ("flights", "workspace"):
+        (at / name).mkdir()
+    (at / "flights" / "log.mcap").write_bytes(flown)
+    application = LocalPage(Folder(at / "flights", at / "workspace"), set(), "secret")
+    server = waitress.create_server(application, host="127.0.0.1", port=0)
+    host = f"127.0.0.1:{server.effective_port}"
+    application.hosts = {host}
+    serving = Thread(target=server.run, daemon=True)
+    serving.start()
+    yield f"http://{host}/secret/#log.mcap", at / "flights"
+    server.close()
+    serving.join(5)
+
+
+@pytest.fixture(params=(1280, 400), ids="{} px".format)
+def page(request: pytest.FixtureRequest, served: tuple[str, Path], browser: Browser) -> Iterator[Browser]:
+    """The page with its log opened and the curve drawn; nothing on the console at the end but refusals."""
+    browser.show("about:blank", request.param)
+    browser.show(served[0], request.param, height=1600)
+    browser.wait_for(CURVE_DONE)
+    yield browser
+    assert [line for line in browser.complaints if "status of 422" not in line] == []
+    assert browser.value_of(TOO_WIDE) <= request.param
+
+
+def changed_curve(page: Browser, action: str) -> None:
+    """Do something and wait until the curve has followed."""
+    page.value_of("window.before = last")
+    page.value_of(action)
+    page.wait_for(f"last !== window.before && {QUIET}")
+
+
+def index(page: Browser, kind: str) -> int:
+    return int(page.value_of(f"runs.findIndex(run => run.keep && run.kind === '{kind}')"))
+
+
+def place(page: Browser, end: str) -> tuple[float, float]:
+    """Where an end of the selected run is in the window."""
+    x, y = page.value_of(f"""(box => [box.left + box.width / 2, box.top + 60])(
+      document.querySelector('[data-end={end}]').getBoundingClientRect())""")
+    return x, y
+
+
+def test_an_end_is_dragged_and_moved_with_keys_and_the_curve_follows(page: Browser) -> None:
+    i = index(page, "deceleration")
+    page.value_of("document.getElementById('strips').scrollIntoView()")
+    page.value_of(f"select({i})")
+    start_s, power = page.value_of(f"[runs[{i}].start_s, last.curve.power_W[0]]")
+    x, y = place(page, "start_s")
+    by_px = page.value_of("time(2) - time(0)")
+    page.value_of("window.before = last")
+    page.drag((x, y), (x + by_px, y))
+    page.wait_for(f"last !== window.before && {QUIET}")
+    dragged = page.value_of(f"runs[{i}].start_s")
+    assert dragged == pytest.approx(start_s + 2, abs=2 * 2 / by_px + 0.01)
+    assert page.value_of("last.curve.power_W[0]") != power
+    assert "--runs" in page.value_of("document.getElementById('command').textContent")
+    assert page.value_of("document.activeElement.dataset.end") == "start_s", "the end keeps the focus for the keyboard"
+    page.value_of("window.before = last")
+    page.press("ArrowRight", 39)
+    page.wait_for(f"last !== window.before && {QUIET}")
+    assert page.value_of(f"runs[{i}].start_s") == pytest.approx(dragged + 0.1, abs=0.006)
+    changed_curve(page, "document.getElementById('as-found').click()")
+    assert page.value_of(f"[runs[{i}].start_s, last.curve.power_W[0]]") == [start_s, power]
+
+
+def test_kinds_and_use_of_a_run_by_key_and_a_new_run(page: Browser) -> None:
+    i = index(page, "acceleration")
+    page.value_of(f"document.querySelectorAll('#runs tbody tr')[{i}].cells[4].click()")
+    assert page.value_of("selected") == i
+    page.value_of("window.before = last")
+    page.press("x", 88)
+    page.wait_for(f"last !== window.before && {QUIET}")
+    assert (
+        not page.value_of(f"runs[{i}].keep")
+        and page.value_of("last.runs.filter(run => run.keep && run.kind === 'acceleration').length") == 0
+    )
+    page.press("x", 88)
+    page.press("s", 83)
+    assert page.value_of(f"runs[{i}].kind") == "steady"
+    page.press("a", 65)
+    assert page.value_of(f"runs[{i}].kind") == "acceleration"
+    count = page.value_of("runs.length")
+    page.value_of("point(101)")
+    page.press("n", 78)
+    assert page.value_of("[runs.length, runs[selected].start_s]") == [count + 1, 101]
+    page.press("Escape", 27)
+    assert page.value_of("selected") == -1
+
+
+def test_the_cursor_reads_all_strips_and_shows_the_place(page: Browser) -> None:
+    page.value_of("document.getElementById('strips').scrollIntoView()")
+    x, y = page.value_of(
+        "(box => [box.left + time(70), box.top + 100])(document.getElementById('strips').getBoundingClientRect())"
+    )
+    page.command("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
+    said = page.value_of("document.getElementById('cursor').textContent")
+    assert said.startswith("70.") and all(unit in said for unit in ("m/s", " m", "rpm"))
+    assert page.value_of("Number(document.getElementById('here').getAttribute('cx'))") > 0
+
+
+def test_another_weight_changes_the_curve_and_back(page: Browser) -> None:
+    box = "document.querySelector('[data-key=\"mass.weight\"]')"
+    type_in = (
+        f"document.getElementById('form').open = true; {box}.value = '{{}}'; {box}.dispatchEvent(new Event('change'))"
+    )
+    power = page.value_of("last.curve.power_W[20]")
+    changed_curve(page, type_in.format("4.6 kg"))
+    assert "for 4.60 kg" in page.value_of("document.getElementById('number').textContent")
+    page.value_of(type_in.format("heavy"))
+    page.wait_for("!document.getElementById('wrong').hidden")
+    assert page.value_of("document.getElementById('wrong').textContent").startswith("aircraft file: ")
+    changed_curve(page, "document.getElementById('as-recorded').click()")
+    assert page.value_of("last.curve.power_W[20]") == power
+    assert page.value_of("document.getElementById('wrong').hidden")
+
+
+def test_the_report_is_written_and_shown_and_a_log_is_added(
+    page: Browser, served: tuple[str, Path], flown: bytes, tmp_path: Path
+) -> None:
+    folder = served[1]
+    page.value_of("document.getElementById('write').click()")
+    page.wait_for(f"!document.getElementById('report').hidden && {QUIET}", 60)
+    results = json.loads((folder / "log.report" / "results.json").read_text("utf-8"))
+    assert page.value_of("last.curve.power_W") == pytest.approx([one["power_W"] for one in results["power_required"]])
+    name = f"other-{page.value_of('innerWidth')}.mcap"
+    (tmp_path / name).write_bytes(flown)
+    document = page.command("DOM.getDocument")["root"]["nodeId"]
+    box = page.command("DOM.querySelector", nodeId=document, selector="#logs input")["nodeId"]
+    page.command("DOM.setFileInputFiles", nodeId=box, files=[str(tmp_path / name)])
+    page.wait_for(f"flight.file === '{name}' && {CURVE_DONE}")
+    assert (folder / name).read_bytes() == flown
+    assert page.value_of("document.getElementById('report').hidden")
+
+
+@pytest.mark.skipif(not AXE.is_file(), reason="no axe-core here (npm pack axe-core; AXE_CORE=…/axe.min.js)")
+def test_a_program_finds_no_barrier(page: Browser) -> None:
+    """Contrast, names, roles, order: no serious finding of axe-core on the page with a run selected and all open."""
+    page.value_of("select(2); document.querySelectorAll('details').forEach(one => { one.open = true; })")
+    page.command("Runtime.evaluate", expression=AXE.read_text("utf-8"))
+    found = page.value_of(
+        "axe.run().then(({violations}) => violations.filter(one => ['serious', 'critical'].includes(one.impact))"
+        ".map(one => `${one.id}: ${one.nodes.map(node => node.html).slice(0, 3)}`))"
+    )
+    assert found == []
