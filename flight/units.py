@@ -19,7 +19,6 @@ from flight.errors import InputError
 
 # Of the standard atmosphere (ICAO Doc 7488/3); here because the daemon uses them without NumPy.
 GRAVITY_MPS2 = 9.80665  # standard gravity
-EARTH_RADIUS_M = 6_371_000.0  # mean
 GAS_CONSTANT_AIR = 287.05287  # specific, J/(kg K)
 SEA_LEVEL_PRESSURE_PA = 101325.0
 SEA_LEVEL_TEMPERATURE_K = 288.15

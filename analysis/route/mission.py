@@ -9,7 +9,6 @@ from itertools import pairwise
 from math import atan2, cos, degrees, hypot, radians, sin
 from typing import NamedTuple
 
-from analysis.route.settings import ROUTE
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2, to_si, weight_to_N
 
@@ -17,16 +16,17 @@ from flight.units import GRAVITY_MPS2, to_si, weight_to_N
 class Place(NamedTuple):
     """A point: meters east and north of home, and above it."""
 
-    east_m: float = 0.0
-    north_m: float = 0.0
-    height_m: float = 0.0
+    east_m: float
+    north_m: float
+    height_m: float
 
     def distance_m(self, other: "Place") -> float:
         """Over the ground."""
         return hypot(other.east_m - self.east_m, other.north_m - self.north_m)
 
 
-HOME = Place()
+HOME = Place(0.0, 0.0, 0.0)
+AT_HOME_M = 100.0  # from home, within which a mission counts as ended there: circles of a landing are wider
 
 
 class Speed(NamedTuple):
@@ -64,7 +64,7 @@ class Mission(NamedTuple):
 def with_return(mission: Mission, ends_by_landing: bool) -> Mission:
     """The mission, and straight home at its last height where it ends neither there nor by landing."""
     last = mission.steps[-1]
-    if ends_by_landing or last.to.distance_m(HOME) < ROUTE.at_home_m:
+    if ends_by_landing or last.to.distance_m(HOME) < AT_HOME_M:
         return mission
     home = Step("home", HOME._replace(height_m=last.to.height_m))
     note = "The mission ends away from home: straight flight home at its last height is added."
@@ -144,9 +144,12 @@ def parse_wind(text: str, sd_mps: float) -> Wind:
     if not found:
         raise InputError(f'--wind {text}: should be speed and direction it comes from, such as "5 m/s from 270 deg"')
     speed_mps, direction = to_si(found["speed"], "m/s", "--wind"), _degrees(found["direction"], f"--wind {text}")
-    if not 0 <= speed_mps <= ROUTE.strongest_mps:
-        raise InputError(f"--wind {text}: should be from 0 to {ROUTE.strongest_mps:g} m/s")
+    if not 0 <= speed_mps <= STRONGEST_MPS:
+        raise InputError(f"--wind {text}: should be from 0 to {STRONGEST_MPS:g} m/s")
     return Wind(-speed_mps * sin(radians(direction)), -speed_mps * cos(radians(direction)), sd_mps)
+
+
+STRONGEST_MPS = 40.0
 
 
 def courses_rad(mission: Mission) -> list[float | None]:

@@ -14,10 +14,11 @@ from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 from analysis.route.mission import HOME, Mission, Place, Speed, Step, with_return
-from analysis.route.settings import ROUTE
 from flight.errors import InputError
 from flight.files import read_text
-from flight.units import EARTH_RADIUS_M
+
+EARTH_RADIUS_M = 6_371_000.0  # mean
+FARTHEST_M = 500_000.0  # beyond it the earth is not flat, and no small electric aircraft gets there
 
 
 class Command(IntEnum):
@@ -40,71 +41,12 @@ class Command(IntEnum):
     GRIPPER = 211
 
 
-class WithoutEnergy(IntEnum):
-    """MAV_CMD of items that take no energy."""
-
-    SET_RELAY = 181
-    REPEAT_RELAY = 182
-    SET_SERVO = 183
-    REPEAT_SERVO = 184
-    LAND_START = 189
-    GO_AROUND = 191
-    REGION_OF_INTEREST_LOCATION = 195
-    REGION_OF_INTEREST_NEXT_WAYPOINT = 196
-    REGION_OF_INTEREST_NONE = 197
-    CONTROL_VIDEO = 200
-    REGION_OF_INTEREST = 201
-    CAMERA_CONFIGURE = 202
-    CAMERA_CONTROL = 203
-    MOUNT_CONFIGURE = 204
-    MOUNT_CONTROL = 205
-    CAMERA_TRIGGER_DISTANCE = 206
-    FENCE_ENABLE = 207
-    PARACHUTE = 208
-    CAMERA_TRIGGER_INTERVAL = 214
-    MOUNT_CONTROL_QUATERNION = 220
-    CAMERA_MODE = 530
-    CAMERA_ZOOM = 531
-    CAMERA_FOCUS = 532
-    GIMBAL_PITCH_YAW = 1000
-    GIMBAL_CONFIGURE = 1001
-    IMAGE_START = 2000
-    IMAGE_STOP = 2001
-    CAMERA_TRIGGER_CONTROL = 2003
-    VIDEO_START = 2500
-    VIDEO_STOP = 2501
-
-
-class Frame(IntEnum):
-    """MAV_FRAME of places on the earth."""
-
-    GLOBAL = 0
-    GLOBAL_RELATIVE = 3
-    GLOBAL_INTEGER = 5
-    GLOBAL_RELATIVE_INTEGER = 6
-    TERRAIN = 10
-    TERRAIN_INTEGER = 11
-
-
-class SpeedType(IntEnum):
-    """Of CHANGE_SPEED."""
-
-    AIRSPEED = 0
-    GROUND_SPEED = 1
-
-
-class GripperAction(IntEnum):
-    """Of GRIPPER."""
-
-    RELEASE = 0
-    GRAB = 1
-
-
-ABOVE_SEA, RELATIVE, TERRAIN = (
-    {Frame.GLOBAL, Frame.GLOBAL_INTEGER},
-    {Frame.GLOBAL_RELATIVE, Frame.GLOBAL_RELATIVE_INTEGER},
-    {Frame.TERRAIN, Frame.TERRAIN_INTEGER},
-)
+# Cameras, gimbals, regions of interest, marks of landing sequences, geofence, parachute, servos and relays.
+WITHOUT_ENERGY = {181, 182, 183, 184, 189, 191, 195, 196, 197, 200, 201, 202, 203, 204, 205, 206, 207, 208, 214, 220,
+                  530, 531, 532, 1000, 1001, 2000, 2001, 2003, 2500, 2501}  # fmt: skip
+ABOVE_SEA, RELATIVE, TERRAIN = {0, 5}, {3, 6}, {10, 11}  # MAV_FRAME
+GROUND_SPEED = 1
+RELEASE = 0  # of a gripper
 
 
 class Item(NamedTuple):
@@ -206,14 +148,14 @@ class _Reader:
             case Command.RETURN:
                 self._append(Step(f"{item.number} return", HOME._replace(height_m=self.place.height_m), self.speed))
             case Command.CHANGE_SPEED:
-                self._change_speed(item, over_ground=p1 == SpeedType.GROUND_SPEED, mps=p2)
+                self._change_speed(item, over_ground=p1 == GROUND_SPEED, mps=p2)
             case Command.PLACE_PAYLOAD:
                 self._go(item, "payload")
                 self._drop(item)
             case Command.GRIPPER:
-                if p2 == GripperAction.RELEASE:
+                if p2 == RELEASE:
                     self._drop(item)
-            case command if command in set(WithoutEnergy):
+            case command if command in WITHOUT_ENERGY:
                 self.ignored[command] += 1
             case Command.LOITER_UNLIMITED:
                 raise InputError(f"{self._name(item)} circles without end; give a time or a number of turns")
@@ -252,7 +194,7 @@ class _Reader:
         if not (abs(item.latitude_deg) <= 90 and abs(item.longitude_deg) <= 360):
             raise InputError(f"{self._name(item)}: {item.latitude_deg:g}, {item.longitude_deg:g} is no place on earth")
         east_m, north_m = local_m(item.latitude_deg, item.longitude_deg, self.start)
-        if math.hypot(east_m, north_m) > ROUTE.farthest_m:
+        if math.hypot(east_m, north_m) > FARTHEST_M:
             raise InputError(f"{self._name(item)} is {math.hypot(east_m, north_m) / 1000:.0f} km from home; check both")
         return Place(east_m, north_m, height_m)
 
@@ -407,7 +349,7 @@ def _kml(text: str, where: str, assumed: Assumed) -> Mission:
         if not (abs(point[1]) <= 90 and abs(point[0]) <= 360):
             raise InputError(f"{where}: {point[0]:g},{point[1]:g} is no longitude and latitude")
         east_m, north_m = local_m(point[1], point[0], start)
-        if math.hypot(east_m, north_m) > ROUTE.farthest_m:
+        if math.hypot(east_m, north_m) > FARTHEST_M:
             raise InputError(f"{where}: a point is {math.hypot(east_m, north_m) / 1000:.0f} km from home; check both")
         places.append(Place(east_m, north_m, point[2] - base_m if with_heights else assumed.height_m))
     steps = tuple(Step(f"point {number}", place) for number, place in enumerate(places[1:], start=2))

@@ -40,6 +40,10 @@ from flight.errors import InputError
 from flight.units import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
+DRAWS = 1000
+DIRECTIONS = 36
+POINTS_PER_LEG = 8  # from which the way home is computed
+RATE_OF_FULL_THROTTLE = 0.9  # climb that an autopilot holds, of the fastest possible
 
 
 class Objective(StrEnum):
@@ -143,7 +147,7 @@ class Route:
     def __init__(self, results: Results, mission: Mission, flight: Flight, seed: int = 0):
         rng = np.random.default_rng(seed)
         self.mission, self.flight = mission, flight
-        self.source = source_of(results, flight.idle_W, ROUTE.draws, rng)
+        self.source = source_of(results, flight.idle_W, DRAWS, rng)
         if flight.stall_mps is None:
             self.stall_CL = self.source.largest_CL
         else:
@@ -158,7 +162,7 @@ class Route:
         self.legs = self._with_changes_of_speed()
         self.drawn = self._draw(rng)
         self.capacity_J = flight.battery.energy_J * np.maximum(
-            rng.normal(flight.battery.health, flight.battery.health_sd, ROUTE.draws), 0.05
+            rng.normal(flight.battery.health, flight.battery.health_sd, DRAWS), 0.05
         )
 
     def _legs(self) -> Legs:
@@ -227,7 +231,7 @@ class Route:
                 raise InputError(
                     f"{step.name}: its airspeed takes more than full throttle; fly slower, or with less weight"
                 )
-        self.legs = replace(self.legs, rate_mps=np.minimum(self.legs.rate_mps, ROUTE.climb_share * possible))
+        self.legs = replace(self.legs, rate_mps=np.minimum(self.legs.rate_mps, RATE_OF_FULL_THROTTLE * possible))
         self._check_circles(V)
         return V
 
@@ -268,14 +272,14 @@ class Route:
         heights = np.array([step.to.height_m for step in self.mission.steps])
         _, seconds = energy_and_time(self.legs, self.V, self.nominal, self.flight.battery)
         sigma_mps = mean_wind_sigma(wind.mps, np.maximum(heights, 1.0), self.V, seconds[0])
-        mean = rng.normal(0.0, wind.sd_mps, (2, ROUTE.draws, 1))
-        of_legs = sigma_mps * rng.standard_normal((2, ROUTE.draws, len(self.legs)))
+        mean = rng.normal(0.0, wind.sd_mps, (2, DRAWS, 1))
+        of_legs = sigma_mps * rng.standard_normal((2, DRAWS, len(self.legs)))
         return World(
             self.source.drawn,
             wind.east_mps + mean[0] + of_legs[0],
             wind.north_mps + mean[1] + of_legs[1],
-            1 + GPS.scale_sigma * rng.standard_normal((ROUTE.draws, 1)),
-            np.maximum(1 + ROUTE.power_sigma * rng.standard_normal((ROUTE.draws, 1)), 0.1),
+            1 + GPS.scale_sigma * rng.standard_normal((DRAWS, 1)),
+            np.maximum(1 + ROUTE.power_sigma * rng.standard_normal((DRAWS, 1)), 0.1),
         )
 
     def left(self) -> tuple[Array, Array, Array]:
@@ -342,27 +346,27 @@ class Route:
 
     def _no_return(self, energy_J: Array) -> NoReturn | None:
         """The last point before the first one from which the direct way home is not safe."""
-        share = np.arange(1, ROUTE.points_per_leg + 1) / ROUTE.points_per_leg
+        share = np.arange(1, POINTS_PER_LEG + 1) / POINTS_PER_LEG
         before = [self.mission.start, *(step.to for step in self.mission.steps)]
         places = [
             Place(*(a + s * (b - a) for a, b in zip(start, end, strict=True)))
             for start, end in pairwise(before)
             for s in share
         ]
-        weight_N = np.repeat(np.asarray(self.legs.condition.weight_N), ROUTE.points_per_leg)
+        weight_N = np.repeat(np.asarray(self.legs.condition.weight_N), POINTS_PER_LEG)
         spent_J = (np.cumsum(energy_J, axis=1) - energy_J)[:, :, None] + energy_J[:, :, None] * share
-        need_J = spent_J.reshape(ROUTE.draws, -1) + self._home_J(places, weight_N)
+        need_J = spent_J.reshape(DRAWS, -1) + self._home_J(places, weight_N)
         usable_J = (1 - self.flight.battery.reserve) * self.capacity_J[:, None]
         safe = np.mean(need_J <= usable_J, axis=0) >= self.flight.sure
         if safe.all():
             return None
         last = int(np.argmin(safe)) - 1
         way_m = np.concatenate([d * share for d in self.legs.distance_m]) + np.repeat(
-            np.cumsum(self.legs.distance_m) - self.legs.distance_m, ROUTE.points_per_leg
+            np.cumsum(self.legs.distance_m) - self.legs.distance_m, POINTS_PER_LEG
         )
         place = places[last] if last >= 0 else self.mission.start
         return NoReturn(
-            leg=self.mission.steps[max(last, 0) // ROUTE.points_per_leg].name,
+            leg=self.mission.steps[max(last, 0) // POINTS_PER_LEG].name,
             route_m=float(way_m[last]) if last >= 0 else 0.0,
             from_home_m=place.distance_m(HOME),
         )
@@ -378,9 +382,9 @@ class Route:
         return interval_of(self._straight_J(np.array([1000.0]), course, self._cruise(1))[:, 0] / 3600)
 
     def _directions(self) -> list[Direction]:
-        course = np.arange(ROUTE.directions) * 2 * pi / ROUTE.directions
-        out_J = self._straight_J(np.full(ROUTE.directions, 1000.0), course, self._cruise(ROUTE.directions))
-        there_and_back_J = out_J + np.roll(out_J, ROUTE.directions // 2, axis=1)
+        course = np.arange(DIRECTIONS) * 2 * pi / DIRECTIONS
+        out_J = self._straight_J(np.full(DIRECTIONS, 1000.0), course, self._cruise(DIRECTIONS))
+        there_and_back_J = out_J + np.roll(out_J, DIRECTIONS // 2, axis=1)
         radius_m = 1000.0 * (1 - self.flight.battery.reserve) * self.capacity_J[:, None] / there_and_back_J
         safe = np.quantile(radius_m, 1 - self.flight.sure, axis=0, method="inverted_cdf")
         return [

@@ -8,8 +8,7 @@ from typing import Any
 import pytest
 
 from analysis.route.mission import HOME, Mission, Speed, parse_legs, parse_wind, with_return
-from analysis.route.mission_files import Assumed, load_mission
-from flight.units import EARTH_RADIUS_M
+from analysis.route.mission_files import EARTH_RADIUS_M, Assumed, load_mission
 
 HOME_DEG = (48.1, 11.5)
 NORTH_DEG = 1000.0 / (EARTH_RADIUS_M * radians(1.0))  # a kilometer
