@@ -5,8 +5,11 @@ simulated aircraft. The errors of propeller table, weight and battery meter are 
 benchmarks/study.py answers` repeats it; docs/answers.md quotes the table.
 """
 
+from typing import NamedTuple
+
 import flights
 import numpy as np
+import pandas as pd
 from estimators import speeds
 from flights import Rows, Setup
 from scipy.optimize import brentq
@@ -15,7 +18,7 @@ from analysis.drag import dynamic
 from analysis.maneuvers.find_level import find_runs
 from analysis.performance.analysis import performance_model, power_train_data
 from analysis.performance.climb import full_throttle_performance
-from analysis.performance.level_flight import level_flight
+from analysis.performance.level_flight import PerformanceModel, level_flight
 from analysis.polar import Condition, lift_coefficient
 from analysis.trajectory.reconstruction import reconstruct
 from flight.aircraft import Aircraft, load_aircraft
@@ -50,8 +53,16 @@ def truth_of(aircraft: Aircraft, deviations: Deviations, rho: float, V: np.ndarr
     return np.array([*powers, trimmer.V_max, low])
 
 
-def one_flight(setup: Setup, *, blind: bool = False) -> Rows:
-    """Battery power at each of `columns`, highest level speed and rate of climb. blind: without battery data."""
+class Estimated(NamedTuple):
+    """What a flight tells of performance, its weight and air, and the air data that it comes from."""
+
+    model: PerformanceModel
+    at: Condition
+    air: pd.DataFrame
+
+
+def estimated(setup: Setup, *, blind: bool = False) -> Estimated:
+    """Fly and analyze. blind: without battery data."""
     aircraft, probe, drawn = load_aircraft(setup.aircraft), flights.tunnel_probe(), setup.drawn
     flight, sensor_truth, table = flights.flown(aircraft, drawn, setup.plan, setup.seed, setup.turbulence_kt)
     t = table.index.to_numpy()
@@ -72,6 +83,13 @@ def one_flight(setup: Setup, *, blind: bool = False) -> Rows:
     model = performance_model(
         power_train_data(trajectory, aircraft, propeller), estimate, aircraft, propeller, flown_CL
     )
+    return Estimated(model, at, air)
+
+
+def one_flight(setup: Setup, *, blind: bool = False) -> Rows:
+    """Battery power at each of `columns`, highest level speed and rate of climb. blind: without battery data."""
+    aircraft, drawn = load_aircraft(setup.aircraft), setup.drawn
+    model, at, _ = estimated(setup, blind=blind)
     V = speeds(aircraft)[1:]
     full = full_throttle_performance(model, at)
     level = level_flight(model, at, V)
@@ -79,7 +97,7 @@ def one_flight(setup: Setup, *, blind: bool = False) -> Rows:
     value = np.hstack([one.value for one in found])
     half = np.hstack([one.hi - one.value for one in found])
     assert np.isfinite([value, half]).all()
-    truth = truth_of(aircraft, drawn.deviations, rho, V, full.best_climb_speed)
+    truth = truth_of(aircraft, drawn.deviations, at.rho, V, full.best_climb_speed)
     return [(setup.plan, 100 * np.stack([value / truth - 1, half / truth]))]
 
 

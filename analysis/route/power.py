@@ -121,13 +121,9 @@ def source_of(results: Results, idle_W: float | None, draws: int, rng: np.random
     """
     reference = Condition(results.test.weight_N, results.test.air_density_kgpm3, results.aircraft.wing_area_m2)
     idle = idle_W if idle_W is not None else results.electrical.idle_power_W if results.electrical else 0.0
-    slowest = results.slowest_flown
+    largest_CL = results.slowest_flown.largest_lift_coefficient if results.slowest_flown else 0.0
     if results.use is not None and results.use.model is not None:
-        model = model_of(results.use.model)
-        nominal = AerodynamicPower(_as_columns(model.parameters, model.parameters.values[None]), model, idle)
-        drawn = AerodynamicPower(_as_columns(model.parameters, _draw(model.parameters, draws, rng)), model, idle)
-        largest = slowest.largest_lift_coefficient if slowest else model.flown_CL[1]
-        return Source(reference, model.flown_CL, max(largest, model.flown_CL[1]), nominal, drawn)
+        return aerodynamic_source(model_of(results.use.model), reference, largest_CL, (draws, rng), idle_W=idle)
     if results.electrical is None or results.electrical.pooling is None:
         raise InputError(
             f"{results.log}: these results know neither battery power at other weights and climbs nor electrical power;"
@@ -152,9 +148,29 @@ def source_of(results: Results, idle_W: float | None, draws: int, rng: np.random
     return Source(
         reference,
         (flown[0], flown[1]),
-        slowest.largest_lift_coefficient if slowest else flown[1],
+        max(largest_CL, flown[1]),
         power_at(power[None], np.array([[mean]])),
         power_at(_draw(curve, draws, rng), 1 / (1 + np.exp(-logit))),
+    )
+
+
+def aerodynamic_source(
+    model: PerformanceModel,
+    reference: Condition,
+    largest_CL: float,
+    draws: tuple[int, np.random.Generator],
+    *,
+    idle_W: float = 0.0,
+) -> Source:
+    """From a model of performance. largest_CL: that the wing has carried for a moment     draws: how many, by what"""
+    parameters = model.parameters
+    drawn = _draw(parameters, *draws)
+    return Source(
+        reference,
+        model.flown_CL,
+        max(largest_CL, model.flown_CL[1]),
+        AerodynamicPower(_as_columns(parameters, parameters.values[None]), model, idle_W),
+        AerodynamicPower(_as_columns(parameters, drawn), model, idle_W),
     )
 
 

@@ -31,7 +31,7 @@ from analysis.route.energy import (
     straight_legs,
 )
 from analysis.route.mission import HOME, Mission, Place, Speed, Wind, courses_rad
-from analysis.route.power import interval_of, source_of
+from analysis.route.power import Source, interval_of, source_of
 from analysis.route.settings import ROUTE
 from analysis.schema import Interval, Results
 from analysis.trajectory import dryden
@@ -138,16 +138,16 @@ class RouteResult(msgspec.Struct, frozen=True, kw_only=True):
 
 def predict(results: Results, mission: Mission, flight: Flight, seed: int = 0) -> RouteResult:
     """Raises InputError where the results do not give the power, or a leg cannot be flown as the mission asks."""
-    return Route(results, mission, flight, seed).result()
+    rng = np.random.default_rng(seed)
+    return Route(source_of(results, flight.idle_W, DRAWS, rng), mission, flight, rng).result()
 
 
 class Route:
     """The legs of a mission with their speeds, and draws of what is uncertain."""
 
-    def __init__(self, results: Results, mission: Mission, flight: Flight, seed: int = 0):
-        rng = np.random.default_rng(seed)
-        self.mission, self.flight = mission, flight
-        self.source = source_of(results, flight.idle_W, DRAWS, rng)
+    def __init__(self, source: Source, mission: Mission, flight: Flight, rng: np.random.Generator):
+        """source: with DRAWS draws. Raises InputError where a leg cannot be flown as the mission asks."""
+        self.source, self.mission, self.flight = source, mission, flight
         if flight.stall_mps is None:
             self.stall_CL = self.source.largest_CL
         else:

@@ -9,7 +9,8 @@ from analysis.performance.propagation import ParameterVector
 from analysis.polar import Condition, speed_at
 from analysis.route.energy import Battery
 from analysis.route.mission import Mission, Wind, parse_legs
-from analysis.route.prediction import Air, Flight
+from analysis.route.power import source_of
+from analysis.route.prediction import DRAWS, Air, Flight, Route
 from analysis.schema import (
     AircraftResult,
     AvailableResult,
@@ -120,3 +121,8 @@ def flight(wind: Wind = CALM, **changed: Any) -> Flight:
 
 def legs(text: str) -> Mission:
     return parse_legs(text, 0.0)
+
+
+def route_of(results: Results, mission: Mission, how: Flight) -> Route:
+    rng = np.random.default_rng(0)
+    return Route(source_of(results, how.idle_W, DRAWS, rng), mission, how, rng)

@@ -13,6 +13,7 @@ from route_data import (
     flight,
     legs,
     parameters,
+    route_of,
 )
 
 from analysis.performance.stored_model import model_of
@@ -75,7 +76,7 @@ def flown(route: Route, rng: np.random.Generator, worlds: int, power_sigma: floa
 @pytest.fixture(scope="module", params=["aerodynamic, wind", "aerodynamic, calm"])
 def route_and_worlds(request) -> tuple[Route, np.ndarray]:
     wind = CALM._replace(sd_mps=1.0) if request.param.endswith("calm") else WIND
-    route = Route(aerodynamic_results(), legs(TRIANGLE), flight(wind))
+    route = route_of(aerodynamic_results(), legs(TRIANGLE), flight(wind))
     return route, flown(route, np.random.default_rng(2001), 1200)
 
 
@@ -166,7 +167,7 @@ def test_the_fastest_route_is_the_fastest_that_full_throttle_holds() -> None:
     )
     assert fast.time_s.value < 0.9 * slow.time_s.value
     assert fast.energy_Wh.value > slow.energy_Wh.value
-    route = Route(aerodynamic_results(), mission, flight(WIND, speed=Objective.TIME))
+    route = route_of(aerodynamic_results(), mission, flight(WIND, speed=Objective.TIME))
     climb = route.source.nominal.best_climb_mps(route.V, route.legs.condition)
     assert np.all(climb > 0) and np.all(route.V <= route.limits.fastest * (1 + 1e-9))
 
@@ -174,7 +175,7 @@ def test_the_fastest_route_is_the_fastest_that_full_throttle_holds() -> None:
 def test_a_launch_takes_the_kinetic_energy() -> None:
     results, mission = electrical_results(), legs("3 km 000")
     launched = mission._replace(steps=(mission.steps[0]._replace(launched=True),))
-    energies = [Route(results, one, flight(CALM)) for one in (mission, launched)]
+    energies = [route_of(results, one, flight(CALM)) for one in (mission, launched)]
     V = energies[0].V[0]
     difference_J = np.subtract(
         *(energy_and_time(r.legs, energies[0].V, r.nominal, BATTERY)[0][0, 0] for r in reversed(energies))

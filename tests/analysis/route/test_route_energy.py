@@ -4,7 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from route_data import AREA_M2, BATTERY, FLOWN_CL, RHO, WEIGHT_N, aerodynamic_results, electrical_results, flight, legs
+from route_data import (
+    AREA_M2,
+    BATTERY,
+    FLOWN_CL,
+    RHO,
+    WEIGHT_N,
+    aerodynamic_results,
+    electrical_results,
+    flight,
+    legs,
+    route_of,
+)
 
 from analysis.performance.level_flight import level_flight
 from analysis.performance.stored_model import model_of
@@ -12,7 +23,7 @@ from analysis.polar import Condition, speed_at
 from analysis.route.energy import Battery, Legs, World, best_speeds, energy_and_time, ground_speed, speed_limits
 from analysis.route.mission import Speed, Wind
 from analysis.route.power import SteadyPower, source_of
-from analysis.route.prediction import Route, mean_wind_sigma
+from analysis.route.prediction import mean_wind_sigma
 from analysis.trajectory import dryden
 
 AT = Condition(WEIGHT_N, RHO, AREA_M2)
@@ -150,10 +161,10 @@ def test_no_speed_is_slower_than_flown_or_than_the_stall_margin_allows() -> None
 @pytest.mark.parametrize("wind_mps", [0.0, 6.0, 12.0])
 def test_the_chosen_speeds_keep_the_stall_margin_at_every_weight(wind_mps: float) -> None:
     mission = legs("3 km 045, 2 km 135 +50 m, drop 0.8 kg, 3 km 300, 1 km 90")
-    route = Route(aerodynamic_results(), mission, flight(Wind(wind_mps, 0.0, 1.0)))
+    route = route_of(aerodynamic_results(), mission, flight(Wind(wind_mps, 0.0, 1.0)))
     stall_mps = speed_at(1.2, route.legs.condition)
     assert np.all(route.V >= 1.2 * stall_mps * (1 - 1e-9))
-    asked = Route(aerodynamic_results(), mission, flight(Wind(wind_mps, 0.0, 1.0), speed=Speed(17.0)))
+    asked = route_of(aerodynamic_results(), mission, flight(Wind(wind_mps, 0.0, 1.0), speed=Speed(17.0)))
     assert asked.V * np.sqrt(asked.legs.condition.rho / 1.225) == pytest.approx(np.full(4, 17.0), rel=1e-4)
 
 

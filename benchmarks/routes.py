@@ -1,0 +1,169 @@
+"""Missions that the simulator flies in wind, against what `flightpower route` says of them before.
+
+    python benchmarks/routes.py --flights 5                      # seeds below 1000 are for development
+    python benchmarks/routes.py --seed 1000 --flights 200 --jobs 2
+
+A seed draws an installation: one flight of it is analyzed, and the model of performance, the weight and the air go into
+the prediction. It also draws a mission of a few legs with climbs, and the wind; the prediction is given a wind that is
+wrong by its standard deviation. The simulator's autopilot flies the mission in the true wind, in Dryden turbulence as
+strong, with an airspeed that reads wrong; the battery's energy is the truth. Courses are held in the mean wind.
+"""
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import json
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from typing import Annotated, Any, NamedTuple
+
+import answers
+import numpy as np
+import typer
+from flights import Setup
+
+from analysis.electrical.settings import GPS
+from analysis.route.energy import Battery, ground_speed
+from analysis.route.mission import HOME, Mission, Place, Step, Wind
+from analysis.route.power import aerodynamic_source
+from analysis.route.prediction import DRAWS, Air, Flight, Route
+from analysis.trajectory import dryden
+from flight.aircraft import load_aircraft
+from flight.units import GRAVITY_MPS2
+from sim.air import WIND_HEIGHT_M, ambient
+from sim.air import Air as SimulatedAir
+from sim.fly import fly
+from sim.pilot import pilot_named, wrap_angle
+from sim.plan import Plan
+from sim.segments import ROLL_OUT_S, ClimbSegment, HoldSegment, TurnSegment
+
+WIND_SD_MPS = 1.0
+STRONGEST_MPS = 8.0
+SETTLING_S = 20.0  # in the first course and speed, before the mission begins
+BANK_RAD = 0.6
+AIRCRAFT = ("nexstar", "light-1kg", "survey-6kg")
+
+
+class Flown(NamedTuple):
+    """Energy [Wh] and time [s] of a mission, and shares of the draws below them; the prediction's median and ends."""
+
+    energy_Wh: float
+    time_s: float
+    share_below: float
+    median_Wh: float
+    low_Wh: float
+    high_Wh: float
+    wind_mps: float
+
+
+def mission_of(rng: np.random.Generator, leg_m: float) -> Mission:
+    """Three to five legs on courses that turn by 40 to 140 deg, half of them with a climb or descent."""
+    place, course, steps = HOME._replace(height_m=80.0), rng.uniform(0, 2 * np.pi), []
+    for number in range(int(rng.integers(3, 6))):
+        distance_m = leg_m * rng.uniform(0.6, 1.4)
+        height_m = float(np.clip(place.height_m + rng.choice([0.0, rng.uniform(-40, 40)]), 40.0, 150.0))
+        place = Place(place.east_m + distance_m * np.sin(course), place.north_m + distance_m * np.cos(course), height_m)
+        steps.append(Step(f"leg {number + 1}", place))
+        course += rng.choice([-1, 1]) * np.radians(rng.uniform(40, 140))
+    return Mission(HOME._replace(height_m=80.0), tuple(steps))
+
+
+def plan_of(route: Route, wind: Wind, air: SimulatedAir, airspeed: float) -> Plan:
+    """The mission on headings that hold its courses, after SETTLING_S. airspeed: flown over commanded"""
+    legs, V = route.legs, route.V * airspeed
+    across = wind.east_mps * np.cos(legs.course_rad) - wind.north_mps * np.sin(legs.course_rad)
+    heading = legs.course_rad - np.arcsin(across / V)
+    seconds = legs.distance_m / ground_speed(V, legs.course_rad, np.array(wind.east_mps), np.array(wind.north_mps))
+    segments: list[Any] = [HoldSegment(duration_s=SETTLING_S, speed_mps=float(V[0]))]
+    height_m = route.mission.start.height_m
+    for i, step in enumerate(route.mission.steps):
+        left_s, v = float(seconds[i]), float(V[i])
+        if i > 0:
+            angle = wrap_angle(float(heading[i] - heading[i - 1]))
+            segments.append(TurnSegment(angle_rad=angle, bank_rad=BANK_RAD, speed_mps=v))
+            left_s -= max(abs(angle) - 0.35, 0.0) * v / (GRAVITY_MPS2 * np.tan(BANK_RAD)) + ROLL_OUT_S
+        climb_m = step.to.height_m - height_m
+        if abs(climb_m) > 1.0:
+            rate_mps = min(abs(climb_m) / left_s, float(legs.rate_mps[i]))
+            segments.append(ClimbSegment(height_m=step.to.height_m, climb_mps=rate_mps, speed_mps=v))
+            left_s -= abs(climb_m) / rate_mps
+            height_m = step.to.height_m
+        if left_s > 0.5:
+            segments.append(HoldSegment(duration_s=left_s, speed_mps=v))
+    return Plan(
+        name="route", title="", segments=tuple(segments), air=air, pilot=pilot_named("autopilot"),
+        heading_rad=float(heading[0]), height_m=route.mission.start.height_m,
+    )  # fmt: skip
+
+
+def one_mission(seed: int, aircraft: str, world: str) -> Flown:
+    rng = np.random.default_rng([seed, 50])
+    craft = load_aircraft(aircraft)
+    setup = Setup(aircraft, world, "full-test-flight", 3.0, seed)
+    model, at, _ = answers.estimated(setup)
+    sources = aerodynamic_source(model, at, float(model.flown_CL[1]), (DRAWS, rng))
+    wind_mps, direction = rng.uniform(0, STRONGEST_MPS), rng.uniform(0, 2 * np.pi)
+    true = Wind(wind_mps * np.sin(direction), wind_mps * np.cos(direction), 0.0)
+    said = Wind(*(np.array(true[:2]) + WIND_SD_MPS * rng.standard_normal(2)).tolist(), WIND_SD_MPS)
+    simulated = SimulatedAir(
+        wind_mps=wind_mps * profile(WIND_HEIGHT_M) / profile(80.0),
+        wind_from_rad=direction + np.pi,
+        turbulence_mps=wind_mps * profile(WIND_HEIGHT_M) / profile(80.0),
+    )
+    ground = ambient(simulated, 0.0)
+    battery = Battery(3600 * (craft.propulsion.battery_energy_Wh or 74.0), reserve=0.2)
+    how = Flight(
+        said, battery, Air(float(ground.pressure), float(ground.temperature)), craft.mass.weight_N, stall_margin=1.1
+    )
+    leg_m = 60.0 * float(np.sqrt(2 * at.weight_N / (at.rho * at.wing_area_m2)))
+    route = Route(sources, mission_of(rng, leg_m), how, rng)
+    plan = plan_of(route, true, simulated, 1 + GPS.scale_sigma * rng.standard_normal())
+    flight = fly(craft, plan, seed=seed, deviations=setup.drawn.deviations)
+    truth = flight.truth
+    after = truth[truth["time_s"] >= SETTLING_S]
+    energy_J = float(after["battery_energy_J"].iloc[-1] - after["battery_energy_J"].iloc[0])
+    drawn_J = route.left()[0].sum(axis=1)
+    low, median, high = np.quantile(drawn_J, [0.025, 0.5, 0.975]) / 3600
+    return Flown(
+        energy_J / 3600,
+        float(after["time_s"].iloc[-1] - SETTLING_S),
+        float(np.mean(drawn_J < energy_J)),
+        float(median),
+        float(low),
+        float(high),
+        float(wind_mps),
+    )
+
+
+def profile(height_m: float) -> float:
+    return float(dryden.mean_wind_profile(height_m))
+
+
+def main(
+    seed: Annotated[int, typer.Option(help="Of the first flight.")] = 0,
+    flights: Annotated[int, typer.Option(help="Missions of each aircraft.")] = 5,
+    aircraft: Annotated[list[str] | None, typer.Option(help="May be repeated.")] = None,
+    world: Annotated[str, typer.Option(help="World or error budget of the analyzed flight.")] = "study",
+    jobs: Annotated[int, typer.Option(help="Processes.")] = 1,
+) -> None:
+    lines: list[Flown] = []
+    with ProcessPoolExecutor(jobs) as pool:
+        for name in aircraft or AIRCRAFT[:1]:
+            run = partial(one_mission, aircraft=name, world=world)
+            for flown in pool.map(run, range(seed, seed + flights)):
+                print(json.dumps({"aircraft": name, **flown._asdict()}), flush=True)
+                lines.append(flown)
+    below = np.array([one.share_below for one in lines])
+    error = np.array([one.median_Wh / one.energy_Wh - 1 for one in lines])
+    half = np.array([(one.high_Wh - one.low_Wh) / 2 / one.energy_Wh for one in lines])
+    inside = np.mean((below > 0.025) & (below < 0.975))
+    print(f"missions {len(lines)}: energy inside the 95 % interval {100 * inside:.0f} %")
+    print(f"error of energy: median {100 * np.median(np.abs(error)):.1f} %, mean {100 * np.mean(error):+.1f} %")
+    print(f"half width of the interval: median {100 * np.median(half):.1f} %")
+    for said in (0.5, 0.8, 0.9, 0.95, 0.99):
+        print(f"return, with a battery of which it is said by {100 * said:.0f} %: {100 * np.mean(below < said):.0f} %")
+
+
+if __name__ == "__main__":
+    typer.run(main)
