@@ -92,6 +92,12 @@ def test_circles_holds_drops_and_climbs_are_taken_over(tmp_path: Path) -> None:
     assert land.to.height_m == 0
 
 
+def test_a_speed_goes_back_to_the_default_and_stays_without_change(tmp_path: Path) -> None:
+    changes = [item(178, 0, speed, -1) for speed in (18.0, -1.0, -2.0)]
+    mission = read(tmp_path, plan_text(*(one for change in changes for one in (change, item(16, east_km=1.0)))))
+    assert [step.speed for step in mission.steps[:3]] == [Speed(18.0), Speed(18.0), None]
+
+
 def test_heights_above_the_sea_are_less_homes(tmp_path: Path) -> None:
     assert read(tmp_path, plan_text(item(16, frame=0, height_m=600.0, east_km=0.01))).steps[0].to.height_m == 100
 

@@ -133,6 +133,9 @@ def test_beyond_the_point_of_no_return_the_energy_for_the_way_home_is_missing() 
     # The median reaches half the usable energy out; the safe point lies nearer, to the step of the search.
     assert found.no_return.from_home_m < usable_Wh / (2 * per_m) < found.no_return.from_home_m + 30_000 / 8 * 1.5
     assert predict(results, legs("2 km 000, 2 km 180"), flight(CALM)).no_return is None
+    to_the_end = flight(CALM, battery=BATTERY._replace(energy_J=40 * 3600.0, reserve=0.0))
+    farther = predict(results, legs("30 km 000"), to_the_end).no_return
+    assert farther is not None and farther.from_home_m > found.no_return.from_home_m
 
 
 def test_how_far_out_and_back_is_what_the_battery_gives_both_ways() -> None:

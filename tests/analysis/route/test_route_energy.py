@@ -181,3 +181,46 @@ def test_the_mean_wind_of_a_leg_scatters_as_in_drydens_turbulence() -> None:
         total += u / 600
     computed = mean_wind_sigma(6.0, np.array([height_m]), np.array([V]), np.array([seconds]))
     assert computed[0] == pytest.approx(total.std(), rel=0.05)
+
+
+def test_a_turn_replaces_straight_flight_by_its_load_factor_for_its_time() -> None:
+    """Turn rate is g tan(bank) over V; a load factor of 1.2 is a bank of 33.6 deg."""
+    power = source().nominal
+    without, turned = (
+        energy_of(straight(2000.0, 0.0, turn_rad=np.array([angle])), 16.0, world(power)) for angle in (0.0, 2.0)
+    )
+    at = Condition(np.array([WEIGHT_N]), np.array([RHO]), AREA_M2)
+    level_W, turn_W = (float(power.battery_W(np.array([16.0]), at, 0.0, n)[0, 0]) for n in (1.0, 1.2))
+    seconds = 2.0 * 16.0 / (9.80665 * np.tan(np.arccos(1 / 1.2)))
+    assert turned[0] - without[0] == pytest.approx(seconds * (turn_W - level_W), rel=1e-9)
+    assert turned[1] == without[1]
+
+
+def test_legs_turn_the_short_way() -> None:
+    route = route_of(aerodynamic_results(), legs("2 km 350, 2 km 010, 2 km 280"), flight())
+    assert np.degrees(route.legs.turn_rad) == pytest.approx([0.0, 20.0, 90.0])
+
+
+def test_the_draws_are_as_wide_as_wind_turbulence_and_airspeed_are_uncertain() -> None:
+    mission, wind = legs("2 km 000, 2 km 090"), Wind(0.0, 8.0, 1.2)
+    route = route_of(aerodynamic_results(), mission, flight(wind))
+    drawn = route.drawn
+    between = (drawn.wind_east_mps[:, 0] - drawn.wind_east_mps[:, 1]).std() / np.sqrt(2)
+    _, seconds = energy_and_time(route.legs, route.V, route.nominal, BATTERY)
+    of_leg = mean_wind_sigma(8.0, np.ones(2), route.V, seconds[0])
+    assert between == pytest.approx(np.sqrt(np.mean(of_leg**2)), rel=0.1)
+    assert drawn.wind_north_mps.mean(axis=1).std() == pytest.approx(1.2, rel=0.15)
+    assert drawn.airspeed.std() == pytest.approx(0.0125, rel=0.1)
+
+
+def test_a_speed_over_the_ground_is_flown_with_the_airspeed_that_makes_it() -> None:
+    step = legs("2 km 000").steps[0]._replace(speed=Speed(12.0, over_ground=True))
+    route = route_of(aerodynamic_results(), legs("2 km 000")._replace(steps=(step,)), flight(Wind(4.0, -5.0, 1.0)))
+    assert ground_speed(route.V, route.legs.course_rad, np.array(4.0), np.array(-5.0)) == pytest.approx([12.0])
+    assert route.V == pytest.approx([np.hypot(4.0, 17.0)])
+
+
+def test_no_climb_is_steeper_than_full_throttle_allows() -> None:
+    route = route_of(aerodynamic_results(), legs("100 m 000 +90 m"), flight(climb_mps=50.0))
+    best_mps = route.source.nominal.best_climb_mps(route.V, route.legs.condition)[0]
+    assert route.legs.rate_mps == pytest.approx(0.9 * best_mps)
