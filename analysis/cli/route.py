@@ -20,6 +20,25 @@ if TYPE_CHECKING:
 
 app = application()
 
+StallOption = Annotated[
+    float | None,
+    typer.Option(
+        "--stall",
+        parser=quantity("--stall", "m/s", '"20 kt"', above=0, most=100),
+        metavar="SPEED",
+        help="Stall speed (equivalent airspeed); default: of the largest lift coefficient of the flight.",
+    ),
+]
+StallMarginOption = Annotated[
+    float,
+    typer.Option(
+        "--stall-margin",
+        parser=quantity("--stall-margin", "", "1.2", least=1, most=3),
+        metavar="NUMBER",
+        help="No airspeed is below this many stall speeds.",
+    ),
+]
+
 
 class SpeedChoice(StrEnum):
     MISSION = "mission"
@@ -87,24 +106,8 @@ class RouteOptions:
             help="Of the battery; its loss then counts, at the voltage of --battery-Wh.",
         ),
     ] = 0.0
-    stall_mps: Annotated[
-        float | None,
-        typer.Option(
-            "--stall",
-            parser=quantity("--stall", "m/s", '"20 kt"', above=0, most=100),
-            metavar="SPEED",
-            help="Stall speed (equivalent airspeed); default: of the largest lift coefficient of the flight.",
-        ),
-    ] = None
-    stall_margin: Annotated[
-        float,
-        typer.Option(
-            "--stall-margin",
-            parser=quantity("--stall-margin", "", "1.2", least=1, most=3),
-            metavar="NUMBER",
-            help="No leg is flown below this many stall speeds.",
-        ),
-    ] = 1.2
+    stall_mps: StallOption = None
+    stall_margin: StallMarginOption = 1.2
     climb_mps: Annotated[
         float | None,
         typer.Option(
@@ -224,7 +227,7 @@ def route(
     wind = parse_wind(wind_text, options.wind_sd_mps)
     asked = _asked_speed(options.speed)
     flown = _mission(mission, options)
-    read = _read_results(results)
+    read = read_results(results)
     result = predict(read, flown, _flight(read, wind, asked, options))
     if json:
         import msgspec
@@ -310,7 +313,7 @@ def _flight(results: "Results", wind: "Wind", speed: "Speed | Objective | None",
     )
 
 
-def _read_results(path: Path) -> "Results":
+def read_results(path: Path) -> "Results":
     """Doubts go to stderr. Raises InputError when it is something else, or not to be trusted."""
     from analysis.results.trust import sentence
     from analysis.schema import FORMAT, Results, Trust

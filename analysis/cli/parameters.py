@@ -1,0 +1,47 @@
+"""The command `parameters`: a file for an autopilot from results. Arguments, messages and exit codes only."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from analysis.cli.options import ReplaceOption
+from analysis.cli.route import StallMarginOption, StallOption, read_results
+from analysis.results.parameter_file import For, StallMargin, parameter_file
+from flight.command_line import application, run
+from flight.files import check_new_file
+
+app = application()
+
+
+@app.command()
+def parameters(
+    results: Annotated[Path, typer.Argument(metavar="RESULTS", help="results.json of `analyze`.")],
+    firmware: Annotated[For, typer.Option("--for", help="Firmware that loads the file.")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="File to write.")],
+    stall_mps: StallOption = None,
+    stall_margin: StallMarginOption = 1.2,
+    replace: ReplaceOption = False,
+) -> None:
+    """Airspeeds, sink and level-flight power as a file for ArduPilot (.param), PX4 (.params) or INAV (CLI lines).
+
+    Each value stands with its interval, what it follows from, and the value in the log. No airspeed is below the stall
+    margin. What does not follow from the flight is named. Compare each value with yours before you load it.
+
+    \b
+    Examples:
+      flightpower parameters log.report/results.json --for px4 -o flight.params
+      flightpower parameters log.report/results.json --for ardupilot --stall "10 m/s" -o flight.param
+    """
+    check_new_file(output, replace=replace)
+    output.write_text(parameter_file(read_results(results), firmware, StallMargin(stall_mps, stall_margin)), "utf-8")
+    print(f"wrote {output}")
+
+
+def main() -> None:
+    """Entry point. Wrong input gives one line on stderr and exit code 2."""
+    run(app, "parameters")
+
+
+if __name__ == "__main__":
+    main()

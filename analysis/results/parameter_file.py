@@ -1,0 +1,108 @@
+"""The parameters that follow from a flight, as a file that an autopilot's ground station loads.
+
+ArduPilot: `NAME,VALUE`, comments after #. PX4: QGroundControl's table of vehicle, component, name, value and type (9:
+float). INAV: `set NAME = VALUE` of its command line, whole numbers. No airspeed is below the stall margin.
+"""
+
+from collections.abc import Iterator
+from enum import StrEnum
+from math import ceil
+from typing import NamedTuple
+
+from analysis.polar import Condition, speed_at
+from analysis.results.autopilot_parameters import INAV, PLANE, PX4
+from analysis.schema import AutopilotParameter, Results
+from flight.atmosphere import SEA_LEVEL_DENSITY
+from flight.errors import InputError
+
+
+class For(StrEnum):
+    """The firmware that loads the file."""
+
+    ARDUPILOT = "ardupilot"
+    PX4 = "px4"
+    INAV = "inav"
+
+
+FIRMWARE = {For.ARDUPILOT: PLANE, For.PX4: PX4, For.INAV: INAV}
+SLOWEST = {"FW_AIRSPD_MIN", "AIRSPEED_MIN", "ARSPD_FBW_MIN"}
+CRUISE = {"FW_AIRSPD_TRIM", "AIRSPEED_CRUISE", "TRIM_ARSPD_CM", "nav_fw_cruise_speed"}
+FASTEST = {"FW_AIRSPD_MAX", "AIRSPEED_MAX", "ARSPD_FBW_MAX"}
+NEWER = {"TRIM_ARSPD_CM": "AIRSPEED_CRUISE", "ARSPD_FBW_MIN": "AIRSPEED_MIN", "ARSPD_FBW_MAX": "AIRSPEED_MAX"}
+CENTIMETERS = "cm/s"
+WHOLE = {"TRIM_ARSPD_CM", "ARSPD_FBW_MIN", "ARSPD_FBW_MAX"}  # of ArduPlane; all of INAV
+
+
+class StallMargin(NamedTuple):
+    """stall_mps : equivalent airspeed; None: of the largest lift coefficient that the wing has carried in the flight"""
+
+    stall_mps: float | None = None
+    margin: float = 1.2
+
+    def least_mps(self, results: Results) -> float:
+        """The slowest equivalent airspeed that an autopilot may be told to fly; 0 where no stall speed is known."""
+        stall_mps, slowest = self.stall_mps, results.slowest_flown
+        if stall_mps is None and slowest is not None:
+            at = Condition(results.test.weight_N, SEA_LEVEL_DENSITY, results.aircraft.wing_area_m2)
+            stall_mps = float(speed_at(slowest.largest_lift_coefficient, at))
+        return self.margin * (stall_mps or 0.0)
+
+
+def parameter_file(results: Results, firmware: For, stall: StallMargin = StallMargin()) -> str:
+    """The text of the file. Raises InputError where no parameter of this firmware follows, or none leaves a margin."""
+    own = [one for one in results.autopilot_parameters if one.firmware == FIRMWARE[firmware]]
+    if not own:
+        raise InputError(f"{results.log}: no parameter of {FIRMWARE[firmware]} follows from these results")
+    lines = [
+        f"# {FIRMWARE[firmware]}, from the flight {results.log}, by flightpower {results.software_version}.",
+        "# Airspeeds are equivalent (calibrated) ones. Compare each value with yours before you load it.",
+        *(line for one in _names_used(own) for line in _lines(one, firmware, stall.least_mps(results))),
+        *(f"# {sentence}" for sentence in results.autopilot_parameters_withheld),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _names_used(own: list[AutopilotParameter]) -> Iterator[AutopilotParameter]:
+    """Of a name and the one that follows it in newer versions, the one that the log has, or else the newer one."""
+    logged = {one.name for one in own if one.logged is not None}
+    old = {name for name, newer in NEWER.items() if name in logged and newer not in logged}
+    for one in own:
+        replaced = {NEWER[name] for name in old}
+        if one.name not in replaced and (one.name not in NEWER or one.name in old):
+            yield one
+
+
+def _lines(one: AutopilotParameter, firmware: For, least_mps: float) -> Iterator[str]:
+    """Comments on interval, reason and margin, then the value."""
+    unit = f" {one.unit}" if one.unit else ""
+    yield f"# {one.name}: {one.value:.4g} ({one.lo:.4g} to {one.hi:.4g}){unit}: {one.basis}."
+    if one.logged is not None:
+        yield f"# {one.name} in the log: {one.logged:g}"
+    least = least_mps * (100.0 if one.unit == CENTIMETERS else 1.0)
+    value = one.value
+    if one.name in FASTEST and value < least:
+        raise InputError(
+            f"{one.name}: the fastest flown, {value:.4g}{unit}, is below the stall margin, {least:.4g}{unit};"
+            " fly faster, or give the stall speed with --stall"
+        )
+    if one.name in SLOWEST | CRUISE and value < least:
+        yield f"# {one.name} is raised to the stall margin, {least:.4g}{unit}."
+        value = least
+    written = _up(value, one, firmware) if one.name in SLOWEST | CRUISE | FASTEST else _rounded(value, firmware)
+    match firmware:
+        case For.INAV:
+            yield f"set {one.name} = {written}"
+        case For.PX4:
+            yield f"1\t1\t{one.name}\t{written}\t9"
+        case For.ARDUPILOT:
+            yield f"{one.name},{written}"
+
+
+def _up(value: float, one: AutopilotParameter, firmware: For) -> str:
+    """Rounded up: no airspeed falls below its margin by rounding."""
+    digits = 0 if firmware is For.INAV or one.name in WHOLE else 2
+    return f"{ceil(10**digits * value - 1e-9) / 10**digits:.{digits}f}"
+
+
+def _rounded(value: float, firmware: For) -> str:
+    return f"{value:.0f}" if firmware is For.INAV else f"{value:.5g}"

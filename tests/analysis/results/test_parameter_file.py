@@ -1,0 +1,145 @@
+"""Files of parameters, read back as their ground stations do; no airspeed below the stall margin."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+from analysis.cli import parameters
+from analysis.polar import Condition, speed_at
+from analysis.results.autopilot_parameters import FlightValues, around, typed_in
+from analysis.results.parameter_file import CRUISE, FASTEST, SLOWEST, For, StallMargin, parameter_file
+from analysis.schema import (
+    AircraftResult,
+    ConditionResult,
+    Evidence,
+    EvidenceKind,
+    PartOfResult,
+    Results,
+    SlowestFlown,
+    SpeedInterval,
+    Trust,
+)
+from flight.errors import InputError
+
+NONE = SpeedInterval(speed_mps=None, lo_mps=None, hi_mps=None, inside_flown_range=False)
+NO_STALL = StallMargin(1.0)  # far below anything flown
+
+
+def results(largest_CL: float | None = None, logged: dict[str, float] | None = None, **changed: Any) -> Results:
+    """Flown between 11 and 22 m/s, cruise at 13.117 m/s."""
+    values = FlightValues(
+        cruise=around(13.117, 0.2), slowest=around(11.0, 0.1), fastest=around(22.0, 0.1),
+        wing_loading=around(132.7, 1.0), cruise_power=around(74.66, 2.0), idle_power=around(8.0, 0.5),
+        sink=around(1.2, 0.05), CD0=around(0.0405, 0.001), B=around(0.0510, 0.001), logged=logged or {},
+    )  # fmt: skip
+    found, withheld = typed_in(values)
+    at = ConditionResult(weight_N=37.66, air_density_kgpm3=1.19)
+    slowest = largest_CL and SlowestFlown(speed_mps=11.0, lift_coefficient=1.1, largest_lift_coefficient=largest_CL)
+    return Results(
+        **{
+            "software_version": "0", "log": "log.ulg", "aircraft": AircraftResult(
+                name="a", title="A", wing_area_m2=0.4636, span_m=1.75, propeller=""
+            ), "test": at, "standard": at, "air_temperature_K": 288.0, "air_pressure_Pa": 1e5, "runs": [],
+            "rejected": [], "parameters": [], "drag_polar": None, "power_required": [], "power_required_standard": [],
+            "cross_check": [], "minimum_power_speed": NONE, "best_range_speed": NONE, "verdict": "", "warnings": [],
+            "slowest_flown": slowest or None, "autopilot_parameters": found, "autopilot_parameters_withheld": withheld,
+        }
+        | changed
+    )  # fmt: skip
+
+
+def read(text: str, firmware: For) -> dict[str, float]:
+    """As QGroundControl, Mission Planner and INAV's command line read it."""
+    lines = [line for line in text.splitlines() if not line.startswith("#")]
+    if firmware is For.PX4:
+        rows = [line.split("\t") for line in lines]
+        assert all((vehicle, component, kind) == ("1", "1", "9") for vehicle, component, _, _, kind in rows)
+        return {name: float(value) for _, _, name, value, _ in rows}
+    if firmware is For.ARDUPILOT:
+        return {name: float(value) for name, value in (line.split(",") for line in lines)}
+    assert all(line.startswith("set ") for line in lines)
+    return {name: int(value) for name, value in (line.removeprefix("set ").split(" = ") for line in lines)}
+
+
+@pytest.mark.parametrize("firmware", For)
+def test_the_values_are_those_of_the_flight(firmware: For) -> None:
+    found = results()
+    values = read(parameter_file(found, firmware, NO_STALL), firmware)
+    own = {one.name: one.value for one in found.autopilot_parameters}
+    assert len(values) >= 3
+    for name, value in values.items():
+        assert value == pytest.approx(own[name], rel=2e-3)
+
+
+def test_of_two_names_of_one_parameter_the_log_decides() -> None:
+    newer = read(parameter_file(results(), For.ARDUPILOT, NO_STALL), For.ARDUPILOT)
+    older = read(parameter_file(results(logged={"TRIM_ARSPD_CM": 1400.0}), For.ARDUPILOT, NO_STALL), For.ARDUPILOT)
+    assert "AIRSPEED_CRUISE" in newer and "TRIM_ARSPD_CM" not in newer
+    assert older["TRIM_ARSPD_CM"] == 1312 and "AIRSPEED_CRUISE" not in older
+    assert "AIRSPEED_MIN" in older and "ARSPD_FBW_MIN" not in older
+
+
+@pytest.mark.parametrize("firmware", For)
+@pytest.mark.parametrize("stall_mps", [None, 9.0, 12.345])
+def test_no_airspeed_is_below_the_stall_margin(firmware: For, stall_mps: float | None) -> None:
+    """In meters or centimeters per second, and after rounding; what lies above it stays."""
+    found = results(largest_CL=1.3)
+    at_stall = float(speed_at(1.3, Condition(37.66, 1.225, 0.4636))) if stall_mps is None else stall_mps
+    values = read(parameter_file(found, firmware, StallMargin(stall_mps, 1.2)), firmware)
+    for name in values.keys() & (SLOWEST | CRUISE | FASTEST):
+        scale = 100.0 if firmware is For.INAV else 1.0
+        assert values[name] >= 1.2 * at_stall * scale
+        if name in SLOWEST:
+            assert values[name] == pytest.approx(max(11.0, 1.2 * at_stall) * scale, rel=2e-3)
+
+
+def test_a_stall_margin_beyond_the_fastest_flown_is_refused() -> None:
+    with pytest.raises(InputError, match="--stall"):
+        parameter_file(results(), For.PX4, StallMargin(20.0, 1.2))
+
+
+def test_what_does_not_follow_is_named_as_a_comment() -> None:
+    found = results()
+    comments = [line for line in parameter_file(found, For.PX4, NO_STALL).splitlines() if line.startswith("#")]
+    assert all(f"# {sentence}" in comments for sentence in found.autopilot_parameters_withheld)
+
+
+DISTRUST = Evidence(
+    kind=EvidenceKind.CROSS_CHECK, level=Trust.NOT_TO_BE_TRUSTED, part=PartOfResult.CURVE, text="It differs."
+)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (results(), ("--for", "px4")),
+        (results(), ("--for", "betaflight", "-o", "new")),
+        (results(), ("--for", "px4", "-o", "results.json")),
+        (results(autopilot_parameters=[]), ("--for", "inav", "-o", "new")),
+        (results(trust=Trust.NOT_TO_BE_TRUSTED, evidence=[DISTRUST]), ("--for", "px4", "-o", "new")),
+        (results(), ("--for", "px4", "--stall", "fast", "-o", "new")),
+    ],
+)
+def test_what_is_wrong_is_one_line(content, words, tmp_path: Path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("results.json").write_bytes(msgspec.json.encode(content))
+    monkeypatch.setattr(sys, "argv", ["parameters", "results.json", *words])
+    with pytest.raises(SystemExit) as ended:
+        parameters.main()
+    printed = capsys.readouterr()
+    assert ended.value.code == 2
+    assert printed.err.startswith("error: ") and printed.err.count("\n") == 1
+    assert not Path("new").exists()
+
+
+def test_the_command_writes_the_file(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("results.json").write_bytes(msgspec.json.encode(results(largest_CL=1.3)))
+    monkeypatch.setattr(sys, "argv", ["parameters", "results.json", "--for", "inav", "-o", "my.txt"])
+    parameters.main()
+    assert read(Path("my.txt").read_text("utf-8"), For.INAV).keys() == {
+        "nav_fw_cruise_speed", "cruise_power", "idle_power"
+    }  # fmt: skip
