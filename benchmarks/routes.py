@@ -27,7 +27,7 @@ from analysis.electrical.settings import GPS
 from analysis.route.energy import Battery, ground_speed
 from analysis.route.mission import HOME, Mission, Place, Step, Wind
 from analysis.route.power import aerodynamic_source
-from analysis.route.prediction import DRAWS, Air, Flight, Route
+from analysis.route.prediction import RESOLUTION, Air, Flight, Route
 from analysis.trajectory import dryden
 from flight.aircraft import load_aircraft
 from flight.units import GRAVITY_MPS2
@@ -102,7 +102,7 @@ def one_mission(seed: int, aircraft: str, world: str) -> Flown:
     craft = load_aircraft(aircraft)
     setup = Setup(aircraft, world, "full-test-flight", 3.0, seed)
     model, at, _ = answers.estimated(setup)
-    sources = aerodynamic_source(model, at, float(model.flown_CL[1]), (DRAWS, rng))
+    sources = aerodynamic_source(model, at, float(model.flown_CL[1]), (RESOLUTION.draws, rng))
     wind_mps, direction = rng.uniform(0, STRONGEST_MPS), rng.uniform(0, 2 * np.pi)
     true = Wind(wind_mps * np.sin(direction), wind_mps * np.cos(direction), 0.0)
     said = Wind(*(np.array(true[:2]) + WIND_SD_MPS * rng.standard_normal(2)).tolist(), WIND_SD_MPS)

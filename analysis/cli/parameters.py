@@ -6,21 +6,21 @@ from typing import Annotated
 import typer
 
 from analysis.cli.options import ReplaceOption
-from analysis.cli.route import StallMarginOption, StallOption, read_results
+from analysis.cli.route import StallOptions, read_results
 from analysis.results.parameter_file import For, StallMargin, parameter_file
-from flight.command_line import application, run
+from flight.command_line import application, run, takes_options
 from flight.files import check_new_file
 
 app = application()
 
 
 @app.command()
+@takes_options(StallOptions)
 def parameters(
     results: Annotated[Path, typer.Argument(metavar="RESULTS", help="results.json of `analyze`.")],
     firmware: Annotated[For, typer.Option("--for", help="Firmware that loads the file.")],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="File to write.")],
-    stall_mps: StallOption = None,
-    stall_margin: StallMarginOption = 1.2,
+    options: StallOptions,
     replace: ReplaceOption = False,
 ) -> None:
     """Airspeeds, sink and level-flight power as a file for ArduPilot (.param), PX4 (.params) or INAV (CLI lines).
@@ -30,11 +30,12 @@ def parameters(
 
     \b
     Examples:
-      flightpower parameters log.report/results.json --for px4 -o flight.params
-      flightpower parameters log.report/results.json --for ardupilot --stall "10 m/s" -o flight.param
+      flightpower parameters log.report/results.json --for px4 -o my.params
+      flightpower parameters log.report/results.json --for ardupilot --stall "10 m/s" -o my.param
     """
     check_new_file(output, replace=replace)
-    output.write_text(parameter_file(read_results(results), firmware, StallMargin(stall_mps, stall_margin)), "utf-8")
+    stall = StallMargin(options.stall_mps, options.stall_margin)
+    output.write_text(parameter_file(read_results(results), firmware, stall), "utf-8")
     print(f"wrote {output}")
 
 

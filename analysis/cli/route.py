@@ -20,24 +20,29 @@ if TYPE_CHECKING:
 
 app = application()
 
-StallOption = Annotated[
-    float | None,
-    typer.Option(
-        "--stall",
-        parser=quantity("--stall", "m/s", '"20 kt"', above=0, most=100),
-        metavar="SPEED",
-        help="Stall speed (equivalent airspeed); default: of the largest lift coefficient of the flight.",
-    ),
-]
-StallMarginOption = Annotated[
-    float,
-    typer.Option(
-        "--stall-margin",
-        parser=quantity("--stall-margin", "", "1.2", least=1, most=3),
-        metavar="NUMBER",
-        help="No airspeed is below this many stall speeds.",
-    ),
-]
+
+@dataclass(frozen=True)
+class StallOptions:
+    """What no airspeed is to be below."""
+
+    stall_mps: Annotated[
+        float | None,
+        typer.Option(
+            "--stall",
+            parser=quantity("--stall", "m/s", '"20 kt"', above=0, most=100),
+            metavar="SPEED",
+            help="Stall speed (equivalent airspeed); default: of the largest lift coefficient of the flight.",
+        ),
+    ] = None
+    stall_margin: Annotated[
+        float,
+        typer.Option(
+            "--stall-margin",
+            parser=quantity("--stall-margin", "", "1.2", least=1, most=3),
+            metavar="NUMBER",
+            help="No airspeed is below this many stall speeds.",
+        ),
+    ] = 1.2
 
 
 class SpeedChoice(StrEnum):
@@ -47,7 +52,7 @@ class SpeedChoice(StrEnum):
 
 
 @dataclass(frozen=True)
-class RouteOptions:
+class RouteOptions(StallOptions):
     """What is known of flight, wind and battery."""
 
     legs: Annotated[
@@ -106,8 +111,6 @@ class RouteOptions:
             help="Of the battery; its loss then counts, at the voltage of --battery-Wh.",
         ),
     ] = 0.0
-    stall_mps: StallOption = None
-    stall_margin: StallMarginOption = 1.2
     climb_mps: Annotated[
         float | None,
         typer.Option(
@@ -174,6 +177,15 @@ class RouteOptions:
             help="Drawn with the motor off; default: of the results of an autopilot's log, else 0.",
         ),
     ] = None
+    power_sd: Annotated[
+        float,
+        typer.Option(
+            "--power-sd",
+            parser=quantity("--power-sd", "%", '"2 %"', least=0, most=50),
+            metavar="SHARE",
+            help="Standard deviation of the mean power of the route about that of steady flight [%]: gusts, control.",
+        ),
+    ] = 3.0
     sure: Annotated[
         float,
         typer.Option(
@@ -310,6 +322,7 @@ def _flight(results: "Results", wind: "Wind", speed: "Speed | Objective | None",
         climb_mps=options.climb_mps,
         idle_W=options.idle_W,
         sure=options.sure / 100,
+        power_sd=options.power_sd / 100,
     )
 
 

@@ -11,12 +11,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.electrical.settings import FLIGHT
 from analysis.polar import Condition, speed_at
 from analysis.route.power import Source, SteadyPower
 from flight.units import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
-SLOWEST_OVER_GROUND_MPS = 0.5  # slower is no progress
 
 
 class Battery(NamedTuple):
@@ -101,7 +101,7 @@ def ground_speed(V: Array, course_rad: Array, wind_east_mps: Array, wind_north_m
     across = wind_east_mps * np.cos(course_rad) - wind_north_mps * np.sin(course_rad)
     with np.errstate(invalid="ignore"):
         speed = np.sqrt(V**2 - across**2) + along
-        return np.where(speed > SLOWEST_OVER_GROUND_MPS, speed, np.nan)
+        return np.where(speed > FLIGHT.standing_mps, speed, np.nan)
 
 
 def energy_and_time(legs: Legs, V: Array, world: World, battery: Battery) -> tuple[Array, Array]:

@@ -2,13 +2,21 @@
 
 from collections.abc import Iterable, Sequence
 from math import cos, log10, radians, sin
+from typing import NamedTuple
 
 from analysis.report.figures.style import BLUE, GRAY, ORANGE
 from analysis.route.mission import Mission, Wind
 from analysis.route.prediction import Direction, RouteResult
 
-SIZE = 640.0  # of the image, and of the circle's room in it
-ROOM = 280.0
+
+class Layout(NamedTuple):
+    """Of the image, in its units: its side, and the radius in which everything lies."""
+
+    side: float = 640.0
+    room: float = 280.0
+
+
+LAYOUT = Layout()
 
 
 def map_svg(result: RouteResult, mission: Mission, wind: Wind) -> str:
@@ -19,10 +27,10 @@ def map_svg(result: RouteResult, mission: Mission, wind: Wind) -> str:
         *(abs(p.east_m) for p in places),
         *(abs(p.north_m) for p in places),
     )
-    scale = ROOM / max(farthest_m, 1.0)
+    scale = LAYOUT.room / max(farthest_m, 1.0)
 
     def at(east_m: float, north_m: float) -> tuple[float, float]:
-        return SIZE / 2 + scale * east_m, SIZE / 2 - scale * north_m
+        return LAYOUT.side / 2 + scale * east_m, LAYOUT.side / 2 - scale * north_m
 
     def reach(radii: Iterable[tuple[Direction, float]]) -> list[tuple[float, float]]:
         return [at(r * sin(radians(one.course_deg)), r * cos(radians(one.course_deg))) for one, r in radii]
@@ -34,27 +42,27 @@ def map_svg(result: RouteResult, mission: Mission, wind: Wind) -> str:
         _polygon(reach((one, one.safe_radius_m) for one in result.directions), f'stroke="{BLUE}" stroke-width="2"'),
         _line([at(place.east_m, place.north_m) for place in places], ORANGE),
         f'<circle cx="{x:.1f}" cy="{y:.1f}" r="5" fill="black"/>',
-        _line([(40, SIZE - 30), (40 + scale * ring_m, SIZE - 30)], "black"),
-        _text(40, SIZE - 38, f"{ring_m / 1000:g} km"),
+        _line([(40, LAYOUT.side - 30), (40 + scale * ring_m, LAYOUT.side - 30)], "black"),
+        _text(40, LAYOUT.side - 38, f"{ring_m / 1000:g} km"),
         _text(
             40, 30, f"out and back: blue {100 * result.sure:.0f} % sure, gray median; orange: the route; north is up"
         ),
     ]
     if wind.mps > 0:
         length = 50 / wind.mps
-        tip = (SIZE - 70 + length * wind.east_mps, 80 - length * wind.north_mps)
-        tail = (SIZE - 70 - length * wind.east_mps, 80 + length * wind.north_mps)
+        tip = (LAYOUT.side - 70 + length * wind.east_mps, 80 - length * wind.north_mps)
+        tail = (LAYOUT.side - 70 - length * wind.east_mps, 80 + length * wind.north_mps)
         parts += [
             '<marker id="tip" viewBox="0 0 6 6" refX="5" refY="3" markerWidth="6" markerHeight="6" orient="auto">'
             '<path d="M0 0L6 3L0 6z"/></marker>',
             f'<line x1="{tail[0]:.1f}" y1="{tail[1]:.1f}" x2="{tip[0]:.1f}" y2="{tip[1]:.1f}" stroke="black"'
             ' stroke-width="2" marker-end="url(#tip)"/>',
-            _text(SIZE - 120, 150, f"wind {wind.mps:.1f} m/s"),
+            _text(LAYOUT.side - 120, 150, f"wind {wind.mps:.1f} m/s"),
         ]
-    body = "\n".join(parts)
+    body, side = "\n".join(parts), f"{LAYOUT.side:.0f}"
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {SIZE:.0f} {SIZE:.0f}" font-family="sans-serif"'
-        f' font-size="14">\n<rect width="100%" height="100%" fill="white"/>\n{body}\n</svg>\n'
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {side} {side}" font-family="sans-serif" font-size="14">'
+        f'\n<rect width="100%" height="100%" fill="white"/>\n{body}\n</svg>\n'
     )
 
 

@@ -9,6 +9,7 @@ from itertools import pairwise
 from math import atan2, cos, degrees, hypot, radians, sin
 from typing import NamedTuple
 
+from flight.command_line import quantity
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2, to_si, weight_to_N
 
@@ -16,17 +17,16 @@ from flight.units import GRAVITY_MPS2, to_si, weight_to_N
 class Place(NamedTuple):
     """A point: meters east and north of home, and above it."""
 
-    east_m: float
-    north_m: float
-    height_m: float
+    east_m: float = 0.0
+    north_m: float = 0.0
+    height_m: float = 0.0
 
     def distance_m(self, other: "Place") -> float:
         """Over the ground."""
         return hypot(other.east_m - self.east_m, other.north_m - self.north_m)
 
 
-HOME = Place(0.0, 0.0, 0.0)
-AT_HOME_M = 100.0  # from home, within which a mission counts as ended there: circles of a landing are wider
+HOME = Place()
 
 
 class Speed(NamedTuple):
@@ -61,10 +61,13 @@ class Mission(NamedTuple):
     notes: tuple[str, ...] = ()
 
 
-def with_return(mission: Mission, ends_by_landing: bool) -> Mission:
-    """The mission, and straight home at its last height where it ends neither there nor by landing."""
+def with_return(mission: Mission, ends_by_landing: bool, at_home_m: float = 100.0) -> Mission:
+    """The mission, and straight home at its last height where it ends neither there nor by landing.
+
+    at_home_m: from home, within which it counts as ended there: circles of a landing are wider
+    """
     last = mission.steps[-1]
-    if ends_by_landing or last.to.distance_m(HOME) < AT_HOME_M:
+    if ends_by_landing or last.to.distance_m(HOME) < at_home_m:
         return mission
     home = Step("home", HOME._replace(height_m=last.to.height_m))
     note = "The mission ends away from home: straight flight home at its last height is added."
@@ -143,13 +146,9 @@ def parse_wind(text: str, sd_mps: float) -> Wind:
         return Wind(0.0, 0.0, sd_mps)
     if not found:
         raise InputError(f'--wind {text}: should be speed and direction it comes from, such as "5 m/s from 270 deg"')
-    speed_mps, direction = to_si(found["speed"], "m/s", "--wind"), _degrees(found["direction"], f"--wind {text}")
-    if not 0 <= speed_mps <= STRONGEST_MPS:
-        raise InputError(f"--wind {text}: should be from 0 to {STRONGEST_MPS:g} m/s")
+    speed_mps = quantity("--wind", "m/s", '"10 kt from 270"', least=0, most=40)(found["speed"])
+    direction = _degrees(found["direction"], f"--wind {text}")
     return Wind(-speed_mps * sin(radians(direction)), -speed_mps * cos(radians(direction)), sd_mps)
-
-
-STRONGEST_MPS = 40.0
 
 
 def courses_rad(mission: Mission) -> list[float | None]:

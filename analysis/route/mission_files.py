@@ -17,9 +17,6 @@ from analysis.route.mission import HOME, Mission, Place, Speed, Step, with_retur
 from flight.errors import InputError
 from flight.files import read_text
 
-EARTH_RADIUS_M = 6_371_000.0  # mean
-FARTHEST_M = 500_000.0  # beyond it the earth is not flat, and no small electric aircraft gets there
-
 
 class Command(IntEnum):
     """MAV_CMD of items that take energy, or change what those after them take."""
@@ -41,12 +38,61 @@ class Command(IntEnum):
     GRIPPER = 211
 
 
-# Cameras, gimbals, regions of interest, marks of landing sequences, geofence, parachute, servos and relays.
-WITHOUT_ENERGY = {181, 182, 183, 184, 189, 191, 195, 196, 197, 200, 201, 202, 203, 204, 205, 206, 207, 208, 214, 220,
-                  530, 531, 532, 1000, 1001, 2000, 2001, 2003, 2500, 2501}  # fmt: skip
-ABOVE_SEA, RELATIVE, TERRAIN = {0, 5}, {3, 6}, {10, 11}  # MAV_FRAME
-GROUND_SPEED = 1
-RELEASE = 0  # of a gripper
+class Equipment(IntEnum):
+    """MAV_CMD of items that take no energy here: cameras, gimbals, marks in the mission, servos, relays."""
+
+    DO_SET_RELAY = 181
+    DO_REPEAT_RELAY = 182
+    DO_SET_SERVO = 183
+    DO_REPEAT_SERVO = 184
+    DO_LAND_START = 189
+    DO_SET_ROI_LOCATION = 195
+    DO_SET_ROI_WPNEXT_OFFSET = 196
+    DO_SET_ROI_NONE = 197
+    DO_CONTROL_VIDEO = 200
+    DO_SET_ROI = 201
+    DO_DIGICAM_CONFIGURE = 202
+    DO_DIGICAM_CONTROL = 203
+    DO_MOUNT_CONFIGURE = 204
+    DO_MOUNT_CONTROL = 205
+    DO_SET_CAM_TRIGG_DIST = 206
+    DO_FENCE_ENABLE = 207
+    DO_SET_CAM_TRIGG_INTERVAL = 214
+    SET_CAMERA_MODE = 530
+    SET_CAMERA_ZOOM = 531
+    SET_CAMERA_FOCUS = 532
+    DO_GIMBAL_MANAGER_PITCHYAW = 1000
+    DO_GIMBAL_MANAGER_CONFIGURE = 1001
+    IMAGE_START_CAPTURE = 2000
+    IMAGE_STOP_CAPTURE = 2001
+    DO_TRIGGER_CONTROL = 2003
+    VIDEO_START_CAPTURE = 2500
+    VIDEO_STOP_CAPTURE = 2501
+
+
+class Frame(IntEnum):
+    """MAV_FRAME of heights; the second of each pair is for integers."""
+
+    ABOVE_SEA = 0
+    ABOVE_SEA_INT = 5
+    RELATIVE = 3
+    RELATIVE_INT = 6
+    TERRAIN = 10
+    TERRAIN_INT = 11
+
+
+class SpeedType(IntEnum):
+    """First parameter of a change of speed."""
+
+    AIRSPEED = 0
+    GROUND_SPEED = 1
+
+
+class Gripper(IntEnum):
+    """Second parameter of a gripper's item."""
+
+    RELEASE = 0
+    GRAB = 1
 
 
 class Item(NamedTuple):
@@ -107,7 +153,7 @@ class _Reader:
         self.place, self.speed = HOME, Speed(cruise_mps) if cruise_mps else None
         self.steps: list[Step] = []
         self.notes: list[str] = []
-        self.ignored: Counter[int] = Counter()
+        self.ignored: Counter[str] = Counter()
 
     def mission(self, items: Sequence[Item]) -> Mission:
         ended = False
@@ -119,7 +165,7 @@ class _Reader:
         if not self.steps:
             raise InputError(f"{self.where}: has no waypoint")
         if self.ignored:
-            kinds = ", ".join(f"{count} of command {command}" for command, count in sorted(self.ignored.items()))
+            kinds = ", ".join(f"{count} {name}" for name, count in sorted(self.ignored.items()))
             self.notes.append(f"Items of cameras and other equipment take no energy here: {kinds}.")
         return with_return(Mission(HOME, tuple(self.steps), tuple(self.notes)), ended)
 
@@ -148,15 +194,15 @@ class _Reader:
             case Command.RETURN:
                 self._append(Step(f"{item.number} return", HOME._replace(height_m=self.place.height_m), self.speed))
             case Command.CHANGE_SPEED:
-                self._change_speed(item, over_ground=p1 == GROUND_SPEED, mps=p2)
+                self._change_speed(item, over_ground=p1 == SpeedType.GROUND_SPEED, mps=p2)
             case Command.PLACE_PAYLOAD:
                 self._go(item, "payload")
                 self._drop(item)
             case Command.GRIPPER:
-                if p2 == RELEASE:
+                if p2 == Gripper.RELEASE:
                     self._drop(item)
-            case command if command in WITHOUT_ENERGY:
-                self.ignored[command] += 1
+            case command if command in set(Equipment):
+                self.ignored[Equipment(command).name] += 1
             case Command.LOITER_UNLIMITED:
                 raise InputError(f"{self._name(item)} circles without end; give a time or a number of turns")
             case Command.VERTICAL_TAKE_OFF | Command.VERTICAL_LANDING:
@@ -176,26 +222,22 @@ class _Reader:
         height_m = item.height_m
         if not math.isfinite(height_m):
             raise InputError(f"{self._name(item)} has no height")
-        if item.frame in ABOVE_SEA:
+        if item.frame in (Frame.ABOVE_SEA, Frame.ABOVE_SEA_INT):
             if self.start.above_sea_m is None:
                 raise InputError(
                     f"{self._name(item)}: height above sea level, and home's is not known; use relative ones"
                 )
             height_m -= self.start.above_sea_m
-        elif item.frame in TERRAIN:
+        elif item.frame in (Frame.TERRAIN, Frame.TERRAIN_INT):
             note = "Heights above terrain are taken as above home: the ground as flat."
             self.notes += [note] if note not in self.notes else []
-        elif item.frame not in RELATIVE:
+        elif item.frame not in (Frame.RELATIVE, Frame.RELATIVE_INT):
             raise InputError(
                 f"{self._name(item)}: coordinate frame {item.frame} is not understood; use 3, relative to home"
             )
         if item.latitude_deg is None or item.longitude_deg is None:
             return self.place._replace(height_m=height_m)
-        if not (abs(item.latitude_deg) <= 90 and abs(item.longitude_deg) <= 360):
-            raise InputError(f"{self._name(item)}: {item.latitude_deg:g}, {item.longitude_deg:g} is no place on earth")
-        east_m, north_m = local_m(item.latitude_deg, item.longitude_deg, self.start)
-        if math.hypot(east_m, north_m) > FARTHEST_M:
-            raise InputError(f"{self._name(item)} is {math.hypot(east_m, north_m) / 1000:.0f} km from home; check both")
+        east_m, north_m = local_m(item.latitude_deg, item.longitude_deg, self.start, self._name(item))
         return Place(east_m, north_m, height_m)
 
     def _change_speed(self, item: Item, *, over_ground: bool, mps: float) -> None:
@@ -219,13 +261,20 @@ def _or_zero(value: float) -> float:
     return value if math.isfinite(value) else 0.0
 
 
-def local_m(latitude_deg: float, longitude_deg: float, start: Start) -> tuple[float, float]:
-    """Meters east and north of the start, on a plane that touches the earth there."""
+def local_m(latitude_deg: float, longitude_deg: float, start: Start, where: str) -> tuple[float, float]:
+    """Meters east and north of the start, on a plane that touches the earth there.
+
+    Raises InputError beginning with `where` for what is no place, or so far away that the earth is not flat.
+    """
+    earth_radius_m, farthest_m = 6_371_000.0, 500_000.0
+    if not (abs(latitude_deg) <= 90 and abs(longitude_deg) <= 360):
+        raise InputError(f"{where}: {latitude_deg:g}, {longitude_deg:g} is no latitude and longitude")
+    middle = math.radians((latitude_deg + start.latitude_deg) / 2)
+    east = math.radians((longitude_deg - start.longitude_deg + 180) % 360 - 180) * math.cos(middle)
     north = math.radians(latitude_deg - start.latitude_deg)
-    east = math.radians((longitude_deg - start.longitude_deg + 180) % 360 - 180)
-    return EARTH_RADIUS_M * east * math.cos(
-        math.radians((latitude_deg + start.latitude_deg) / 2)
-    ), EARTH_RADIUS_M * north
+    if math.hypot(east, north) * earth_radius_m > farthest_m:
+        raise InputError(f"{where}: {math.hypot(east, north) * earth_radius_m / 1000:.0f} km from home; check both")
+    return earth_radius_m * east, earth_radius_m * north
 
 
 def _unrolled(items: Sequence[Item], where: str) -> list[Item]:
@@ -279,7 +328,7 @@ def _simple(entry: dict[str, Any], where: str) -> Iterator[dict[str, Any]]:
         yield from entry["TransectStyleComplexItem"]["Items"]
     elif kind == "fwLandingPattern":
         approach = entry.get("landingApproachCoordinate") or entry["loiterCoordinate"]
-        frame = 3 if entry.get("altitudesAreRelative", True) else 0
+        frame = Frame.RELATIVE if entry.get("altitudesAreRelative", True) else Frame.ABOVE_SEA
         for command, place in ((Command.WAYPOINT, approach), (Command.LAND, entry["landCoordinate"])):
             yield {"command": command, "frame": frame, "params": [0, 0, 0, None, *place]}
     else:
@@ -346,11 +395,7 @@ def _kml(text: str, where: str, assumed: Assumed) -> Mission:
     base_m = points[0][2] - assumed.height_m if with_heights and mode == "absolute" else 0.0
     places = []
     for point in points:
-        if not (abs(point[1]) <= 90 and abs(point[0]) <= 360):
-            raise InputError(f"{where}: {point[0]:g},{point[1]:g} is no longitude and latitude")
-        east_m, north_m = local_m(point[1], point[0], start)
-        if math.hypot(east_m, north_m) > FARTHEST_M:
-            raise InputError(f"{where}: a point is {math.hypot(east_m, north_m) / 1000:.0f} km from home; check both")
+        east_m, north_m = local_m(point[1], point[0], start, where)
         places.append(Place(east_m, north_m, point[2] - base_m if with_heights else assumed.height_m))
     steps = tuple(Step(f"point {number}", place) for number, place in enumerate(places[1:], start=2))
     note = "" if with_heights else f"The line has no heights: flown {assumed.height_m:g} m above home (--height)."

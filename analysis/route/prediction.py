@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.electrical.settings import GPS
-from analysis.planning.settings import MANEUVERS, PATH
+from analysis.planning.settings import MANEUVERS, MARGINS, PATH
 from analysis.polar import Condition, speed_at
 from analysis.route.energy import (
     Battery,
@@ -32,7 +32,6 @@ from analysis.route.energy import (
 )
 from analysis.route.mission import HOME, Mission, Place, Speed, Wind, courses_rad
 from analysis.route.power import Source, interval_of, source_of
-from analysis.route.settings import ROUTE
 from analysis.schema import Interval, Results
 from analysis.trajectory import dryden
 from flight.atmosphere import SEA_LEVEL_DENSITY, density, pressure_at, temperature_at
@@ -40,10 +39,17 @@ from flight.errors import InputError
 from flight.units import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
-DRAWS = 1000
-DIRECTIONS = 36
-POINTS_PER_LEG = 8  # from which the way home is computed
-RATE_OF_FULL_THROTTLE = 0.9  # climb that an autopilot holds, of the fastest possible
+
+
+class Resolution(NamedTuple):
+    """How finely: draws of what is uncertain, directions of the map, points of a leg for the way home."""
+
+    draws: int = 1000
+    directions: int = 36
+    points_per_leg: int = 8
+
+
+RESOLUTION = Resolution()
 
 
 class Objective(StrEnum):
@@ -71,6 +77,7 @@ class Flight:
 
     weight_N : at the start     stall_mps : equivalent airspeed at this weight; None: by the largest lift coefficient
     speed : of all legs, instead of the mission's; an objective leaves the choice to the wind
+    power_sd : relative, of the mean power over the route: gusts, control, speed and height held by an autopilot
     climb_mps : of steep climbs and descents; None: by the stall speed     sure : probability that counts as safe
     """
 
@@ -84,6 +91,7 @@ class Flight:
     climb_mps: float | None = None
     idle_W: float | None = None
     sure: float = 0.95
+    power_sd: float = 0.03
 
 
 class LegResult(msgspec.Struct, frozen=True, kw_only=True):
@@ -139,14 +147,14 @@ class RouteResult(msgspec.Struct, frozen=True, kw_only=True):
 def predict(results: Results, mission: Mission, flight: Flight, seed: int = 0) -> RouteResult:
     """Raises InputError where the results do not give the power, or a leg cannot be flown as the mission asks."""
     rng = np.random.default_rng(seed)
-    return Route(source_of(results, flight.idle_W, DRAWS, rng), mission, flight, rng).result()
+    return Route(source_of(results, flight.idle_W, RESOLUTION.draws, rng), mission, flight, rng).result()
 
 
 class Route:
     """The legs of a mission with their speeds, and draws of what is uncertain."""
 
     def __init__(self, source: Source, mission: Mission, flight: Flight, rng: np.random.Generator):
-        """source: with DRAWS draws. Raises InputError where a leg cannot be flown as the mission asks."""
+        """source: with RESOLUTION.draws draws. Raises InputError where a leg cannot be flown as the mission asks."""
         self.source, self.mission, self.flight = source, mission, flight
         if flight.stall_mps is None:
             self.stall_CL = self.source.largest_CL
@@ -162,7 +170,7 @@ class Route:
         self.legs = self._with_changes_of_speed()
         self.drawn = self._draw(rng)
         self.capacity_J = flight.battery.energy_J * np.maximum(
-            rng.normal(flight.battery.health, flight.battery.health_sd, DRAWS), 0.05
+            rng.normal(flight.battery.health, flight.battery.health_sd, RESOLUTION.draws), 0.05
         )
 
     def _legs(self) -> Legs:
@@ -231,7 +239,7 @@ class Route:
                 raise InputError(
                     f"{step.name}: its airspeed takes more than full throttle; fly slower, or with less weight"
                 )
-        self.legs = replace(self.legs, rate_mps=np.minimum(self.legs.rate_mps, RATE_OF_FULL_THROTTLE * possible))
+        self.legs = replace(self.legs, rate_mps=np.minimum(self.legs.rate_mps, MARGINS.fastest * possible))
         self._check_circles(V)
         return V
 
@@ -272,14 +280,14 @@ class Route:
         heights = np.array([step.to.height_m for step in self.mission.steps])
         _, seconds = energy_and_time(self.legs, self.V, self.nominal, self.flight.battery)
         sigma_mps = mean_wind_sigma(wind.mps, np.maximum(heights, 1.0), self.V, seconds[0])
-        mean = rng.normal(0.0, wind.sd_mps, (2, DRAWS, 1))
-        of_legs = sigma_mps * rng.standard_normal((2, DRAWS, len(self.legs)))
+        mean = rng.normal(0.0, wind.sd_mps, (2, RESOLUTION.draws, 1))
+        of_legs = sigma_mps * rng.standard_normal((2, RESOLUTION.draws, len(self.legs)))
         return World(
             self.source.drawn,
             wind.east_mps + mean[0] + of_legs[0],
             wind.north_mps + mean[1] + of_legs[1],
-            1 + GPS.scale_sigma * rng.standard_normal((DRAWS, 1)),
-            np.maximum(1 + ROUTE.power_sigma * rng.standard_normal((DRAWS, 1)), 0.1),
+            1 + GPS.scale_sigma * rng.standard_normal((RESOLUTION.draws, 1)),
+            np.maximum(1 + self.flight.power_sd * rng.standard_normal((RESOLUTION.draws, 1)), 0.1),
         )
 
     def left(self) -> tuple[Array, Array, Array]:
@@ -346,27 +354,27 @@ class Route:
 
     def _no_return(self, energy_J: Array) -> NoReturn | None:
         """The last point before the first one from which the direct way home is not safe."""
-        share = np.arange(1, POINTS_PER_LEG + 1) / POINTS_PER_LEG
+        share = np.arange(1, RESOLUTION.points_per_leg + 1) / RESOLUTION.points_per_leg
         before = [self.mission.start, *(step.to for step in self.mission.steps)]
         places = [
             Place(*(a + s * (b - a) for a, b in zip(start, end, strict=True)))
             for start, end in pairwise(before)
             for s in share
         ]
-        weight_N = np.repeat(np.asarray(self.legs.condition.weight_N), POINTS_PER_LEG)
+        weight_N = np.repeat(np.asarray(self.legs.condition.weight_N), RESOLUTION.points_per_leg)
         spent_J = (np.cumsum(energy_J, axis=1) - energy_J)[:, :, None] + energy_J[:, :, None] * share
-        need_J = spent_J.reshape(DRAWS, -1) + self._home_J(places, weight_N)
+        need_J = spent_J.reshape(RESOLUTION.draws, -1) + self._home_J(places, weight_N)
         usable_J = (1 - self.flight.battery.reserve) * self.capacity_J[:, None]
         safe = np.mean(need_J <= usable_J, axis=0) >= self.flight.sure
         if safe.all():
             return None
         last = int(np.argmin(safe)) - 1
         way_m = np.concatenate([d * share for d in self.legs.distance_m]) + np.repeat(
-            np.cumsum(self.legs.distance_m) - self.legs.distance_m, POINTS_PER_LEG
+            np.cumsum(self.legs.distance_m) - self.legs.distance_m, RESOLUTION.points_per_leg
         )
         place = places[last] if last >= 0 else self.mission.start
         return NoReturn(
-            leg=self.mission.steps[max(last, 0) // POINTS_PER_LEG].name,
+            leg=self.mission.steps[max(last, 0) // RESOLUTION.points_per_leg].name,
             route_m=float(way_m[last]) if last >= 0 else 0.0,
             from_home_m=place.distance_m(HOME),
         )
@@ -382,9 +390,9 @@ class Route:
         return interval_of(self._straight_J(np.array([1000.0]), course, self._cruise(1))[:, 0] / 3600)
 
     def _directions(self) -> list[Direction]:
-        course = np.arange(DIRECTIONS) * 2 * pi / DIRECTIONS
-        out_J = self._straight_J(np.full(DIRECTIONS, 1000.0), course, self._cruise(DIRECTIONS))
-        there_and_back_J = out_J + np.roll(out_J, DIRECTIONS // 2, axis=1)
+        course = np.arange(RESOLUTION.directions) * 2 * pi / RESOLUTION.directions
+        out_J = self._straight_J(np.full(RESOLUTION.directions, 1000.0), course, self._cruise(RESOLUTION.directions))
+        there_and_back_J = out_J + np.roll(out_J, RESOLUTION.directions // 2, axis=1)
         radius_m = 1000.0 * (1 - self.flight.battery.reserve) * self.capacity_J[:, None] / there_and_back_J
         safe = np.quantile(radius_m, 1 - self.flight.sure, axis=0, method="inverted_cdf")
         return [

@@ -10,7 +10,7 @@ from analysis.polar import Condition, speed_at
 from analysis.route.energy import Battery
 from analysis.route.mission import Mission, Wind, parse_legs
 from analysis.route.power import source_of
-from analysis.route.prediction import DRAWS, Air, Flight, Route
+from analysis.route.prediction import RESOLUTION, Air, Flight, Route
 from analysis.schema import (
     AircraftResult,
     AvailableResult,
@@ -125,4 +125,4 @@ def legs(text: str) -> Mission:
 
 def route_of(results: Results, mission: Mission, how: Flight) -> Route:
     rng = np.random.default_rng(0)
-    return Route(source_of(results, how.idle_W, DRAWS, rng), mission, how, rng)
+    return Route(source_of(results, how.idle_W, RESOLUTION.draws, rng), mission, how, rng)

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 from analysis.route.mission import HOME, Mission, Speed, parse_legs, parse_wind, with_return
-from analysis.route.mission_files import EARTH_RADIUS_M, Assumed, load_mission
+from analysis.route.mission_files import Assumed, load_mission
 
 HOME_DEG = (48.1, 11.5)
-NORTH_DEG = 1000.0 / (EARTH_RADIUS_M * radians(1.0))  # a kilometer
+NORTH_DEG = 1000.0 / (6_371_000.0 * radians(1.0))  # a kilometer
 EAST_DEG = NORTH_DEG / cos(radians(HOME_DEG[0]))
 
 

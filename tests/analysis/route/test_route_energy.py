@@ -223,4 +223,4 @@ def test_a_speed_over_the_ground_is_flown_with_the_airspeed_that_makes_it() -> N
 def test_no_climb_is_steeper_than_full_throttle_allows() -> None:
     route = route_of(aerodynamic_results(), legs("100 m 000 +90 m"), flight(climb_mps=50.0))
     best_mps = route.source.nominal.best_climb_mps(route.V, route.legs.condition)[0]
-    assert route.legs.rate_mps == pytest.approx(0.9 * best_mps)
+    assert route.legs.rate_mps == pytest.approx(0.92 * best_mps)

@@ -13,7 +13,6 @@ from analysis.polar import Condition
 from analysis.results.electrical import ElectricalFlight, electrical_results
 from analysis.results.provenance import provenance_of_file
 from analysis.route.power import source_of
-from analysis.route.settings import ROUTE
 from flight.units import GRAVITY_MPS2
 from tests.shared_data import beside, needs
 
@@ -64,7 +63,7 @@ def predicted(first: FlightTable, second: FlightTable) -> Half:
             sine = rise_m / (mean * seconds)
             drawn_J += seconds * power.battery_W(np.array([mean]), at, sine, load)[:, 0]
             measured_J += seconds * float(np.mean(samples.power_W[part]))
-    return Half(measured_J, drawn_J * (1 + ROUTE.power_sigma * rng.standard_normal(1000)))
+    return Half(measured_J, drawn_J * (1 + 0.03 * rng.standard_normal(1000)))
 
 
 @pytest.fixture(scope="module")
