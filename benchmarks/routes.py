@@ -6,8 +6,8 @@
 A seed draws an installation: one flight of it is analyzed, and the model of performance, the weight and the air go into
 the prediction. It also draws a mission of a few legs with climbs, and the wind; the prediction is given a wind that is
 wrong by its standard deviation. The simulator's autopilot flies the mission in the true wind, in Dryden turbulence as
-strong, with an airspeed that reads wrong. The truth is the battery's mean power, for the time that courses and distances
-take in the true wind: the simulator levels off and rolls out for some seconds more, or less.
+strong, with an airspeed that reads wrong. The truth is the battery's mean power, for the time that courses and
+distances take in the true wind: the simulator levels off and rolls out for some seconds more, or less.
 """
 
 import os

@@ -201,7 +201,7 @@ class RouteOptions(StallOptions):
 @takes_options(RouteOptions)
 def route(
     mission: Annotated[
-        Path | None, typer.Argument(metavar="[MISSION]", help=".plan of QGroundControl, .waypoints, or .kml.")
+        Path | None, typer.Argument(metavar="MISSION", help=".plan of QGroundControl, .waypoints, or .kml.")
     ] = None,
     *,
     options: RouteOptions,

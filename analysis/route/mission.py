@@ -113,13 +113,13 @@ def parse_legs(text: str, height_m: float) -> Mission:
     return Mission(HOME._replace(height_m=height_m), tuple(steps))
 
 
-def _degrees(text: str, where: str) -> float:
+def _degrees(text: str, where: str, what: str = "course") -> float:
     try:
         value = float(text)
     except ValueError:
         value = -1.0
     if not 0 <= value <= 360:
-        raise InputError(f"{where}: the course {text} should be degrees from 0 to 360")
+        raise InputError(f"{where}: the {what} {text} should be degrees from 0 to 360")
     return value
 
 
@@ -146,8 +146,8 @@ def parse_wind(text: str, sd_mps: float) -> Wind:
         return Wind(0.0, 0.0, sd_mps)
     if not found:
         raise InputError(f'--wind {text}: should be speed and direction it comes from, such as "5 m/s from 270 deg"')
-    speed_mps = quantity("--wind", "m/s", '"10 kt from 270"', least=0, most=40)(found["speed"])
-    direction = _degrees(found["direction"], f"--wind {text}")
+    speed_mps = quantity("--wind, its speed", "m/s", '"10 kt"', least=0, most=40)(found["speed"])
+    direction = _degrees(found["direction"], f"--wind {text}", "direction")
     return Wind(-speed_mps * sin(radians(direction)), -speed_mps * cos(radians(direction)), sd_mps)
 
 

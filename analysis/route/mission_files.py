@@ -158,9 +158,9 @@ class _Reader:
     def mission(self, items: Sequence[Item]) -> Mission:
         ended = False
         for item in items:
-            if ended:
+            if ended and item.command not in set(Equipment):
                 raise InputError(f"{self._name(item)} follows a landing or return, after which no energy is known")
-            ended = item.command in (Command.RETURN, Command.LAND)
+            ended = ended or item.command in (Command.RETURN, Command.LAND)
             self._take(item)
         if not self.steps:
             raise InputError(f"{self.where}: has no waypoint")
@@ -314,8 +314,10 @@ def _qgroundcontrol(text: str, where: str) -> tuple[list[Item], Start | None, fl
         return items, start, float(cruise) if cruise else None
     except InputError:
         raise
-    except (ValueError, TypeError, KeyError, IndexError, AttributeError, RecursionError) as error:
-        raise InputError(f"{where}: not a plan of QGroundControl ({type(error).__name__}: {error})") from None
+    except KeyError as error:
+        raise InputError(f"{where}: not a plan of QGroundControl (lacks {error})") from None
+    except (ValueError, TypeError, IndexError, AttributeError, RecursionError) as error:
+        raise InputError(f"{where}: not a plan of QGroundControl ({error})") from None
 
 
 def _simple(entry: dict[str, Any], where: str) -> Iterator[dict[str, Any]]:

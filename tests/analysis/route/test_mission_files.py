@@ -55,6 +55,7 @@ SQUARE = [
     item(16, east_km=1.0, north_km=1.0),
     item(206, 20),
     item(20),
+    item(2501),
 ]
 
 
@@ -68,7 +69,7 @@ def test_plan_and_waypoints_of_one_mission_are_the_same(tmp_path: Path, write: A
     assert home.to == HOME._replace(height_m=80)
     assert first.speed == (Speed(15.0) if write is plan_text else None)
     assert second.speed == home.speed == Speed(18.0)
-    assert len(mission.notes) == 1  # the camera's trigger
+    assert len(mission.notes) == 1  # the camera's trigger, and the end of its video after landing
 
 
 def test_circles_holds_drops_and_climbs_are_taken_over(tmp_path: Path) -> None:

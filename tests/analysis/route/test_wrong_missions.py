@@ -47,7 +47,7 @@ OPTIONS = {
     "results of nothing": (*LEGS, "--results", "mission"),
     "results not to be trusted": (*LEGS, "--results", "distrusted.json"),
     "results without a battery": (*LEGS, "--results", "electrical.json"),
-    "results without a model": (*LEGS, "--results", "bare.json"),
+    "results without a model": (*LEGS, "--results", "bare.json", "--battery-Wh", "74"),
     "a map that exists": (*LEGS, "--map", "mission"),
     "a map in no folder": (*LEGS, "--map", "mission/map.svg"),
 }
