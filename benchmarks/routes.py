@@ -22,7 +22,7 @@ from typing import Annotated, Any, NamedTuple
 import answers
 import numpy as np
 import typer
-from flights import Setup
+from flights import Setup, stall_mps
 
 from analysis.electrical.settings import GPS
 from analysis.route.energy import Battery, ground_speed
@@ -104,7 +104,7 @@ def one_mission(seed: int, aircraft: str, world: str) -> Flown:
     craft = load_aircraft(aircraft)
     setup = Setup(aircraft, world, "full-test-flight", 3.0, seed)
     model, at, _ = answers.estimated(setup)
-    sources = aerodynamic_source(model, at, float(model.flown_CL[1]), (RESOLUTION.draws, rng))
+    sources = aerodynamic_source(model, at, 0.0, (RESOLUTION.draws, rng))
     wind_mps, direction = rng.uniform(0, STRONGEST_MPS), rng.uniform(0, 2 * np.pi)
     true = Wind(wind_mps * np.sin(direction), wind_mps * np.cos(direction), 0.0)
     said = Wind(*(np.array(true[:2]) + WIND_SD_MPS * rng.standard_normal(2)).tolist(), WIND_SD_MPS)
@@ -116,7 +116,11 @@ def one_mission(seed: int, aircraft: str, world: str) -> Flown:
     ground = ambient(simulated, 0.0)
     battery = Battery(3600 * (craft.propulsion.battery_energy_Wh or 74.0), reserve=0.2)
     how = Flight(
-        said, battery, Air(float(ground.pressure), float(ground.temperature)), craft.mass.weight_N, stall_margin=1.1
+        said,
+        battery,
+        Air(float(ground.pressure), float(ground.temperature)),
+        craft.mass.weight_N,
+        stall_mps=stall_mps(craft),
     )
     leg_m = 60.0 * float(np.sqrt(2 * at.weight_N / (at.rho * at.wing_area_m2)))
     route = Route(sources, mission_of(rng, leg_m), how, rng)

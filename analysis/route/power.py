@@ -148,7 +148,7 @@ def source_of(results: Results, idle_W: float | None, draws: int, rng: np.random
     return Source(
         reference,
         (flown[0], flown[1]),
-        max(largest_CL, flown[1]),
+        largest_CL or flown[1],
         power_at(power[None], np.array([[mean]])),
         power_at(_draw(curve, draws, rng), 1 / (1 + np.exp(-logit))),
     )
@@ -162,13 +162,17 @@ def aerodynamic_source(
     *,
     idle_W: float = 0.0,
 ) -> Source:
-    """From a model of performance. largest_CL: that the wing has carried for a moment     draws: how many, by what"""
+    """From a model of performance. draws: how many, by what
+
+    largest_CL: that the wing has carried; 0: not known, the largest of level flight. By a gust's low airspeed the latter
+    may be larger than the wing ever carried: the former counts where it is known.
+    """
     parameters = model.parameters
     drawn = _draw(parameters, *draws)
     return Source(
         reference,
         model.flown_CL,
-        max(largest_CL, model.flown_CL[1]),
+        largest_CL or model.flown_CL[1],
         AerodynamicPower(_as_columns(parameters, parameters.values[None]), model, idle_W),
         AerodynamicPower(_as_columns(parameters, drawn), model, idle_W),
     )

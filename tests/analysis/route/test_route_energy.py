@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 from route_data import (
@@ -224,3 +225,13 @@ def test_no_climb_is_steeper_than_full_throttle_allows() -> None:
     route = route_of(aerodynamic_results(), legs("100 m 000 +90 m"), flight(climb_mps=50.0))
     best_mps = route.source.nominal.best_climb_mps(route.V, route.legs.condition)[0]
     assert route.legs.rate_mps == pytest.approx(0.92 * best_mps)
+
+
+def test_the_stall_is_where_the_wing_carried_most_not_where_a_gust_took_the_airspeed() -> None:
+    """Airspeeds of level flight reach C_L = 1 in gusts; the wing carried 0.9."""
+    results = aerodynamic_results()
+    assert results.slowest_flown is not None
+    slowest = msgspec.structs.replace(results.slowest_flown, largest_lift_coefficient=0.9)
+    found = source_of(msgspec.structs.replace(results, slowest_flown=slowest), None, 10, np.random.default_rng(1))
+    assert found.largest_CL == 0.9
+    assert source_of(aerodynamic_results(slowest_flown=None), None, 10, np.random.default_rng(1)).largest_CL == 1.0
