@@ -164,8 +164,8 @@ def aerodynamic_source(
 ) -> Source:
     """From a model of performance. draws: how many, by what
 
-    largest_CL: that the wing has carried; 0: not known, the largest of level flight. By a gust's low airspeed the latter
-    may be larger than the wing ever carried: the former counts where it is known.
+    largest_CL: that the wing has carried; 0: not known, the largest of level flight. By a gust's low airspeed that may
+    be larger than the wing ever carried: the former counts where it is known.
     """
     parameters = model.parameters
     drawn = _draw(parameters, *draws)
