@@ -9,9 +9,11 @@ from enum import StrEnum
 from math import ceil
 from typing import NamedTuple
 
+import numpy as np
+
 from analysis.polar import Condition, speed_at
 from analysis.results.autopilot_parameters import INAV, PLANE, PX4
-from analysis.schema import AutopilotParameter, Results
+from analysis.schema import AutopilotParameter, Interval, Results
 from flight.atmosphere import SEA_LEVEL_DENSITY
 from flight.errors import InputError
 
@@ -30,6 +32,8 @@ CRUISE = {"FW_AIRSPD_TRIM", "AIRSPEED_CRUISE", "TRIM_ARSPD_CM", "nav_fw_cruise_s
 FASTEST = {"FW_AIRSPD_MAX", "AIRSPEED_MAX", "ARSPD_FBW_MAX"}
 NEWER = {"TRIM_ARSPD_CM": "AIRSPEED_CRUISE", "ARSPD_FBW_MIN": "AIRSPEED_MIN", "ARSPD_FBW_MAX": "AIRSPEED_MAX"}
 CENTIMETERS = "cm/s"
+FASTEST_CLIMB = {For.ARDUPILOT: "TECS_CLMB_MAX", For.PX4: "FW_T_CLMB_MAX"}
+FASTEST_SINK = {For.ARDUPILOT: "TECS_SINK_MAX", For.PX4: "FW_T_SINK_MAX"}
 WHOLE = {"TRIM_ARSPD_CM", "ARSPD_FBW_MIN", "ARSPD_FBW_MAX"}  # of ArduPlane; all of INAV
 
 
@@ -53,6 +57,14 @@ def parameter_file(results: Results, firmware: For, stall: StallMargin = StallMa
     own = [one for one in results.autopilot_parameters if one.firmware == FIRMWARE[firmware]]
     if not own:
         raise InputError(f"{results.log}: no parameter of {FIRMWARE[firmware]} follows from these results")
+    own += [
+        _rate(name, firmware, interval, basis)
+        for names, interval, basis in (
+            (FASTEST_CLIMB, climb_at_cruise(results), "full throttle at cruise speed, the lower end of its interval"),
+            (FASTEST_SINK, sink_at_fastest(results), "drag times airspeed over weight at the fastest flown"),
+        )
+        if interval is not None and (name := names.get(firmware))
+    ]
     lines = [
         f"# {FIRMWARE[firmware]}, from the flight {results.log}, by flightpower {results.software_version}.",
         "# Airspeeds are equivalent (calibrated) ones. Compare each value with yours before you load it.",
@@ -60,6 +72,36 @@ def parameter_file(results: Results, firmware: For, stall: StallMargin = StallMa
         *(f"# {sentence}" for sentence in results.autopilot_parameters_withheld),
     ]
     return "\n".join(lines) + "\n"
+
+
+def climb_at_cruise(results: Results) -> Interval | None:
+    """Rate of climb [m/s] at full throttle and the speed of longest range: the lower end of its interval.
+
+    None where full throttle is not known, or holds no climb.
+    """
+    use = results.use
+    best = use.available.best_climb_mps if use else None
+    if use is None or best is None or not use.loadings or not use.available.power_available:
+        return None
+    V = [point.speed_mps for point in use.available.power_available]
+    climb_mps = float(np.interp(use.loadings[0].range_speed_mps.value, V, use.available.climb_mps))
+    low, high = (climb_mps * end / best.value for end in (best.lo, best.hi))
+    return Interval(value=low, lo=low, hi=high) if low > 0 else None
+
+
+def sink_at_fastest(results: Results) -> Interval | None:
+    """Rate of sink [m/s] with the motor off at the fastest speed flown: no faster descent keeps below that speed."""
+    if not results.power_required:
+        return None
+    last, weight_N = results.power_required[-1], results.test.weight_N
+    return Interval(value=last.power_W / weight_N, lo=last.power_lo_W / weight_N, hi=last.power_hi_W / weight_N)
+
+
+def _rate(name: str, firmware: For, interval: Interval, basis: str) -> AutopilotParameter:
+    return AutopilotParameter(
+        firmware=FIRMWARE[firmware], name=name, versions="all", value=interval.value, lo=interval.lo, hi=interval.hi,
+        unit="m/s", basis=basis, logged=None,
+    )  # fmt: skip
 
 
 def _names_used(own: list[AutopilotParameter]) -> Iterator[AutopilotParameter]:

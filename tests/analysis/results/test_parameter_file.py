@@ -13,10 +13,15 @@ from analysis.results.autopilot_parameters import FlightValues, around, typed_in
 from analysis.results.parameter_file import CRUISE, FASTEST, SLOWEST, For, StallMargin, parameter_file
 from analysis.schema import (
     AircraftResult,
+    AvailableResult,
     ConditionResult,
     Evidence,
     EvidenceKind,
     PartOfResult,
+    PerformanceCase,
+    PerformanceResult,
+    PowerPoint,
+    PowerTrainResult,
     Results,
     SlowestFlown,
     SpeedInterval,
@@ -105,6 +110,37 @@ def test_what_does_not_follow_is_named_as_a_comment() -> None:
     found = results()
     comments = [line for line in parameter_file(found, For.PX4, NO_STALL).splitlines() if line.startswith("#")]
     assert all(f"# {sentence}" in comments for sentence in found.autopilot_parameters_withheld)
+
+
+@pytest.mark.parametrize(
+    ("firmware", "climb", "sink"),
+    [(For.PX4, "FW_T_CLMB_MAX", "FW_T_SINK_MAX"), (For.ARDUPILOT, "TECS_CLMB_MAX", "TECS_SINK_MAX")],
+)
+def test_climb_and_sink_are_limited_by_full_throttle_and_by_drag(firmware: For, climb: str, sink: str) -> None:
+    """Half way between 4 and 5 m/s at cruise, 10 % less at the lower end; 120 W lift 37.66 N by 3.19 m/s."""
+    points = [PowerPoint(speed_mps=v, power_W=p, power_lo_W=0.95 * p, power_hi_W=1.05 * p)
+              for v, p in ((12.0, 50.0), (16.0, 120.0))]  # fmt: skip
+    case = PerformanceCase(
+        title="", weight_N=37.66, air_density_kgpm3=1.19, density_altitude_m=0.0, endurance_s=around(3000.0, 1.0),
+        endurance_speed_mps=around(12.0, 0.1), endurance_power_W=60.0, endurance_at_slowest=False,
+        range_m=around(40000.0, 1.0), range_speed_mps=around(14.0, 0.1), range_power_W=70.0,
+        maximum_speed_mps=None, best_climb_mps=around(5.0, 0.5),
+    )  # fmt: skip
+    available = AvailableResult(
+        reason="", basis="", power_available=points, climb_mps=[5.0, 4.0], maximum_speed_mps=None,
+        maximum_speed_extrapolated=False, best_climb_mps=around(5.0, 0.5), best_climb_speed_mps=12.0,
+        service_ceiling_m=None, absolute_ceiling_m=None, notes=[],
+    )  # fmt: skip
+    train = PowerTrainResult(measured=True, basis="", parameters=[], efficiency=[], points=[])
+    use = PerformanceResult(
+        battery_energy_Wh=74.0, usable=0.8, power_train=train, available=available, loadings=[case], costs=[],
+        field_table=[],
+    )  # fmt: skip
+    values = read(parameter_file(results(use=use, power_required=points), firmware, NO_STALL), firmware)
+    assert values[climb] == pytest.approx(4.5 * 0.9, rel=1e-3)
+    assert values[sink] == pytest.approx(120 / 37.66, rel=1e-3)
+    without = msgspec.structs.replace(use, available=msgspec.structs.replace(available, best_climb_mps=None))
+    assert climb not in read(parameter_file(results(use=without), firmware, NO_STALL), firmware)
 
 
 DISTRUST = Evidence(
