@@ -198,8 +198,8 @@ def test_a_turn_replaces_straight_flight_by_its_load_factor_for_its_time() -> No
 
 
 def test_legs_turn_the_short_way() -> None:
-    route = route_of(aerodynamic_results(), legs("2 km 350, 2 km 010, 2 km 280"), flight())
-    assert np.degrees(route.legs.turn_rad) == pytest.approx([0.0, 20.0, 90.0])
+    route = route_of(aerodynamic_results(), legs("2 km 350, 2 km 010, 2 km 280, 2 km 170, 2 km 190"), flight())
+    assert np.degrees(route.legs.turn_rad) == pytest.approx([0.0, 20.0, 90.0, 110.0, 20.0])
 
 
 def test_the_draws_are_as_wide_as_wind_turbulence_and_airspeed_are_uncertain() -> None:
@@ -215,10 +215,10 @@ def test_the_draws_are_as_wide_as_wind_turbulence_and_airspeed_are_uncertain() -
 
 
 def test_a_speed_over_the_ground_is_flown_with_the_airspeed_that_makes_it() -> None:
-    step = legs("2 km 000").steps[0]._replace(speed=Speed(12.0, over_ground=True))
-    route = route_of(aerodynamic_results(), legs("2 km 000")._replace(steps=(step,)), flight(Wind(4.0, -5.0, 1.0)))
+    step = legs("2 km 060").steps[0]._replace(speed=Speed(12.0, over_ground=True))
+    route = route_of(aerodynamic_results(), legs("2 km 060")._replace(steps=(step,)), flight(Wind(4.0, -5.0, 1.0)))
     assert ground_speed(route.V, route.legs.course_rad, np.array(4.0), np.array(-5.0)) == pytest.approx([12.0])
-    assert route.V == pytest.approx([np.hypot(4.0, 17.0)])
+    assert route.V == pytest.approx([np.hypot(12 * np.sin(np.pi / 3) - 4.0, 12 * np.cos(np.pi / 3) + 5.0)])
 
 
 def test_no_climb_is_steeper_than_full_throttle_allows() -> None:
