@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.constants import centi, milli, zero_Celsius
 
 from analysis.autopilot_logs import recording
-from analysis.autopilot_logs.read import GZIP_MAGIC
+from analysis.autopilot_logs.recognize import GZIP_MAGIC
 from analysis.autopilot_logs.recording import Array, Channel, FlightRecording, channel, without_jumps
 from flight.atmosphere import pressure_at
 from flight.errors import InputError

@@ -20,7 +20,7 @@ import msgspec
 import numpy as np
 import pandas as pd
 
-from analysis.autopilot_logs.read import firmware_of
+from analysis.autopilot_logs.recognize import autopilot_of
 from analysis.cli.electrical import Done, lacks_drag_topics
 from analysis.cli.one_log import analyze_log
 from analysis.cli.options import Options
@@ -170,7 +170,7 @@ class OpenedFlight:
 
     @cached_property
     def kind(self) -> Kind:
-        if firmware_of(self.path):
+        if autopilot_of(self.path):
             return Kind.AUTOPILOT
         return Kind.ELECTRICAL if lacks_drag_topics(self.log) else Kind.DRAG
 

@@ -19,7 +19,7 @@ from typing import IO, Any, NamedTuple
 import msgspec
 import numpy as np
 
-from analysis.autopilot_logs.read import firmware_of
+from analysis.autopilot_logs.recognize import autopilot_of
 from analysis.local_page.flights import LIMITS, Folder, Values
 from flight.errors import InputError
 from flight.log_reader import read_log
@@ -130,7 +130,7 @@ class LocalPage:
             with partly.open("xb") as stream:
                 _copy(environ["wsgi.input"], stream, length)
             try:
-                if not firmware_of(partly):
+                if not autopilot_of(partly):
                     read_log(partly)
             except InputError as error:
                 raise InputError(str(error).replace(str(partly), name)) from None

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.autopilot_logs.read import GZIP_MAGIC, first_bytes
+from analysis.autopilot_logs.recognize import GZIP_MAGIC, first_bytes
 from analysis.autopilot_logs.settings import READABLE
 from flight.errors import InputError
 

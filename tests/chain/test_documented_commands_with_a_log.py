@@ -4,6 +4,7 @@ Here run those that need a log, on that of the tutorial. Those of the tutorial, 
 test_documented_commands.py; those of the daemon: test_documented_daemon_commands.py.
 """
 
+import json
 import re
 import runpy
 import shutil
@@ -24,6 +25,16 @@ pytestmark = pytest.mark.xdist_group("chain")
 
 MY_TOML = next(step for step in steps_in(TUTORIAL) if step.file == "my.toml")
 UIUC = "J CT CP eta\n" + "".join(f"{J} {0.1 - 0.1 * J:.4f} {0.04 - 0.02 * J:.4f} 0.5\n" for J in (0.2, 0.4, 0.6, 0.8))
+WAYPOINT = {"type": "SimpleItem", "command": 16, "frame": 3}
+SURVEY = json.dumps(
+    {
+        "fileType": "Plan",
+        "mission": {
+            "items": [WAYPOINT | {"params": [0, 0, 0, 0, 48.1 + north, 11.5, 80]} for north in (0.01, 0.02)],
+            "plannedHomePosition": [48.1, 11.5, 500.0],
+        },
+    }
+)
 
 # With the log of the tutorial as log.mcap, and the file that the command writes.
 OF_A_FLIGHT = {
@@ -32,6 +43,15 @@ OF_A_FLIGHT = {
     "flightpower export log.mcap --to mcap -o derived.mcap": "derived.mcap",
     'analyze log.mcap --weights "3.8 kg, 9 lbf" --density-altitudes "0 m, 5000 ft"': "log.report/report.html",
     'analyze log.ulg --mass "3.84 kg" --wing-area "0.464 m^2" --span "1.75 m"': "log.report/report.html",
+}
+WIND = '--wind "5 m/s from 270 deg"'
+DROPPED = "3 km 045, 2 km 135 +50 m at 17 m/s, drop 0.5 kg, 3 km 250"
+OF_RESULTS = {
+    f'flightpower route --legs "3 km 045, 2 km 135" --results out/demo/log.report/results.json {WIND}': "",
+    f'flightpower route --legs "{DROPPED}" --results results.json --wind 0': "",
+    f"flightpower route survey.plan --results log.report/results.json {WIND} --map map.svg": "map.svg",
+    "flightpower parameters out/demo/log.report/results.json --for px4 -o my.params": "my.params",
+    'flightpower parameters log.report/results.json --for px4 --stall "10 m/s" -o my.params': "my.params",
 }
 PX4_LOG = "sim fly --plan ordinary-flight --as px4 -o out/px4"
 PLAN = "flightpower plan my.toml --propeller apc-12x8e --wind-kt 8"
@@ -50,9 +70,10 @@ OF_A_BOOM = {
 }
 ON_THE_GROUND = {"transducer-column": OF_A_COLUMN, "run-up": OF_A_RUN_UP, "boom-weights": OF_A_BOOM}
 TABLE = "python -m flight.propeller_files apce_10x5_kt0821_5000.txt > mine.csv"
-RUN_HERE = {PX4_LOG, *OF_A_FLIGHT, *OF_A_COLUMN, *OF_A_RUN_UP, *OF_A_BOOM, PLAN, TABLE}
+RUN_HERE = {PX4_LOG, *OF_A_FLIGHT, *OF_RESULTS, *OF_A_COLUMN, *OF_A_RUN_UP, *OF_A_BOOM, PLAN, TABLE}
 # Patterns of commands that a test runs with files of other names, shorter input or one option less; and that test.
 RUN_ELSEWHERE = {
+    "flightpower open.*": "analysis/local_page/test_open_command.py",
     "calibrate tubing LOG": "chain/test_documented_commands.py",
     "calibrate run-up LOG": "chain/test_documented_commands_with_a_log.py",
     "daq run --config tray.toml( .*)?": "chain/test_documented_daemon_commands.py",
@@ -69,8 +90,8 @@ RUN_ELSEWHERE = {
     "(flightpower new columns|analyze) table.csv .*": "analysis/tables/test_tables.py",
     r"analyze flights/\*(/log)?.mcap -o out( --scheduler .*)?": "analysis/campaign/test_campaign.py",
     "analyze compare old/ new/ -o difference": "analysis/pooling/test_pooled_comparison.py",
-    "calibrate thrust stand.csv .*": "analysis/drag/test_thrust_stand.py",
-    "analyze log.mcap --thrust-stand stand.json": "analysis/drag/test_thrust_stand.py",
+    "calibrate thrust stand.csv .*": "analysis/ground/test_thrust_stand.py",
+    "analyze log.mcap --thrust-stand stand.json": "analysis/ground/test_thrust_stand.py",
     "flightpower plan nexstar .*": "analysis/planning/test_planning.py",
     "make -C firmware/esc_counter": "firmware/test_esc_counter.py",
 }
@@ -141,6 +162,12 @@ def test_commands_of_a_flight(walk: Walk, tmp_path: Path, monkeypatch: pytest.Mo
 
     monkeypatch.setattr(pipeline, "analyze", once)
     for command, written in OF_A_FLIGHT.items():
+        succeeds(command, written)
+    succeeds("analyze out/demo/log.mcap", "out/demo/log.report/results.json")
+    shutil.copy("out/demo/log.report/results.json", "results.json")
+    shutil.copy("results.json", "log.report/results.json")
+    Path("survey.plan").write_text(SURVEY, "utf-8")
+    for command, written in OF_RESULTS.items():
         succeeds(command, written)
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from analysis.autopilot_logs import recording
 from analysis.autopilot_logs.paparazzi import read_paparazzi
-from analysis.autopilot_logs.read import PAPARAZZI, firmware_of
+from analysis.autopilot_logs.recognize import Autopilot, autopilot_of
 from analysis.electrical.estimate import estimate
 from analysis.electrical.flight_table import flight_table
 from flight.errors import InputError
@@ -43,7 +43,7 @@ def written(path: Path, text: list[str]) -> Path:
 
 def test_fields_have_their_units(tmp_path: Path) -> None:
     path = written(tmp_path / "log.data", lines())
-    assert firmware_of(path) == PAPARAZZI
+    assert autopilot_of(path) == Autopilot.PAPARAZZI
     read = read_paparazzi(path)
     median = {name: float(np.median(one.value)) for name, one in read.channels.items()}
     assert median[recording.AIRSPEED_PRESSURE] == pytest.approx(0.5 * 1.225 * 144 + 3, abs=0.01)
@@ -67,7 +67,7 @@ def test_two_messages_of_one_sensor_are_used_together(tmp_path: Path) -> None:
 def test_compressed_file_is_recognized_by_its_content(tmp_path: Path) -> None:
     path = tmp_path / "log.txt"
     path.write_bytes(gzip.compress("\n".join(lines()).encode()))
-    assert firmware_of(path) == PAPARAZZI
+    assert autopilot_of(path) == Autopilot.PAPARAZZI
     assert len(read_paparazzi(path).channels[recording.VOLTAGE].t_s) == 99
 
 

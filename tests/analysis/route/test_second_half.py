@@ -10,7 +10,7 @@ from analysis.electrical.estimate import FlownAircraft, estimate
 from analysis.electrical.fit import samples_of
 from analysis.electrical.flight_table import FlightTable, flight_table
 from analysis.polar import Condition
-from analysis.results.electrical import ElectricalFlight, electrical_results
+from analysis.results.electrical import ElectricalFindings, electrical_results
 from analysis.results.provenance import provenance_of_file
 from analysis.route.power import source_of
 from flight.units import GRAVITY_MPS2
@@ -45,7 +45,7 @@ def predicted(first: FlightTable, second: FlightTable) -> Half:
     results = electrical_results(
         LOG,
         FlownAircraft("Seaway-Mini", WEIGHT_N, AREA_M2, SPAN_M),
-        ElectricalFlight(first, found),
+        ElectricalFindings(first, found),
         provenance_of_file(LOG, "", None, ""),
     )
     rng = np.random.default_rng(0)
