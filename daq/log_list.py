@@ -32,7 +32,7 @@ class ListedLog(NamedTuple):
     begin: datetime | None
     by_satellites: bool
     duration_s: float
-    state: str  # complete, unfinished, cannot be read: why
+    state: str  # complete, unfinished, empty, cannot be read: why
 
 
 def list_logs(directory: Path, latest: int | None = None) -> list[ListedLog]:
@@ -51,6 +51,8 @@ def listed(path: Path) -> ListedLog:
     size = 0
     try:
         size = path.stat().st_size
+        if not size:
+            return ListedLog(path, size, None, False, 0.0, "empty")
         if not is_finished(path):
             return unfinished(path, size)
         with path.open("rb") as stream:

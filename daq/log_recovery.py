@@ -31,7 +31,10 @@ VERIFIED_CHUNKS = 32
 
 
 class RecoveredLog(NamedTuple):
-    """A log that was completed, the bytes kept of it, and the damaged bytes removed from its end."""
+    """A log that was completed, the bytes kept of it, and the damaged bytes removed from its end.
+
+    Of a file without a byte nothing is kept: it is removed.
+    """
 
     path: Path
     kept_bytes: int
@@ -57,6 +60,8 @@ def recovery_event(path: Path) -> Event | None:
         return failure_event(path, cause_of(error))
     if done is None:
         return None
+    if not done.kept_bytes:
+        return Event(sensor="daq", text=f"{path} was empty, because the power was cut when it had begun: removed")
     text = f"{path} was unfinished and has been completed: {done.kept_bytes} bytes kept, {done.cut_bytes} damaged bytes"
     return Event(sensor="daq", text=f"{text} removed")
 
@@ -77,6 +82,9 @@ def cause_of(error: Exception) -> str:
 def recover(path: Path) -> RecoveredLog | None:
     """Complete one log if it is unfinished; otherwise return None. A file that is not a log is not changed.
 
+    A file without a byte is removed: a power cut after its name was written and before its first bytes leaves it, and
+    it would stay among the logs as one that nothing can read.
+
     Raises LogTooLarge, OSError on I/O errors, and whatever damaged records make the decoders raise. The file is then
     unchanged, except after an I/O error.
     """
@@ -89,6 +97,10 @@ def recover(path: Path) -> RecoveredLog | None:
         except BlockingIOError:
             return None  # being recorded
         size = stream.seek(0, os.SEEK_END)
+        if not size:
+            path.unlink()
+            sync_directory(path.parent)
+            return RecoveredLog(path, 0, 0)
         kept = intact_length(stream)
         if kept <= len(MAGIC):
             return None

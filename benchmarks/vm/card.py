@@ -15,6 +15,7 @@ class CardLog(NamedTuple):
     sha256: str
 
 
+EMPTY = hashlib.sha256(b"").hexdigest()
 _known: dict[str, CardLog] = {}  # by contents: most logs are read after each trial
 
 
@@ -46,10 +47,20 @@ def _read(path: Path) -> CardLog:
 
 
 def trouble(before: dict[str, CardLog], after: dict[str, CardLog]) -> list[str]:
-    """What is wrong with the logs: gone, overwritten, shorter, not readable."""
-    wrong = [f"{name} cannot be read: {log.state.error}" for name, log in after.items() if log.state.error]
+    """What is wrong with the logs: gone, overwritten, shorter, not readable.
+
+    One file may be empty, the last: its power was cut between its name and its first bytes. The next start removes it.
+    """
+    last = max(after, default="")
+    wrong = [
+        f"{name} cannot be read: {log.state.error}"
+        for name, log in after.items()
+        if log.state.error and (log.sha256 != EMPTY or name != last)
+    ]
     for name, old in before.items():
         new = after.get(name)
+        if new is None and old.sha256 == EMPTY:
+            continue
         if new is None:
             wrong.append(f"{name} is gone")
         elif old.state.complete and new.sha256 != old.sha256:

@@ -1,6 +1,7 @@
 """Old files in the log folder: none of them ends or delays a recording, and none takes unbounded memory or time."""
 
 import errno
+import fcntl
 import os
 import signal
 import struct
@@ -17,6 +18,7 @@ from test_commands_in_trouble import GIVE_UP_S, counter, running, tray_file, wai
 from test_daemon import fly
 
 from daq.background_recovery import BackgroundRecovery
+from daq.log_list import list_logs
 from daq.log_recovery import recover, recovery_event
 from flight.errors import InputError
 from flight.log_chunk import MAX_CHUNK_BYTES
@@ -102,6 +104,19 @@ def test_one_bad_file_stops_neither_the_recording_nor_the_completion_of_the_othe
     assert not read_log(logs / "log-0003.mcap").torn
     told = [entry.message.text for entry in read_log(logs / "log-0004.mcap").entries["/daq/event"]]
     assert any("log-0001.mcap" in text for text in told) and any("log-0003.mcap" in text for text in told)
+
+
+def test_a_file_without_a_byte_is_removed_and_told_unless_it_is_being_recorded(tmp_path):
+    """As a power cut leaves it between the file's name and its first bytes; it is not a log that nothing can read."""
+    path = tmp_path / "log-0001.mcap"
+    path.touch()
+    with path.open("rb") as recording:
+        fcntl.flock(recording, fcntl.LOCK_EX)
+        assert recovery_event(path) is None and path.exists()
+        assert [log.state for log in list_logs(tmp_path)] == ["empty"]
+    assert str(path) in recovery_event(path).text and not path.exists()
+    path.write_bytes(MAGIC)  # not without a byte: whatever it is, it stays
+    assert recovery_event(path) is None and path.read_bytes() == MAGIC
 
 
 def read_when_there(path: Path) -> bool:
