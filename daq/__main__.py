@@ -241,16 +241,20 @@ def check(
     if as_json:
         typer.echo(tray_check.as_json(report))
     else:
-        table = Table(
-            "", "topic", "part", "Hz", "value ± standard deviation", "bus errors", "problem and advice", box=None
-        )
+        table = Table("", "topic", "part", "Hz", "value ± standard deviation", "bus errors", box=None)
+        table.columns[2].overflow = "fold"  # the names of devices are wanted whole
+        problems: dict[str, list[str]] = {}  # by advice, which several sensors of one bus share
         for line in report.lines:
             mark = {True: "[green]ok", False: "[bold red]BAD", None: "[yellow]?"}[line.ok]
-            trouble = escape("\n".join(filter(None, (line.trouble, line.advice))))
             values = escape("\n".join(filter(None, line.values)))
-            table.add_row(mark, line.topic, line.identity, f"{line.rate_Hz:.1f}", values, str(line.bus_errors), trouble)
+            table.add_row(mark, line.topic, escape(line.identity), f"{line.rate_Hz:.1f}", values, str(line.bus_errors))
+            if line.trouble or line.advice:
+                named = f"{line.topic} ({line.trouble})" if line.trouble else line.topic
+                problems.setdefault(line.advice, []).append(named)
         console = Console()
         console.print(table)
+        for advice, topics in problems.items():
+            console.print("     " + escape(": ".join(filter(None, (", ".join(topics), advice)))), highlight=False)
         for fact in report.facts:
             mark = "[green]ok " if fact.ok else "[bold red]BAD"
             console.print(f" {mark}[/] {escape(fact.text)}", highlight=False)

@@ -51,7 +51,8 @@ ADVICE = {
     Status.STALE: "no new measurements: switch its supply off and on",
     Status.FAULT: "the part reports a fault: switch its supply off and on",
     Status.SATURATED: "end of the measuring range: check for blocked or exchanged tubes, or an open bridge",
-    Status.NO_REPLY: "no answer: check wiring, supply, address and device name (i2cdetect -y 1, ls /dev/tty*)",
+    Status.NO_REPLY: "no answer: check wiring, supply, address and device name (i2cdetect -y 1,"
+    " ls /dev/flightpower /dev/tty*)",
     Status.TIMEOUT: "the bus hangs: unplug its parts one by one until it works",
     Status.CORRUPT: "damaged data: check baud rate, ground and cable length",
     Status.WRONG_DEVICE: "another part answers at this address: compare the tray file with the wiring",
