@@ -228,6 +228,7 @@ def _flights(pooled: JointPool) -> list[PooledFlight]:
                 reason=cause_text(likely_cause(outlier)) if outlier else "",
                 trust=flight.content.trust,
                 mounted_anew=i in pooled.anew,
+                start_unix_s=flight.content.pooling.start_unix_s,
             )
         )
     return flights

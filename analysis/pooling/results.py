@@ -84,6 +84,7 @@ class PooledFlight(msgspec.Struct, frozen=True, kw_only=True):
     reason: str  # the likely one, where it is an outlier
     trust: Trust  # of its own results
     mounted_anew: bool  # it denies the installation that the files state
+    start_unix_s: float | None = None  # start of its log; null where that is not known
 
 
 class Outlier(msgspec.Struct, frozen=True, kw_only=True):

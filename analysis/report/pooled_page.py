@@ -9,6 +9,7 @@ import numpy as np
 from msgspec import Struct
 
 from analysis.pooling.results import (
+    Agreement,
     ComparisonResults,
     Configuration,
     ElectricalPooledResults,
@@ -25,6 +26,7 @@ from analysis.report.answers import HeadlineAnswer
 from analysis.report.figures.style import (
     BLUE,
     GRAY,
+    GREEN,
     INK,
     ORANGE,
     PALETTE,
@@ -71,10 +73,15 @@ class Verdict(NamedTuple):
     reasons: list[str]
 
 
-def verdict(trust: Trust, evidence: Sequence[Evidence]) -> Verdict:
+def verdict(trust: Trust, evidence: Sequence[Evidence], agreement: Agreement | None = Agreement.YES) -> Verdict:
     heading, color_class = VERDICT[trust]
-    none = ["Nothing speaks against the flights, nor against taking them together."]
-    return Verdict(heading, color_class, [sentence(one) for one in evidence] or none)
+    none = "Nothing speaks against the flights, nor against taking them together."
+    if agreement not in (None, Agreement.YES):
+        none = (
+            "The flights differ more than 19 of 20 pools of agreeing flights do, but too little to doubt the curve; see"
+            " the agreement of the flights."
+        )
+    return Verdict(heading, color_class, [sentence(one) for one in evidence] or [none])
 
 
 def render_pooled(pooled: PooledResults) -> str:
@@ -84,12 +91,12 @@ def render_pooled(pooled: PooledResults) -> str:
     more, middle = pooled.one_more, len(pooled.one_more.speed_mps) // 2
     drawn = {"power": power_required(pooled), "half_widths": half_widths(pooled, best)}
     if len(flights) > 1:
-        drawn["against_pool"] = against_pool(flights, middle)
+        drawn |= {"against_pool": against_pool(flights), "weights": weights(flights)}
     return render_page(
         "pooled.html",
         title=f"{pooled.aircraft.title}: power required, {count(len(flights), 'flight')}",
         condition=_condition(pooled.test, pooled.aircraft.propeller, pooled.installation),
-        verdict=verdict(pooled.trust, pooled.evidence),
+        verdict=verdict(pooled.trust, pooled.evidence, pooled.agreement),
         answers=pooled_answers(pooled),
         figures={name: html_figure(figure, name) for name, figure in drawn.items()},
         warnings=pooled_warnings(pooled),
@@ -201,12 +208,13 @@ def pooled_answers(pooled: PooledResults) -> list[HeadlineAnswer]:
     ]
     polars, installations = pooled.homogeneity, pooled.installation_homogeneity
     if pooled.agreement and polars and installations:
-        outliers = [one.log for one in pooled.outliers]
-        named = f"Outliers: {', '.join(outliers)}. " if outliers else ""
+        outliers = ", ".join(one.log for one in pooled.outliers)
+        named = f"Outliers: {outliers}. " if outliers else ""
+        all_but = outliers and polars.p >= EVIDENCE.false_alarms and pooled.agreement is Agreement.NOT_THE_CURVES
         answers.append(
             HeadlineAnswer(
                 "Agreement of the flights",
-                pooled.agreement,
+                f"all but {outliers}" if all_but else pooled.agreement,
                 f"{named}Probability of differences this large by the known errors alone: of the curves"
                 f" {probability(polars.p)}, of the installation {probability(installations.p)}.",
             )
@@ -344,14 +352,21 @@ def _trends(rows: Sequence[Trend]) -> HtmlTable:
             (
                 row.quantity,
                 *_range(row),
-                f"{row.change_percent:+.2g} %",
-                f"{row.standard_error_percent:.2g} %",
+                *_percent_or_unknown(row),
                 str(row.flights),
                 f"{'a trend' if row.p < EVIDENCE.false_alarms else 'none seen'} ({probability(row.p)})",
             )
             for row in rows
         ],
     )
+
+
+def _percent_or_unknown(row: Trend) -> tuple[str, str]:
+    """Change and standard error; a change that is not known to within the power itself is not told."""
+    error = row.standard_error_percent
+    if error > 100:
+        return "not known", "more than 100 %"
+    return f"{row.change_percent:+.1f} %", f"{error:.1f} %"
 
 
 def _range(row: Trend) -> tuple[str, str]:
@@ -412,14 +427,14 @@ def power_required(pooled: PooledResults) -> Figure:
             x=rounded(np.array(x)), y=rounded(np.array(y)), mode="lines", name="each flight alone",
             line={"color": GRAY, "width": 2}, opacity=0.7, hoverinfo="skip", connectgaps=False,
         )  # fmt: skip
-    add_band(figure, V, (lo, hi), BLUE, 0.35)
+    add_band(figure, V, (lo, hi), BLUE, 0.35, legendgroup="all")
     outside = np.array([point.extrapolated for point in pooled.power_required])
     for flag, dash in ((~outside, "solid"), (outside, "9px,6px")):
         if flag.any():
             figure.add_scatter(
                 x=rounded(V), y=rounded(np.where(flag, P, np.nan)), mode="lines", name="power required, all flights",
                 line={"color": BLUE, "width": 3, "dash": dash}, hovertemplate="%{y:.1f} W",
-                showlegend=dash == "solid" or bool(outside.all()),
+                showlegend=dash == "solid" or bool(outside.all()), legendgroup="all",
             )  # fmt: skip
     figure.update_xaxis(title="true airspeed, m/s")
     figure.update_yaxis(title="power, W", range=[0, 1.12 * float(np.max(hi))])
@@ -445,28 +460,64 @@ def half_widths(pooled: PooledResults, best: PooledFlight) -> Figure:
     return styled(figure, 360)
 
 
-def against_pool(flights: Sequence[PooledFlight], at: int) -> Figure:
-    """Each flight's power minus the pooled one at one speed, with the limits that its errors allow."""
+def by_date(flights: Sequence[PooledFlight]) -> list[PooledFlight]:
+    """In order of time; those of which it is not known last, as they were given."""
+    return sorted(flights, key=lambda flight: np.inf if flight.start_unix_s is None else flight.start_unix_s)
+
+
+def row_name(flight: PooledFlight) -> str:
+    """Date and log."""
+    if flight.start_unix_s is None:
+        return flight.log
+    return f"{datetime.fromtimestamp(flight.start_unix_s, UTC):%Y-%m-%d} {flight.log}"
+
+
+def against_pool(flights: Sequence[PooledFlight]) -> Figure:
+    """Each flight's power minus the pooled one in percent of it, a row for each in order of date: at the middle speed
+    with the limits that its errors allow, and at the slowest and the fastest speed."""
     figure = Figure()
-    names = [flight.log for flight in flights]
-    for outlier, color, name in ((False, BLUE, "flight"), (True, RED, "outlier")):
-        chosen = [flight for flight in flights if flight.outlier == outlier]
-        if not chosen:
-            continue
-        points = [flight.against_pool[at] for flight in chosen]
+    ordered = by_date(flights)
+    names = [row_name(flight) for flight in ordered]
+    speeds = [point.speed_mps for point in ordered[0].against_pool]
+    middle = len(speeds) // 2
+    for at, color, symbol in (
+        (0, GREEN, "triangle-left"),
+        (middle, BLUE, "circle"),
+        (len(speeds) - 1, ORANGE, "diamond"),
+    ):
+        points = [flight.against_pool[at] for flight in ordered]
+        limits = {"array": rounded(column(points, "limit_percent")), "color": BLUE, "thickness": 2, "width": 4}
         figure.add_scatter(
-            x=rounded(column(points, "difference_percent")), y=[flight.log for flight in chosen],
-            error_x={"array": rounded(column(points, "limit_percent")), "thickness": 2, "width": 4},
-            mode="markers", name=name, marker={"color": color, "size": 10, "symbol": "x" if outlier else "circle"},
-            hovertemplate="%{y}: %{x:+.1f} %",
+            x=rounded(column(points, "difference_percent")), y=names, mode="markers", name=f"{speeds[at]:.1f} m/s",
+            marker={"color": [RED if flight.outlier else color for flight in ordered],
+                    "symbol": ["x" if flight.outlier else symbol for flight in ordered], "size": 10},
+            hovertemplate="%{y}: %{x:+.1f} %", error_x=limits if at == middle else {},
         )  # fmt: skip
     figure.update_xaxis(title="power minus that of all flights, %")
+    figure = _with_rows(styled(figure, 110 + ROW_PX * max(3, len(flights)), hover="closest"), names)
+    figure.update_xaxis(zeroline=True, zerolinecolor=INK, zerolinewidth=2)
+    return figure
+
+
+def weights(flights: Sequence[PooledFlight]) -> Figure:
+    """The share of each flight in the information of all, in percent, in order of date."""
+    figure = Figure()
+    ordered = by_date(flights)
+    names = [row_name(flight) for flight in ordered]
+    figure.add_bars(
+        x=rounded(100 * column(ordered, "share_of_information")), y=names, orientation="h", name="share of information",
+        marker={"color": BLUE}, showlegend=False, hovertemplate="%{y}: %{x:.0f} %",
+    )  # fmt: skip
+    figure.update_xaxis(title="share of information, %", rangemode="tozero")
+    return _with_rows(styled(figure, 110 + ROW_PX * max(3, len(flights)), hover="closest"), names)
+
+
+def _with_rows(figure: Figure, names: list[str]) -> Figure:
+    """The first at the top."""
     figure.update_yaxis(
         categoryorder="array", categoryarray=names[::-1], range=[-0.7, len(names) - 0.3], automargin=True,
-        tickfont={"size": 14},
+        tickfont={"size": 14}, dtick=1,
     )  # fmt: skip
-    figure = styled(figure, 110 + ROW_PX * max(3, len(flights)), hover="closest")
-    figure.update_xaxis(zeroline=True, zerolinecolor=INK, zerolinewidth=2)
     return figure
 
 
@@ -485,16 +536,24 @@ def electrical_power(flights: Sequence[ElectricalFlight]) -> Figure:
 
 
 def difference(comparison: ComparisonResults) -> Figure:
-    """Power of B minus that of A against speed, with its 95 % interval."""
+    """Power of A and of B against speed; below, B minus A in percent of A with its 95 % interval."""
     rows = comparison.differences
     V, d, lo, hi = (column(rows, name) for name in ("speed_mps", "difference_percent", "lo_percent", "hi_percent"))
-    figure = Figure()
-    add_band(figure, V, (lo, hi), BLUE, 0.3)
+    figure = Figure(2, 0.08)
+    for side, name, color, dash in (("a", f"A: {comparison.a.name}", GRAY, "dash"),
+                                    ("b", f"B: {comparison.b.name}", BLUE, "solid")):  # fmt: skip
+        figure.add_scatter(
+            x=rounded(V), y=rounded(column(rows, f"power_{side}_W")), mode="lines", name=name,
+            line={"color": color, "width": 4, "dash": dash}, hovertemplate="%{y:.1f} W",
+        )  # fmt: skip
+    add_band(figure, V, (lo, hi), ORANGE, 0.3, panel=2, legendgroup="difference")
     figure.add_scatter(
-        x=rounded(V), y=rounded(d), mode="lines", name="B minus A", line={"color": BLUE, "width": 5},
-        hovertemplate="%{y:+.1f} %", showlegend=False,
+        panel=2, x=rounded(V), y=rounded(d), mode="lines", name="B minus A", legendgroup="difference",
+        line={"color": ORANGE, "width": 4}, hovertemplate="%{y:+.1f} %",
     )  # fmt: skip
-    figure.add_zero_line({"color": INK, "width": 2})
+    figure.add_zero_line({"color": INK, "width": 2}, panel=2)
     figure.update_xaxis(title="true airspeed, m/s")
-    figure.update_yaxis(title="% of the power of A")
-    return styled(figure, 400)
+    most = max(*column(rows, "power_a_W"), *column(rows, "power_b_W"))
+    figure.update_yaxis(title="power required, W", range=[0, 1.12 * most])
+    figure.update_yaxis(title="B minus A, %", panel=2)
+    return styled(figure, 600)

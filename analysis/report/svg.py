@@ -1,10 +1,10 @@
 """A figure as SVG text: what the page shows before a script runs, and where none does.
 
-It draws what the figures of curves are made of: lines, bands, markers, error bars and the legend, of one panel with
-linear axes. The colors are variables of the page's style, so that they follow a dark page.
+It draws what the figures of curves are made of: lines, bands, markers, error bars and the legend, on linear axes.
+The colors are variables of the page's style, so that they follow a dark page.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from html import escape
 from typing import Any, NamedTuple
 
@@ -40,18 +40,26 @@ def color_variable(color: str) -> str:
 
 
 def svg(figure: Figure) -> str:
-    """The figure of one panel, as high as its layout says. Bars and other panels are not drawn."""
+    """The figure, as high as its layout says. Bars are not drawn."""
     height = figure.layout["height"]
     entries = [t for t in figure.data if t.get("name") and t.get("showlegend", True)]
     legend, lines = _legend(entries)
-    top = SHEET.line * lines + 12
-    x = _Axis(figure.layout["xaxis"], _reach(figure, "x"), (SHEET.left, SHEET.width - SHEET.right))
-    y = _Axis(figure.layout["yaxis"], _reach(figure, "y"), (height - SHEET.bottom, top))
-    body = [*_axes(x, y), *(part for trace in figure.data for part in _trace(trace, x, y)), *legend]
-    place = f'x="{x.px[0]}" y="{top}" width="{x.px[1] - x.px[0]}" height="{y.px[0] - top}"'
-    inside = f'<clipPath id="plotted"><rect {place}/></clipPath>'
+    top, bottom = SHEET.line * lines + 12, height - SHEET.bottom
+    x = _Axis(figure.layout["xaxis"], _reach(figure.data, "x"), (SHEET.left, SHEET.width - SHEET.right))
+    body = list(_x_axis(x, (bottom, top)))
+    for number in ("", *map(str, range(2, figure.panels + 1))):
+        layout = figure.layout[f"yaxis{number}"]
+        traces = [trace for trace in figure.data if trace["yaxis"] == f"y{number}"]
+        low, high = (round(bottom - share * (bottom - top)) for share in layout["domain"])
+        y = _Axis(layout, _reach(traces, "y"), (low, high))
+        place = f'x="{x.px[0]}" y="{high}" width="{x.px[1] - x.px[0]}" height="{low - high}"'
+        body.append(f'<clipPath id="plotted{number}"><rect {place}/></clipPath>')
+        body += _y_axis(x, y)
+        body.append(f'<g clip-path="url(#plotted{number})">')
+        body += [part for trace in traces for part in _trace(trace, x, y)]
+        body.append("</g>")
     size = f'viewBox="0 0 {SHEET.width} {height}" font-size="{SHEET.font}"'
-    return f'<svg {size} class="still">{inside}{"".join(body)}</svg>'
+    return f'<svg {size} class="still">{"".join(body)}{"".join(legend)}</svg>'
 
 
 class _Axis:
@@ -73,24 +81,29 @@ class _Axis:
         return [float(tick) for tick in step * np.arange(np.ceil(self.lo / step), np.floor(self.hi / step) + 1)]
 
 
-def _reach(figure: Figure, axis: str) -> tuple[float, float]:
-    values = np.concatenate([np.asarray(trace[axis], dtype=float) for trace in figure.data])
+def _reach(traces: Sequence[Json], axis: str) -> tuple[float, float]:
+    values = np.concatenate([np.asarray(trace[axis], dtype=float) for trace in traces])
     return float(np.nanmin(values)), float(np.nanmax(values))
 
 
-def _axes(x: _Axis, y: _Axis) -> Iterator[str]:
+def _x_axis(x: _Axis, ends: tuple[float, float]) -> Iterator[str]:
+    """Below the lowest panel. ends : bottom and top of all panels [px]"""
+    bottom, top = ends
     for tick in x.ticks():
         at = x.at(np.array(tick))
-        yield f'<path d="M{at:.1f} {y.px[0]}V{y.px[1]}" class="grid"/>'
-        yield f'<text x="{at:.1f}" y="{y.px[0] + 20}" text-anchor="middle">{tick:g}</text>'
+        yield f'<path d="M{at:.1f} {bottom}V{top}" class="grid"/>'
+        yield f'<text x="{at:.1f}" y="{bottom + 20}" text-anchor="middle">{tick:g}</text>'
+    yield f'<text x="{sum(x.px) / 2:.0f}" y="{bottom + 44}" text-anchor="middle">{escape(x.title)}</text>'
+
+
+def _y_axis(x: _Axis, y: _Axis) -> Iterator[str]:
+    """Left of a panel, with the lines around it."""
     for tick in y.ticks():
         at = y.at(np.array(tick))
         yield f'<path d="M{x.px[0]} {at:.1f}H{x.px[1]}" class="grid"/>'
         yield f'<text x="{x.px[0] - 8}" y="{at + 5:.1f}" text-anchor="end">{tick:g}</text>'
     yield f'<path d="M{x.px[0]} {y.px[1]}V{y.px[0]}H{x.px[1]}" class="axis"/>'
-    middle_x, middle_y = sum(x.px) / 2, sum(y.px) / 2
-    yield f'<text x="{middle_x:.0f}" y="{y.px[0] + 44}" text-anchor="middle">{escape(x.title)}</text>'
-    place = f"translate(16 {middle_y:.0f}) rotate(-90)"
+    place = f"translate(16 {sum(y.px) / 2:.0f}) rotate(-90)"
     yield f'<text transform="{place}" text-anchor="middle">{escape(y.title)}</text>'
 
 
@@ -101,10 +114,10 @@ def _trace(trace: Json, x: _Axis, y: _Axis) -> Iterator[str]:
     if trace.get("fill"):
         red, green, blue, opacity = trace["fillcolor"].removeprefix("rgba(").removesuffix(")").split(", ")
         color = f"#{int(red):02x}{int(green):02x}{int(blue):02x}"
-        yield f'<path d="{path}Z" clip-path="url(#plotted)" style="fill:{_color(color)};fill-opacity:{opacity}"/>'
+        yield f'<path d="{path}Z" style="fill:{_color(color)};fill-opacity:{opacity}"/>'
     elif "lines" in mode:
         yield (
-            f'<path d="{path}" clip-path="url(#plotted)" fill="none" stroke-width="{line.get("width", 2)}"'
+            f'<path d="{path}" fill="none" stroke-width="{line.get("width", 2)}"'
             f'{_dashed(line)} style="stroke:{_color(line["color"])}"/>'
         )
     for axis, bars in (("x", trace.get("error_x")), ("y", trace.get("error_y"))):

@@ -123,7 +123,7 @@ def run_fit(run: str, t_s: Array, measured: dict[str, Array], modeled: dict[str,
 
 
 def residuals_of_drag(fits: Sequence[RunFit], kinds: Mapping[str, str], averaged_s: float = 1.0) -> Figure:
-    """Drag measured along each run, against airspeed, in per cent of that of the common polar; means of about
+    """Drag measured along each run, against airspeed, in percent of that of the common polar; means of about
     `averaged_s`. kinds : of the runs, by name"""
     figure = Figure()
     in_legend = set()

@@ -128,7 +128,7 @@ SOURCE_COLOR = {
 
 
 def interval_by_source(curve: Sequence[PowerPoint], V: Array, variances: Mapping[Source, Array]) -> Figure:
-    """A bar at each of the speeds V (n,), as high as half the 95 % interval in per cent of power; each source has the
+    """A bar at each of the speeds V (n,), as high as half the 95 % interval in percent of power; each source has the
     part of the bar that it has of the variance (n,)."""
     power = np.interp(V, *curve_arrays(curve)[:2])
     total = np.sum(list(variances.values()), axis=0)
@@ -220,7 +220,7 @@ def _add_interval_bars(figure: Figure, method: MethodResult, color: str, offset:
 
 
 def run_by_run(results: Results) -> Figure:
-    """The curve of every run fitted alone, over the curve of all runs; below, in per cent of that."""
+    """The curve of every run fitted alone, over the curve of all runs; below, in percent of that."""
     figure = Figure(2, 0.06)
     V, P, lo, hi = curve_arrays(results.power_required)
     for panel, ends in ((1, (lo, hi)), (2, (100 * (lo / P - 1), 100 * (hi / P - 1)))):

@@ -95,7 +95,11 @@ def test_a_flight_of_a_pool_lies_off_the_pool_by_its_difference() -> None:
 
     def flight(log: str, difference: float, limit: float) -> SimpleNamespace:
         deviations = [Deviation(speed_mps=V, difference_percent=difference, limit_percent=limit) for V in (12.0, 16.0)]
-        return SimpleNamespace(log=log, outlier=abs(difference) > limit + 2, against_pool=deviations)
+        day = 86400.0 * {"a": 2, "b": 1}[log]
+        return SimpleNamespace(
+            log=log, outlier=abs(difference) > limit + 2, against_pool=deviations, start_unix_s=day,
+            share_of_information=0.4,
+        )  # fmt: skip
 
     flights: Any = [flight("a", 4.0, 3.0), flight("b", -20.0, 5.0)]
     content: Any = SimpleNamespace(power_required=[point(V) for V in (10.0, 15.0, 20.0)], flights=flights)
@@ -108,14 +112,17 @@ def test_a_flight_of_a_pool_lies_off_the_pool_by_its_difference() -> None:
     assert np.isnan(solid["y"][-1]) and dashed["y"][-1] == 100.0
     content.flights = flights[:1]
     assert not named(pooled_page.power_required(content), "each flight alone")
-    against = pooled_page.against_pool(flights, 1)
-    for name, difference, limit in (("flight", 4.0, 3.0), ("outlier", -20.0, 5.0)):
-        (mark,) = named(against, name)
-        assert (mark["x"][0], mark["error_x"]["array"][0]) == (difference, limit)
+    against = pooled_page.against_pool(flights)
+    slow, middle, _ = against.data
+    assert list(middle["x"]) == [-20.0, 4.0] and list(middle["error_x"]["array"]) == [5.0, 3.0], "in order of date"
+    assert list(middle["y"]) == ["1970-01-02 b", "1970-01-03 a"] and middle["marker"]["symbol"] == ["x", "circle"]
+    assert slow["name"] == "12.0 m/s" and not slow["error_x"]
+    (share,) = pooled_page.weights(flights).data
+    assert list(share["x"]) == [40.0, 40.0] and list(share["y"]) == list(middle["y"])
     low, high = against.layout["yaxis"]["range"]
     assert -1 < low < -0.5 and 1.5 < high < 2, "all rows are seen, the first flight on top"
-    assert against.layout["yaxis"]["categoryarray"] == ["b", "a"]
-    many = pooled_page.against_pool(flights * 10, 0)
+    assert against.layout["yaxis"]["categoryarray"] == ["1970-01-03 a", "1970-01-02 b"]
+    many = pooled_page.against_pool(flights * 10)
     assert many.layout["height"] - against.layout["height"] == 17 * pooled_page.ROW_PX, "a row each, three at least"
 
 

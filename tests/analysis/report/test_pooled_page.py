@@ -2,14 +2,16 @@
 
 import math
 import re
+from types import SimpleNamespace
 from typing import Any
 
 import msgspec
 import pytest
 
-from analysis.pooling.results import ComparisonResults, PooledResults, PowerDifference
+from analysis.pooling.results import Agreement, ComparisonResults, PooledResults, PowerDifference
 from analysis.report.pooled_page import (
     curve_table,
+    difference,
     differences_table,
     pooled_answers,
     render_comparison,
@@ -108,6 +110,17 @@ def test_one_flight_has_nothing_to_agree_with() -> None:
     assert "Do the flights agree" not in body(render_pooled(pooled(1)))
 
 
+def test_card_and_verdict_say_the_same_of_a_flight_that_stands_out_by_chance() -> None:
+    content = pooled(12)
+    assert content.homogeneity
+    agreeing = msgspec.structs.replace(content.homogeneity, p=0.1)
+    content = msgspec.structs.replace(content, homogeneity=agreeing, trust="trusted", evidence=[])
+    assert pooled_answers(content)[1].answer == "all but 2026-05-01-07 <flight>"
+    assert "Nothing speaks against" not in body(render_pooled(content))
+    content = msgspec.structs.replace(content, agreement=Agreement.YES, outliers=[])
+    assert pooled_answers(content)[1].answer == "yes" and "Nothing speaks against" in body(render_pooled(content))
+
+
 def test_a_comparison_says_what_cancels() -> None:
     side = {"aircraft": AIRCRAFT, "installation": "tray 1", "logs": ["a", "b"], "name": "old"}
     rows = [
@@ -138,6 +151,27 @@ def test_a_trend_is_one_at_five_per_cent(p: float, said: str) -> None:
     content = pooled(12)
     trends = [msgspec.structs.replace(content.trends[0], p=p)]
     assert said in body(render_pooled(msgspec.structs.replace(content, trends=trends)))
+
+
+def test_a_trend_that_is_not_known_is_not_told_in_powers_of_ten() -> None:
+    content = pooled(12)
+    unknown = msgspec.structs.replace(content.trends[0], change_percent=-370.0, standard_error_percent=410.0)
+    text = body(render_pooled(msgspec.structs.replace(content, trends=[unknown])))
+    assert "e+02" not in text and "-370" not in text and "not known" in text
+
+
+def test_both_configurations_are_drawn_above_their_difference() -> None:
+    rows = [
+        {"speed_mps": v, "power_a_W": 50.0, "power_b_W": 51.5, "difference_percent": 3.0, "lo_percent": 2.0,
+         "hi_percent": 4.0, "independent_half_width_percent": 4.0}
+        for v in V
+    ]  # fmt: skip
+    sides = {"a": SimpleNamespace(name="old"), "b": SimpleNamespace(name="new")}
+    comparison: Any = SimpleNamespace(differences=msgspec.convert(rows, list[PowerDifference]), **sides)
+    a, b, band, line = difference(comparison).data
+    assert (a["name"], b["name"]) == ("A: old", "B: new") and a["yaxis"] == b["yaxis"] != line["yaxis"]
+    assert set(a["y"]) == {50.0} and set(b["y"]) == {51.5} and set(line["y"]) == {3.0}
+    assert band["legendgroup"] == line["legendgroup"] and set(band["y"]) == {2.0, 4.0}
 
 
 def test_electrical_flights_stand_side_by_side() -> None:

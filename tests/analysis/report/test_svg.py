@@ -39,6 +39,19 @@ def test_a_line_lies_where_the_axes_say_with_its_gaps() -> None:
     assert "P & <Q>" in [node.text for node in tree.iter("text")], "text of a user is text"
 
 
+def test_panels_stand_above_one_another_each_with_its_axis() -> None:
+    figure = Figure(2, 0.1)
+    for panel, values in ((1, [0.0, 100.0]), (2, [-3.0, 3.0])):
+        figure.add_scatter(x=[0.0, 10.0], y=values, panel=panel, mode="lines", line={"color": BLUE, "width": 5})
+        figure.update_yaxis(panel=panel, title="y", range=values)
+    figure.update_xaxis(title="x", range=[0, 10])
+    tree = ET.fromstring(svg(styled(figure, 500)))
+    lines = [path.get("d") or "" for path in tree.iter("path") if path.get("stroke-width") == "5"]
+    (low, high), (lower, higher) = ([float(y) for y in re.findall(r" ([\d.]+)", d)] for d in lines)
+    assert 0 < high < low < higher < lower < 500 and low - high == pytest.approx(lower - higher, abs=1.1)
+    assert [node.text for node in tree.iter("text")].count("6") == 1, "one x axis"
+
+
 def test_the_curve_of_the_report_has_all_its_parts(with_battery: Results) -> None:
     figure = power.power_required(with_battery)
     text = svg(figure)
