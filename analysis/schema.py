@@ -709,6 +709,8 @@ class ElectricalFlight(msgspec.Struct, frozen=True, kw_only=True):
     electrical_power: list[PowerPoint]
     electrical: ElectricalResult | None = None
     evidence: list[Evidence] | None = None  # null in results of earlier versions
+    air_temperature_K: float | None = None
+    air_pressure_Pa: float | None = None
 
 
 def schema() -> bytes:

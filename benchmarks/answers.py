@@ -27,6 +27,7 @@ from flight.propeller_files import load_propeller
 from sim.air import ambient
 from sim.plant import Deviations, plant_of
 from sim.propulsion import power_train
+from sim.sensors.budget import DrawnErrors
 from sim.trim import Trimmer
 
 
@@ -54,16 +55,17 @@ def truth_of(aircraft: Aircraft, deviations: Deviations, rho: float, V: np.ndarr
 
 
 class Estimated(NamedTuple):
-    """What a flight tells of performance, its weight and air, and the air data that it comes from."""
+    """What a flight tells of performance and of drag, its weight and air, and the air data that it comes from."""
 
     model: PerformanceModel
     at: Condition
     air: pd.DataFrame
+    drag: dynamic.DynamicEstimate
 
 
-def estimated(setup: Setup, *, blind: bool = False) -> Estimated:
-    """Fly and analyze. blind: without battery data."""
-    aircraft, probe, drawn = load_aircraft(setup.aircraft), flights.tunnel_probe(), setup.drawn
+def estimated(setup: Setup, *, blind: bool = False, drawn: DrawnErrors | None = None) -> Estimated:
+    """Fly and analyze. blind: without battery data     drawn: errors, in place of those of the seed"""
+    aircraft, probe, drawn = load_aircraft(setup.aircraft), flights.tunnel_probe(), drawn or setup.drawn
     flight, sensor_truth, table = flights.flown(aircraft, drawn, setup.plan, setup.seed, setup.turbulence_kt)
     t = table.index.to_numpy()
     table["battery_V"], table["battery_A"] = sensor_truth.battery(t)
@@ -83,13 +85,13 @@ def estimated(setup: Setup, *, blind: bool = False) -> Estimated:
     model = performance_model(
         power_train_data(trajectory, aircraft, propeller), estimate, aircraft, propeller, flown_CL
     )
-    return Estimated(model, at, air)
+    return Estimated(model, at, air, estimate)
 
 
 def one_flight(setup: Setup, *, blind: bool = False) -> Rows:
     """Battery power at each of `columns`, highest level speed and rate of climb. blind: without battery data."""
     aircraft, drawn = load_aircraft(setup.aircraft), setup.drawn
-    model, at, _ = estimated(setup, blind=blind)
+    model, at, *_ = estimated(setup, blind=blind)
     V = speeds(aircraft)[1:]
     full = full_throttle_performance(model, at)
     level = level_flight(model, at, V)

@@ -2,12 +2,14 @@
 
     python benchmarks/routes.py --flights 5                      # seeds below 1000 are for development
     python benchmarks/routes.py --seed 1000 --flights 200 --jobs 2
+    python benchmarks/routes.py --seed 1000 --flights 200 --jobs 2 --curve 5
 
-A seed draws an installation: one flight of it is analyzed, and the model of performance, the weight and the air go into
-the prediction. It also draws a mission of a few legs with climbs, and the wind; the prediction is given a wind that is
-wrong by its standard deviation. The simulator's autopilot flies the mission in the true wind, in Dryden turbulence as
-strong, with an airspeed that reads wrong. The truth is the battery's mean power, for the time that courses and
-distances take in the true wind: the simulator levels off and rolls out for some seconds more, or less.
+A seed draws an installation: one flight of it is analyzed, or several, each on another day, are pooled; the model of
+performance, the weight and the air go into the prediction. It also draws a mission of a few legs with climbs, and the
+wind; the prediction is given a wind that is wrong by its standard deviation. The simulator's autopilot flies the
+mission in the true wind, in Dryden turbulence as strong, with an airspeed that reads wrong. The truth is the battery's
+mean power, for the time that courses and distances take in the true wind: the simulator levels off and rolls out for
+some seconds more, or less.
 """
 
 import os
@@ -16,21 +18,31 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import json
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from functools import partial
 from typing import Annotated, Any, NamedTuple
 
 import answers
+import flights
+import msgspec
 import numpy as np
 import typer
 from flights import Setup, stall_mps
 
+from analysis.airdata.flight_data import Calibrations
 from analysis.electrical.settings import GPS
+from analysis.performance.level_flight import PerformanceModel
+from analysis.performance.stored_model import model_of, model_result
+from analysis.polar import Condition
+from analysis.pooling.pool import pool_results
+from analysis.pooling.power_train import pooled_use
+from analysis.results.pooling_statistics import pooling_statistics
 from analysis.route.energy import Battery, ground_speed
 from analysis.route.mission import HOME, Mission, Place, Step, Wind
 from analysis.route.power import aerodynamic_source
 from analysis.route.prediction import RESOLUTION, Air, Flight, Route
 from analysis.trajectory import dryden
-from flight.aircraft import load_aircraft
+from flight.aircraft import Aircraft, Installation, load_aircraft
 from flight.units import GRAVITY_MPS2
 from sim.air import WIND_HEIGHT_M, ambient
 from sim.air import Air as SimulatedAir
@@ -38,11 +50,14 @@ from sim.fly import fly
 from sim.pilot import pilot_named, wrap_angle
 from sim.plan import Plan
 from sim.segments import LEVEL_OFF_S, ROLL_OUT_S, ClimbSegment, HoldSegment, TurnSegment
+from sim.sensors.budget import of_installation
+from sim.world import load_world
 
 WIND_SD_MPS = 1.0
 STRONGEST_MPS = 8.0
 SETTLING_S = 20.0  # in the first course and speed, before the mission begins
 BANK_RAD = 0.6
+DAYS = 100  # seeds of an installation
 AIRCRAFT = ("nexstar", "light-1kg", "survey-6kg")
 
 
@@ -99,11 +114,44 @@ def plan_of(route: Route, wind: Wind, air: SimulatedAir, airspeed: float) -> tup
     return plan, float(np.sum(np.maximum(seconds, np.abs(legs.climb_m) / legs.rate_mps)))
 
 
-def one_mission(seed: int, aircraft: str, world: str) -> Flown:
+def curve_of(setup: Setup, count: int, craft: Aircraft) -> tuple[PerformanceModel, Condition]:
+    """Of one flight, or of `count` flights of the seed's installation, each with the errors and gusts of its day."""
+    if count == 1:
+        model, at, *_ = answers.estimated(setup)
+        return model, at
+    named = replace(craft, installation=Installation(name="study"))
+    results: list[dict[str, Any]] = []
+    for seed in range(DAYS * setup.seed, DAYS * setup.seed + count):
+        day = flights.drawn(load_world(setup.world).errors, seed)
+        found = answers.estimated(setup._replace(seed=seed), drawn=of_installation(day, setup.drawn))
+        statistics = pooling_statistics(
+            found.drag, found.model.flown_CL, named, found.model.propeller, Calibrations(flights.tunnel_probe())
+        )
+        results.append({
+            "log": f"{seed}.mcap",
+            "aircraft": {
+                "name": craft.name, "title": craft.title, "wing_area_m2": craft.geometry.wing_area_m2,
+                "span_m": craft.geometry.span_m, "propeller": found.model.propeller.name,
+            },
+            "test": {"weight_N": found.at.weight_N, "air_density_kgpm3": found.at.rho},
+            "evidence": [],
+            "use": {
+                "battery_energy_Wh": 1.0, "power_train": {"measured": True},
+                "model": msgspec.to_builtins(model_result(found.model)),
+            },
+            "pooling": msgspec.to_builtins(statistics),
+        })  # fmt: skip
+    pool = pool_results(results)
+    use = pooled_use(pool)
+    assert use is not None
+    return model_of(use.model), pool.condition
+
+
+def one_mission(seed: int, aircraft: str, world: str, curve: int = 1) -> Flown:
     rng = np.random.default_rng([seed, 50])
     craft = load_aircraft(aircraft)
     setup = Setup(aircraft, world, "full-test-flight", 3.0, seed)
-    model, at, _ = answers.estimated(setup)
+    model, at = curve_of(setup, curve, craft)
     sources = aerodynamic_source(model, at, 0.0, (RESOLUTION.draws, rng))
     wind_mps, direction = rng.uniform(0, STRONGEST_MPS), rng.uniform(0, 2 * np.pi)
     true = Wind(wind_mps * np.sin(direction), wind_mps * np.cos(direction), 0.0)
@@ -151,12 +199,13 @@ def main(
     flights: Annotated[int, typer.Option(help="Missions of each aircraft.")] = 5,
     aircraft: Annotated[list[str] | None, typer.Option(help="May be repeated.")] = None,
     world: Annotated[str, typer.Option(help="World or error budget of the analyzed flight.")] = "study",
+    curve: Annotated[int, typer.Option(help="Flights that give the curve.")] = 1,
     jobs: Annotated[int, typer.Option(help="Processes.")] = 1,
 ) -> None:
     lines: list[Flown] = []
     with ProcessPoolExecutor(jobs) as pool:
         for name in aircraft or AIRCRAFT[:1]:
-            run = partial(one_mission, aircraft=name, world=world)
+            run = partial(one_mission, aircraft=name, world=world, curve=curve)
             for flown in pool.map(run, range(seed, seed + flights)):
                 print(json.dumps({"aircraft": name, **flown._asdict()}), flush=True)
                 lines.append(flown)

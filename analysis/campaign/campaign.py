@@ -192,7 +192,8 @@ def _known_digest(records: Iterable[Record]) -> Callable[[Path], str | None]:
 
 
 # Parts of results.json that the joint estimate does not use, and that would take most of the memory.
-UNUSED = ("methods", "one_by_one", "cross_check", "power_required_standard", "interval_parts", "path", "use", "runs")
+UNUSED = ("methods", "one_by_one", "cross_check", "power_required_standard", "interval_parts", "path", "runs")
+OF_USE = ("battery_energy_Wh", "power_train", "model")  # and what of `use` a pool takes
 
 
 class FlightResults(NamedTuple):
@@ -213,6 +214,8 @@ def read_results(folders: Sequence[Path]) -> FlightResults:
         content = read_json(folder / RESULTS)
         content["log"] = folder.name
         content = {name: value for name, value in content.items() if name not in UNUSED}
+        if isinstance(content.get("use"), dict):
+            content["use"] = {name: content["use"].get(name) for name in OF_USE}
         if content.get("pooling") is not None:
             found.to_pool.append(content)
         elif content.get("electrical") is not None:

@@ -4,7 +4,7 @@ import sys
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
@@ -14,11 +14,13 @@ from flight.errors import InputError
 from flight.files import check_new_file
 
 if TYPE_CHECKING:
+    from analysis.route.inputs import RouteInput
     from analysis.route.mission import Mission, Speed, Wind
     from analysis.route.prediction import Flight, Objective
     from analysis.schema import Results
 
 app = application()
+Read = TypeVar("Read", "Results", "RouteInput")
 
 
 @dataclass(frozen=True)
@@ -205,7 +207,9 @@ def route(
     ] = None,
     *,
     options: RouteOptions,
-    results: Annotated[Path, typer.Option("--results", metavar="FILE", help="results.json of `analyze`.")],
+    results: Annotated[
+        Path, typer.Option("--results", metavar="FILE", help="results.json of `analyze`, of one log or of several.")
+    ],
     wind_text: Annotated[
         str, typer.Option("--wind", metavar="WIND", help='At the height of the flight: "5 m/s from 270 deg", or 0.')
     ],
@@ -239,7 +243,7 @@ def route(
     wind = parse_wind(wind_text, options.wind_sd_mps)
     asked = _asked_speed(options.speed)
     flown = _mission(mission, options)
-    read = read_results(results)
+    read = read_route_input(results)
     result = predict(read, flown, _flight(read, wind, asked, options))
     if json:
         import msgspec
@@ -286,8 +290,8 @@ def _asked_speed(text: str) -> "Speed | Objective | None":
         raise InputError(f'--speed {text}: should be one of {words}, or an airspeed such as "17 m/s"') from None
 
 
-def _flight(results: "Results", wind: "Wind", speed: "Speed | Objective | None", options: RouteOptions) -> "Flight":
-    """Raises InputError where the battery's energy is not known."""
+def _flight(results: "RouteInput", wind: "Wind", speed: "Speed | Objective | None", options: RouteOptions) -> "Flight":
+    """Raises InputError where the battery's energy or the air is not known."""
     from analysis.performance.request import parse_request, voltage_of
     from analysis.route.energy import Battery
     from analysis.route.prediction import Air, Flight
@@ -311,6 +315,8 @@ def _flight(results: "Results", wind: "Wind", speed: "Speed | Objective | None",
     temperature_K, pressure_Pa = results.air_temperature_K, results.air_pressure_Pa
     if options.elevation_m is not None:
         temperature_K, pressure_Pa = float(temperature_at(options.elevation_m)), float(pressure_at(options.elevation_m))
+    if temperature_K is None or pressure_Pa is None:
+        raise InputError("the results do not know the air; analyze the logs again, or give --elevation of home")
     return Flight(
         wind,
         battery,
@@ -326,14 +332,27 @@ def _flight(results: "Results", wind: "Wind", speed: "Speed | Objective | None",
     )
 
 
+def read_route_input(path: Path) -> "RouteInput":
+    """As `read_results`, of one flight or of a pool."""
+    from analysis.route.inputs import FORMATS, RouteInput
+
+    return _trusted(path, RouteInput, FORMATS)
+
+
 def read_results(path: Path) -> "Results":
     """Doubts go to stderr. Raises InputError when it is something else, or not to be trusted."""
+    from analysis.schema import FORMAT, Results
+
+    return _trusted(path, Results, (FORMAT,))
+
+
+def _trusted(path: Path, content: type[Read], formats: tuple[str, ...]) -> Read:
     from analysis.results.trust import sentence
-    from analysis.schema import FORMAT, Results, Trust
+    from analysis.schema import Trust
     from flight.files import JsonFormat, json_object_text
 
     of = "results of `analyze`"
-    results = JsonFormat(Results, (FORMAT,), of).parsed(json_object_text(path, of), str(path))
+    results = JsonFormat(content, formats, of).parsed(json_object_text(path, of), str(path))
     if results.trust is Trust.NOT_TO_BE_TRUSTED:
         raise InputError(f"{path}: not to be trusted ({results.evidence[0].kind}); take another flight's results")
     for one in results.evidence:

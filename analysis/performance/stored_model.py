@@ -9,6 +9,7 @@ from analysis.performance.propagation import ParameterVector
 from analysis.schema import ComputationModel, PropellerRow, PropellerTable
 from flight.propeller import Propeller, Row
 
+INCIDENCE = ("alpha_0", "alpha_CL")
 LOSSES = ("shaft_scale", "friction", "copper", "meter_scale")
 FULL_THROTTLE = ("unloaded_revps", "revps_per_Nm")
 
@@ -39,16 +40,17 @@ def model_of(result: ComputationModel) -> PerformanceModel:
     )
     table = result.propeller
     rows = tuple(Row(one.rpm, tuple(one.J), tuple(one.cT), tuple(one.cP)) for one in table.rows)
-    motor = _part(parameters, FULL_THROTTLE) if set(FULL_THROTTLE) <= set(parameters.names) else None
+    motor = part(parameters, FULL_THROTTLE) if set(FULL_THROTTLE) <= set(parameters.names) else None
     return PerformanceModel(
         parameters,
-        PowerTrainModel(_part(parameters, LOSSES), result.no_load_torque_Nm, measured=False, basis="", points=()),
+        PowerTrainModel(part(parameters, LOSSES), result.no_load_torque_Nm, measured=False, basis="", points=()),
         FullThrottle(motor),
         Propeller(table.name, table.diameter_m, rows, beyond_zero_thrust=table.beyond_zero_thrust),
         result.flown_CL,
     )
 
 
-def _part(parameters: ParameterVector, names: tuple[str, ...]) -> ParameterVector:
+def part(parameters: ParameterVector, names: tuple[str, ...]) -> ParameterVector:
+    """Some of the parameters, with their covariance."""
     at = [parameters.names.index(name) for name in names]
     return ParameterVector(names, parameters.values[at], parameters.covariance[np.ix_(at, at)])

@@ -22,6 +22,7 @@ from analysis.estimation.noise import NORMAL_95
 from analysis.pooling.agreement import Test, quadratic_form
 from analysis.pooling.evidence import against_electrical
 from analysis.pooling.flight_statistics import POLAR
+from analysis.pooling.power_train import mean_air
 from analysis.pooling.results import (
     AgreementTest,
     ComparisonResults,
@@ -29,12 +30,13 @@ from analysis.pooling.results import (
     Deviation,
     ElectricalPooledFlight,
     ElectricalPooledResults,
+    PooledElectrical,
     PowerDifference,
 )
 from analysis.pooling.settings import POOLING
 from analysis.pooling.wording import SharedErrors, polars_text
 from analysis.results.trust import trust_by
-from analysis.schema import ConditionResult, ElectricalFlight, PowerPoint
+from analysis.schema import ConditionResult, ElectricalFlight, ElectricalStatistics, PowerPoint
 from analysis.settings import CURVES, EVIDENCE
 from flight.errors import InputError
 
@@ -203,6 +205,7 @@ def pooled_results(
         test = worst._replace(p=min(1.0, len(differences) * worst.p))
         homogeneity = AgreementTest(**test._asdict(), text=polars_text(test))
     evidence = against_electrical(pool.flights)
+    temperature_K, pressure_Pa = mean_air(pool.flights)
     return ElectricalPooledResults(
         trust=trust_by(evidence),
         evidence=evidence,
@@ -217,6 +220,22 @@ def pooled_results(
         flights=_flights(pool, differences),
         left_out=list(left_out),
         failures=list(failures),
+        air_temperature_K=temperature_K,
+        air_pressure_Pa=pressure_Pa,
+        electrical=PooledElectrical(idle_power_W=_idle_W(pool.flights), pooling=_statistics(pool)),
+    )
+
+
+def _idle_W(flights: Sequence[ElectricalFlight]) -> float:
+    return float(np.mean([one.electrical.idle_power_W for one in flights if one.electrical]))
+
+
+def _statistics(pool: ElectricalPool) -> ElectricalStatistics:
+    return ElectricalStatistics(
+        speed_mps=pool.V_mps.tolist(),
+        power_W=pool.power_W.tolist(),
+        own_covariance=pool.own.tolist(),
+        shared={name: change.tolist() for name, change in pool.shared.items()},
     )
 
 

@@ -11,7 +11,16 @@ from numpy.typing import NDArray
 
 from analysis.polar import Condition
 from analysis.schema import POOLING_FORMAT as FORMAT
-from analysis.schema import AircraftResult, ConditionResult, Evidence, PoolingStatistics, PowerPoint, Trust
+from analysis.schema import (
+    AircraftResult,
+    ComputationModel,
+    ConditionResult,
+    Evidence,
+    PoolingStatistics,
+    PowerPoint,
+    SlowestFlown,
+    Trust,
+)
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
@@ -43,6 +52,18 @@ class SharedMeasurement(NamedTuple):
         return np.array(self.coefficients) * self.value / self.sigma**2
 
 
+class FlightPowerTrain(msgspec.Struct, frozen=True):
+    measured: bool
+
+
+class FlightUse(msgspec.Struct, frozen=True, kw_only=True):
+    """What a pool reads of `analysis.schema.PerformanceResult`."""
+
+    battery_energy_Wh: float
+    power_train: FlightPowerTrain
+    model: ComputationModel | None = None
+
+
 class FlightContent(msgspec.Struct, frozen=True, kw_only=True):
     """What a pool reads of a flight's results.json (`analysis.schema.Results`)."""
 
@@ -50,6 +71,9 @@ class FlightContent(msgspec.Struct, frozen=True, kw_only=True):
     aircraft: AircraftResult
     test: ConditionResult
     air_temperature_K: float | None = None
+    air_pressure_Pa: float | None = None
+    slowest_flown: SlowestFlown | None = None
+    use: FlightUse | None = None
     power_required: list[PowerPoint] = []
     pooling: PoolingStatistics
     trust: Trust = Trust.TRUSTED

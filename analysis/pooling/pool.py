@@ -23,6 +23,7 @@ from analysis.pooling.comparison import plans_to_see
 from analysis.pooling.flight_statistics import POLAR, POOLED, FlightStatistics, check_one_aircraft, read_statistics
 from analysis.pooling.joint import pooled_estimate, shared_prior, stacked
 from analysis.pooling.joint_pool import JointPool, mean_condition, pooled_polar
+from analysis.pooling.power_train import mean_air, pooled_use, slowest_flown
 from analysis.pooling.results import (
     AgreementTest,
     Deviation,
@@ -59,6 +60,7 @@ class Pool(JointPool):
         error = np.sqrt(np.diag(self.estimate.total))
         shared = zip(POOLED[_N_POLAR:], self.estimate.x[_N_POLAR:], error[_N_POLAR:], strict=True)
         polars, installations = self.homogeneity, self.installation_homogeneity
+        temperature_K, pressure_Pa = mean_air([one.content for one in self.flights])
         return PooledResults(
             trust=trust_by(self.evidence),
             evidence=self.evidence,
@@ -90,6 +92,10 @@ class Pool(JointPool):
             notes=self.notes,
             left_out=list(left_out),
             failures=list(failures),
+            air_temperature_K=temperature_K,
+            air_pressure_Pa=pressure_Pa,
+            slowest_flown=slowest_flown(self),
+            use=pooled_use(self),
         )
 
 

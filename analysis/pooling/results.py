@@ -7,7 +7,16 @@ from enum import StrEnum
 
 import msgspec
 
-from analysis.schema import AircraftResult, ConditionResult, Evidence, PowerPoint, Trust
+from analysis.schema import (
+    AircraftResult,
+    ComputationModel,
+    ConditionResult,
+    ElectricalStatistics,
+    Evidence,
+    PowerPoint,
+    SlowestFlown,
+    Trust,
+)
 
 POOLED_FORMAT = "flightpower-pooled-2"
 ELECTRICAL_FORMAT = "flightpower-electrical-pooled-1"
@@ -132,6 +141,15 @@ class Trend(msgspec.Struct, frozen=True, kw_only=True):
     flights: int  # with this quantity
 
 
+class PooledUse(msgspec.Struct, frozen=True, kw_only=True):
+    """What the energy of a mission is computed from (`flightpower route`)."""
+
+    battery_energy_Wh: float  # of the last flight
+    losses_of: list[str]  # logs; the losses of the power train are the mean of theirs
+    losses_measured: bool  # and not assumed
+    model: ComputationModel
+
+
 class PooledResults(msgspec.Struct, frozen=True, kw_only=True):
     """The contents of the `results.json` of a pool."""
 
@@ -158,6 +176,10 @@ class PooledResults(msgspec.Struct, frozen=True, kw_only=True):
     notes: list[str]
     left_out: list[str] = []  # flights that are not in the pool, and why
     failures: list[str] = []  # logs that cannot be used, and why
+    air_temperature_K: float | None = None  # mean of the flights
+    air_pressure_Pa: float | None = None
+    slowest_flown: SlowestFlown | None = None
+    use: PooledUse | None = None  # null where no flight has a power train, and in results of earlier versions
 
 
 class ElectricalPooledFlight(msgspec.Struct, frozen=True, kw_only=True):
@@ -169,6 +191,13 @@ class ElectricalPooledFlight(msgspec.Struct, frozen=True, kw_only=True):
     against_others: list[Deviation]  # empty in a pool of one flight
     p: float | None  # probability of a larger difference from the others; null in a pool of one flight
     outlier: bool
+
+
+class PooledElectrical(msgspec.Struct, frozen=True, kw_only=True):
+    """The curve of a pool with its joint covariance, and the power in it that the motor does not draw."""
+
+    idle_power_W: float
+    pooling: ElectricalStatistics
 
 
 class ElectricalPooledResults(msgspec.Struct, frozen=True, kw_only=True):
@@ -185,6 +214,9 @@ class ElectricalPooledResults(msgspec.Struct, frozen=True, kw_only=True):
     flights: list[ElectricalPooledFlight]
     left_out: list[str] = []
     failures: list[str] = []  # logs that cannot be used, and why
+    air_temperature_K: float | None = None  # mean of the flights
+    air_pressure_Pa: float | None = None
+    electrical: PooledElectrical | None = None  # null in results of earlier versions
 
 
 class Configuration(msgspec.Struct, frozen=True, kw_only=True):

@@ -19,7 +19,8 @@ from analysis.performance.power_train import corrected_thrust, full_throttle_rev
 from analysis.performance.propagation import ParameterVector, SigmaPoints
 from analysis.performance.stored_model import model_of
 from analysis.polar import Condition, lift_coefficient
-from analysis.schema import Interval, PowerPoint, Results
+from analysis.route.inputs import RouteInput
+from analysis.schema import Interval, PowerPoint
 from analysis.settings import CURVES
 from flight.errors import InputError
 
@@ -114,7 +115,7 @@ class Source:
     drawn: SteadyPower
 
 
-def source_of(results: Results, idle_W: float | None, draws: int, rng: np.random.Generator) -> Source:
+def source_of(results: RouteInput, idle_W: float | None, draws: int, rng: np.random.Generator) -> Source:
     """From an aerodynamic model where the results have one, or else from a curve of electrical power.
 
     idle_W: None: as the results know it, or zero. Raises InputError where they have neither.
@@ -126,8 +127,8 @@ def source_of(results: Results, idle_W: float | None, draws: int, rng: np.random
         return aerodynamic_source(model_of(results.use.model), reference, largest_CL, (draws, rng), idle_W=idle)
     if results.electrical is None or results.electrical.pooling is None:
         raise InputError(
-            f"{results.log}: these results know neither battery power at other weights and climbs nor electrical power;"
-            " analyze the log again with this version and the battery's energy, --battery-Wh"
+            "these results know neither battery power at other weights and climbs nor electrical power;"
+            " analyze the logs again with this version and the battery's energy, --battery-Wh"
         )
     statistics = results.electrical.pooling
     V, power = np.array(statistics.speed_mps), np.array(statistics.power_W)

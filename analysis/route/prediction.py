@@ -30,9 +30,10 @@ from analysis.route.energy import (
     speed_limits,
     straight_legs,
 )
+from analysis.route.inputs import RouteInput
 from analysis.route.mission import HOME, Mission, Place, Speed, Wind, courses_rad
 from analysis.route.power import Source, interval_of, source_of
-from analysis.schema import Interval, Results
+from analysis.schema import Interval
 from analysis.trajectory import dryden
 from flight.atmosphere import SEA_LEVEL_DENSITY, density, pressure_at, temperature_at
 from flight.errors import InputError
@@ -142,12 +143,17 @@ class RouteResult(msgspec.Struct, frozen=True, kw_only=True):
     slowest_airspeed_mps: float  # allowed, equivalent
     fastest_airspeed_mps: float
     notes: list[str]
+    flights: list[str] = []  # whose pool gives the curve; empty where one flight does
+    losses_of: list[str] = []  # of these, whose power trains' losses count
 
 
-def predict(results: Results, mission: Mission, flight: Flight, seed: int = 0) -> RouteResult:
+def predict(results: RouteInput, mission: Mission, flight: Flight, seed: int = 0) -> RouteResult:
     """Raises InputError where the results do not give the power, or a leg cannot be flown as the mission asks."""
     rng = np.random.default_rng(seed)
-    return Route(source_of(results, flight.idle_W, RESOLUTION.draws, rng), mission, flight, rng).result()
+    found = Route(source_of(results, flight.idle_W, RESOLUTION.draws, rng), mission, flight, rng).result()
+    return msgspec.structs.replace(
+        found, flights=[one.log for one in results.flights], losses_of=results.use.losses_of if results.use else []
+    )
 
 
 class Route:

@@ -35,7 +35,17 @@ def lines(result: RouteResult) -> Iterator[str]:
         f" {course_text(radians(far.course_deg))}); without climb."
     )
     yield f"Airspeeds allowed: {result.slowest_airspeed_mps:.1f} to {result.fastest_airspeed_mps:.1f} m/s."
+    if result.flights:
+        yield _pool(result)
     yield from result.notes
+
+
+def _pool(result: RouteResult) -> str:
+    curve = f"Curve of {len(result.flights)} flights together"
+    if not result.losses_of:
+        return f"{curve}."
+    of = "all" if len(result.losses_of) == len(result.flights) else ", ".join(result.losses_of)
+    return f"{curve}; losses of the power train: mean of {of}."
 
 
 def _row(leg: LegResult) -> tuple[str, ...]:

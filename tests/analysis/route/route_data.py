@@ -3,11 +3,13 @@
 from dataclasses import replace
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from analysis.performance.propagation import ParameterVector
 from analysis.polar import Condition, speed_at
 from analysis.route.energy import Battery
+from analysis.route.inputs import RouteInput
 from analysis.route.mission import Mission, Wind, parse_legs
 from analysis.route.power import source_of
 from analysis.route.prediction import RESOLUTION, Air, Flight, Route
@@ -48,7 +50,15 @@ def parameters() -> ParameterVector:
     return ParameterVector(tuple(VALUES), np.array([*VALUES.values()]), np.diag(sigma**2))
 
 
-def aerodynamic_results(**changed: Any) -> Results:
+def aerodynamic_results(**changed: Any) -> RouteInput:
+    return of_results(aerodynamic_flight(**changed))
+
+
+def of_results(results: Results) -> RouteInput:
+    return msgspec.convert(results, RouteInput, from_attributes=True)
+
+
+def aerodynamic_flight(**changed: Any) -> Results:
     table = load_propeller("apc-12x8e")
     known = parameters()
     model = ComputationModel(
@@ -81,7 +91,11 @@ def aerodynamic_results(**changed: Any) -> Results:
     return _results(**{"use": use, "slowest_flown": slowest} | changed)
 
 
-def electrical_results(**changed: Any) -> Results:
+def electrical_results(**changed: Any) -> RouteInput:
+    return of_results(electrical_flight(**changed))
+
+
+def electrical_flight(**changed: Any) -> Results:
     """A curve of electrical power with 8 W of idle power in it."""
     V = np.linspace(11.0, 22.0, 13)
     power_W = 8 + 0.022 * V**3 + 500 / V
@@ -123,6 +137,6 @@ def legs(text: str) -> Mission:
     return parse_legs(text, 0.0)
 
 
-def route_of(results: Results, mission: Mission, how: Flight) -> Route:
+def route_of(results: RouteInput, mission: Mission, how: Flight) -> Route:
     rng = np.random.default_rng(0)
     return Route(source_of(results, how.idle_W, RESOLUTION.draws, rng), mission, how, rng)

@@ -14,6 +14,7 @@ from analysis.results.electrical import ElectricalFindings, electrical_results
 from analysis.results.provenance import provenance_of_file
 from analysis.route.power import source_of
 from flight.units import GRAVITY_MPS2
+from tests.analysis.route.route_data import of_results
 from tests.shared_data import beside, needs
 
 LOG = beside("pixhawk/seaway-mini-flight3.ulg")
@@ -49,7 +50,7 @@ def predicted(first: FlightTable, second: FlightTable) -> Half:
         provenance_of_file(LOG, "", None, ""),
     )
     rng = np.random.default_rng(0)
-    power = source_of(results, None, 1000, rng).drawn
+    power = source_of(of_results(results), None, 1000, rng).drawn
     samples = samples_of(second, found.airspeed.scale, found.airspeed.zero_Pa)
     measured_J, drawn_J = 0.0, np.zeros(1000)
     for rows in second.airborne:
