@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 from urllib.error import HTTPError, URLError
 from urllib.request import urlopen
@@ -32,9 +33,18 @@ def test_the_page_closes_with_the_terminal_and_leaves_nothing(tmp_path: Path, cl
         (tmp_path / name).mkdir()
     command = [sys.executable, "-m", "flightpower", "open", str(tmp_path / "flights"), "--no-browser"]
     environment = os.environ | {"TMPDIR": str(tmp_path / "temporary")}
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=environment
-    ) as page:
+    with (
+        subprocess.Popen(
+            command,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+            env=environment,
+            preexec_fn=lambda: signal.signal(closing, signal.SIG_DFL),  # a shell's job in the background ignores it
+        ) as page,
+        ExitStack() as at_the_end,
+    ):
+        at_the_end.callback(page.kill)
         assert page.stdout is not None
         address = page.stdout.readline().strip()
         assert address.startswith("http://127.0.0.1:") and len(address.split("/")[3]) >= 32, "this computer, a secret"
