@@ -1,6 +1,6 @@
 """The files attached to a log beside its messages, so that `analyze log.mcap` needs nothing else."""
 
-from importlib import metadata, resources
+from importlib import resources
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,6 +10,7 @@ from flight.aircraft import Aircraft, load_aircraft
 from flight.errors import InputError
 from flight.files import json_object_text, read_text
 from flight.log_writer import LogWriter
+from flight.version import version
 
 
 class Attachments(NamedTuple):
@@ -70,14 +71,6 @@ def write_attachments(
         "previous_log": previous_log,
     }
     log.add_metadata("flightpower", facts)
-
-
-def version() -> str:
-    """The version of this software."""
-    try:
-        return metadata.version("flightpower")
-    except metadata.PackageNotFoundError:
-        return "unknown"
 
 
 def propeller_text(name_or_path: str) -> str:

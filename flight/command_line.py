@@ -10,12 +10,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import fields
 from enum import IntEnum
 from io import TextIOWrapper
-from typing import Any, TypeVar, get_type_hints
+from typing import Annotated, Any, TypeVar, get_type_hints
 
 import typer
 
 from flight.errors import InputError
 from flight.units import to_si
+from flight.version import version
 
 Record = TypeVar("Record")
 
@@ -45,7 +46,7 @@ def run(app: typer.Typer, name: str, prefix: str = "error") -> None:
             stream.reconfigure(errors="replace")  # characters that the terminal's encoding lacks
     try:
         _check_encoding(sys.argv[1:])
-        code = app(prog_name=name, standalone_mode=False)
+        code = command_of(app)(prog_name=name, standalone_mode=False)
     except UsageError as error:
         _stop(prefix, _usage(error, name))
     except InputError as error:
@@ -63,6 +64,31 @@ def run(app: typer.Typer, name: str, prefix: str = "error") -> None:
     else:
         if code:
             sys.exit(code)
+
+
+def command_of(app: typer.Typer) -> Any:
+    """The command of an application, with the option `--version`."""
+    command, single = typer.main.get_command(app), application()
+    single.command()(_only_version)
+    command.params += typer.main.get_command(single).params
+    return command
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"flightpower {version()}")
+        raise typer.Exit
+
+
+def _only_version(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", help="Print the version and exit.", callback=_print_version, is_eager=True, expose_value=False
+        ),
+    ] = False,
+) -> None:
+    """A command whose one option all commands get."""
 
 
 def takes_options(record: type[Record]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:

@@ -1,14 +1,13 @@
 """`flightpower COMMAND …`: the commands of all sides under one name, and `flightpower new` for files to begin with."""
 
 import importlib
-from importlib import metadata
 from importlib.util import find_spec
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import typer
 from typer.core import TyperGroup
 
-from flight.command_line import application, run
+from flight.command_line import application, command_of, run
 from flight.errors import InputError
 
 
@@ -62,7 +61,7 @@ def load(name: str) -> Any:
         raise InputError(
             f'flightpower {name}: {", ".join(missing)} not installed; in the clone: pip install ".[{side.extra}]"'
         )
-    command = typer.main.get_command(importlib.import_module(side.module).app)
+    command = command_of(importlib.import_module(side.module).app)
     command.name = name
     return command
 
@@ -89,18 +88,8 @@ app = application(
 )
 
 
-def _version(wanted: bool) -> None:
-    if wanted:
-        print(f"flightpower {metadata.version('flightpower')}")
-        raise typer.Exit
-
-
 @app.callback()
-def _group(
-    version: Annotated[
-        bool, typer.Option("--version", help="Print the version and exit.", callback=_version, is_eager=True)
-    ] = False,
-) -> None:
+def _group() -> None:
     pass
 
 

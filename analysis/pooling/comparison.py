@@ -6,7 +6,6 @@ propeller those of thrust: such an error moves both curves alike and cancels in 
 
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import version
 
 import msgspec
 import numpy as np
@@ -31,6 +30,7 @@ from analysis.results.trust import trust_by, worst_first
 from analysis.schema import ConditionResult, Evidence, EvidenceKind
 from analysis.settings import EVIDENCE
 from flight.errors import InputError
+from flight.version import version
 
 Array = NDArray[np.float64]
 
@@ -98,7 +98,7 @@ class Comparison:
             trust=trust_by(evidence),
             evidence=evidence,
             notes=notes,
-            software_version=version("flightpower"),
+            software_version=version(),
             a=_configuration(self.a, a_name),
             b=_configuration(self.b, b_name),
             test=ConditionResult(weight_N=self.condition.weight_N, air_density_kgpm3=self.condition.rho),

@@ -9,7 +9,6 @@ priors are from the truth. They do not average out in a pool, and cancel between
 """
 
 from collections.abc import Mapping, Sequence
-from importlib.metadata import version
 from typing import Any, NamedTuple
 
 import msgspec
@@ -39,6 +38,7 @@ from analysis.results.trust import trust_by
 from analysis.schema import ConditionResult, ElectricalFlight, ElectricalStatistics, PowerPoint
 from analysis.settings import CURVES, EVIDENCE
 from flight.errors import InputError
+from flight.version import version
 
 Array = NDArray[np.float64]
 
@@ -209,7 +209,7 @@ def pooled_results(
     return ElectricalPooledResults(
         trust=trust_by(evidence),
         evidence=evidence,
-        software_version=version("flightpower"),
+        software_version=version(),
         aircraft=pool.flights[0].aircraft,
         test=pool.condition,
         electrical_power=[
@@ -310,7 +310,7 @@ def compare_electrical(
     return ComparisonResults(
         trust=trust_by(evidence),
         evidence=evidence,
-        software_version=version("flightpower"),
+        software_version=version(),
         a=_configuration(pool_a, names[0]),
         b=_configuration(pool_b, names[1]),
         test=pool_a.condition,

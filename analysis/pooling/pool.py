@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +39,7 @@ from analysis.pooling.wording import cause_text, installations_text, polars_text
 from analysis.results.trust import trust_by
 from analysis.schema import ConditionResult, PowerPoint
 from flight.errors import InputError
+from flight.version import version
 
 Array = NDArray[np.float64]
 
@@ -64,7 +64,7 @@ class Pool(JointPool):
         return PooledResults(
             trust=trust_by(self.evidence),
             evidence=self.evidence,
-            software_version=version("flightpower"),
+            software_version=version(),
             aircraft=self.flights[0].aircraft,
             installation=self.flights[0].installation,
             test=_condition_result(self.condition),

@@ -1,7 +1,5 @@
 """All results of an analysis in the form of `results.json`."""
 
-from importlib.metadata import version
-
 import msgspec
 import numpy as np
 
@@ -25,6 +23,7 @@ from analysis.schema import (
 )
 from analysis.trajectory.consistency import Consistency
 from flight.atmosphere import SEA_LEVEL_DENSITY
+from flight.version import version
 
 
 def assemble(
@@ -50,7 +49,7 @@ def assemble(
     power_required = power_curves.power_curve(polar, condition, flown_CL, (rows_flown, condition))
     check = drag.cross_check
     results = Results(
-        software_version=version("flightpower"),
+        software_version=version(),
         log=flight.name,
         aircraft=AircraftResult(
             name=aircraft.name,

@@ -1,7 +1,6 @@
 """The electrical power of level flight in the form of `results.json`."""
 
 from collections.abc import Mapping
-from importlib.metadata import version
 from pathlib import Path
 from typing import NamedTuple
 
@@ -35,6 +34,7 @@ from analysis.schema import (
 )
 from analysis.settings import CURVES
 from flight.atmosphere import SEA_LEVEL_DENSITY
+from flight.version import version
 
 Array = NDArray[np.float64]
 
@@ -74,7 +74,7 @@ def electrical_results(
     rows = flight.table[flight.flown]
     weight = ConditionResult(weight_N=aircraft.weight_N, air_density_kgpm3=estimate.conditions.rho)
     results = Results(
-        software_version=version("flightpower"),
+        software_version=version(),
         log=str(log),
         aircraft=AircraftResult(
             name=aircraft.name, title=aircraft.name, wing_area_m2=aircraft.wing_area_m2, span_m=aircraft.span_m,

@@ -1,6 +1,7 @@
 """The disk image of a small Debian computer with the tray's fake parts, made in a folder from nothing."""
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -35,7 +36,7 @@ update-initramfs -u
 """
 FAKES_NEED = ("numpy", "pymavlink", "msgspec")
 DISK_SIZE = "2500M"
-UPGRADE = "0.1.0.post1"
+UPGRADE = "1.0.1"
 
 
 def run(*command: object, **options: object) -> str:
@@ -100,20 +101,14 @@ def _checkout(target: Path) -> None:
 def _wheels(folder: Path) -> None:
     """wheels: this project, what it needs and the status page's server; wheels-upgrade: a newer version of it alone."""
     pip = (sys.executable, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check", "--wheel-dir")
-    source = folder / "source"
-    for name, version in (("wheels", None), ("wheels-upgrade", UPGRADE)):
-        shutil.rmtree(source, ignore_errors=True)
-        _checkout(source)
+    source, asked = folder / "source", ("--constraint", ROOT / "constraints.txt", ".[status]")
+    _checkout(source)
+    for name, version, options in (("wheels", "1.0.0", asked), ("wheels-upgrade", UPGRADE, ("--no-deps", "."))):
         wheels = folder / name
         for old in wheels.glob("flightpower-*.whl"):
             old.unlink()
-        if version is None:
-            run(*pip, wheels, "--find-links", wheels, "--constraint", ROOT / "constraints.txt", ".[status]", cwd=source)
-            continue
-        text = (source / "pyproject.toml").read_text()
-        (source / "pyproject.toml").write_text(text.replace('version = "0.1.0"', f'version = "{version}"', 1))
-        run(*pip, wheels, "--no-deps", ".", cwd=source)
-        assert list(wheels.glob(f"flightpower-{version}-*.whl")), "the version in pyproject.toml was not replaced"
+        stated = os.environ | {"SETUPTOOLS_SCM_PRETEND_VERSION_FOR_FLIGHTPOWER": version}
+        run(*pip, wheels, "--find-links", wheels, *options, cwd=source, env=stated)
     shutil.rmtree(source)
 
 

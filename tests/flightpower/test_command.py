@@ -13,6 +13,7 @@ from flight.aircraft import load_aircraft, parse_aircraft, shipped_aircraft
 from flight.aircraft_keys import EXAMPLES
 from flight.complete_aircraft import as_complete
 from flight.errors import InputError
+from flight.version import version
 from flightpower import templates
 
 REQUIRED = ("geometry.span", "geometry.wing_area", "mass.weight")
@@ -47,8 +48,13 @@ def test_a_name_in_another_encoding_is_refused_before_anything_is_written(
     assert not list(tmp_path.iterdir())
 
 
-def test_the_version() -> None:
-    assert flightpower("--version").stdout.split()[0] == "flightpower"
+@pytest.mark.parametrize("command", [[], *([name] for name in umbrella.SIDES)])
+def test_every_command_tells_the_version(
+    command: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["flightpower", *command, "--version"])
+    umbrella.main()
+    assert capsys.readouterr().out == f"flightpower {version()}\n"
 
 
 @pytest.mark.parametrize(
