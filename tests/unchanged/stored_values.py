@@ -34,6 +34,7 @@ NUMBER = r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?"
 QUANTITY = re.compile(rf"({NUMBER})(?:\s+([^\s\d]\S*))?")
 NAME = re.compile(r"[^\W\d]\S*(?: [^\W\d]\S*)?(?<![.,:;])|[%°]")
 HASH = re.compile(r"[0-9a-f]{12,}")
+VERSION = re.compile(r"\bsoftware \S+")
 FIGURE = re.compile(r"<script>figures\[(\".*?\")\] = \{data: (.*), layout: .*\};</script>")
 # What another computer, folder or version may change without a change of any result.
 LEFT_OUT = {"software_version", "versions", "probe_calibration", "log_sha256", "log_bytes"}
@@ -63,8 +64,8 @@ def of_files(folder: Path) -> dict[str, object]:
 
 
 def numbers_printed(lines: Iterable[str]) -> list[float]:
-    """Those of a command that writes no file, in their order."""
-    return [float(number) for number in re.findall(NUMBER, "\n".join(lines))]
+    """Those of a command that writes no file, in their order, without the version of the software."""
+    return [float(number) for number in re.findall(NUMBER, VERSION.sub("", "\n".join(lines)))]
 
 
 def store(name: str, value: object) -> None:
