@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 
 _N_POLAR = len(POLAR)
 POLAR_PART, INSTALLATION_PART = slice(_N_POLAR), slice(-len(INSTALLATION_ERRORS), None)
+_OF_POLAR = np.eye(M)[POLAR_PART]
 
 
 class Difference(NamedTuple):
@@ -55,6 +56,14 @@ class Test(NamedTuple):
         return self.p < EVIDENCE.false_alarms
 
 
+class GeneralizedFit(NamedTuple):
+    """Generalized least squares: parameters (q,), their covariance (q, q) and the weighted sum of squared residuals."""
+
+    values: Array
+    covariance: Array
+    chi_square: float
+
+
 class LikelyCause(NamedTuple):
     """Why a flight differs from others: `parameter` of POOLED, its difference in SI and in standard deviations."""
 
@@ -70,50 +79,43 @@ def differences_in_pool(stack: FlightStack, pool: PooledEstimate) -> list[Differ
     # Of flight f less W_f of the same errors: (1 - W) C (1 - W)' instead of W C W'.
     cross = W @ stack.own_covariance
     own = stack.own_covariance - cross - cross.transpose(0, 2, 1)
-    common = {name: np.einsum("fij,fj->i", W, change, optimize=True) for name, change in stack.changes.items()}
-    return [
-        _difference(
-            stack.values[i] - pool.x,
-            by_others + own[i],
-            stack.prior_part[i] - pool.prior_part,
-            pool.prior_covariance,
-            [change[i] - common[name] for name, change in stack.changes.items()],
-        )
-        for i in range(len(stack.values))
-    ]
+    return _differences(
+        stack.values - pool.x,
+        by_others + own,
+        stack.prior_part - pool.prior_part,
+        pool.prior_covariance,
+        [change - np.einsum("fij,fj->i", W, change, optimize=True) for change in stack.changes.values()],
+    )
 
 
 def differences_to_others(stack: FlightStack, prior: Prior) -> list[Difference]:
     """Each flight minus the pool of all others, of two flights or more."""
     others = without_each(stack, prior)
-    return [
-        _difference(
-            stack.values[i] - others.x[i],
-            stack.own_covariance[i] + others.by_others[i],
-            stack.prior_part[i] - others.prior_part[i],
-            prior.covariance,
-            [change[i] - others.changes[name][i] for name, change in stack.changes.items()],
-        )
-        for i in range(len(stack.values))
-    ]
+    return _differences(
+        stack.values - others.x,
+        stack.own_covariance + others.by_others,
+        stack.prior_part - others.prior_part,
+        prior.covariance,
+        [change - others.changes[name] for name, change in stack.changes.items()],
+    )
 
 
-def _difference(
-    value: Array, own: Array, prior_part: Array, prior_covariance: Array, changes: Sequence[Array]
-) -> Difference:
-    """Of one flight from a pool.
+def _differences(
+    values: Array, own: Array, prior_part: Array, prior_covariance: Array, changes: Sequence[Array]
+) -> list[Difference]:
+    """Of n flights, values (n, M), from a pool each.
 
-    own : (M, M) covariance by the errors that each flight has of its own     prior_part : (M, M) derivative by an error
-    of the prior's mean     changes : (M,) each, by errors that all flights have in common
+    own : (n, M, M) covariance by the errors that each flight has of its own     prior_part : (n, M, M) derivative by
+    an error of the prior's mean     changes : (n, M) each, by errors that all flights have in common
     """
-    covariance = own + prior_part @ prior_covariance @ prior_part.T
+    covariance = own + prior_part @ prior_covariance @ prior_part.transpose(0, 2, 1)
     for change in changes:
-        covariance = covariance + np.outer(change, change)
+        covariance = covariance + change[:, :, None] * change[:, None, :]
     p, p_installation = (
-        float(chdtrc(len(value[part]), quadratic_form(value[part], covariance[part, part])))
+        chdtrc(values[:, part].shape[1], quadratic_form(values[:, part], covariance[:, part, part])).tolist()
         for part in (POLAR_PART, INSTALLATION_PART)
     )
-    return Difference(value, covariance, p, p_installation)
+    return [Difference(*one) for one in zip(values, covariance, p, p_installation, strict=True)]
 
 
 def outliers(stack: FlightStack, prior: Prior) -> dict[int, Difference]:
@@ -151,29 +153,58 @@ def mounted_anew(stack: FlightStack, prior: Prior) -> frozenset[int]:
     return frozenset(range(n))
 
 
-def flights_covariance(stack: FlightStack, prior: Prior, part: slice = POLAR_PART) -> Array:
-    """Covariance (k n, k n) of k parameters that each of n flights estimates alone; common errors correlate them."""
-    n, k = stack.values[:, part].shape
-    a = stack.prior_part[:, part].reshape(n * k, M)
-    covariance = a @ prior.covariance @ a.T
-    for change in stack.changes.values():
-        flat = change[:, part].ravel()
-        covariance = covariance + np.outer(flat, flat)
-    for i in range(n):
-        covariance[k * i : k * (i + 1), k * i : k * (i + 1)] += stack.own_covariance[i, part, part]
-    return np.asarray(covariance)
+class ErrorParts(NamedTuple):
+    """Errors of what n flights estimate alone, k values each: those of each flight's own, and those that all share.
+
+    own : (n, k, k) covariance     shared : (n, k, m) changes by m independent errors of one standard deviation each
+    """
+
+    own: Array
+    shared: Array
+
+
+def error_parts(stack: FlightStack, prior: Prior, of: Array = _OF_POLAR) -> ErrorParts:
+    """Of the values `of` (k, M) times the parameters of each flight."""
+    covariance = prior.covariance
+    scale = np.sqrt(np.where(np.diag(covariance) > 0, np.diag(covariance), 1.0))
+    eigenvalues, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    root = scale[:, None] * vectors * np.sqrt(np.maximum(eigenvalues, 0.0))
+    shared = [of @ stack.prior_part @ root, *((change @ of.T)[:, :, None] for change in stack.changes.values())]
+    return ErrorParts(of @ stack.own_covariance @ of.T, np.concatenate(shared, axis=2))
+
+
+def least_squares(values: Array, design: Array, errors: ErrorParts) -> GeneralizedFit:
+    """Generalized least squares of values (n, k) on a design (n, k, q).
+
+    The shared errors are estimated beside the q parameters, each with its variance as prior: the same as with the
+    covariance (n k, n k) of all values (Tapley et al. 2004, sec. 4.5), but in a time that grows with n.
+    """
+    n, k, q = design.shape
+    m = errors.shared.shape[2]
+    # A flight that adds nothing to the prior has no variance of its own: then rounding's.
+    rounding = np.finfo(float).eps * np.sum(errors.shared**2, axis=2)
+    own = errors.own + rounding[:, :, None] * np.eye(k)
+    scale = 1 / np.sqrt(np.einsum("fkk->fk", own))
+    factor = np.linalg.cholesky(own * scale[:, :, None] * scale[:, None, :])
+    columns = np.concatenate([design, errors.shared, values[:, :, None]], axis=2)
+    white = np.linalg.solve(factor, columns * scale[:, :, None]).reshape(n * k, q + m + 1)
+    A = np.vstack([white[:, :-1], np.eye(q + m)[q:]])
+    z = np.concatenate([white[:, -1], np.zeros(m)])
+    norm_of_column = np.linalg.norm(A, axis=0)
+    Q, R = np.linalg.qr(A / norm_of_column)
+    residual = z - Q @ (Q.T @ z)
+    inverse = np.linalg.inv(R)
+    found = inverse @ (Q.T @ z) / norm_of_column
+    covariance = inverse @ inverse.T / np.outer(norm_of_column, norm_of_column)
+    return GeneralizedFit(found[:q], covariance[:q, :q], float(residual @ residual))
 
 
 def homogeneity(stack: FlightStack, prior: Prior, part: slice = POLAR_PART) -> Test:
     """Whether the flights differ by more than their errors: generalized least squares on common parameters."""
-    n, k = stack.values[:, part].shape
-    covariance = flights_covariance(stack, prior, part)
-    scale = np.sqrt(np.diag(covariance))
-    factor = np.linalg.cholesky(covariance / np.outer(scale, scale))
-    z = np.linalg.solve(factor, stack.values[:, part].ravel() / scale)
-    X = np.linalg.solve(factor, np.tile(np.eye(k), (n, 1)) / scale[:, None])
-    residual = z - X @ np.linalg.lstsq(X, z, rcond=None)[0]
-    chi_square = float(residual @ residual)
+    values = stack.values[:, part]
+    n, k = values.shape
+    errors = error_parts(stack, prior, np.eye(M)[part])
+    chi_square = least_squares(values, np.tile(np.eye(k), (n, 1, 1)), errors).chi_square
     degrees_of_freedom = k * (n - 1)
     return Test(chi_square, degrees_of_freedom, float(chdtrc(degrees_of_freedom, chi_square)))
 
@@ -190,18 +221,20 @@ def likely_cause(difference: Difference) -> LikelyCause | None:
     return LikelyCause(POOLED[most], float(difference.value[most]), float(abs(z[most])))
 
 
-def quadratic_form(d: Array, C: Array) -> float:
-    """d' C^-1 d."""
-    scale = np.sqrt(np.diag(C))
-    return float(d / scale @ np.linalg.solve(C / np.outer(scale, scale), d / scale))
+def quadratic_form(d: Array, C: Array) -> Array:
+    """d' C^-1 d, of d (..., k) and C (..., k, k)."""
+    scale = 1 / np.sqrt(np.diagonal(C, axis1=-2, axis2=-1))
+    scaled = d * scale
+    solution = np.linalg.solve(C * scale[..., :, None] * scale[..., None, :], scaled[..., None])[..., 0]
+    return np.asarray(np.sum(scaled * solution, axis=-1))
 
 
-def trends(flights: Sequence[FlightStatistics], deviations_percent: Array, covariance: Array) -> list[Trend]:
+def trends(flights: Sequence[FlightStatistics], deviations_percent: Array, errors: ErrorParts) -> list[Trend]:
     """Change of power over date, temperature and battery voltage, by generalized least squares.
 
-    deviations_percent (n,): of each flight from a common curve, covariance (n, n). The change is that from the lowest
-    to the highest value flown. Quantities that fewer than `POOLING.fewest_for_trend` flights have, or that are the same
-    in all, are left out.
+    deviations_percent (n,): of each flight from a common curve, with its errors (k = 1). The change is that
+    from the lowest to the highest value flown. Quantities that fewer than `POOLING.fewest_for_trend` flights have, or
+    that are the same in all, are left out.
     """
     found = []
     for quantity, unit, values in (
@@ -214,9 +247,9 @@ def trends(flights: Sequence[FlightStatistics], deviations_percent: Array, covar
         if known.sum() < POOLING.fewest_for_trend or np.ptp(x[known]) < 1e-9 * np.abs(x[known]).max():
             continue
         X = np.stack([np.ones(known.sum()), x[known] - x[known].mean()], axis=1)
-        weights = np.linalg.inv(covariance[np.ix_(known, known)])
-        C = np.linalg.inv(X.T @ weights @ X)
-        slope, error = float((C @ X.T @ weights @ deviations_percent[known])[1]), float(np.sqrt(C[1, 1]))
+        of_known = ErrorParts(errors.own[known], errors.shared[known])
+        fit = least_squares(deviations_percent[known, None], X[:, None, :], of_known)
+        slope, error = float(fit.values[1]), float(np.sqrt(fit.covariance[1, 1]))
         lowest, highest = float(x[known].min()), float(x[known].max())
         found.append(
             Trend(

@@ -137,7 +137,7 @@ def compare(a: JointPool, b: JointPool) -> Comparison:
     alone = np.zeros((2 * _N_POLAR, 2 * _N_POLAR))
     alone[:_N_POLAR, :_N_POLAR], alone[_N_POLAR:, _N_POLAR:] = a.polar.covariance, b.polar.covariance
     three = [0, len(V) // 2, -1]  # the curves have three parameters: three speeds contain all of the difference
-    chi_square = quadratic_form(difference[three], J[three] @ polars.covariance @ J[three].T)
+    chi_square = float(quadratic_form(difference[three], J[three] @ polars.covariance @ J[three].T))
     return Comparison(
         a=a,
         b=b,
@@ -173,7 +173,7 @@ def flights_to_see(pooled: JointPool, difference: float) -> int | None:
             pooled, pooled, same_installation=True, same_propeller=True, counts=(counts, counts)
         ).covariance
         T = np.hstack([-np.eye(_N_POLAR), np.eye(_N_POLAR)])
-        return quadratic_form(d, T @ C @ T.T) >= needed
+        return bool(quadratic_form(d, T @ C @ T.T) >= needed)
 
     if not seen(EVIDENCE.most_repetitions):
         return None

@@ -188,7 +188,10 @@ def _test(share: Array, covariance: Array, power_W: Array) -> Test:
     d, C = share[three], (covariance / np.outer(power_W, power_W))[np.ix_(three, three)]
     weight = np.linalg.solve(C, np.ones(len(POLAR)))
     tests = []
-    for chi_square, freedom in ((float(weight @ d) ** 2 / float(weight.sum()), 1), (quadratic_form(d, C), len(POLAR))):
+    for chi_square, freedom in (
+        (float(weight @ d) ** 2 / float(weight.sum()), 1),
+        (float(quadratic_form(d, C)), len(POLAR)),
+    ):
         tests.append(Test(chi_square, freedom, min(1.0, 2 * float(chdtrc(freedom, chi_square)))))
     return min(tests, key=lambda one: one.p)
 

@@ -129,10 +129,13 @@ class JointPool:
 
         counts : how many flights like each flight there are
         """
-        only = [i for i, count in enumerate(counts) if count]
-        if len(only) == 1 and counts[only[0]] == 1:
-            return self._half_width_percent(self.flights[only[0]].polar_covariance, V)
+        if len(self.flights) == 1 and counts[0] == 1:
+            return self.half_widths_alone_percent(0, V)
         return self._half_width_percent(pooled_covariance(pooled_estimate(self.stack, self.prior, counts).total), V)
+
+    def half_widths_alone_percent(self, number: int, V: Array) -> Array:
+        """The same of one of the flights by number."""
+        return self._half_width_percent(self.flights[number].polar_covariance, V)
 
     def half_widths_without_percent(self, V: Array) -> Array:
         """Half widths (flights, n) without each of two flights or more, at speeds V (n,), as `half_widths_percent`."""

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from analysis.estimation.noise import NORMAL_95
 from analysis.polar import Condition, Polar, lift_coefficient, power_required
 from analysis.pooling.agreement import (
+    ErrorParts,
     Test,
     differences_in_pool,
-    flights_covariance,
+    error_parts,
     likely_cause,
     mounted_anew,
     trends,
@@ -221,7 +222,7 @@ def _flights(pooled: JointPool) -> list[PooledFlight]:
                 installation=flight.installation,
                 test=_condition_result(flight.condition),
                 drag_polar=_coefficients(flight.values[:_N_POLAR]),
-                half_width_percent=pooled.half_widths_percent([int(j == i) for j in range(n)], V).tolist(),
+                half_width_percent=pooled.half_widths_alone_percent(i, V).tolist(),
                 half_width_without_percent=without[i].tolist() if n > 1 else None,
                 share_of_information=float(shares[i]),
                 against_pool=[
@@ -254,13 +255,13 @@ def _one_more(pooled: JointPool, flights: Sequence[PooledFlight]) -> OneMore:
 
 def _trends(pooled: JointPool) -> list[Trend]:
     """At the speed where the flights alone are most certain."""
-    n = len(pooled.flights)
     J = _percent(pooled, pooled.speeds_mps)
-    C = flights_covariance(pooled.stack, pooled.prior)
-    blocks = C.reshape(n, 3, n, 3)
-    at = int(np.argmin(np.einsum("vi,figj,vj,fg->v", J, blocks, J, np.eye(n), optimize=True)))
+    errors = error_parts(pooled.stack, pooled.prior)
+    covariance = errors.own + errors.shared @ errors.shared.transpose(0, 2, 1)
+    at = int(np.argmin(np.einsum("vi,fij,vj->v", J, covariance, J, optimize=True)))
     deviations = np.array([J[at] @ (flight.values[:_N_POLAR] - pooled.polar.A) for flight in pooled.flights])
-    return trends(pooled.flights, deviations, np.einsum("i,figj,j->fg", J[at], blocks, J[at]))
+    of_power = J[at : at + 1]
+    return trends(pooled.flights, deviations, ErrorParts(of_power @ errors.own @ of_power.T, of_power @ errors.shared))
 
 
 def _refuse_repeated(flights: Sequence[FlightStatistics]) -> None:

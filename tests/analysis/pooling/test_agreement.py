@@ -4,13 +4,24 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 from scipy.stats import norm
 from synthetic_flights import flight, truth
 
 from analysis.estimation.noise import NORMAL_95
 from analysis.polar import Condition, speed_at
-from analysis.pooling.agreement import differences_in_pool, likely_cause, quadratic_form, trends
-from analysis.pooling.flight_statistics import POOLED
+from analysis.pooling.agreement import (
+    INSTALLATION_PART,
+    POLAR_PART,
+    ErrorParts,
+    differences_in_pool,
+    homogeneity,
+    least_squares,
+    likely_cause,
+    quadratic_form,
+    trends,
+)
+from analysis.pooling.flight_statistics import POOLED, M
 from analysis.pooling.pool import Pool, _thrust_known, pool_results
 from analysis.pooling.results import Agreement, TrendQuantity
 from analysis.pooling.wording import cause_text
@@ -121,6 +132,38 @@ def test_the_likely_cause_is_the_installation_s_largest_difference_in_its_unit()
     assert likely_cause(SimpleNamespace(value=value, standardized=standardized)) is None  # type: ignore[arg-type]
 
 
+def own_errors(variance: float, flights: int) -> ErrorParts:
+    return ErrorParts(np.full((flights, 1, 1), variance), np.zeros((flights, 1, 0)))
+
+
+@pytest.mark.parametrize("part", [POLAR_PART, INSTALLATION_PART])
+def test_homogeneity_is_that_of_the_covariance_of_all_flights_together(part: slice) -> None:
+    """To 1e-8 at 200 flights, with errors that all share, an installation without a name and unlike flights."""
+    rng = np.random.default_rng(5)
+    x = truth(rng)
+    pooled = pool_results([flight(x, rng, f"{i}", 0.3 + 0.01 * i) for i in range(200)])
+    stack = pooled.stack
+    values = stack.values[:, part]
+    n, k = values.shape
+    a = stack.prior_part[:, part].reshape(n * k, M)
+    covariance = a @ pooled.prior.covariance @ a.T + block_diag(*stack.own_covariance[:, part, part])
+    for change in stack.changes.values():
+        covariance += np.outer(change[:, part], change[:, part])
+    scale = np.sqrt(np.diag(covariance))
+    factor = np.linalg.cholesky(covariance / np.outer(scale, scale))
+    z, X = (np.linalg.solve(factor, (one.T / scale).T) for one in (values.ravel(), np.tile(np.eye(k), (n, 1))))
+    residual = z - X @ np.linalg.lstsq(X, z, rcond=None)[0]
+    assert stack.changes
+    assert homogeneity(stack, pooled.prior, part).chi_square == pytest.approx(residual @ residual, rel=1e-8)
+
+
+def test_a_flight_that_adds_nothing_to_the_prior_agrees_with_all() -> None:
+    errors = ErrorParts(np.array([[[1.0]], [[1.0]], [[0.0]]]), np.array([[[3.0]], [[3.0]], [[3.0]]]))
+    fit = least_squares(np.array([[1.0], [-1.0], [0.0]]), np.ones((3, 1, 1)), errors)
+    assert fit.chi_square == pytest.approx(2.0)
+    assert fit.values == pytest.approx(0.0, abs=1e-6) and np.sqrt(fit.covariance[0, 0]) == pytest.approx(3.0)
+
+
 def test_a_trend_is_the_slope_of_generalized_least_squares() -> None:
     """0.5 % a day; of flights known equally well the slope's error is that of one over the root of sum (x - mean)^2."""
     days = np.array([0.0, 1.0, 2.0, 5.0])
@@ -132,7 +175,7 @@ def test_a_trend_is_the_slope_of_generalized_least_squares() -> None:
         )
         for day, T in zip(days, (280.0, None, 290.0, 295.0), strict=True)
     ]
-    (found,) = trends(flights, 3.0 + 0.5 * days, 0.04 * np.eye(4))  # type: ignore[arg-type]
+    (found,) = trends(flights, 3.0 + 0.5 * days, own_errors(0.04, 4))  # type: ignore[arg-type]
     assert (found.quantity, found.lowest, found.highest, found.flights) == (TrendQuantity.DATE, 0.0, 5.0, 4)
     assert found.change_percent == pytest.approx(5 * 0.5)
     assert found.standard_error_percent == pytest.approx(5 * 0.2 / np.sqrt(np.sum((days - 2.0) ** 2)))
@@ -149,7 +192,7 @@ def test_a_trend_is_told_over_the_range_flown_alone() -> None:
         )
         for i in range(5)
     ]
-    (found,) = trends(flights, np.array([0.3, -0.2, 0.1, 0.4, -0.1]), 0.09 * np.eye(5))  # type: ignore[arg-type]
+    (found,) = trends(flights, np.array([0.3, -0.2, 0.1, 0.4, -0.1]), own_errors(0.09, 5))  # type: ignore[arg-type]
     assert found.highest - found.lowest == pytest.approx(0.1)
     assert abs(found.change_percent) < 0.5 and found.standard_error_percent < 0.5
 
