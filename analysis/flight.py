@@ -22,7 +22,7 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from analysis.airdata.flight_data import FlightData, flight_data
-from analysis.flown import check_lift, flown_condition, flown_lift, thrust_coverage
+from analysis.flown import check_lift, flown_condition, flown_lift, largest_lift, thrust_coverage
 from analysis.log_checks.axes import check_axes
 from analysis.log_checks.structure import check_decodable, check_log, receiver_notes
 from analysis.log_contents import LogContents, Replacements, contents
@@ -164,7 +164,8 @@ def with_runs(flight: Measured, runs_file: Path | None) -> Flown:
     flight.progress("finding runs")
     maneuvers = select(flight.table, flight.data.rest, flight.name, runs_file)
     flown = _rows_flown(flight.table, maneuvers)
-    condition, flown_CL = flown_condition(flown, flight.aircraft), flown_lift(flown, flight.aircraft)
+    condition = flown_condition(flown, flight.aircraft)
+    flown_CL = flown_lift(flown, flight.aircraft, largest_lift(flight.table, condition))
     check_lift(flown_CL, condition, flight.name)
     kinds = {run.kind for run in maneuvers.level_runs}
     notes = (*flight.notes, *thrust_coverage(flown, flight.propeller, kinds, str(runs_file or "")))

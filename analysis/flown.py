@@ -27,15 +27,16 @@ def flown_condition(rows_flown: pd.DataFrame, aircraft: Aircraft) -> Condition:
     return Condition(aircraft.mass.weight_N, float(rows_flown["rho"].mean()), aircraft.geometry.wing_area_m2)
 
 
-def flown_lift(rows_flown: pd.DataFrame, aircraft: Aircraft) -> tuple[float, float]:
+def flown_lift(rows_flown: pd.DataFrame, aircraft: Aircraft, carried: float = np.inf) -> tuple[float, float]:
     """Range of the lift coefficients of level flight at the speeds flown. rows_flown: of `air_data`.
 
     Of slow aircraft, whose speed is noisy, means are taken: noise would make the slowest speed lower than was flown.
+    carried : of `largest_lift`; a gust takes airspeed for a moment, down to speeds at which no wing carries the weight
     """
     V = rows_flown["V_mps"].rolling(round(speed_scale_of(rows_flown) ** -4), center=True, min_periods=1).mean()
     CL = 2 * aircraft.mass.weight_N / (rows_flown["rho"] * V**2 * aircraft.geometry.wing_area_m2)
     low, high = np.percentile(CL.dropna(), FLOWN.robust_percentiles)
-    return float(low), float(high)
+    return float(low), float(np.clip(carried, low, high))
 
 
 def check_lift(flown_CL: tuple[float, float], condition: Condition, log: str) -> None:
@@ -50,7 +51,7 @@ def check_lift(flown_CL: tuple[float, float], condition: Condition, log: str) ->
 
 
 def largest_lift(table: pd.DataFrame, condition: Condition) -> float:
-    """The largest lift coefficient of a flight, by the vertical accelerometer; -inf where there is none.
+    """The largest lift coefficient of a flight, by the vertical accelerometer; infinite where it is not known.
 
     table: of `air_data`. Held for half a second, and exceeded in a thousandth of the flight: neither noise nor a bump.
     """
@@ -62,7 +63,7 @@ def largest_lift(table: pd.DataFrame, condition: Condition) -> float:
         table["qbar_Pa"].rolling(rows, center=True).mean() * condition.wing_area_m2
     )
     known = CL[aloft].dropna()
-    return float(np.percentile(known, 99.9)) if len(known) else -np.inf
+    return float(np.percentile(known, 99.9)) if len(known) else np.inf
 
 
 def thrust_known(rows_flown: pd.DataFrame, V: Array) -> NDArray[np.bool_]:

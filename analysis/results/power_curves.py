@@ -97,10 +97,11 @@ def optimum(
 
 def slowest_flown(table: pd.DataFrame, flown_CL: tuple[float, float], condition: Condition) -> SlowestFlown:
     """The slowest speed flown, and the largest lift coefficient. table: of `air_data`, the whole flight."""
+    carried = largest_lift(table, condition)
     return SlowestFlown(
         speed_mps=float(speed_at(flown_CL[1], condition)),
         lift_coefficient=flown_CL[1],
-        largest_lift_coefficient=max(flown_CL[1], largest_lift(table, condition)),
+        largest_lift_coefficient=carried if np.isfinite(carried) else flown_CL[1],
     )
 
 
