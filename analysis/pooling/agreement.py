@@ -17,6 +17,7 @@ from analysis.pooling.flight_statistics import INSTALLATION_ERRORS, POLAR, POOLE
 from analysis.pooling.joint import FlightStack, PooledEstimate, Prior, take, without_each
 from analysis.pooling.results import Trend, TrendQuantity
 from analysis.pooling.settings import POOLING
+from analysis.results.settings import TRUST
 from analysis.settings import EVIDENCE
 
 Array = NDArray[np.float64]
@@ -54,6 +55,11 @@ class Test(NamedTuple):
     def differs(self) -> bool:
         """Whether something differs, with at most `EVIDENCE.false_alarms` of false alarms."""
         return self.p < EVIDENCE.false_alarms
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether it is evidence against taking the flights together: all that is said of a pool has this level."""
+        return self.p < TRUST.false_alarm_rate
 
 
 class GeneralizedFit(NamedTuple):
@@ -118,11 +124,11 @@ def _differences(
     return [Difference(*one) for one in zip(values, covariance, p, p_installation, strict=True)]
 
 
-def outliers(stack: FlightStack, prior: Prior) -> dict[int, Difference]:
+def outliers(stack: FlightStack, prior: Prior, false_alarms: float) -> dict[int, Difference]:
     """By number, flights that differ from the pool of those that agree; the worst is taken out first.
 
-    Polar and installation are tested, each at the level `EVIDENCE.false_alarms` over the number of tests. At most half
-    of the flights are named, and none of two: which of them is wrong is not known.
+    Polar and installation are tested, each at the level `false_alarms` over the number of tests. At most half of the
+    flights are named, and none of two: which of them is wrong is not known.
     """
     n = len(stack.values)
     agreeing, differing = list(range(n)), dict[int, Difference]()
@@ -130,7 +136,7 @@ def outliers(stack: FlightStack, prior: Prior) -> dict[int, Difference]:
         differences = differences_to_others(take(stack, agreeing), prior)
         p = [min(difference.p, difference.p_installation) for difference in differences]
         worst = int(np.argmin(p))
-        if p[worst] >= EVIDENCE.false_alarms / (2 * n):
+        if p[worst] >= false_alarms / (2 * n):
             break
         differing[agreeing[worst]] = differences[worst]
         del agreeing[worst]
@@ -146,7 +152,8 @@ def mounted_anew(stack: FlightStack, prior: Prior) -> frozenset[int]:
         return frozenset()
     n = len(stack.values)
     level = EVIDENCE.false_alarms / (2 * n)
-    moved = {i for i, difference in outliers(stack, prior).items() if difference.p_installation < level}
+    differing = outliers(stack, prior, EVIDENCE.false_alarms)
+    moved = {i for i, difference in differing.items() if difference.p_installation < level}
     others = [i for i in range(n) if i not in moved]
     if moved and not homogeneity(take(stack, others), prior, INSTALLATION_PART).differs:
         return frozenset(moved)

@@ -19,7 +19,7 @@ from scipy.special import chdtrc
 
 from analysis.estimation.noise import NORMAL_95
 from analysis.pooling.agreement import Test, quadratic_form
-from analysis.pooling.evidence import against_electrical
+from analysis.pooling.evidence import against_electrical, against_polars
 from analysis.pooling.flight_statistics import POLAR
 from analysis.pooling.power_train import mean_air
 from analysis.pooling.results import (
@@ -34,9 +34,10 @@ from analysis.pooling.results import (
 )
 from analysis.pooling.settings import POOLING
 from analysis.pooling.wording import SharedErrors, polars_text
-from analysis.results.trust import trust_by
+from analysis.results.settings import TRUST
+from analysis.results.trust import trust_by, worst_first
 from analysis.schema import ConditionResult, ElectricalFlight, ElectricalStatistics, PowerPoint
-from analysis.settings import CURVES, EVIDENCE
+from analysis.settings import CURVES
 from flight.errors import InputError
 from flight.version import version
 
@@ -202,12 +203,8 @@ def pooled_results(
     """The contents of the pool's results.json."""
     half = NORMAL_95 * np.sqrt(np.diag(pool.covariance))
     differences = _against_others(pool)
-    homogeneity = None
-    if differences:  # the flight that differs most, of as many
-        worst = min((one.test for one in differences), key=lambda one: one.p)
-        test = worst._replace(p=min(1.0, len(differences) * worst.p))
-        homogeneity = AgreementTest(**test._asdict(), text=polars_text(test))
-    evidence = against_electrical(pool.flights)
+    test = _homogeneity(differences)
+    evidence = worst_first([*against_electrical(pool.flights), *against_polars(test)])
     temperature_K, pressure_Pa = mean_air(pool.flights)
     return ElectricalPooledResults(
         trust=trust_by(evidence),
@@ -219,7 +216,7 @@ def pooled_results(
             PowerPoint(speed_mps=v, power_W=p, power_lo_W=max(p - h, 0.0), power_hi_W=p + h)
             for v, p, h in zip(pool.V_mps.tolist(), pool.power_W.tolist(), half.tolist(), strict=True)
         ],
-        homogeneity=homogeneity,
+        homogeneity=AgreementTest(**test._asdict(), text=polars_text(test)) if test else None,
         flights=_flights(pool, differences),
         left_out=list(left_out),
         failures=list(failures),
@@ -258,6 +255,12 @@ def _against_others(pool: ElectricalPool) -> list[ElectricalDifference]:
     return found
 
 
+def _homogeneity(differences: Sequence[ElectricalDifference]) -> Test | None:
+    """Of the flight that differs most, of as many; None where none is compared."""
+    worst = min((one.test for one in differences), key=lambda one: one.p, default=None)
+    return worst._replace(p=min(1.0, len(differences) * worst.p)) if worst else None
+
+
 def _flights(pool: ElectricalPool, differences: Sequence[ElectricalDifference]) -> list[ElectricalPooledFlight]:
     found = []
     for i, (flight, curve) in enumerate(zip(pool.flights, pool.curves, strict=True)):
@@ -273,7 +276,7 @@ def _flights(pool: ElectricalPool, differences: Sequence[ElectricalDifference]) 
                 p=difference.test.p if difference else None,
                 outlier=len(pool.flights) > 2
                 and difference is not None
-                and difference.test.p < EVIDENCE.false_alarms / len(pool.flights),
+                and difference.test.p < TRUST.false_alarm_rate / len(pool.flights),
             )
         )
     return found
@@ -308,7 +311,8 @@ def compare_electrical(
     differs = f"B differs from A (p = {found.test.p:.2g})"
     verdict = differs if found.test.differs else f"No difference is seen (p = {found.test.p:.2g})"
     shares = SharedErrors.AIRCRAFT if same else SharedErrors.NONE
-    evidence = against_electrical([*a, *b])
+    within = [_homogeneity(_against_others(pool)) for pool in (pool_a, pool_b)]
+    evidence = worst_first([*against_electrical([*a, *b]), *(one for test in within for one in against_polars(test))])
     columns = (found.V_mps, found.power_W, found.power_W + found.value_W, difference, half, half_apart)
     return ComparisonResults(
         trust=trust_by(evidence),

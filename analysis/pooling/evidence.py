@@ -38,13 +38,13 @@ def _of_results(log: str, evidence: list[Evidence] | None) -> Iterator[Evidence]
 
 def against_polars(test: Test | None) -> Iterator[Evidence]:
     """Of the test of whether the curves of the flights agree; None for one flight."""
-    if test and test.p < TRUST.false_alarm_rate:
+    if test and test.doubtful:
         yield _doubt(EvidenceKind.FLIGHTS_DIFFER, test.p, polars_text(test))
 
 
 def against_installation(test: Test | None) -> Iterator[Evidence]:
     """Of the test of whether the flights have one installation; None where they do not say so."""
-    if test and test.p < TRUST.false_alarm_rate:
+    if test and test.doubtful:
         yield _doubt(EvidenceKind.INSTALLATIONS_DIFFER, test.p, installations_text(test))
 
 
@@ -52,11 +52,10 @@ def against_outliers(flights: Sequence[FlightStatistics], outliers: dict[int, Di
     """Flights that differ from all others. outliers: of `agreement.outliers`."""
     limit = TRUST.false_alarm_rate / (2 * len(flights))
     for i, difference in sorted(outliers.items()):
+        kind = EvidenceKind.FLIGHTS_DIFFER if difference.p < limit else EvidenceKind.INSTALLATIONS_DIFFER
+        text = f"It differs from the other flights: {cause_text(likely_cause(difference))}"
         p = min(difference.p, difference.p_installation)
-        if p < limit:
-            kind = EvidenceKind.FLIGHTS_DIFFER if difference.p < limit else EvidenceKind.INSTALLATIONS_DIFFER
-            text = f"It differs from the other flights: {cause_text(likely_cause(difference))}"
-            yield _doubt(kind, p, text, log=flights[i].name, limit=limit)
+        yield _doubt(kind, p, text, log=flights[i].name, limit=limit)
 
 
 def _doubt(

@@ -16,10 +16,11 @@ from analysis.pooling.flight_statistics import POLAR, FlightStatistics
 from analysis.pooling.joint import FlightStack, PooledEstimate, Prior, pooled_estimate, without_each
 from analysis.pooling.results import Agreement
 from analysis.pooling.settings import POOLING
-from analysis.pooling.wording import NOT_NAMED, installations_text, polars_text
+from analysis.pooling.wording import NOT_NAMED, installations_text
+from analysis.results.settings import TRUST
 from analysis.results.trust import worst_first
 from analysis.schema import Evidence, EvidenceKind
-from analysis.settings import CURVES, EVIDENCE
+from analysis.settings import CURVES
 
 Array = NDArray[np.float64]
 
@@ -68,12 +69,12 @@ class JointPool:
     @cached_property
     def outliers(self) -> dict[int, Difference]:
         """By number, flights that differ from the pool of those that agree."""
-        return outliers(self.as_stated, self.prior)
+        return outliers(self.as_stated, self.prior, TRUST.false_alarm_rate)
 
     @property
     def outlying_curves(self) -> list[str]:
         """Names of the flights whose curve differs from those of the others."""
-        level = EVIDENCE.false_alarms / (2 * len(self.flights))
+        level = TRUST.false_alarm_rate / (2 * len(self.flights))
         return [self.flights[i].name for i, one in sorted(self.outliers.items()) if one.p < level]
 
     @cached_property
@@ -101,24 +102,21 @@ class JointPool:
     @property
     def notes(self) -> list[str]:
         """What the reader has to know beside the evidence."""
-        told = {one.kind for one in self.evidence if not one.log}
-        polars, installations = self.homogeneity, self.installation_homogeneity
+        installations = self.installation_homogeneity
         notes = [NOT_NAMED] if len(self.flights) > 1 and not self.flights[0].installation else []
-        if polars and polars.differs and EvidenceKind.FLIGHTS_DIFFER not in told:
-            notes.append(polars_text(polars))
-        if installations and installations.differs and EvidenceKind.INSTALLATIONS_DIFFER not in told:
+        if self.anew and installations and not installations.doubtful:
             notes.append(installations_text(installations))
         return notes
 
     @cached_property
     def agreement(self) -> Agreement | None:
-        """Whether the flights agree, by the tests and the outliers; None for one flight."""
-        polars, installations = self.homogeneity, self.installation_homogeneity
-        if polars is None or installations is None:
+        """Whether the flights agree, by the evidence; None for one flight."""
+        kinds = {one.kind for one in self.evidence}
+        if len(self.flights) < 2:
             return None
-        if polars.differs or self.outlying_curves:
+        if EvidenceKind.FLIGHTS_DIFFER in kinds:
             return Agreement.NOT_THE_CURVES
-        return Agreement.NOT_THE_INSTALLATION if installations.differs or self.outliers else Agreement.YES
+        return Agreement.NOT_THE_INSTALLATION if EvidenceKind.INSTALLATIONS_DIFFER in kinds else Agreement.YES
 
     def power(self, V: Array) -> tuple[Array, Array]:
         """Power required and its standard error [W], each (n,), at speeds V (n,) [m/s]."""

@@ -42,7 +42,7 @@ def cause_text(cause: LikelyCause | None) -> str:
 def polars_text(test: Test, outliers: Sequence[str] = ()) -> str:
     """Whether the curves of the flights agree. outliers: names of those that differ from all others."""
     named = f" {' and '.join(outliers)} {'differ' if len(outliers) > 1 else 'differs'} from the others."
-    if not test.differs:
+    if not test.doubtful:
         agree = f"The curves of the flights agree within their errors (p = {test.p:.2g})"
         return f"{agree}, taken together, but{named}" if outliers else f"{agree}."
     return (
@@ -56,6 +56,11 @@ def installations_text(test: Test) -> str:
     """Whether the errors of the installation are the same in all flights."""
     if not test.differs:
         return f"The errors of the installation are the same in all flights within their errors (p = {test.p:.2g})."
+    if not test.doubtful:
+        return (
+            f"The errors of the installation may differ between flights (p = {test.p:.2g}): they are taken to be"
+            " mounted anew, which is no doubt but widens the interval."
+        )
     return (
         f"The errors of the installation differ between flights (p = {test.p:.2g}): probe, tubes or tray were moved,"
         " and they are taken to be mounted anew. Give the flights before and after different [installation] names,"

@@ -25,7 +25,7 @@ from analysis.report.figures.style import (
 from analysis.report.html_page import HtmlTable, html_figure, render_page
 from analysis.report.sections.flight import electrical_facts
 from analysis.report.sections.performance import autopilot_section
-from analysis.report.wording import every
+from analysis.report.wording import every, verdict
 from analysis.results.files import to_csv, to_json
 from analysis.results.previous import replaced
 from analysis.schema import ElectricalResult, Results, SpeedInterval
@@ -93,6 +93,7 @@ def _page(results: Results, flight: FlightTable, estimate: ElectricalEstimate, b
             f"{results.test.weight_N / GRAVITY_MPS2:.2f} kg, air {results.test.air_density_kgpm3:.3f} kg/m³"
             f" ({results.air_temperature_K - 273.15:.0f} °C)"
         ),
+        verdict=verdict(results.trust, results.evidence) if results.evidence else None,
         cards=electrical_answers(results),
         warnings=results.warnings,
         curve=curve_table(results),

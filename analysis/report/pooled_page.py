@@ -39,9 +39,9 @@ from analysis.report.figures.style import (
     styled,
 )
 from analysis.report.html_page import HtmlTable, html_figure, render_page
-from analysis.report.wording import VERDICT, every, meaning
-from analysis.results.trust import sentence
-from analysis.schema import ConditionResult, ElectricalFlight, Evidence, EvidenceKind, Trust
+from analysis.report.wording import every, meaning, verdict
+from analysis.results.settings import TRUST
+from analysis.schema import ConditionResult, ElectricalFlight, Trust
 from analysis.settings import EVIDENCE
 from flight.units import GRAVITY_MPS2
 
@@ -65,25 +65,6 @@ class ElectricalRow(NamedTuple):
     speed: str
 
 
-class Verdict(NamedTuple):
-    """What is said first: the heading, its class in page.css, and a sentence for each piece of evidence."""
-
-    heading: str
-    color_class: str
-    reasons: list[str]
-
-
-def verdict(trust: Trust, evidence: Sequence[Evidence], agreement: Agreement | None = Agreement.YES) -> Verdict:
-    heading, color_class = VERDICT[trust]
-    none = "Nothing speaks against the flights, nor against taking them together."
-    if agreement not in (None, Agreement.YES):
-        none = (
-            "The flights differ more than 19 of 20 pools of agreeing flights do, but too little to doubt the curve; see"
-            " the agreement of the flights."
-        )
-    return Verdict(heading, color_class, [sentence(one) for one in evidence] or [none])
-
-
 def render_pooled(pooled: PooledResults) -> str:
     """The page as one HTML file."""
     flights = pooled.flights
@@ -96,10 +77,10 @@ def render_pooled(pooled: PooledResults) -> str:
         "pooled.html",
         title=f"{pooled.aircraft.title}: power required, {count(len(flights), 'flight')}",
         condition=_condition(pooled.test, pooled.aircraft.propeller, pooled.installation),
-        verdict=verdict(pooled.trust, pooled.evidence, pooled.agreement),
+        verdict=verdict(pooled.trust, pooled.evidence),
         answers=pooled_answers(pooled),
         figures={name: html_figure(figure, name) for name, figure in drawn.items()},
-        warnings=pooled_warnings(pooled),
+        warnings=pooled.notes,
         curve=curve_table(pooled),
         one_more=(
             f"One flight more: another one like {more.like}, the flight that contributed most. The best flight alone"
@@ -151,6 +132,7 @@ def render_electrical_flights(
     return render_page(
         "electrical_flights.html",
         title=f"Electrical power of level flight, {count(len(flights), 'flight')}",
+        verdict=verdict(pooled.trust, pooled.evidence) if pooled else None,
         figures={"power": html_figure(figure, "power")},
         flights=rows,
         curve=electrical_curve_table(pooled) if pooled else None,
@@ -184,14 +166,6 @@ def render_comparison(comparison: ComparisonResults) -> str:
     )
 
 
-def pooled_warnings(pooled: PooledResults) -> list[str]:
-    """Notes, and the outliers with the likely reason that are not among the evidence."""
-    differ = (EvidenceKind.FLIGHTS_DIFFER, EvidenceKind.INSTALLATIONS_DIFFER)
-    told = {one.log for one in pooled.evidence if one.kind in differ}
-    outliers = [one for one in pooled.outliers if one.log not in told]
-    return [*pooled.notes, *(f"{one.log} is an outlier: {one.reason}" for one in outliers)]
-
-
 def pooled_answers(pooled: PooledResults) -> list[HeadlineAnswer]:
     """How sure the curve is, whether the flights agree, what one more gives, and how many a comparison takes."""
     points = pooled.power_required
@@ -210,7 +184,7 @@ def pooled_answers(pooled: PooledResults) -> list[HeadlineAnswer]:
     if pooled.agreement and polars and installations:
         outliers = ", ".join(one.log for one in pooled.outliers)
         named = f"Outliers: {outliers}. " if outliers else ""
-        all_but = outliers and polars.p >= EVIDENCE.false_alarms and pooled.agreement is Agreement.NOT_THE_CURVES
+        all_but = outliers and polars.p >= TRUST.false_alarm_rate and pooled.agreement is Agreement.NOT_THE_CURVES
         answers.append(
             HeadlineAnswer(
                 "Agreement of the flights",

@@ -18,7 +18,6 @@ from analysis.report.pooled_page import (
     differences_table,
     electrical_curve_table,
     pooled_answers,
-    pooled_warnings,
 )
 from analysis.report.wording import every
 from analysis.schema import Results
@@ -52,7 +51,7 @@ def print_pooled(pooled: PooledResults, page: Path, console: Console) -> None:
     """Print the curve, the answers, warnings, and where the page is."""
     _print_table(console, f"{pooled.aircraft.title}: power required", curve_table(pooled, 8))
     _print_answers(console, pooled_answers(pooled))
-    _print_notes(console, [*pooled_warnings(pooled), *pooled.left_out])
+    _print_notes(console, [*pooled.notes, *pooled.left_out])
     _print_page(console, page)
 
 

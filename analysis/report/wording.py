@@ -1,10 +1,11 @@
-"""The methods that the report shows, in order, and what parameters mean, in words."""
+"""Verdicts, the methods that the report shows, in order, and what parameters mean, in words."""
 
 from collections.abc import Sequence
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from analysis.maneuvers.kinds import LEVEL_RUNS
-from analysis.schema import MethodResult, Results, Trust
+from analysis.results.trust import sentences
+from analysis.schema import Evidence, MethodResult, Results, Trust
 from analysis.trajectory.observability import SENSOR_ERROR_KINDS
 
 T = TypeVar("T")
@@ -15,6 +16,20 @@ VERDICT = {
     Trust.DOUBTFUL: ("Doubtful", "doubt"),
     Trust.NOT_TO_BE_TRUSTED: ("Not to be trusted as it stands", "bad"),
 }
+
+
+class Verdict(NamedTuple):
+    """What is said first: the heading, its class in page.css, and the evidence, or that there is none."""
+
+    heading: str
+    color_class: str
+    reasons: list[str]
+
+
+def verdict(trust: Trust, evidence: Sequence[Evidence]) -> Verdict:
+    heading, color_class = VERDICT[trust]
+    none = ["Nothing speaks against the flights, nor against taking them together."]
+    return Verdict(heading, color_class, sentences(evidence) or none)
 
 
 def every(points: Sequence[T], rows: int = 12) -> Sequence[T]:

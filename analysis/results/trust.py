@@ -96,8 +96,22 @@ def reasons_not_to_trust(results: Results) -> list[str]:
 
 
 def sentence(one: Evidence) -> str:
-    """With the flight, where there are several, and what is in doubt."""
-    return f"{f'{one.log}: ' if one.log else ''}{one.text} In doubt: {one.part}."
+    """What is in doubt, the flight where there are several, and why."""
+    return f"{one.part}. {_reason(one)}"
+
+
+def sentences(evidence: Iterable[Evidence]) -> list[str]:
+    """The same of all, to be read after a heading: what is in doubt is said where it changes."""
+    said, part = list[str](), None
+    for one in evidence:
+        also = "In doubt, too: " if said else ""
+        said.append(_reason(one) if one.part is part else f"{also}{sentence(one)}")
+        part = one.part
+    return said
+
+
+def _reason(one: Evidence) -> str:
+    return f"{one.log}: {one.text}" if one.log else one.text
 
 
 def _estimation(results: Results) -> Iterator[Evidence]:

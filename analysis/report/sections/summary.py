@@ -7,7 +7,7 @@ from scipy.constants import foot, kmh
 
 from analysis.report.answers import HeadlineAnswer, headline_answers
 from analysis.report.wording import VERDICT
-from analysis.results.trust import sentence
+from analysis.results.trust import sentences
 from analysis.schema import CurveStatus, PowerPoint, Results
 from flight.units import GRAVITY_MPS2
 
@@ -107,7 +107,7 @@ def verdict_section(results: Results) -> VerdictSection:
         ),
         heading=heading,
         color_class=color_class,
-        reasons=" ".join(map(sentence, results.evidence)) or _support(results),
+        reasons=" ".join(sentences(results.evidence)) or _support(results),
     )
 
 

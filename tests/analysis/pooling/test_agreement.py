@@ -25,7 +25,7 @@ from analysis.pooling.flight_statistics import POOLED, M
 from analysis.pooling.pool import Pool, _thrust_known, pool_results
 from analysis.pooling.results import Agreement, TrendQuantity
 from analysis.pooling.wording import cause_text
-from analysis.schema import EvidenceKind
+from analysis.schema import EvidenceKind, Trust
 
 
 def test_homogeneity_is_calibrated_on_flights_drawn_from_the_model() -> None:
@@ -101,6 +101,25 @@ def test_flights_that_agree_have_no_outlier() -> None:
     assert not found.outliers
     assert not found.notes
     assert found.homogeneity is not None and not found.homogeneity.differs
+
+
+def test_what_is_said_of_a_pool_has_the_level_of_its_verdict() -> None:
+    """Of 80 pools that differ by chance some have p below 5 %: nothing beside "trusted" says that flights differ.
+
+    Two tests and the outliers, each at 0.3 %, make one of 80 doubtful at most.
+    """
+    unlikely = doubtful = 0
+    for seed in range(80):
+        rng = np.random.default_rng(seed)
+        x = truth(rng)
+        found = pool_results([flight(x, rng, f"{i}", noise) for i, noise in enumerate((0.5, 1.0, 1.0, 3.0, 1.0, 1.0))])
+        said = found.results()
+        doubtful += said.trust is Trust.DOUBTFUL
+        if said.trust is Trust.TRUSTED:
+            assert (said.agreement, said.outliers) == (Agreement.YES, [])
+            assert found.homogeneity is not None and found.installation_homogeneity is not None
+            unlikely += min(found.homogeneity.p, found.installation_homogeneity.p) < 0.05
+    assert unlikely > 3 and doubtful <= 1
 
 
 def test_at_most_half_of_the_flights_are_named() -> None:

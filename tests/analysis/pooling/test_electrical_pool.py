@@ -15,7 +15,7 @@ from analysis.cli.several_logs import _pool
 from analysis.estimation.noise import NORMAL_95
 from analysis.pooling.electrical import compare_electrical, electrical_pool, pooled_results
 from analysis.pooling.results import ELECTRICAL_FORMAT
-from analysis.schema import ElectricalFlight
+from analysis.schema import ElectricalFlight, EvidenceKind, Trust
 from flight.command_line import ExitCode
 from flight.errors import InputError
 
@@ -131,6 +131,8 @@ def test_a_flight_that_differs_is_an_outlier() -> None:
     found = pooled_results(electrical_pool(flights), ["z: left out"], ["y: torn"])
     assert [one.log for one in found.flights if one.outlier] == ["wrong"]
     assert found.homogeneity is not None and found.homogeneity.p < 1e-3
+    assert found.trust is Trust.DOUBTFUL and [one.kind for one in found.evidence] == [EvidenceKind.FLIGHTS_DIFFER]
+    assert compare_electrical(flights, [flight("b")]).trust is Trust.DOUBTFUL
     assert found.left_out == ["z: left out"] and found.failures == ["y: torn"]
     pair = pooled_results(electrical_pool(flights[-2:]))
     assert not any(one.outlier for one in pair.flights), "of two it is not known which"

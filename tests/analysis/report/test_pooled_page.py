@@ -95,7 +95,7 @@ def test_a_page_of_a_hundred_flights_is_small_and_names_them() -> None:
     assert len(page.encode()) < 2.5e6  # 3 MB are promised
     text = body(page)
     assert "±2.0 to ±2.0 %" in text and "from ±2.0 to ±1.5 %" in text and "5 flights" in text
-    assert "2026-05-01-07 &lt;flight&gt; is an outlier: was the probe touched?" in text
+    assert "outlier: was the probe touched?" in text
     assert "+1.2 %" in text and "281.0 K" in text and "293.0 K" in text
     said_first = text.index("2026-05-01-03 &lt;flight&gt;: Check the poles.")
     assert text.index("Doubtful:") < said_first < text.index("Certainty of the curve")
@@ -110,14 +110,14 @@ def test_one_flight_has_nothing_to_agree_with() -> None:
     assert "Do the flights agree" not in body(render_pooled(pooled(1)))
 
 
-def test_card_and_verdict_say_the_same_of_a_flight_that_stands_out_by_chance() -> None:
+def test_card_and_verdict_say_the_same_of_one_flight_that_differs() -> None:
     content = pooled(12)
     assert content.homogeneity
-    agreeing = msgspec.structs.replace(content.homogeneity, p=0.1)
-    content = msgspec.structs.replace(content, homogeneity=agreeing, trust="trusted", evidence=[])
+    agreeing = msgspec.structs.replace(content.homogeneity, p=0.01)
+    content = msgspec.structs.replace(content, homogeneity=agreeing)
     assert pooled_answers(content)[1].answer == "all but 2026-05-01-07 <flight>"
     assert "Nothing speaks against" not in body(render_pooled(content))
-    content = msgspec.structs.replace(content, agreement=Agreement.YES, outliers=[])
+    content = msgspec.structs.replace(content, agreement=Agreement.YES, outliers=[], trust="trusted", evidence=[])
     assert pooled_answers(content)[1].answer == "yes" and "Nothing speaks against" in body(render_pooled(content))
 
 

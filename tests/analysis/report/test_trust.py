@@ -16,13 +16,15 @@ from analysis.planning.information import read_results
 from analysis.results.files import to_json
 from analysis.results.provenance import provenance_of_file
 from analysis.results.settings import TRUST
-from analysis.results.trust import evidence_against, noise_limit, reasons_not_to_trust, trust_by, with_trust
+from analysis.results.trust import evidence_against, noise_limit, reasons_not_to_trust, sentences, trust_by, with_trust
 from analysis.schema import (
     CurveStatus,
+    Evidence,
     EvidenceKind,
     ImplausibleReadings,
     Interval,
     LevelEfficiencyPoint,
+    PartOfResult,
     PathResult,
     PoolingStatistics,
     PriorMeasurementStatistics,
@@ -124,6 +126,17 @@ def test_a_doubtful_result_says_so_first_and_ends_with_exit_code_0(
     assert _finish(Done(changed, print), json=True, quiet=False) == 0
     printed = capsys.readouterr()
     assert json.loads(printed.out)["trust"] == Trust.DOUBTFUL and len(printed.err.splitlines()) == 1
+    assert printed.err.startswith(f"doubtful: {changed.evidence[0].part}.")
+
+
+def test_a_page_says_what_is_in_doubt_where_it_changes() -> None:
+    doubts = [
+        Evidence(kind=EvidenceKind.CROSS_CHECK, level=Trust.DOUBTFUL, part=part, log="1.mcap", text=f"{i}")
+        for i, part in enumerate((PartOfResult.CURVE, PartOfResult.CURVE, PartOfResult.POWER_TRAIN))
+    ]
+    said = sentences(doubts)
+    assert said[0].startswith(PartOfResult.CURVE) and PartOfResult.CURVE not in said[1]
+    assert 0 < said[2].index(PartOfResult.POWER_TRAIN) < said[2].index("1.mcap: 2")
 
 
 @pytest.mark.parametrize(
