@@ -20,6 +20,9 @@ OPTIONS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync",
     "--disable-background-networking", "--disable-component-update", "--hide-scrollbars", "--remote-debugging-pipe",
 )  # fmt: skip
+# Of the package axe-core (npm), MPL-2.0: rules of WCAG 2 that a program can check.
+AXE = Path(os.environ.get("AXE_CORE", "node_modules/axe-core/axe.min.js"))
+NO_AXE = "no axe-core here (npm pack axe-core; AXE_CORE=…/axe.min.js)"
 A4_INCHES = (8.27, 11.69)
 
 
@@ -124,6 +127,15 @@ class Browser:
             x, y = (a + share * (b - a) for a, b in zip(start, end, strict=True))
             self.command("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y, button="left", buttons=1)
         self.command("Input.dispatchMouseEvent", type="mouseReleased", x=end[0], y=end[1], button="left", clickCount=1)
+
+    def barriers(self) -> list[str]:
+        """What axe-core finds on the page that keeps somebody from reading or using it, but for what it calls minor."""
+        self.command("Runtime.evaluate", expression=AXE.read_text("utf-8"))
+        found: list[str] = self.value_of(
+            "axe.run().then(({violations}) => violations.filter(one => one.impact !== 'minor')"
+            ".map(one => `${one.id}: ${one.nodes.map(node => node.html).slice(0, 3)}`))"
+        )
+        return found
 
     def picture(self) -> bytes:
         """PNG of the window."""

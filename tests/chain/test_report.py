@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from analysis.schema import Results
-from tests.browser import CHROMIUM, Browser, started
+from tests.browser import AXE, CHROMIUM, NO_AXE, Browser, started
 
 pytestmark = pytest.mark.xdist_group("chain")
 
@@ -44,6 +44,15 @@ CUT = """[...document.querySelectorAll('.plot')].flatMap(plot => {
 def browser() -> Iterator[Browser]:
     with started() as browser:
         yield browser
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here (Debian: apt-get install chromium)")
+@pytest.mark.skipif(not AXE.is_file(), reason=NO_AXE)
+def test_a_program_finds_no_barrier_in_the_report(flown: Path, browser: Browser) -> None:
+    for width, dark in ((1280, False), (400, True)):
+        browser.show(flown / "log.report" / "report.html", width, dark=dark)
+        browser.value_of(OPEN_ALL)
+        assert browser.barriers() == []
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here (Debian: apt-get install chromium)")

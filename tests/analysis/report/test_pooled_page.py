@@ -2,7 +2,7 @@
 
 import math
 import re
-from types import SimpleNamespace
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -19,6 +19,7 @@ from analysis.report.pooled_page import (
     render_pooled,
 )
 from analysis.schema import ElectricalFlight
+from tests.browser import AXE, CHROMIUM, NO_AXE, started
 
 V = [12.0, 14.0, 16.0, 18.0, 20.0, 22.0, 24.0]
 CONDITION = {"weight_N": 37.7, "air_density_kgpm3": 1.2}
@@ -84,6 +85,23 @@ def pooled(flights: int) -> PooledResults:
     return msgspec.convert(content, PooledResults)
 
 
+def comparison() -> ComparisonResults:
+    side = {"aircraft": AIRCRAFT, "installation": "tray 1", "logs": ["a", "b"], "name": "old"}
+    rows = [
+        {"speed_mps": v, "power_a_W": 50.0, "power_b_W": 51.5, "difference_percent": 3.0, "lo_percent": 3.0 - v / 10,
+         "hi_percent": 3.0 + v / 10, "independent_half_width_percent": 4.0}
+        for v in V
+    ]  # fmt: skip
+    content = {
+        "software_version": "0", "a": side, "b": {**side, "name": "new"}, "test": CONDITION, "differences": rows,
+        "p": 0.001, "differs": True, "text": "B differs from A.",
+        "flights_to_see": [{"difference_percent": 1.0, "flights_each": None}],
+        "trust": "doubtful", "evidence": [doubt("new/x")], "notes": ["mind <this>"],
+        "same_installation": True, "same_propeller": True, "chi_square": 20.0, "degrees_of_freedom": 3,
+    }  # fmt: skip
+    return msgspec.convert(content, ComparisonResults)
+
+
 def body(page: str) -> str:
     """The page without scripts, styles and tags."""
     text = re.sub(r"<(script|style).*?</\1>", "", page, flags=re.DOTALL)
@@ -122,20 +140,7 @@ def test_card_and_verdict_say_the_same_of_one_flight_that_differs() -> None:
 
 
 def test_a_comparison_says_what_cancels() -> None:
-    side = {"aircraft": AIRCRAFT, "installation": "tray 1", "logs": ["a", "b"], "name": "old"}
-    rows = [
-        {"speed_mps": v, "power_a_W": 50.0, "power_b_W": 51.5, "difference_percent": 3.0, "lo_percent": 3.0 - v / 10,
-         "hi_percent": 3.0 + v / 10, "independent_half_width_percent": 4.0}
-        for v in V
-    ]  # fmt: skip
-    content = {
-        "software_version": "0", "a": side, "b": {**side, "name": "new"}, "test": CONDITION, "differences": rows,
-        "p": 0.001, "differs": True, "text": "B differs from A.",
-        "flights_to_see": [{"difference_percent": 1.0, "flights_each": None}],
-        "trust": "doubtful", "evidence": [doubt("new/x")], "notes": ["mind <this>"],
-        "same_installation": True, "same_propeller": True, "chi_square": 20.0, "degrees_of_freedom": 3,
-    }  # fmt: skip
-    text = body(render_comparison(msgspec.convert(content, ComparisonResults)))
+    text = body(render_comparison(comparison()))
     assert (
         "mind &lt;this&gt;" in text
         and text.index("new/x: Check the poles.") < text.index("Narrowest interval")
@@ -161,17 +166,24 @@ def test_a_trend_that_is_not_known_is_not_told_in_powers_of_ten() -> None:
 
 
 def test_both_configurations_are_drawn_above_their_difference() -> None:
-    rows = [
-        {"speed_mps": v, "power_a_W": 50.0, "power_b_W": 51.5, "difference_percent": 3.0, "lo_percent": 2.0,
-         "hi_percent": 4.0, "independent_half_width_percent": 4.0}
-        for v in V
-    ]  # fmt: skip
-    sides = {"a": SimpleNamespace(name="old"), "b": SimpleNamespace(name="new")}
-    comparison: Any = SimpleNamespace(differences=msgspec.convert(rows, list[PowerDifference]), **sides)
-    a, b, band, line = difference(comparison).data
+    a, b, band, line = difference(comparison()).data
     assert (a["name"], b["name"]) == ("A: old", "B: new") and a["yaxis"] == b["yaxis"] != line["yaxis"]
     assert set(a["y"]) == {50.0} and set(b["y"]) == {51.5} and set(line["y"]) == {3.0}
-    assert band["legendgroup"] == line["legendgroup"] and set(band["y"]) == {2.0, 4.0}
+    assert band["legendgroup"] == line["legendgroup"] and min(band["y"]) == pytest.approx(0.6)
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here (Debian: apt-get install chromium)")
+@pytest.mark.skipif(not AXE.is_file(), reason=NO_AXE)
+def test_a_program_finds_no_barrier_in_pools_and_comparisons(tmp_path: Path) -> None:
+    for name, page in (("pooled", render_pooled(pooled(12))), ("compared", render_comparison(comparison()))):
+        (tmp_path / name).with_suffix(".html").write_text(page, "utf-8")
+    with started() as browser:
+        for file in sorted(tmp_path.iterdir()):
+            for width, dark in ((1280, False), (400, True)):
+                browser.show(file, width, dark=dark)
+                browser.value_of("drawAll()")
+                assert browser.barriers() == [] and browser.complaints == []
+                assert browser.value_of("document.documentElement.scrollWidth") <= width
 
 
 def test_electrical_flights_stand_side_by_side() -> None:
