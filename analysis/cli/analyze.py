@@ -42,6 +42,7 @@ class AnalyzeCommand(TyperCommand):
 @takes_options(Options)
 def analyze(
     *,
+    context: typer.Context,
     logs: Annotated[
         list[Path],
         typer.Argument(
@@ -121,7 +122,7 @@ def analyze(
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file; give the folder for the results with -o")
     stderr = Console(stderr=True, quiet=quiet)
-    command_line = shlex.join(["analyze", *sys.argv[1:]])
+    command_line = shlex.join([str(context.find_root().info_name), *sys.argv[1:]])
     with stderr.status("reading the log …") as status:
         done = analyze_log(log, folder, options, lambda step: status.update(f"{step} …"), command_line)
     if done.previous_runs:

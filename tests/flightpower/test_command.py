@@ -1,5 +1,6 @@
 """`flightpower`: every command under it, without loading what was not called, and files that can be filled in."""
 
+import shlex
 import subprocess
 import sys
 import tomllib
@@ -14,7 +15,7 @@ from flight.aircraft_keys import EXAMPLES
 from flight.complete_aircraft import as_complete
 from flight.errors import InputError
 from flight.version import version
-from flightpower import templates
+from flightpower import scripts, templates
 
 REQUIRED = ("geometry.span", "geometry.wing_area", "mass.weight")
 
@@ -151,3 +152,19 @@ def test_a_new_tray_names_the_aircraft(tmp_path: Path) -> None:
     for name in ("my.toml", r"C:\new\my.toml"):
         assert flightpower("new", "tray", "-o", path, "--aircraft", name, "--replace").returncode == 0
         assert str(load_tray(path).aircraft).endswith(name)
+
+
+@pytest.mark.parametrize("name", ["analyze", "flightpower analyze"])
+def test_the_report_keeps_the_command_as_it_was_typed(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    kept: list[str] = []
+
+    def analyze_log(log: Path, folder: Path, options: object, progress: object, command_line: str) -> None:
+        kept.append(command_line)
+        raise InputError("no log")
+
+    monkeypatch.setattr("analysis.cli.analyze.analyze_log", analyze_log)
+    typed = [*name.split(), "my log.mcap", "-q"]
+    monkeypatch.setattr(sys, "argv", typed)
+    with pytest.raises(SystemExit):
+        getattr(scripts, typed[0])()
+    assert [shlex.split(one) for one in kept] == [typed]
