@@ -46,7 +46,9 @@ class MapFit(NamedTuple):
 
 def terms(x: Array, y: Array, powers: Powers) -> Array:
     """x^i y^j for each pair of powers, (n, k)."""
-    return np.stack([x**i * y**j for i, j in powers], axis=-1)
+    of_x, of_y = np.array(powers).T
+    x_to, y_to = (np.vander(values, most.max() + 1, increasing=True) for values, most in ((x, of_x), (y, of_y)))
+    return np.asarray(x_to[:, of_x] * y_to[:, of_y])
 
 
 def fit_map(x: Array, y: Array, target: Array, qbar_Pa: Array, exponent: float = 1.0) -> MapFit:

@@ -111,6 +111,7 @@ def analyze(
     """
     # These matrices are too small to gain from a thread pool, which would slow down every call.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
+    gc.set_threshold(100_000)  # a search for cycles at every 700 objects takes a twentieth of the time of an analysis
     if len(logs) > 1 or scheduler is not None:
         if json:
             raise InputError("--json: only for one log; several write their results into FOLDER")
@@ -147,7 +148,6 @@ def _finish(done: Done, json: bool, quiet: bool) -> ExitCode:
 
 
 def main() -> None:
-    gc.set_threshold(100_000)  # a search for cycles at every 700 objects takes a twentieth of the time of an analysis
     run(app, "analyze")
 
 

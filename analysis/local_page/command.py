@@ -1,7 +1,10 @@
 """The command `flightpower open`: arguments and messages."""
 
+import gc
 import os
+import secrets
 import signal
+import socket
 import sys
 import tempfile
 import webbrowser
@@ -10,6 +13,7 @@ from typing import Annotated
 
 import typer
 
+from analysis.cli.lean_imports import import_lean
 from flight.command_line import application, run
 from flight.errors import InputError
 
@@ -41,20 +45,34 @@ def open_page(
       flightpower open flights/today/log.mcap
     """
     os.environ.setdefault("OMP_NUM_THREADS", "1")
+    gc.set_threshold(100_000)  # a log is a million objects without a cycle
     folder, first = opened_folder(logs or [])
-    from analysis.local_page.server import serve
-
-    def ready(address: str) -> None:
-        address += f"#{first}" if first else ""
-        print(f"{address}\nThe page of {folder} is open until Ctrl-C.", flush=True)
-        if browser:
-            webbrowser.open(address)
-
     for closing in ("SIGTERM", "SIGHUP"):  # the latter when the terminal closes, not on Windows
         if hasattr(signal, closing):
             signal.signal(getattr(signal, closing), lambda *_: sys.exit(0))
-    with tempfile.TemporaryDirectory(prefix="flightpower-") as workspace:
-        serve(folder, Path(workspace), port, ready)
+    with _listening(port) as at, tempfile.TemporaryDirectory(prefix="flightpower-") as workspace:
+        token = secrets.token_urlsafe(24)
+        address = f"http://127.0.0.1:{at.getsockname()[1]}/{token}/" + (f"#{first}" if first else "")
+        print(f"{address}\nThe page of {folder} is open until Ctrl-C.", flush=True)
+        if browser:
+            webbrowser.open(address)
+        import_lean()
+        from analysis.local_page.flights import Folder  # the browser starts in the meantime
+        from analysis.local_page.server import serve
+
+        opened = Folder(folder, Path(workspace))
+        names = [first] if first else list(opened.logs())
+        serve(opened, at, token, names[0] if len(names) == 1 else "")
+
+
+def _listening(port: int) -> socket.socket:
+    """A socket of this computer only. Raises InputError where the port is in use."""
+    try:
+        return socket.create_server(("127.0.0.1", port))
+    except OSError as error:
+        raise InputError(
+            f"port {port}: cannot be listened on ({error.strerror or error}); give another --port"
+        ) from None
 
 
 def opened_folder(logs: list[Path]) -> tuple[Path, str]:

@@ -22,10 +22,7 @@ import pandas as pd
 
 from analysis.autopilot_logs.recognize import autopilot_of
 from analysis.cli.electrical import Done, lacks_drag_topics
-from analysis.cli.one_log import analyze_log
 from analysis.cli.options import Options
-from analysis.drag.estimate import estimate, estimate_by_runs
-from analysis.drag.interval_sources import variance_by_source
 from analysis.files import write_file, write_keeping_previous
 from analysis.flight import FlightPath, Measured, flight_path, reconstructed, recorded, synchronized, with_runs
 from analysis.log_contents import Replacements
@@ -33,8 +30,6 @@ from analysis.maneuvers.kinds import KINDS, Maneuvers
 from analysis.maneuvers.runs_file import NoCurve, head
 from analysis.polar import minimum_power_lift
 from analysis.report.figures.style import rounded, thinned
-from analysis.results.flight_found import track
-from analysis.results.power_curves import optimum, power_curve
 from analysis.schema import PowerPoint, SpeedInterval
 from flight.aircraft import parse_aircraft
 from flight.aircraft_keys import KEYS
@@ -188,6 +183,7 @@ class OpenedFlight:
             raise InputError(f"{self.path}: aircraft.toml: not valid TOML ({error})") from None
         return {key: _typed(value) for key, value in _leaves(table)}
 
+    @cached_property
     def shown(self) -> Json:
         """Kind, time histories, runs and values of the flight as recorded."""
         about: Json = {"file": self.path.name, "kind": self.kind, "kinds": KINDS, "command": self.command(Values(""))}
@@ -207,6 +203,11 @@ class OpenedFlight:
 
     def curve(self, values: Values) -> Json:
         """The curve by the dynamic method, or by the best other one, as the report will have it. Raises InputError."""
+        from analysis.drag.estimate import estimate, estimate_by_runs  # the first picture does not wait for these
+        from analysis.drag.interval_sources import variance_by_source
+        from analysis.results.flight_found import track
+        from analysis.results.power_curves import optimum, power_curve
+
         began = time.process_time()
         measured = self._measured(values)
         path = self._path(values, measured)
@@ -237,6 +238,8 @@ class OpenedFlight:
 
     def write(self, values: Values) -> Json:
         """Write what `analyze` writes, and return what it says. Raises InputError; then no result was written."""
+        from analysis.cli.one_log import analyze_log
+
         folder = report_folder(self.path)
         if self.kind is Kind.DRAG:
             self.curve(values)  # what is wrong is said before anything is written

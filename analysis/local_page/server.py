@@ -7,13 +7,12 @@ that was opened. The page may run no script but its own; a report is shown in a 
 """
 
 import hmac
-import secrets
 from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
 from http import HTTPStatus
 from importlib import resources
-from pathlib import Path
-from threading import Lock
+from socket import socket
+from threading import Lock, Thread
 from typing import IO, Any, NamedTuple
 
 import msgspec
@@ -119,8 +118,13 @@ class LocalPage:
         with self._computing:
             flight = self.folder.flight(values.file)
             if action == "open":
-                return _json(flight.shown())
+                return _json(flight.shown)
             return _json(flight.curve(values) if action == "curve" else flight.write(values))
+
+    def read_ahead(self, name: str) -> None:
+        """Prepare what the page shows of a log. What is wrong with it is said when the page asks."""
+        with self._computing, suppress(InputError):
+            _ = self.folder.flight(name).shown
 
     def _kept(self, name: str, environ: Environ) -> Answer:
         """A log that was dropped on the page, written into the folder if it is one."""
@@ -192,20 +196,15 @@ def _template(name: str) -> bytes:
     return resources.files("analysis.local_page").joinpath("templates", name).read_bytes()
 
 
-def serve(folder: Path, workspace: Path, port: int, ready: Callable[[str], None]) -> None:
-    """Serve the page until the process is stopped. ready : called with its address. Raises InputError: port in use."""
+def serve(folder: Folder, listening: socket, token: str, first: str) -> None:
+    """Serve the page until the process is stopped. first : a log to read ahead, or ''"""
     import waitress  # type: ignore[import-untyped]
 
-    token = secrets.token_urlsafe(24)
-    page = LocalPage(Folder(folder, workspace), hosts=set(), token=token)
-    try:
-        server = waitress.create_server(
-            page, host="127.0.0.1", port=port, threads=4, ident="", max_request_body_size=LIMITS.log_bytes
-        )
-    except OSError as error:
-        raise InputError(
-            f"port {port}: cannot be listened on ({error.strerror or error}); give another --port"
-        ) from None
-    page.hosts = {f"127.0.0.1:{server.effective_port}", f"localhost:{server.effective_port}"}
-    ready(f"http://127.0.0.1:{server.effective_port}/{token}/")
+    port = listening.getsockname()[1]
+    page = LocalPage(folder, hosts={f"127.0.0.1:{port}", f"localhost:{port}"}, token=token)
+    server = waitress.create_server(
+        page, sockets=[listening], threads=4, ident="", max_request_body_size=LIMITS.log_bytes
+    )
+    if first:
+        Thread(target=page.read_ahead, args=(first,), daemon=True).start()
     server.run()

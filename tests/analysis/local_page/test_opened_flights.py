@@ -10,6 +10,7 @@ import pytest
 
 from analysis.local_page import flights
 from analysis.local_page.flights import Folder, Kind, OpenedFlight, Run, Values, runs_text
+from analysis.local_page.server import LocalPage
 from analysis.maneuvers.runs_file import load
 from flight.errors import InputError
 from tests.unchanged.commands import flight, run
@@ -32,12 +33,25 @@ def without_the_acceleration(log: OpenedFlight) -> Values:
 
 
 def test_a_flight_is_shown_with_its_runs_and_the_reasons_of_those_left_out(log: OpenedFlight) -> None:
-    shown = log.shown()
+    shown = log.shown
     assert shown["kind"] is Kind.DRAG and [*shown["strips"]] == ["speed, m/s", "height, m", "motor, rpm"]
     used = [one["kind"] for one in shown["runs"] if one["keep"]]
     assert used.count("acceleration") == used.count("deceleration") == 1
     assert all(one["why"] for one in shown["runs"] if not one["keep"])
     assert {"mass.weight", "probe.position", "propulsion.battery_energy"} <= {field["key"] for field in shown["form"]}
+
+
+def test_a_log_is_read_ahead_once_and_what_is_wrong_is_said_when_it_is_asked_for(
+    opened: Folder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = LocalPage(opened, set(), "secret")
+    for name in ("log.mcap", "missing.mcap"):
+        page.read_ahead(name)
+    monkeypatch.setattr(flights, "read_log", None)
+    monkeypatch.setattr(flights, "synchronized", None)
+    assert opened.flight("log.mcap").shown["runs"]
+    with pytest.raises(InputError):
+        opened.flight("missing.mcap")
 
 
 def test_the_page_s_curve_is_that_of_the_files_and_of_the_command_that_it_shows(
@@ -96,7 +110,7 @@ def test_a_log_that_changed_is_read_again(opened: Folder, log: OpenedFlight) -> 
 def test_a_log_of_an_autopilot_needs_three_values(opened: Folder, plan: str, as_: str, kind: Kind) -> None:
     (opened.path / "flight.BIN").write_bytes(flight(plan, "--as", as_, "--seed", "3"))
     log = opened.flight("flight.BIN")
-    shown = log.shown()
+    shown = log.shown
     assert shown["kind"] is kind and [field["key"] for field in shown["form"]] == ["mass", "wing area", "span"]
     with pytest.raises(InputError):
         log.write(Values("flight.BIN"))
