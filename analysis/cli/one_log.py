@@ -54,6 +54,7 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
         "likelihood": options.likelihood or None,
         "transducers": options.transducers,
         "thrust_stand": options.thrust_stand,
+        "polar": options.polar,
     }
     if autopilot:
         refuse_drag_options(log, "the log is an autopilot's", **for_drag)
@@ -78,9 +79,11 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
     given = options.replacements()
     from analysis.maneuvers.runs_file import NoCurve
     from analysis.pipeline import analyze as run_pipeline
+    from analysis.report.predicted_polar import read_predicted_polar
     from analysis.report.terminal import print_summary
     from analysis.report.write import write_candidates, write_report, write_run_list
 
+    predicted = read_predicted_polar(options.polar) if options.polar else None
     try:
         analysis = run_pipeline(
             recorded, given, progress, request=options.request, runs_file=options.runs, command_line=command_line,
@@ -98,7 +101,7 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
             return ordinary.analyze_daemon_log(recorded, progress, f"No drag: {said.removeprefix(f'{log}: ')}.")
         raise InputError(said) from None
     progress("writing the report")
-    replaced_report = write_report(analysis, folder)
+    replaced_report = write_report(analysis, folder, predicted)
     previous_runs = write_run_list(analysis, folder, log.name, given=options.runs)
     results = analysis.results
     return Done(

@@ -144,6 +144,14 @@ class Options(LogOptions):
             " LOG.columns.toml or columns.toml beside it.",
         ),
     ] = None
+    polar: Annotated[
+        Path | None,
+        typer.Option(
+            "--polar",
+            metavar="FILE",
+            help="Drag polar that XFLR5, AVL or AeroSandbox predicted, to draw beside the measured one.",
+        ),
+    ] = None
     likelihood: Annotated[
         bool,
         typer.Option(

@@ -11,6 +11,7 @@ from analysis.report.figures import flight, power
 from analysis.report.figures.style import Figure
 from analysis.report.html_page import html_figure, render_page
 from analysis.report.other_conditions import other_conditions_section
+from analysis.report.predicted_polar import PredictedPolar
 from analysis.report.sections.certainty import certainty_section
 from analysis.report.sections.curve import curve_section, methods_section
 from analysis.report.sections.flight import flight_section, provenance_section, sensors_section
@@ -21,14 +22,17 @@ from analysis.schema import Results
 Drawn = Figure | Sequence[Figure]  # one, or several side by side
 
 
-def figures_by_name(analysis: Analysis) -> dict[str, Drawn]:
-    """The figures by their names in the template `report.html`; optional ones are missing where there are no data."""
+def figures_by_name(analysis: Analysis, predicted: PredictedPolar | None = None) -> dict[str, Drawn]:
+    """The figures by their names in the template `report.html`; optional ones are missing where there are no data.
+
+    predicted : a polar to draw beside the measured one
+    """
     results = analysis.results
     figures: dict[str, Drawn] = {
-        "power": power.power_required(results),
+        "power": power.power_required(results, predicted),
         "methods": power.every_method(results),
         "timeline": flight.timeline(analysis.table, analysis.maneuvers.maneuvers, results.rejected),
-        "polar": power.drag_polar(analysis.drag.main.polar, analysis.drag.flown_CL),
+        "polar": power.drag_polar(analysis.drag.main.polar, analysis.drag.flown_CL, predicted),
     }
     if any(run.power_required for run in results.one_by_one):
         figures["one_by_one"] = power.run_by_run(results)
@@ -74,11 +78,13 @@ def render(
     performance: Performance | None = None,
     runs: Mapping[str, object] | None = None,
     replaced: str = "",
+    predicted: str = "",
 ) -> str:
     """The page as one HTML file.
 
     figures: by name (`figures_by_name`); run_fits: by the name of the run. performance: for the controls of weight, air
     and battery. runs: what the page knows of each (`embedded_runs`). replaced: what the report replaces.
+    predicted: how a predicted polar compares.
     """
     return render_page(
         "report.html",
@@ -87,6 +93,7 @@ def render(
         certainty=certainty_section(results),
         provenance=provenance_section(results),
         replaced=replaced,
+        predicted=predicted,
         performance=performance_section(results),
         other_conditions=other_conditions_section(performance),
         methods=methods_section(results),

@@ -14,6 +14,7 @@ from analysis.pooling.results import ComparisonResults, ElectricalPooledResults,
 from analysis.report import field_table, page
 from analysis.report.page import figures_by_name, run_fits
 from analysis.report.pooled_page import render_comparison, render_electrical_flights, render_pooled
+from analysis.report.predicted_polar import PredictedPolar, comparison
 from analysis.report.runs import embedded_runs
 from analysis.results.files import to_csv, to_json
 from analysis.results.previous import replaced
@@ -35,9 +36,10 @@ def trajectory_csv(trajectory: Trajectory) -> str:
     return "\n".join(lines).replace("nan", "")
 
 
-def write_report(analysis: Analysis, folder: Path) -> str:
+def write_report(analysis: Analysis, folder: Path, predicted: PredictedPolar | None = None) -> str:
     """Write report.html, results.json, power_required.csv, path.csv and field_table.md and .csv into `folder`.
 
+    predicted : a polar to draw beside the measured one
     Returns what of another log or of other options they replaced, in a sentence; empty where they replaced nothing.
     Everything is computed before the first file is written. Raises InputError when the folder cannot be written.
     """
@@ -51,9 +53,15 @@ def write_report(analysis: Analysis, folder: Path) -> str:
         files["field_table.md"] = field_table.to_markdown(results, results.use)
         files["field_table.csv"] = field_table.to_csv(results, results.use)
     before = replaced(folder, results, files)
-    figures, fits = figures_by_name(analysis), run_fits(analysis)
+    figures, fits = figures_by_name(analysis, predicted), run_fits(analysis)
     files["report.html"] = page.render(
-        results, figures, fits, performance=analysis.performance, runs=embedded_runs(analysis), replaced=before
+        results,
+        figures,
+        fits,
+        performance=analysis.performance,
+        runs=embedded_runs(analysis),
+        replaced=before,
+        predicted=comparison(predicted, results) if predicted else "",
     )
     for name, content in files.items():
         write_file(folder / name, content)

@@ -30,6 +30,7 @@ from analysis.report.figures.style import (
     styled,
     translucent,
 )
+from analysis.report.predicted_polar import PredictedPolar, flown_at
 from analysis.report.wording import capitalized_title, listed_methods
 from analysis.schema import Interval, MethodResult, PerformanceResult, PowerPoint, Results, SpeedInterval
 from flight.units import GRAVITY_MPS2
@@ -56,7 +57,10 @@ def add_measured_points(figure: Figure, method: MethodResult, color: str, name: 
 REQUIRED = "power required"  # entry of the legend that shows and hides curve, interval and continuation
 
 
-def power_required(results: Results) -> Figure:
+PREDICTED = {"color": OTHER_RUN, "width": 4, "dash": "dot"}
+
+
+def power_required(results: Results, predicted: PredictedPolar | None = None) -> Figure:
     """Power required against speed with its 95 % interval, steady points, and power available at full throttle."""
     figure = Figure()
     V, P, lo, hi = curve_arrays(results.power_required)
@@ -71,6 +75,12 @@ def power_required(results: Results) -> Figure:
         available = results.use.available.power_available
         add_curve(figure, available, "available at full throttle", INK, width=3)
         top = max(top, min(float(np.max(curve_arrays(available)[1])) * 1.06, 2.2 * top))
+    if predicted:
+        wider = np.linspace(0.9 * V[0], 1.1 * V[-1], 60)
+        figure.add_scatter(
+            x=rounded(wider), y=rounded(predicted.power_W(wider, flown_at(results))), mode="lines",
+            name=f"predicted, {predicted.name}", line=PREDICTED, hovertemplate="%{y:.1f} W",
+        )  # fmt: skip
     _add_speed(figure, (V, P), results.minimum_power_speed, {"color": GREEN, "symbol": "circle"}, "least power")
     _add_speed(figure, (V, P), results.best_range_speed, {"color": RED, "symbol": "diamond"}, "least drag")
     figure.update_xaxis(title="true airspeed, m/s")
@@ -150,7 +160,7 @@ def interval_by_source(curve: Sequence[PowerPoint], V: Array, variances: Mapping
     return styled(figure, 400 + 18 * len(variances))
 
 
-def drag_polar(polar: Polar, flown_CL: tuple[float, float]) -> Figure:
+def drag_polar(polar: Polar, flown_CL: tuple[float, float], predicted: PredictedPolar | None = None) -> Figure:
     """The drag polar over the flown lift coefficients, with its 95 % interval."""
     CL = np.linspace(*flown_CL, 60)
     powers = np.stack([np.ones_like(CL), CL, CL**2], axis=1)
@@ -167,6 +177,12 @@ def drag_polar(polar: Polar, flown_CL: tuple[float, float]) -> Figure:
         hoverinfo="skip",
     )
     figure.add_scatter(x=rounded(CD), y=rounded(CL), line={"color": BLUE, "width": 4}, name="drag polar")
+    if predicted:
+        near = (predicted.CL > 0) & (predicted.CL < 1.2 * flown_CL[1])
+        figure.add_scatter(
+            x=rounded(predicted.CD[near]), y=rounded(predicted.CL[near]), line=PREDICTED, mode="lines",
+            name=f"predicted, {predicted.name}",
+        )  # fmt: skip
     figure.update_xaxis(title="drag coefficient", rangemode="tozero")
     figure.update_yaxis(title="lift coefficient", rangemode="tozero")
     return styled(figure, 420, hover="closest")
