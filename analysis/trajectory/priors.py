@@ -27,12 +27,16 @@ ZEROS = {"dp_alpha_zero": "dp_alpha_Pa", "q_c_zero": "q_c_Pa"}  # sensor errors,
 
 
 def noise_at_rest(table: pd.DataFrame, rest: list[slice]) -> dict[str, float]:
-    """Standard deviation of one sample of each channel of BENCH_SIGMA. rest: rows in which the aircraft is at rest."""
+    """Standard deviation of one sample of each channel of BENCH_SIGMA. rest: rows in which the aircraft is at rest.
+
+    A reading that does not change at rest, as of air data that begin at some airspeed, shows no noise: it is that of
+    the bench.
+    """
     noise = {}
     for name, bench in BENCH_SIGMA.items():
         variance = np.array([table[name].iloc[rows].var() for rows in rest])
-        finite = variance[np.isfinite(variance)]
-        noise[name] = float(max(np.sqrt(finite.mean()), SENSORS.least_noise_share * bench)) if len(finite) else bench
+        shown = variance[variance > np.finfo(float).eps]  # rounding of a constant is less, and NaN is not more
+        noise[name] = float(max(np.sqrt(shown.mean()), SENSORS.least_noise_share * bench)) if len(shown) else bench
     return noise
 
 

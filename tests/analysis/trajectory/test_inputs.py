@@ -51,9 +51,13 @@ def test_noise_at_rest_is_measured_where_there_is_rest_and_else_that_of_the_benc
     n = 4000
     table = pd.DataFrame({name: rng.normal(5.0, 3 * sigma, n) for name, sigma in BENCH_SIGMA.items()})
     table.iloc[1000:3000] *= 100.0
-    table["q_c_Pa"] = 0.0  # a channel that does not change is stuck or coarsely quantized, not free of noise
+    table["q_c_Pa"] = np.where(table.index < 1000, 0.0, 0.1 * table["q_c_Pa"])  # cut off below 1 Pa, then hardly noisy
+    table["dp_alpha_Pa"] = 0.1 + 0.2  # of air data that begin at some airspeed
     noise = noise_at_rest(table, [slice(0, 1000), slice(3000, 4000)])
-    assert noise.pop("q_c_Pa") == pytest.approx(0.1 * BENCH_SIGMA["q_c_Pa"])
+    assert noise.pop("q_c_Pa") == pytest.approx(0.3 * BENCH_SIGMA["q_c_Pa"], rel=0.1)
+    assert noise.pop("dp_alpha_Pa") == BENCH_SIGMA["dp_alpha_Pa"]
+    table["q_c_Pa"] *= 1e-3  # quantization, or the noise of a mean
+    assert noise_at_rest(table, [slice(3000, 4000)])["q_c_Pa"] == pytest.approx(0.1 * BENCH_SIGMA["q_c_Pa"])
     for name, sigma in noise.items():
         assert sigma == pytest.approx(3 * BENCH_SIGMA[name], rel=0.07)  # 4 standard errors of 2000 samples
     assert noise_at_rest(table, []) == BENCH_SIGMA
