@@ -214,7 +214,9 @@ def flight_path(flight: Measured) -> FlightPath:
     except InputError as error:
         return _as_measured(flight, str(error).removeprefix(f"{flight.name}: "))
     if not trajectory.converged:
-        return _as_measured(flight, f"the trajectory did not converge{misfit_in_words(trajectory)}")
+        cause = f"the trajectory did not converge{misfit_in_words(trajectory)}"
+        del trajectory  # as large as the one that takes its place
+        return _as_measured(flight, cause)
     conflict = prior_conflict(trajectory)
     notes = conflict_notes(conflict, trajectory)
     if conflict.conflicting:
