@@ -17,6 +17,7 @@ from analysis.autopilot_logs.recording import Channel
 from analysis.electrical.flight_table import resampled
 from analysis.electrical.settings import FLIGHT
 from analysis.tables.column_map import Channels
+from analysis.tables.position import velocity_by_position
 from analysis.tables.quantities import KINDS, Quantity
 from analysis.tables.read import Array
 from analysis.tables.settings import LAWS
@@ -126,6 +127,10 @@ class Grid:
             return (Q.VELOCITY_NORTH, Q.VELOCITY_EAST), both[0], both[1]
         if (both := self.all(Q.GROUND_SPEED, Q.COURSE)) is not None:
             return (Q.GROUND_SPEED, Q.COURSE), both[0] * np.cos(both[1]), both[0] * np.sin(both[1])
+        if {Q.LATITUDE, Q.LONGITUDE} <= self._channels.keys():
+            by_position = velocity_by_position(self._channels[Q.LATITUDE], self._channels[Q.LONGITUDE])
+            north, east = (resampled(one, self.t_s, FLIGHT.smoothing_s, FLIGHT.longest_gap_s) for one in by_position)
+            return (Q.LATITUDE, Q.LONGITUDE), north, east
         return None
 
 

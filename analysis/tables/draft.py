@@ -49,6 +49,8 @@ NAMES: dict[Quantity, tuple[str, ...]] = {
     Q.VELOCITY_DOWN: (r".*\bv(el|elocity)? ?d(own)?\b.*",),
     Q.GROUND_SPEED: (r".*ground ?speed.*", r".*\b(gs|sog)\b.*"),
     Q.COURSE: (r".*\b(course|track|cog)\b.*",),
+    Q.LATITUDE: (r"(.* )?lat(itude)?( (deg|rad))?",),
+    Q.LONGITUDE: (r"(.* )?(lon|lng|longitude)( (deg|rad))?",),
     Q.VOLTAGE: (r".*\bvolt(age)?s?\b.*", r".*\bbat(tery)? v\b.*"),
     Q.CURRENT: (r".*\b(current|amps?|ampere)\b.*",),
     Q.POWER: (r".*\b(electrical|battery|elec) power\b.*",),

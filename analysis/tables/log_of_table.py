@@ -15,6 +15,7 @@ from analysis.autopilot_logs.recording import Channel, pressure_of_indicated_air
 from analysis.log_checks.settings import STRUCTURE
 from analysis.tables.column_map import Channels, ColumnMap, map_of, mapped_channels
 from analysis.tables.consistency import Finding, findings
+from analysis.tables.position import velocity_by_position
 from analysis.tables.quantities import Quantity
 from analysis.tables.read import Array, read_columns
 from analysis.trajectory.measurements import ALPHA_PORT_SLOPE
@@ -90,6 +91,11 @@ def as_log(path: Path, channels: Channels) -> Log:
         topics[topic] = {field: known[quantity] for field, quantity in quantities.items() if quantity in known}
     if not topics["/gps"] and Q.GROUND_SPEED in known and Q.COURSE in known:
         topics["/gps"] = _by_course(known[Q.GROUND_SPEED], known[Q.COURSE])
+    # Means over some seconds, whose errors are not independent: enough for wind and electrical power, not for the
+    # trajectory of the drag methods.
+    if not topics["/gps"] and {Q.LATITUDE, Q.LONGITUDE} <= known.keys() and "/probe/alpha" not in topics:
+        north, east = velocity_by_position(known[Q.LATITUDE], known[Q.LONGITUDE])
+        topics["/gps"] = {"velocity_north_mps": north, "velocity_east_mps": east}
     if len(topics["/gps"]) == 2 and pressure is not None:
         down = -np.gradient(_height(pressure.value), pressure.t_s)
         topics["/gps"] = {**topics["/gps"], "velocity_down_mps": Channel(pressure.t_s, down)}

@@ -33,6 +33,8 @@ class Quantity(StrEnum):
     VELOCITY_DOWN = "velocity_down"
     GROUND_SPEED = "ground_speed"
     COURSE = "course"
+    LATITUDE = "latitude"
+    LONGITUDE = "longitude"
     VOLTAGE = "battery_voltage"
     CURRENT = "battery_current"
     POWER = "battery_power"
@@ -75,6 +77,8 @@ KINDS: dict[Quantity, Kind] = {
     Quantity.VELOCITY_DOWN: Kind("m/s", -100.0, 100.0, "negative in a climb"),
     Quantity.GROUND_SPEED: Kind("m/s", -1.0, 300.0, "horizontal"),
     Quantity.COURSE: Kind("rad", -60.0, 60.0, "over ground, from north, clockwise"),
+    Quantity.LATITUDE: Kind("rad", -1.6, 1.6, "of a receiver; with the longitude instead of the velocity over ground"),
+    Quantity.LONGITUDE: Kind("rad", -6.3, 6.3, "positive east"),
     Quantity.VOLTAGE: Kind("V", 2.0, 1000.0, "of the propulsion battery"),
     Quantity.CURRENT: Kind("A", -1.0, 1000.0, "positive when discharging"),
     Quantity.POWER: Kind("W", -10.0, 200_000.0, "from the battery; instead of the current, or of both"),

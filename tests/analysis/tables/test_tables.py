@@ -9,6 +9,7 @@ import pytest
 from scipy.io import savemat
 from typer.testing import CliRunner
 
+from analysis.autopilot_logs.recording import Channel
 from analysis.cli.analyze import app
 from analysis.electrical.daemon_log import recording_of
 from analysis.electrical.estimate import estimate
@@ -17,6 +18,7 @@ from analysis.log_contents import Replacements
 from analysis.tables.column_map import load_map
 from analysis.tables.draft import draft
 from analysis.tables.log_of_table import log_of_table
+from analysis.tables.position import EARTH_RADIUS_M, velocity_by_position
 from analysis.tables.read import TableKind, read_columns, table_kind
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2 as g
@@ -49,6 +51,19 @@ def curve_errors(path: Path) -> np.ndarray:
 GPS_BY_COURSE = {"ground_speed": ("gs", "m/s"), "course": ("track", "deg")}
 WITHOUT_IMU = {name: MAP[name] for name in ("time", "true_airspeed", "height", "battery_voltage", "battery_current")}
 VELOCITIES = {name: MAP[name] for name in ("velocity_north", "velocity_east", "velocity_down")}
+POSITION = {"latitude": ("lat_deg", "deg"), "longitude": ("lon_deg", "deg")}
+BY_POSITION = {name: one for name, one in MAP.items() if name not in VELOCITIES} | POSITION
+
+
+def with_position(digits: int = 7, every: int = 1) -> pd.DataFrame:
+    """TRUE with its position, repeated by the table until the receiver gives the next one; across 180 degrees east."""
+    degrees = np.degrees(0.1 / EARTH_RADIUS_M)
+    latitude = 52 + degrees * np.cumsum(TRUE["vn_mps"])
+    longitude = (180.01 + degrees * np.cumsum(TRUE["ve_mps"]) / np.cos(np.radians(52)) + 180) % 360 - 180
+    last = np.arange(len(TRUE)) // every * every
+    return TRUE.assign(
+        lat_deg=np.round(latitude.to_numpy()[last], digits), lon_deg=np.round(longitude.to_numpy()[last], digits)
+    )
 
 
 @pytest.mark.parametrize(
@@ -59,14 +74,36 @@ VELOCITIES = {name: MAP[name] for name in ("velocity_north", "velocity_east", "v
         ({name: one for name, one in MAP.items() if name not in ("height", "static_pressure")}, 0.05),
         ({**WITHOUT_IMU, **GPS_BY_COURSE}, 0.06),
         ({**{name: one for name, one in MAP.items() if name != "true_airspeed"}}, 0.08),
+        ({name: one for name, one in BY_POSITION.items() if name != "true_airspeed"}, 0.08),
     ],
-    ids=["all", "without IMU and GPS", "height by GPS", "speed and course", "without airspeed"],
+    ids=["all", "without IMU and GPS", "height by GPS", "speed and course", "without airspeed", "position alone"],
 )
 def test_inputs_are_interchangeable(entries: dict[str, tuple[str, str]], within: float, tmp_path: Path) -> None:
     """The electrical curve of the same flight from whatever its table has."""
     north, east = TRUE["vn_mps"], TRUE["ve_mps"]
-    more = TRUE.assign(gs=np.hypot(north, east), track=np.degrees(np.arctan2(east, north)))
+    more = with_position().assign(gs=np.hypot(north, east), track=np.degrees(np.arctan2(east, north)))
     assert np.abs(curve_errors(written(tmp_path, more, map_text(entries)))).max() < within
+
+
+@pytest.mark.parametrize(("digits", "every", "within_mps"), [(7, 1, 0.2), (5, 1, 0.5), (7, 10, 0.9)])
+def test_velocity_by_position(digits: int, every: int, within_mps: float) -> None:
+    """1 cm and 1 m in the last digit ten times a second; once a second, when turns of 0.5 rad/s are cut short."""
+    table = with_position(digits, every)
+    t_s = TRUE["t_s"].to_numpy()
+    position = (Channel(t_s, np.radians(table[name].to_numpy())) for name in ("lat_deg", "lon_deg"))
+    for found, true in zip(velocity_by_position(*position), ("vn_mps", "ve_mps"), strict=True):
+        error = np.interp(t_s, *found) - TRUE[true].to_numpy()
+        assert np.sqrt(np.mean(error[50:-50] ** 2)) < within_mps
+
+
+@pytest.mark.parametrize("wrong", [{"lat_deg": "lon_deg", "lon_deg": "lat_deg"}, {"lat_deg": "lat_deg"}])
+def test_a_wrong_position_is_told(wrong: dict[str, str], tmp_path: Path) -> None:
+    """Exchanged columns, and that of another flight."""
+    table = with_position()
+    taken = {name: table[of].to_numpy()[:: -1 if name == of else 1] for name, of in wrong.items()}
+    with pytest.raises(InputError) as raised:
+        log_of_table(written(tmp_path, table.assign(**taken), map_text(BY_POSITION)))
+    assert "latitude (column lat_deg)" in str(raised.value)
 
 
 def test_a_delay_in_the_map_is_taken_out(tmp_path: Path) -> None:
@@ -143,6 +180,11 @@ def drafted(tmp_path: Path, table: pd.DataFrame) -> dict[str, tuple[str, str, fl
 
 def test_a_draft_by_names(tmp_path: Path) -> None:
     assert drafted(tmp_path, TRUE) == {name: (*one, 1.0) for name, one in MAP.items()}
+
+
+def test_a_draft_takes_position_for_velocity(tmp_path: Path) -> None:
+    table = with_position().drop(columns=[column for column, _ in VELOCITIES.values()])
+    assert drafted(tmp_path, table) == {name: (*one, 1.0) for name, one in BY_POSITION.items()}
 
 
 def test_a_draft_by_physics(tmp_path: Path) -> None:
