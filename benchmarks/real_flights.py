@@ -12,8 +12,10 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from itertools import pairwise
+from multiprocessing import get_context
 from pathlib import Path
 from typing import NamedTuple
 
@@ -30,8 +32,12 @@ from analysis.estimation.noise import NORMAL_95
 from analysis.log_contents import Replacements
 from analysis.pipeline import analyze
 from analysis.schema import Results
+from analysis.tables.column_map import load_map, mapped_channels
 from analysis.tables.draft import draft
-from analysis.tables.log_of_table import log_of_table
+from analysis.tables.log_of_table import as_log, log_of_table
+from analysis.tables.position import velocity_by_position
+from analysis.tables.quantities import Quantity
+from analysis.tables.read import read_columns
 from flight.aircraft import parse_aircraft
 from flight.errors import InputError
 from flight.log_reader import Log
@@ -41,6 +47,9 @@ Array = NDArray[np.float64]
 BESIDE = [folder / "shared" / "data" / "real-flights" for folder in Path(__file__).resolve().parents]
 FOLDER = next((folder for folder in BESIDE if folder.exists()), BESIDE[1])
 CITATION = "citation-reference-flight.csv.gz"
+WHOLE_FLIGHT, DECELERATIONS, WITH_VELOCITY = (
+    "Citation II, whole flight", "its decelerations alone", "with velocity by its positions"
+)  # fmt: skip
 WEIGHT_N, WING_AREA_M2 = 62501.0, 30.0  # mean of the steady points
 SPEEDS_MPS = np.arange(65.0, 136.0, 10.0)
 
@@ -55,6 +64,7 @@ weight = "{WEIGHT_N} N"
 position = ["0 m", "0 m", "0 m"]
 upwash_per_CL = "0 deg"
 [uncertainty]
+air_data_lag = "0.1 s"
 thrust_scale = "1 %"
 thrust_slope = 0.0001
 """
@@ -83,10 +93,17 @@ ELECTRICAL = (
 LEVEL_WINDOWS = {12.4: 17.9, 12.7: 19.7, 13.1: 20.4, 13.4: 21.5}
 
 
-def citation_log(csv: Path, scratch: Path) -> Log:
-    """The whole flight of the Citation, by the drafted map of its columns."""
+def draft_map(csv: Path, scratch: Path) -> None:
     (scratch / "columns.toml").write_text(draft(csv))
-    return log_of_table(csv, scratch / "columns.toml")
+
+
+def citation_log(csv: Path, scratch: Path, *, with_velocity: bool = False) -> Log:
+    """The whole flight of the Citation, by the drafted map of its columns; with velocity by its positions."""
+    if not with_velocity:
+        return log_of_table(csv, scratch / "columns.toml")
+    channels = mapped_channels(csv, read_columns(csv), load_map(scratch / "columns.toml"))
+    north, east = velocity_by_position(channels[Quantity.LATITUDE], channels[Quantity.LONGITUDE])
+    return as_log(csv, channels | {Quantity.VELOCITY_NORTH: north, Quantity.VELOCITY_EAST: east})
 
 
 def electrical_recording(flight: Electrical, folder: Path, scratch: Path) -> FlightRecording:
@@ -150,13 +167,15 @@ def _megabytes() -> float:
 def steady_power_W(csv: Path, rho: float) -> Array:
     """Power required at SPEEDS_MPS by the flight's steady level rows: a two-term polar of drag by the energy rate."""
     d = pd.read_csv(csv)
-    smooth = {name: d[name].rolling(21, center=True, min_periods=1).mean() for name in d}
+    names = ["true_airspeed_mps", "altitude_m", "upward_specific_force_less_1g_mps2"]
+    smooth = d[names].rolling(21, center=True, min_periods=1).mean()
     V, mass, thrust = smooth["true_airspeed_mps"], d.mass_kg, d.thrust_N
     air = 101325 * (1 - 0.0065 * smooth["altitude_m"] / 288.15) ** 5.25588 / 287.053 / d.static_temperature_K
     Vdot, climb = (np.gradient(smooth[name], d.time_s) for name in ("true_airspeed_mps", "altitude_m"))
     load = smooth["upward_specific_force_less_1g_mps2"]
     steady = (V > 55) & (np.abs(Vdot) < 0.05) & (np.abs(climb) < 2) & (d.roll_deg.abs() < 7) & (load.abs() < 0.6)
-    steady &= thrust.notna() & (np.abs(np.gradient(smooth["thrust_N"].fillna(0.0), d.time_s)) < 60)
+    evenly_N = thrust.rolling(21, center=True, min_periods=1).mean().fillna(0.0)
+    steady &= thrust.notna() & (np.abs(np.gradient(evenly_N, d.time_s)) < 60)
     qS = (air * V**2 / 2 * WING_AREA_M2)[steady]
     CL = (mass * (load + g))[steady] / qS
     CD = (thrust - mass * (Vdot + g * climb / V))[steady] / qS
@@ -165,7 +184,7 @@ def steady_power_W(csv: Path, rho: float) -> Array:
     return np.asarray(qS_level * SPEEDS_MPS * (CD0 + K * (WEIGHT_N / qS_level) ** 2))
 
 
-def row(title: str, results: Results, reference_W: Array, seconds: float) -> str:
+def row(title: str, results: Results, reference_W: Array, cost: str) -> str:
     """One line of the table: where the curve reaches."""
     curve = results.power_required
     V = [point.speed_mps for point in curve]
@@ -181,33 +200,40 @@ def row(title: str, results: Results, reference_W: Array, seconds: float) -> str
     speeds = f"{SPEEDS_MPS[flown][0]:.0f} to {SPEEDS_MPS[flown][-1]:.0f}"
     return (
         f"| {title} | {method} | {len(results.runs)} | {speeds} | {error.min():+.1f} to {error.max():+.1f} |"
-        f" {half.min():.1f} to {half.max():.1f} | {inside} of {len(reference)} | {results.trust} | {seconds:.0f} |"
-        f" {_megabytes():.0f} |"
+        f" {half.min():.1f} to {half.max():.1f} | {inside} of {len(reference)} | {results.trust} | {cost} |"
     )
 
 
+def citation_row(title: str, folder: Path, scratch: Path) -> str:
+    """Of the whole flight, which leaves a file of its decelerations; of these alone; or with velocity by position."""
+    csv, runs_file = folder / CITATION, scratch / "runs.toml"
+    log = citation_log(csv, scratch, with_velocity=title == WITH_VELOCITY)
+    started = time.process_time()
+    given = Replacements(aircraft=parse_aircraft(AIRCRAFT, "citation.toml"))
+    found = analyze(log, given, runs_file=runs_file if title == DECELERATIONS else None)
+    seconds, megabytes = time.process_time() - started, _megabytes()
+    decelerations = found.maneuvers.of("deceleration")
+    runs_file.write_text(
+        "".join(
+            f'[[run]]\nkind = "{run.kind}"\nstart = "{run.start_s:.2f} s"\nend = "{run.end_s:.2f} s"\n'
+            for run in decelerations
+        )
+    )
+    reference_W = steady_power_W(csv, found.condition.rho)
+    return row(title, found.results, reference_W, f"{seconds:.0f} | {megabytes:.0f}")
+
+
 def main(folder: Path) -> None:
-    csv = folder / CITATION
     print("| flight | curve by | maneuvers | m/s | error, % | half width, % | inside | trust | s | MB |")
     print("|---|---|---|---|---|---|---|---|---|---|")
-    with tempfile.TemporaryDirectory() as name:
+    one_by_one = ProcessPoolExecutor(1, get_context("spawn"), max_tasks_per_child=1)  # memory of each by itself
+    with tempfile.TemporaryDirectory() as name, one_by_one as process:
         scratch = Path(name)
         for flight in ELECTRICAL:
-            print(electrical_row(flight, folder, scratch), flush=True)
-        log, given = citation_log(csv, scratch), Replacements(aircraft=parse_aircraft(AIRCRAFT, "citation.toml"))
-        runs_file = scratch / "runs.toml"
-        for title, kept in (("Citation II, whole flight", None), ("its decelerations alone", runs_file)):
-            started = time.process_time()
-            found = analyze(log, given, runs_file=kept)
-            seconds = time.process_time() - started
-            reference_W = steady_power_W(csv, found.condition.rho)
-            print(row(title, found.results, reference_W, seconds), flush=True)
-            runs_file.write_text(
-                "".join(
-                    f'[[run]]\nkind = "{run.kind}"\nstart = "{run.start_s:.2f} s"\nend = "{run.end_s:.2f} s"\n'
-                    for run in found.maneuvers.of("deceleration")
-                )
-            )
+            print(process.submit(electrical_row, flight, folder, scratch).result(), flush=True)
+        process.submit(draft_map, folder / CITATION, scratch).result()
+        for title in (WHOLE_FLIGHT, DECELERATIONS, WITH_VELOCITY):
+            print(process.submit(citation_row, title, folder, scratch).result(), flush=True)
 
 
 if __name__ == "__main__":
