@@ -251,6 +251,8 @@ def _print(made: "FlightPlan", folder: Path, files: list[str], *, stall_given: b
     console = Console(highlight=False, soft_wrap=True)
     console.print(f"Plan for {made.question.title}: {made.seconds / 60:.1f} min, {made.request.wind_kt:g} kt")
     console.print(f"Computed with {made.aircraft.basis}.")
+    for warning in texts.warnings(made):
+        console.print(f"warning: {warning}")
     console.print(texts.margin(made))
     if not stall_given:
         console.print("If you know the stall speed, give it with --stall.")

@@ -6,6 +6,11 @@ from itertools import groupby
 from math import degrees, pi
 from typing import NamedTuple
 
+import numpy as np
+from scipy.constants import foot
+
+from analysis.electrical.settings import PRIOR
+from analysis.performance.settings import ASKED
 from analysis.planning.pieces import (
     Hold,
     Land,
@@ -20,7 +25,7 @@ from analysis.planning.pieces import (
     slowest_mps,
 )
 from analysis.planning.search import FlightPlan
-from analysis.planning.settings import MARGINS
+from analysis.planning.settings import MARGINS, PATH
 from flight.runs import ACCELERATION, DECELERATION
 
 
@@ -94,6 +99,48 @@ def margin(plan: FlightPlan) -> str:
     )
 
 
+def warnings(plan: FlightPlan) -> list[str]:
+    """What is to be mended before the day in the field: propeller's table, battery, height."""
+    found = []
+    table, propeller = plan.history.table, plan.aircraft.propeller
+    flown = table[table["height_m"] > 0.9 * plan.request.space.height_m]
+    rpm = 60 * flown["n_revps"].to_numpy()
+    J = 60 * flown["V_mps"].to_numpy() / (rpm * propeller.diameter_m)
+    share, last = float(np.mean(propeller.covers(J, rpm))), propeller.rows[-1]
+    if share < 0.9:  # decelerations and porpoising leave the table for moments
+        found.append(
+            f"Only {100 * share:.0f} % of this flight lies in the table of {propeller.name}, which has"
+            f" {propeller.rows[0].rpm:.0f} to {last.rpm:.0f} rpm and J to {last.J[-1]:.2f}. It takes"
+            f" {np.quantile(rpm, 0.05):.0f} to {np.quantile(rpm, 0.95):.0f} rpm and J to {np.quantile(J, 0.95):.2f}:"
+            " get a table that has them, or the interval below will not hold."
+        )
+    battery_Wh, needed_Wh = plan.aircraft.aircraft.propulsion.battery_energy_Wh, energy_Wh(plan)
+    usable = ASKED.usable
+    if battery_Wh is not None and needed_Wh > usable * battery_Wh:
+        found.append(
+            f"The flight takes some {needed_Wh:.0f} Wh; with {100 * usable:.0f} % of the battery there are"
+            f" {usable * battery_Wh:.0f} Wh. Plan fewer --minutes."
+        )
+    highest_m = 400 * foot  # 14 CFR 107.51; 120 m in Regulation (EU) 2019/947
+    if plan.request.space.height_m > highest_m:
+        found.append(
+            f"{plan.request.space.height_m:.0f} m is above {highest_m:.0f} m (400 ft), the limit in many countries."
+        )
+    return found
+
+
+def energy_Wh(plan: FlightPlan) -> float:
+    """From the battery, by the efficiency that small electric aircraft have."""
+    table = plan.history.table
+    power_W = np.nan_to_num(np.maximum(table["thrust_N"].to_numpy() * table["V_mps"].to_numpy(), 0.0))
+    return float(power_W.sum()) * PATH.step_s / PRIOR.efficiency.mean / 3600
+
+
+def farthest_m(plan: FlightPlan) -> float:
+    """From the place of take-off."""
+    return float(np.hypot(*plan.history.position_m.T).max())
+
+
 def runs_to_tick_off(plan: FlightPlan) -> str:
     """The runs of the plan, as the daemon ticks them off (`card.toml`, `daq.flight_card`)."""
     times: dict[tuple[str, str, str], int] = {}
@@ -154,6 +201,10 @@ td.t { font-size: 15pt; font-weight: 800; white-space: nowrap; text-align: right
 .steps { font-weight: 500; }
 .stall { border: 2.5pt solid #000; padding: 1.2mm 2mm; font-weight: 700; }
 .widths td, .widths th { text-align: center; }
+.sketch { float: right; width: 52mm; height: 52mm; margin: 0 0 2mm 3mm; border: 1.2pt solid #000; }
+.sketch polyline { fill: none; stroke: #000; stroke-width: 0.5; }
+.sketch .wind { fill: none; stroke: #000; stroke-width: 1.6; }
+.sketch text { font-size: 5px; }
 @media screen { body { padding: 3mm; } }
 ul { margin: 0; padding-left: 5mm; font-size: 10.5pt; font-weight: 500; }
 """.strip()
@@ -165,26 +216,66 @@ def card(plan: FlightPlan, name: str) -> str:
     minutes, seconds = divmod(round(plan.seconds), 60)
     head = (
         f"For {plan.question.title}. Wind and turbulence of {request.wind_kt:g} kt. {space.height_m:.0f} m high, legs"
-        f" of at most {space.leg_m:.0f} m, and {side_m(plan):.0f} m to their side for the turns. Turn left as"
-        " often as right. Runs: wings level, height within a few meters."
+        f" of at most {space.leg_m:.0f} m, and {side_m(plan):.0f} m to their side for the turns; at most"
+        f" {farthest_m(plan):.0f} m from the take-off. Turn left as often as right, into the wind. Against the wind"
+        " hold on until the leg ends. Runs: wings level, height within a few meters."
     )
     lines = "".join(
-        f'<tr><td class="n">{escape(row.times)}</td><td><span class="title">{escape(row.title)}</span><br>'
+        f'<tr><td class="n">{_boxes(row.times)}</td><td><span class="title">{escape(row.title)}</span><br>'
         f'<span class="steps">{escape(row.steps)}</span></td><td class="t">{_clock(row.seconds)}</td></tr>'
         for row in rows(plan)
     )
     widths = expected_interval(plan)
     speeds = "".join(f"<th>{escape(speed)}</th>" for speed, _ in widths)
     halves = "".join(f"<td>{escape(half)}</td>" for _, half in widths)
+    warned = " ".join([*warnings(plan), margin(plan)])
     lost = "".join(f"<li>{escape(line)}</li>" for line in losses(plan))
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<title>{escape(name)}: flying card</title><style>{STYLE}</style></head><body>\n"
         f"<h1>{escape(name)}: {minutes} min {seconds:02d} s</h1>\n"
-        f'<p>{escape(head)}</p>\n<p class="stall">{escape(margin(plan))}</p>\n<table>{lines}</table>\n'
+        f"{_sketch(plan)}<p>{_to_fill_in(plan)}</p>\n"
+        f'<p>{escape(head)}</p>\n<p class="stall">{escape(warned)}</p>\n<table>{lines}</table>\n'
         f'<table class="widths"><tr><th>speed</th>{speeds}</tr><tr><th>power, 95 %</th>{halves}</tr></table>\n'
         f"<p>At the worst speed:</p>\n<ul>{lost}</ul>\n</body></html>\n"
+    )
+
+
+def _boxes(times: str) -> str:
+    """One to tick for each time."""
+    return f"{escape(times)}<br>{'☐' * int(times.split()[0])}" if times else "☐"
+
+
+def _to_fill_in(plan: FlightPlan) -> str:
+    craft = plan.aircraft.aircraft
+    line, battery_Wh = "_" * 8, craft.propulsion.battery_energy_Wh
+    battery = f"Battery{f' ({battery_Wh:.0f} Wh)' if battery_Wh else ''} {line} V before, {line} V after"
+    return (
+        f"Date {line}{line} Pilot {line}{line}<br>Weight {line} (planned {craft.mass_kg:.2f} kg) Propeller {line}"
+        f" (planned {escape(craft.propulsion.propeller or '')})<br>{battery}; the flight takes some"
+        f" {energy_Wh(plan):.0f} Wh<br>Wind {line} from {line}, {line} °C"
+    )
+
+
+def _sketch(plan: FlightPlan) -> str:
+    """The way over the ground, first leg upward, with the place of take-off and the wind."""
+    north, east = plan.history.position_m[:: round(0.5 / PATH.step_s)].T
+    reach_m = 1.15 * max(farthest_m(plan), plan.request.space.leg_m / 2)
+    x, y = 50 * (1 + east / reach_m), 50 * (1 - north / reach_m)
+    track = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
+    arrow = ""
+    if plan.request.wind_kt:
+        arrow = (
+            f'<g transform="translate(14 14) rotate({PATH.wind_from_deg:.0f})"><path d="M0-11V9M-4 3 0 10 4 3"'
+            f' class="wind"/></g><text x="26" y="10">{plan.request.wind_kt:g} kt</text>'
+        )
+    scale_m = 100 * max(1, round(reach_m / 300))
+    width = 50 * scale_m / reach_m
+    return (
+        '<svg class="sketch" viewBox="0 0 100 100">'
+        f'<polyline points="{track}"/><circle cx="50" cy="50" r="2"/>{arrow}<path class="wind" d="M{96 - width:.1f} 95h'
+        f'{width:.1f}"/><text x="{96 - width:.1f}" y="92">{scale_m} m</text></svg>'
     )
 
 

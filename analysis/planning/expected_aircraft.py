@@ -1,12 +1,12 @@
 """What a plan assumes of an aircraft before its flight: stall, drag polar, lift curve, thrust."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.electrical.settings import PRIOR
-from analysis.planning.settings import TRAINER
+from analysis.planning.settings import MANEUVERS, MARGINS, TRAINER
 from flight.aircraft import Aircraft
 from flight.atmosphere import density, pressure_at, temperature_at
 from flight.errors import InputError
@@ -21,7 +21,9 @@ class ExpectedAircraft:
     """Speeds, drag and thrust that a plan is computed with, at the height of the flight.
 
     A : (3,) drag polar C_D = A0 + A1 C_L + A2 C_L^2       rho : air density [kg/m^3]
-    stall_mps, fastest_mps : level flight, wings level      basis : where drag and thrust come from, in words
+    stall_mps, fastest_mps : level flight, wings level; where the propeller's table ends sooner, what is planned (92 %
+    of the fastest) lies in it      acceleration_throttle : of runs; full_throttle : whether the table covers that
+    basis : where drag and thrust come from, in words
     stall_basis : where the stall speed comes from, in words
     """
 
@@ -31,6 +33,8 @@ class ExpectedAircraft:
     A: Array
     stall_mps: float
     fastest_mps: float
+    acceleration_throttle: float
+    full_throttle: bool
     basis: str
     stall_basis: str
     _grid_V: Array = field(repr=False)
@@ -119,8 +123,44 @@ def expected_aircraft(
             raise InputError(f"{aircraft.name}: full throttle does not carry the aircraft; check propeller and motor")
         i = int(can[-1])
         fastest_mps = float(np.interp(0.0, -excess[i : i + 2], V[i : i + 2]))  # or the last V
-    basis_text = "; ".join([*basis, motor])
-    return ExpectedAircraft(aircraft, propeller, rho, A, stall_mps, fastest_mps, basis_text, stall_basis, V, thrust)
+    found = ExpectedAircraft(
+        aircraft=aircraft, propeller=propeller, rho=rho, A=A, stall_mps=stall_mps, fastest_mps=fastest_mps,
+        acceleration_throttle=MANEUVERS.acceleration_throttle, full_throttle=True, basis="; ".join([*basis, motor]),
+        stall_basis=stall_basis, _grid_V=V, _grid_thrust_N=thrust,
+    )  # fmt: skip
+    return _inside_the_table(found)
+
+
+def _inside_the_table(expected: ExpectedAircraft) -> ExpectedAircraft:
+    """No faster, and in runs no more throttle, than the propeller's table covers. Where the table does not reach the
+    speed between maneuvers, nothing is limited: the card says what is not covered."""
+    V = np.linspace(expected.stall_mps, MARGINS.fastest * expected.fastest_mps, 41)
+    level = expected.revps_of_thrust(V, expected.drag_N(V))
+    spare = np.minimum(level / MARGINS.fastest, _revps(expected, MANEUVERS.acceleration_throttle, V))  # to accelerate
+    covered = _covered(expected, V, level) & _covered(expected, V, spare)
+    full = bool(np.all(_covered(expected, V[-1:], _revps(expected, 1.0, V[-1:]))))
+    slower = V[: int(np.argmin(covered))] if not covered.all() else V
+    if not len(slower) or slower[-1] < MARGINS.cruise * expected.stall_mps:
+        return replace(expected, full_throttle=full)
+    throttles = np.linspace(0.0, 1.0, 101)
+    throttles = throttles[throttles <= MANEUVERS.acceleration_throttle + 1e-9]
+    at_fastest = np.array([_covered(expected, slower[-1:], _revps(expected, t, slower[-1:]))[0] for t in throttles])
+    limited = not (covered.all() and at_fastest[-1])
+    return replace(
+        expected,
+        fastest_mps=float(slower[-1] / MARGINS.fastest),
+        acceleration_throttle=float(throttles[at_fastest][-1]) if limited else MANEUVERS.acceleration_throttle,
+        full_throttle=full,
+        basis=expected.basis + (f"; no faster than {slower[-1]:.1f} m/s for the propeller's table" if limited else ""),
+    )
+
+
+def _revps(expected: ExpectedAircraft, throttle: float, V: Array) -> Array:
+    return expected.revps_of_thrust(V, np.array([expected.thrust_N(throttle, v) for v in V]))
+
+
+def _covered(expected: ExpectedAircraft, V: Array, revps: Array) -> NDArray[np.bool_]:
+    return np.asarray(expected.propeller.covers(V / (revps * expected.propeller.diameter_m), 60 * revps))
 
 
 MOTOR = ("motor_kv_rpm_per_volt", "motor_resistance", "motor_no_load_current", "battery_voltage")

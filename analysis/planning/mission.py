@@ -230,7 +230,7 @@ def _segments(maneuver: Maneuver, aircraft: ExpectedAircraft, height_m: float) -
             return [
                 {
                     "kind": "turn",
-                    "angle": f"{degrees(angle_rad):.0f} deg",
+                    "angle": f"{degrees(angle_rad):.1f} deg",
                     "bank": f"{degrees(bank_rad):.0f} deg",
                     "speed": f"{speed_mps:.2f} m/s",
                 }

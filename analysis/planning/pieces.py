@@ -6,10 +6,10 @@ Speeds are true airspeeds [m/s], angles in rad, times in s.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from math import ceil, cos, degrees, inf, pi, tan
+from math import ceil, copysign, cos, degrees, inf, pi, tan
 
 from analysis.planning.expected_aircraft import ExpectedAircraft
-from analysis.planning.settings import MANEUVERS, MARGINS
+from analysis.planning.settings import MANEUVERS, MARGINS, PATH
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2
 
@@ -137,12 +137,14 @@ def slowest_mps(expected: ExpectedAircraft, wind_kt: float) -> float:
 
 def before(expected: ExpectedAircraft) -> tuple[Maneuver, ...]:
     """What every flight begins with."""
-    return Stand(MANEUVERS.stand_s[0]), TakeOff(MARGINS.cruise * expected.stall_mps)
+    cruise_mps = MARGINS.cruise * expected.stall_mps
+    return Stand(MANEUVERS.stand_s[0]), TakeOff(cruise_mps), Turn(cruise_mps)
 
 
 def after(expected: ExpectedAircraft) -> tuple[Maneuver, ...]:
     """What every flight ends with."""
-    return Land(MARGINS.cruise * expected.stall_mps), Stand(MANEUVERS.stand_s[1])
+    cruise_mps = MARGINS.cruise * expected.stall_mps
+    return Turn(cruise_mps), Land(cruise_mps), Stand(MANEUVERS.stand_s[1])
 
 
 def run_pairs(expected: ExpectedAircraft, space: Space, wind_kt: float) -> Iterator[Piece]:
@@ -150,7 +152,7 @@ def run_pairs(expected: ExpectedAircraft, space: Space, wind_kt: float) -> Itera
     slow, fast = slowest_mps(expected, wind_kt), MARGINS.fastest * expected.fastest_mps
     turn = Turn(MARGINS.cruise * expected.stall_mps, pi, BANK_RAD)
     for ramp_s, settle_s, hold_s in ((13.0, 16.0, 5.0), (8.0, 10.0, 3.0)):
-        up = Run(MANEUVERS.acceleration_throttle, ramp_s, fast)
+        up = Run(expected.acceleration_throttle, ramp_s, fast)
         down = Run(MANEUVERS.deceleration_throttle, MANEUVERS.deceleration_ramp_s, slow)
         settle = Hold(settle_s, MARGINS.held * slow)
         one_leg_m = slow * settle_s + (slow + fast) / 2 * 38 + hold_s * fast
@@ -181,7 +183,7 @@ def circles(expected: ExpectedAircraft, wind_kt: float) -> Iterator[Piece]:
         for V in (slowest, 0.8 * fastest, MARGINS.fastest * fastest):
             if V >= slowest:
                 title = f"two circles at {V:.1f} m/s, bank {bank * 180 / pi:.0f}°"
-                yield Piece(title, (Turn(V, 4 * pi, bank),), PieceKind.CIRCLES)
+                yield Piece(title, (Hold(4.0, V), Turn(V, 4 * pi, bank)), PieceKind.CIRCLES)
 
 
 def porpoising(expected: ExpectedAircraft, space: Space, pilot: Pilot, wind_kt: float) -> Iterator[Piece]:
@@ -239,14 +241,15 @@ def _with_room(piece: Piece, narrowest_mps: float, side_m: float) -> Piece | Non
 
 
 def sequence(pieces: Sequence[Piece], expected: ExpectedAircraft) -> list[Maneuver]:
-    """The whole plan, from standing to standing; turns to the right and to the left alternate."""
-    side, plan = 1.0, [*before(expected)]
-    for maneuver in (maneuver for piece in pieces for maneuver in piece.maneuvers):
+    """The whole plan, from standing to standing; turns to the right and to the left alternate, all into the wind."""
+    side, plan = copysign(1.0, PATH.wind_from_deg), list[Maneuver]()
+    of_pieces = [maneuver for piece in pieces for maneuver in piece.maneuvers]
+    for maneuver in [*before(expected), *of_pieces, *after(expected)]:
         if isinstance(maneuver, Turn):
             maneuver = replace(maneuver, angle_rad=side * abs(maneuver.angle_rad))
             side = -side
         plan.append(maneuver)
-    return [*plan, *after(expected)]
+    return plan
 
 
 def _turning_mps(expected: ExpectedAircraft, bank_rad: float, wind_kt: float) -> float:

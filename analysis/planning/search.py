@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.constants import foot
 
 from analysis.drag.settings import COMPARISON
 from analysis.planning.expected_aircraft import ExpectedAircraft
@@ -24,6 +25,7 @@ from analysis.planning.information import (
     question,
     sensor_error_covariance,
 )
+from analysis.planning.navigation import kept_in_place
 from analysis.planning.pieces import (
     Maneuver,
     Piece,
@@ -37,6 +39,7 @@ from analysis.planning.pieces import (
 )
 from analysis.planning.settings import MARGINS, PATH, SEARCH
 from analysis.planning.time_history import TimeHistory, fly
+from analysis.trajectory import dryden
 from analysis.trajectory.settings import SOLVER
 from flight.errors import InputError
 from flight.units import KNOT_MPS
@@ -46,7 +49,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Request:
-    """minutes: from standing to standing. wind_kt: W20. earlier: covariances after earlier flights."""
+    """minutes: from standing to standing. wind_kt: W20, the wind at 20 ft. earlier: of flights before."""
 
     minutes: float
     wind_kt: float
@@ -59,6 +62,12 @@ class Request:
     @property
     def gust_mps(self) -> float:
         return max(SOLVER.least_gust_mps, 0.1 * self.wind_kt * KNOT_MPS)  # of W20 (MIL-F-8785C sec. 3.7.3.4)
+
+    @property
+    def wind_mps(self) -> float:
+        """Mean wind at the height of the flight."""
+        higher = dryden.mean_wind_profile(self.space.height_m) / dryden.mean_wind_profile(20 * foot)
+        return self.wind_kt * KNOT_MPS * float(higher)
 
 
 class Contribution(NamedTuple):
@@ -103,29 +112,32 @@ def plan_flight(aircraft: ExpectedAircraft, request: Request) -> FlightPlan:
     found = catalog(aircraft, request.space, request.pilot, request.wind_kt)
     pieces = [piece for piece in found if not (request.pilot.autopilot and piece.kind.by_hand)]
     pairs = [piece for piece in pieces if piece.kind is PieceKind.RUNS]
-    last: tuple[Piece, ...] = (full_throttle(aircraft),)
-    base, base_seconds = _evaluated([*pairs[:1] * SEARCH.fewest_run_pairs, *last], aircraft, request)
-    if base_seconds > request.minutes * 60:
+    last: tuple[Piece, ...] = (full_throttle(aircraft),) if aircraft.full_throttle else ()
+    history = _history([*pairs[:1] * SEARCH.fewest_run_pairs, *last], aircraft, request)
+    if _seconds_of(history) > request.minutes * 60:
         last = ()
-        base, base_seconds = _evaluated(pairs[:1] * SEARCH.fewest_run_pairs, aircraft, request)
-    left = request.minutes * 60 - base_seconds
+        history = _history(pairs[:1] * SEARCH.fewest_run_pairs, aircraft, request)
+    chosen = _ordered([*pairs[:1] * SEARCH.fewest_run_pairs, *last])
+    left = request.minutes * 60 - _seconds_of(history)
     if left < 0:
         raise InputError(
             f"{request.minutes:g} minutes are too short: standing, take-off, {SEARCH.fewest_run_pairs} pairs of runs"
-            f" and landing take {base_seconds / 60:.1f}"
+            f" and landing take {_seconds_of(history) / 60:.1f}"
         )
-    start = _covariances(base, request)
-    every = [
-        _increment(piece, pairs[0], last, (base, base_seconds), aircraft=aircraft, request=request) for piece in found
-    ]
+    base = _evaluated(chosen, aircraft, request)
+    start = _covariances(base[0], request)
+    every = [_increment(piece, pairs[0], last, base, aircraft=aircraft, request=request) for piece in found]
     increments = [increment for piece, increment in zip(found, every, strict=True) if piece in pieces]
-    for _ in range(4):  # pieces take more or less time beside others than alone
+    shortest_s = min(increment.seconds for increment in increments)
+    for _ in range(6):  # pieces take more or less time beside others, and kept in place, than alone
         counts = _exchanged(increments, left, start, asked)
         planned = [piece for piece, n in zip(pieces, counts, strict=True) for _ in range(n)]
-        chosen = _ordered([*planned, *pairs[:1] * SEARCH.fewest_run_pairs, *last])
-        history = _history(chosen, aircraft, request)
-        over_s = len(history.table) * PATH.step_s - request.minutes * 60
-        if over_s <= 0:
+        tried = _ordered([*planned, *pairs[:1] * SEARCH.fewest_run_pairs, *last])
+        flown = _history(tried, aircraft, request)
+        over_s = _seconds_of(flown) - request.minutes * 60
+        if over_s <= 0 and _seconds_of(flown) > _seconds_of(history):
+            chosen, history = tried, flown
+        if -shortest_s < over_s <= 0:
             break
         left -= over_s + 1.0
     by_hand = None
@@ -133,14 +145,13 @@ def plan_flight(aircraft: ExpectedAircraft, request: Request) -> FlightPlan:
         by_hand = float(np.max(asked.half_widths(_with(start, every, _exchanged(every, left, start, asked)))))
     whole = expected(history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma)
     covariances = _covariances(whole, request)
-    maneuvers = sequence(chosen, aircraft)
     contributions = _contributions(chosen, pieces, increments, covariances, asked)
     return FlightPlan(
         request=request,
         aircraft=aircraft,
         question=asked,
         pieces=tuple(chosen),
-        maneuvers=tuple(maneuvers),
+        maneuvers=tuple(_placed(chosen, aircraft, request)),
         history=history,
         covariances=covariances,
         half_widths=asked.half_widths(covariances),
@@ -151,20 +162,34 @@ def plan_flight(aircraft: ExpectedAircraft, request: Request) -> FlightPlan:
 
 def predicted(maneuvers: Sequence[Maneuver], aircraft: ExpectedAircraft, request: Request) -> Covariances:
     """The covariances after any sequence of maneuvers."""
-    history = fly(maneuvers, aircraft, request.space.height_m, request.wind_kt * KNOT_MPS)
+    history = fly(maneuvers, aircraft, request.space.height_m, request.wind_mps)
     found = expected(history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma)
     return _covariances(found, request)
 
 
 def _history(pieces: Sequence[Piece], aircraft: ExpectedAircraft, request: Request) -> TimeHistory:
-    plan = sequence(pieces, aircraft)
-    return fly(plan, aircraft, request.space.height_m, request.wind_kt * KNOT_MPS)
+    plan = _placed(pieces, aircraft, request)
+    return fly(plan, aircraft, request.space.height_m, request.wind_mps)
+
+
+def _placed(pieces: Sequence[Piece], aircraft: ExpectedAircraft, request: Request) -> list[Maneuver]:
+    """The maneuvers as they are flown in the wind of the request."""
+    return kept_in_place(sequence(pieces, aircraft), aircraft, request.space, request.wind_mps)
+
+
+def _seconds_of(history: TimeHistory) -> float:
+    return float(len(history.table) * PATH.step_s)
+
+
+def _by_itself(pieces: Sequence[Piece], aircraft: ExpectedAircraft, request: Request) -> TimeHistory:
+    """Not kept in place: what a piece tells must not depend on where it begins."""
+    return fly(sequence(pieces, aircraft), aircraft, request.space.height_m, request.wind_mps)
 
 
 def _evaluated(pieces: Sequence[Piece], aircraft: ExpectedAircraft, request: Request) -> tuple[Expected, float]:
-    history = _history(pieces, aircraft, request)
+    history = _by_itself(pieces, aircraft, request)
     found = expected(history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma)
-    return found, float(len(history.table) * PATH.step_s)
+    return found, _seconds_of(history)
 
 
 def _covariances(found: Expected, request: Request) -> Covariances:
@@ -194,11 +219,11 @@ def _increment(
         found, seconds = _evaluated(planned, aircraft, request)
         errors, polar = found.errors, _gain(found.noise, before.noise) / repeated
     else:
-        history = _history(planned, aircraft, request)
+        history = _by_itself(planned, aircraft, request)
         errors = sensor_error_covariance(
             history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma
         )
-        seconds, polar = len(history.table) * PATH.step_s, np.zeros((3, 3))
+        seconds, polar = _seconds_of(history), np.zeros((3, 3))
     return _Increment((seconds - before_s) / repeated, _gain(errors, before.errors) / repeated, polar)
 
 

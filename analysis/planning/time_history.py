@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from analysis.planning.expected_aircraft import ExpectedAircraft
 from analysis.planning.pieces import Hold, Land, Maneuver, Porpoise, Run, Stand, TakeOff, Turn
-from analysis.planning.settings import PATH
+from analysis.planning.settings import MARGINS, PATH
 from analysis.signals.channels import SPEED_SCALE, speed_scale
 from analysis.trajectory import dryden
 from analysis.trajectory.priors import BENCH_SIGMA
 from flight import motion
+from flight.errors import InputError
 from flight.runs import AIRCRAFT_SIZE
 from flight.units import GRAVITY_MPS2 as g
 
@@ -49,17 +50,34 @@ def fly(
     plan: Sequence[Maneuver], expected: ExpectedAircraft, height_m: float, wind_mps: float, *, airborne: bool = False
 ) -> TimeHistory:
     """The time history of a plan. airborne: of a part of a plan, at its beginning."""
+    flown = paths(plan, expected, height_m, airborne=airborne)
+    V_path, bank, climb = (np.concatenate(parts) for parts in zip(*flown, strict=True))
+    starts_s = np.cumsum([0, *(len(path.V) for path in flown)]) * PATH.step_s
+    return _history(Path(V_path, bank, climb), expected, height_m, wind_mps, airborne=airborne, starts_s=starts_s)
+
+
+def paths(
+    plan: Sequence[Maneuver], expected: ExpectedAircraft, height_m: float, *, airborne: bool = False
+) -> list[Path]:
+    """That of each maneuver, begun with the speed and the throttle at which the one before ends."""
     V, throttle = 1.6 * expected.stall_mps if airborne else 0.0, 0.5
-    paths, counts = [], [0]
+    found = []
     for maneuver in plan:
         path = _path(maneuver, expected, height_m, V, throttle)
-        paths.append(path)
+        found.append(path)
         V = float(path.V[-1])
         throttle = maneuver.throttle if isinstance(maneuver, Run) else throttle_at(expected, V)
-        counts.append(counts[-1] + len(path.V))
-    V_path, bank, climb = (np.concatenate(parts) for parts in zip(*paths, strict=True))
-    starts_s = np.array(counts) * PATH.step_s
-    return _history(Path(V_path, bank, climb), expected, height_m, wind_mps, airborne=airborne, starts_s=starts_s)
+    return found
+
+
+def wind_vector(wind_mps: float) -> Array:
+    """Where the wind blows to (2,), north and east of a first leg to the north [m/s]."""
+    return -wind_mps * np.array([np.cos(np.radians(PATH.wind_from_deg)), np.sin(np.radians(PATH.wind_from_deg))])
+
+
+def turn_rate(bank: Array | float, V: Array) -> Array:
+    """Of a level turn [rad/s]."""
+    return np.asarray(g * np.tan(bank) / V)
 
 
 def throttle_at(expected: ExpectedAircraft, V: float) -> float:
@@ -78,8 +96,8 @@ def _path(maneuver: Maneuver, expected: ExpectedAircraft, height_m: float, V: fl
         case Hold(duration_s, speed_mps):
             n = _steps(duration_s)
             return Path(_towards(expected, V, speed_mps, n), np.zeros(n), np.zeros(n))
-        case Turn(speed_mps, angle_rad, bank_rad):
-            return _turn(expected, V, speed_mps, angle_rad, bank_rad)
+        case Turn():
+            return turn_path(expected, V, maneuver)
         case Run():
             speeds = _run(expected, V, throttle, maneuver)
             return Path(speeds, np.zeros(len(speeds)), np.zeros(len(speeds)))
@@ -122,13 +140,15 @@ def _run(expected: ExpectedAircraft, V: float, first: float, run: Run) -> Array:
     return np.array(speeds)
 
 
-def _turn(expected: ExpectedAircraft, V: float, speed_mps: float, angle_rad: float, bank_rad: float) -> Path:
+def turn_path(expected: ExpectedAircraft, V: float, turn: Turn) -> Path:
+    """Of a turn that is begun at a speed [m/s]."""
+    speed_mps, angle_rad, bank_rad = turn.speed_mps, turn.angle_rad, turn.bank_rad
     most = _steps(1.2 * abs(angle_rad) * max(V, speed_mps) / (g * np.tan(bank_rad)) + 20.0)
     speeds = _towards(expected, V, speed_mps, most)
     rising = np.minimum(np.arange(most) * PATH.step_s / PATH.roll_s, 1.0) * bank_rad
-    turned = np.cumsum(g * np.tan(rising) / speeds) * PATH.step_s
+    turned = np.cumsum(turn_rate(rising, speeds)) * PATH.step_s
     # Rolling out takes as long, and turns by half of what full bank would.
-    rest = g * np.tan(bank_rad) / speeds * PATH.roll_s / 2
+    rest = turn_rate(bank_rad, speeds) * PATH.roll_s / 2
     n = int(np.searchsorted(turned + rest, abs(angle_rad)))
     out = np.maximum(1 - np.arange(_steps(5 * PATH.roll_s)) * PATH.step_s / PATH.roll_s, 0.0)
     bank = np.concatenate([rising[:n], bank_rad * out]) * np.sign(angle_rad)
@@ -148,8 +168,16 @@ def _porpoise(expected: ExpectedAircraft, V: float, porpoise: Porpoise) -> Path:
 
 
 def climb_rate_mps(expected: ExpectedAircraft) -> float:
-    """Rate of climb and descent between the ground and the height of the flight [m/s]."""
-    return PATH.climb_over_stall * expected.stall_mps
+    """Rate of climb and descent between the ground and the height of the flight [m/s]: with a margin to what the
+    battery gives, at the speed between maneuvers. Raises InputError where that is none."""
+    V = MARGINS.cruise * expected.stall_mps
+    most_mps = V * (expected.thrust_N(1.0, V) - float(expected.drag_N(V))) / expected.aircraft.mass.weight_N
+    if most_mps <= 0:
+        raise InputError(
+            f"{expected.aircraft.name}: full throttle does not climb at {V:.1f} m/s, {MARGINS.cruise:g} of the stall"
+            " speed; check propeller, motor and weight"
+        )
+    return min(PATH.climb_over_stall * expected.stall_mps, MARGINS.fastest * most_mps)
 
 
 def _take_off(expected: ExpectedAircraft, speed_mps: float, height_m: float) -> Path:
@@ -185,15 +213,14 @@ def _history(
     load = (flown * np.gradient(climb, PATH.step_s) / g + np.cos(climb)) / np.cos(bank)
     alpha = np.clip(expected.alpha_rad(flown, load), -0.2, 0.3) * np.minimum(V / flown, 1.0)
     theta = np.arctan(np.cos(bank) * np.tan(alpha)) + climb
-    heading = np.cumsum(g * np.tan(bank) / flown) * PATH.step_s
+    heading = np.cumsum(turn_rate(bank, flown)) * PATH.step_s
     body = motion.velocity_of(V, alpha, 0.0)
     air = np.column_stack(motion.earth_from_body(body, (bank, theta, heading)))
     height = np.cumsum(-air[:, 2]) * PATH.step_s + (height_m if airborne else 0.0)
     height = np.maximum(height, 0.0)
     profile = dryden.mean_wind_profile(height) / dryden.mean_wind_profile(height_m)
-    wind_from = np.radians(PATH.wind_from_deg)
     # The wind's component on the heading changes in turns; on the ground the aircraft stands.
-    wind = -wind_mps * profile[:, None] * np.array([np.cos(wind_from), np.sin(wind_from)])
+    wind = profile[:, None] * wind_vector(wind_mps)
     moved = np.clip(V / expected.stall_mps, 0.0, 1.0)[:, None]
     velocity = air + np.column_stack([wind * moved, np.zeros(n)])
     phi_rate, theta_rate, psi_rate = (np.gradient(x, PATH.step_s) for x in (bank, theta, heading))

@@ -6,8 +6,11 @@ from math import exp, pi, sqrt
 import numpy as np
 import pytest
 
+from analysis.planning import expected_aircraft as of_module
 from analysis.planning.expected_aircraft import ExpectedAircraft, expected_aircraft
+from analysis.planning.time_history import climb_rate_mps
 from flight.aircraft import Aircraft, load_aircraft
+from flight.propeller import Propeller
 from flight.units import GRAVITY_MPS2
 
 HEIGHT_M = 500.0
@@ -141,3 +144,36 @@ def test_an_assumed_motor_may_turn_at_any_speed_from_5_to_400_a_second(aircraft:
     assert 205.0 < float(n[0]) < 400.0
     idle, _ = quick.propeller.thrust_and_power(20.0, 5.0, quick.rho)
     assert quick.thrust_N(0.0, 20.0) == pytest.approx(float(idle), rel=1e-6)
+
+
+def with_table_to(aircraft: ExpectedAircraft, rpm: float, monkeypatch: pytest.MonkeyPatch) -> ExpectedAircraft:
+    """The same aircraft, of whose propeller a table is known only to this speed of rotation."""
+    whole = aircraft.propeller
+    rows = tuple(replace(row, rpm=row.rpm * rpm / whole.rows[-1].rpm) for row in whole.rows)
+    short = Propeller(whole.name, whole.diameter_m, rows, beyond_zero_thrust=whole.beyond_zero_thrust)
+    monkeypatch.setattr(of_module, "load_propeller", lambda _: short)
+    return expected_aircraft(aircraft.aircraft, HEIGHT_M)
+
+
+def test_nothing_is_planned_beyond_the_propeller_s_table(nexstar: ExpectedAircraft, monkeypatch) -> None:
+    """Neither held nor in an acceleration at its highest speed; a run at full throttle is left out."""
+    assert nexstar.full_throttle and nexstar.acceleration_throttle == 0.87
+    short = with_table_to(nexstar, 6500.0, monkeypatch)
+    fast = np.array([0.92 * short.fastest_mps])
+    assert 1.6 * short.stall_mps < fast[0] < 0.92 * nexstar.fastest_mps and not short.full_throttle
+    for thrust_N in (short.drag_N(fast), np.array([short.thrust_N(short.acceleration_throttle, fast[0])])):
+        assert 60 * short.revps_of_thrust(fast, thrust_N)[0] <= 6500.0
+    assert short.thrust_N(short.acceleration_throttle, fast[0]) > 1.05 * short.drag_N(fast)[0], "it still accelerates"
+
+
+def test_a_table_that_covers_hardly_any_speed_limits_nothing(nexstar: ExpectedAircraft, monkeypatch) -> None:
+    assert with_table_to(nexstar, 4500.0, monkeypatch).fastest_mps == pytest.approx(nexstar.fastest_mps, rel=0.05)
+
+
+def test_no_climb_is_planned_that_the_battery_does_not_give(nexstar: ExpectedAircraft) -> None:
+    V = 1.6 * nexstar.stall_mps
+    weak = replace(nexstar, _grid_thrust_N=nexstar._grid_thrust_N * 1.4 * nexstar.drag_N(V) / nexstar.thrust_N(1.0, V))
+    assert climb_rate_mps(weak) == pytest.approx(
+        0.92 * V * 0.4 * float(nexstar.drag_N(V)) / nexstar.aircraft.mass.weight_N, rel=1e-6
+    )
+    assert climb_rate_mps(weak) < climb_rate_mps(nexstar)

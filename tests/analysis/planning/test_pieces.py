@@ -9,7 +9,7 @@ import pytest
 from analysis.planning import pieces
 from analysis.planning.pieces import Hold, Pilot, Porpoise, Run, Space, Turn
 
-AIRCRAFT: Any = SimpleNamespace(stall_mps=10.0, fastest_mps=30.0)
+AIRCRAFT: Any = SimpleNamespace(stall_mps=10.0, fastest_mps=30.0, acceleration_throttle=0.87)
 SLOW, FAST = 11.0, 27.6  # 1.08 and 0.002 for each of 10 kt; 92 %
 HELD = 1.04 * SLOW
 WIND_KT = 10.0
@@ -49,7 +49,8 @@ def test_circuits_are_at_six_speeds_for_8_to_60_seconds() -> None:
 
 
 def test_circles_are_two_at_three_speeds_and_two_banks() -> None:
-    found = [piece.maneuvers[0] for piece in pieces.circles(AIRCRAFT, WIND_KT)]
+    held, found = zip(*(piece.maneuvers for piece in pieces.circles(AIRCRAFT, WIND_KT)), strict=True)
+    assert [one.speed_mps for one in held] == [one.speed_mps for one in found]
     expected = [Turn(V, 4 * pi, bank) for bank in (0.6, 0.8) for V in (turning_mps(bank), 24.0, FAST)]
     assert [(one.speed_mps, one.angle_rad, one.bank_rad) for one in found] == [
         (pytest.approx(one.speed_mps), one.angle_rad, one.bank_rad) for one in expected
@@ -84,13 +85,9 @@ def test_full_throttle_is_held_to_95_per_cent_of_the_fastest_speed() -> None:
 def test_a_flight_begins_and_ends_at_1_6_of_the_stall_and_turns_to_either_side() -> None:
     turn = Turn(17.0, pi, 0.6)
     whole = pieces.sequence([pieces.Piece("", (turn, turn, turn), pieces.PieceKind.CIRCUIT)], AIRCRAFT)
-    assert [one.angle_rad for one in whole if isinstance(one, Turn)] == [pi, -pi, pi]
-    assert (whole[0].duration_s, whole[1].speed_mps, whole[-2].speed_mps, whole[-1].duration_s) == (
-        90.0,
-        16.0,
-        16.0,
-        30.0,
-    )
+    assert [one.angle_rad for one in whole if isinstance(one, Turn)] == [-pi, pi, -pi, pi, -pi]
+    assert (whole[0].duration_s, whole[1].speed_mps, whole[2].speed_mps) == (90.0, 16.0, 16.0)
+    assert (whole[-3].speed_mps, whole[-2].speed_mps, whole[-1].duration_s) == (16.0, 16.0, 30.0)
 
 
 def test_a_turn_that_has_no_room_is_steeper_then_slower_then_left_out() -> None:

@@ -1,0 +1,137 @@
+"""Plans of aircraft drawn at random, flown by the simulator: is what is planned flown, where, and as promised?
+
+    python benchmarks/planned_aircraft.py --flights 3                    # seeds below 1000 are for development
+    python benchmarks/planned_aircraft.py --seed 1000 --flights 30 --jobs 2
+
+A seed draws weight (0.7 to 12 kg), wing loading, aspect ratio, one of the shipped propellers of about this size, and
+the wind (0 to 15 kt). The aircraft is scaled from the Nexstar (`sim fly --like nexstar`); the planner reads a file with
+its wing, weight, propeller, motor and battery. The simulator flies `plan.toml` in the wind and turbulence of the plan,
+and the flight is analyzed.
+"""
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import json
+import tempfile
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import plans
+import typer
+
+from analysis.estimation.noise import NORMAL_95
+from analysis.planning.expected_aircraft import expected_aircraft
+from analysis.planning.mission import simulator_plan
+from analysis.planning.pieces import Space
+from analysis.planning.search import Request, plan_flight
+from analysis.polar import Condition, power_required
+from flight.aircraft import parse_aircraft
+from flight.complete_aircraft import CompleteAircraft, load_complete_aircraft
+from flight.errors import InputError
+from flight.propeller_files import load_propeller
+from flight.shipped_propellers import shipped_propellers
+from flight.units import GRAVITY_MPS2
+from sim.like import scaled_from
+
+MODEL, HEIGHT_M, LEG_M = "nexstar", 40.0, 500.0
+LIGHTEST_KG, HEAVIEST_KG, WINDIEST_KT = 0.7, 12.0, 15.0
+
+
+def aircraft_of(rng: np.random.Generator, name: str) -> CompleteAircraft:
+    """Wing loading and propeller grow with the cube root of the weight, as of similar aircraft."""
+    model = load_complete_aircraft(MODEL)
+    mass_kg = float(np.exp(rng.uniform(np.log(LIGHTEST_KG), np.log(HEAVIEST_KG))))
+    size = (mass_kg / model.mass_kg) ** (1 / 3)
+    loading_Pa = model.wing_loading_Pa * size * rng.uniform(0.8, 1.2)
+    area_m2 = mass_kg * GRAVITY_MPS2 / loading_Pa
+    span_m = float(np.sqrt(area_m2 * rng.uniform(6.0, 10.0)))
+    fit = 0.3048 * size
+    by_size = sorted(shipped_propellers(), key=lambda one: abs(np.log(load_propeller(one).diameter_m / fit)))
+    propeller = str(rng.choice(by_size[:3]))
+    short = f"""name = "{name}"
+[geometry]
+span = "{span_m:.3f} m"
+wing_area = "{area_m2:.4f} m^2"
+[mass]
+weight = "{mass_kg:.3f} kg"
+[propulsion]
+propeller = "{propeller}"
+"""
+    p = scaled_from(short, name, model).propulsion
+    text = f"""{short}motor_kv_rpm_per_volt = {p.motor_kv_rpm_per_volt:.1f}
+motor_resistance = "{p.motor_resistance_ohm:.5f} ohm"
+motor_no_load_current = "{p.motor_no_load_current_A:.3f} A"
+battery_voltage = "{p.battery_voltage_V:.2f} V"
+battery_resistance = "{p.battery_resistance_ohm:.5f} ohm"
+"""
+    return scaled_from(text, name, model)
+
+
+def one_aircraft(seed: int, minutes: float) -> dict[str, Any]:
+    rng = np.random.default_rng([seed, 51])
+    craft, kt = aircraft_of(rng, f"drawn {seed}"), float(rng.uniform(0.0, WINDIEST_KT))
+    found: dict[str, Any] = {
+        "seed": seed, "kg": round(craft.mass_kg, 2), "kt": round(kt, 1), "propeller": craft.propulsion.propeller
+    }  # fmt: skip
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "plan.toml"
+        try:
+            known = parse_aircraft(craft.text, "drawn")
+            planned = plan_flight(
+                expected_aircraft(known, HEIGHT_M), Request(minutes, kt, Space(LEG_M, HEIGHT_M), plans.BY_HAND)
+            )
+            path.write_text(simulator_plan(planned.maneuvers, planned.aircraft, planned.request), "utf-8")
+            polar, flown, air = plans.analyzed(craft, str(path), 0.0, seed)
+        except (InputError, np.linalg.LinAlgError, ValueError) as error:
+            return {**found, "lost": str(error)}
+    truth = flown.flight.truth
+    in_air = truth[(truth["height_m"] > 0.9 * HEIGHT_M)]
+    propeller = load_propeller(craft.propulsion.propeller)
+    V, n = in_air["V_mps"].to_numpy(), in_air["motor_speed_revps"].to_numpy()
+    inside = propeller.covers(V / (n * propeller.diameter_m), 60 * n)
+    V = planned.question.speeds
+    at = Condition(craft.mass.weight_N, float(air.loc[air["flying"], "rho"].mean()), craft.geometry.wing_area_m2)
+    power, sigma = power_required(V, polar, at)
+    true = flown.flight.power_required
+    true_W = np.interp(V, true["speed_mps"], true["power_W"])
+    half = 100 * NORMAL_95 * sigma / power
+    return {
+        **found,
+        "inside": float(np.mean(inside)),
+        "farthest_m": float(np.hypot(in_air["north_m"], in_air["east_m"]).max()),
+        "promised": float(np.max(planned.half_widths)),
+        "obtained": float(np.max(half)),
+        "covered": float(np.mean(np.abs(power / true_W - 1) < half / 100)),
+        "fastest": [planned.aircraft.fastest_mps / planned.aircraft.stall_mps, float(V[-1])],
+    }
+
+
+def main(
+    seed: Annotated[int, typer.Option(help="Of the first aircraft.")] = 0,
+    flights: Annotated[int, typer.Option(help="Aircraft.")] = 3,
+    minutes: Annotated[float, typer.Option(help="Of each flight.")] = 15.0,
+    jobs: Annotated[int, typer.Option(help="Processes.")] = 1,
+) -> None:
+    lines = []
+    with ProcessPoolExecutor(jobs) as pool:
+        for line in pool.map(partial(one_aircraft, minutes=minutes), range(seed, seed + flights)):
+            print(json.dumps(line), flush=True)
+            lines.append(line)
+    flown = [line for line in lines if "lost" not in line]
+    ratio = np.array([line["promised"] / line["obtained"] for line in flown])
+    print(f"aircraft {len(lines)}, flown as planned {len(flown)}")
+    print(f"95 % of samples in the propeller's table: {sum(line['inside'] >= 0.95 for line in flown)}")
+    print(f"farthest from the take-off: median {np.median([line['farthest_m'] for line in flown]):.0f} m,"
+          f" at most {max(line['farthest_m'] for line in flown):.0f} m")  # fmt: skip
+    print(f"promised over obtained half width: {np.round(np.sort(ratio), 2).tolist()};"
+          f" within 15 %: {int(np.sum(np.abs(ratio - 1) <= 0.15))}")  # fmt: skip
+    print(f"curve inside its interval: {100 * np.mean([line['covered'] for line in flown]):.0f} % of speeds")
+
+
+if __name__ == "__main__":
+    typer.run(main)
