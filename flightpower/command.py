@@ -20,14 +20,15 @@ class Side(NamedTuple):
     extra: str = ""
 
 
-LAPTOP = ("casadi", "jinja2", "numpy", "pandas", "plotly", "scipy")
+LOGS = ("jinja2", "numpy", "pandas", "pyulog", "scipy")
+LAPTOP = ("casadi", *LOGS)
 SIDES = {
-    "analyze": Side("analysis.cli.analyze", "From a log to the power-required curve.", LAPTOP, "analysis"),
+    "analyze": Side("analysis.cli.analyze", "From a log to the power-required curve.", LOGS, "analysis"),
     "export": Side("analysis.cli.export", "A flight as tables and files for other programs.", LAPTOP, "analysis"),
     "open": Side("analysis.local_page.command", "Flights in the browser: edit runs.", (*LAPTOP, "waitress"), "page"),
     "plan": Side("analysis.cli.plan", "What to fly next, for the narrowest interval.", LAPTOP, "analysis"),
-    "route": Side("analysis.cli.route", "The energy of a mission in wind, and the way home.", LAPTOP, "analysis"),
-    "parameters": Side("analysis.cli.parameters", "A flight's parameters for an autopilot.", LAPTOP, "analysis"),
+    "route": Side("analysis.cli.route", "The energy of a mission in wind, and the way home.", LOGS, "autopilot"),
+    "parameters": Side("analysis.cli.parameters", "A flight's parameters for an autopilot.", LOGS, "autopilot"),
     "calibrate": Side("analysis.cli.calibrate", "Probe, tubes, magnetometer, surfaces, airspeed.", LAPTOP, "analysis"),
     "sim": Side("sim.__main__", "Simulated flights and wind tunnel.", ("casadi", "numpy", "pandas", "pyarrow"), "sim"),
     "daq": Side("daq.__main__", "Record the sensors on the aircraft's computer.", ()),

@@ -343,7 +343,7 @@ def plot(
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="HTML file to write.")],
     replace: ReplaceFileOption = False,
 ) -> None:
-    """Plot a flight: speed, height, angles, controls, power. Needs plotly, from the extra [analysis].
+    """Plot a flight: speed, height, angles, controls, power. Needs plotly, from the extra [plot].
 
     \b
     Example:

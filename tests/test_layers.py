@@ -55,6 +55,18 @@ def test_the_daemon_imports_no_library_of_the_analysis(module: str) -> None:
     assert loaded.strip() == "[]"
 
 
+def test_the_analysis_of_an_autopilot_s_log_imports_no_casadi() -> None:
+    """Its 280 MB are then not needed: the extra [autopilot]. Here are the modules that such an analysis loads."""
+    modules = (
+        "analysis.cli.electrical, analysis.electrical.drag, analysis.electrical.estimate, analysis.electrical.throttle,"
+        "analysis.electrical.simulated_truth, analysis.report.electrical_page, analysis.results.electrical,"
+        "analysis.pooling.electrical, analysis.report.pooled_page, analysis.cli.route, analysis.cli.parameters"
+    )
+    code = f"import sys, {modules}; print([name for name in ('casadi', 'plotly') if name in sys.modules])"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert loaded.strip() == "[]"
+
+
 def test_importing_flightpower_imports_no_library_and_not_even_our_own_packages() -> None:
     heavy = ["numpy", "typer", "flight", "analysis"]
     code = f"import sys, flightpower; print([name for name in {heavy} if name in sys.modules])"

@@ -1,4 +1,4 @@
-"""CasADi functions evaluated for many samples at once, each instruction as one NumPy operation on arrays.
+"""CasADi functions of a model: checked, and evaluated for many samples at once, an instruction as one NumPy operation.
 
 CasADi's own interpreter takes 4 to 6 ns for an instruction and a sample, NumPy's operations on arrays 1 ns.
 """
@@ -11,11 +11,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.estimation.integration import SAMPLES
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
-
-SAMPLES = 4096  # at once: the intermediate results then fit in the processor's cache
 
 
 def _as_number(comparison: Callable[..., Any]) -> Callable[..., Any]:
@@ -119,3 +118,27 @@ def _instruction(function: ca.Function, k: int) -> _Instruction:
     if len(of) == 1:
         return _Instruction(_Kind.UNARY, OPERATIONS[operation], to[0], of[0], 0)
     return _Instruction(_Kind.BINARY, OPERATIONS[operation], to[0], of[0], of[1])
+
+
+def check_symbols(model: str, function: ca.Function) -> None:
+    """Raises InputError if the model applied a function to a symbol that made a number of it: math.sin gives NaN."""
+    for k in range(function.n_instructions()):
+        if function.instruction_id(k) == ca.OP_CONST and np.isnan(function.instruction_constant(k)):
+            raise InputError(
+                f"model {model}: a function of the module math, or float(), lost a symbol (it gives NaN); use"
+                " NumPy's functions, np.sin for math.sin"
+            )
+
+
+def has_branches(function: ca.Function) -> bool:
+    """Whether values or derivatives depend on comparisons, as with np.where, np.sign, or np.maximum."""
+    branching = {ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_SIGN, ca.OP_FLOOR, ca.OP_CEIL}
+    return any(function.instruction_id(k) in branching for k in range(function.n_instructions()))
+
+
+def not_differentiable(model: str, error: Exception) -> InputError:
+    """The error for a model function that does not accept CasADi symbols."""
+    return InputError(
+        f"model {model}: a function cannot be differentiated: write it with NumPy functions of its arguments,"
+        f" without if, float() or loops over values ({error})".replace("\n", " ")
+    )

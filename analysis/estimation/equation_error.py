@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from analysis.estimation.data import Band, Segment
 from analysis.estimation.fit import Fit
+from analysis.estimation.integration import InputRule
 from analysis.estimation.model import Model, NamedValues
 from analysis.estimation.output_error import fit_output_error
 from analysis.estimation.problem import as_segments, inputs_of, measurements_of
-from analysis.estimation.simulation import InputRule
 from flight.errors import InputError
 
 Array = NDArray[np.float64]

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.estimation.data import Segment
+from analysis.estimation.integration import InputRule, Integrator, Response
 from analysis.estimation.model import Model, NamedValues, UnknownKey, UnknownKind
 from analysis.estimation.noise import Whitened
 from analysis.estimation.settings import TESTS, VERDICT
-from analysis.estimation.simulation import InputRule, Integrator, Response
 from flight.errors import InputError
 
 Array = NDArray[np.float64]

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.estimation.fit import SegmentFit
+from analysis.estimation.integration import Record, Response
 from analysis.estimation.kalman_filter import Innovations, KalmanFilter, NoiseLevels
 from analysis.estimation.model import UnknownKey, UnknownKind
 from analysis.estimation.noise import NORMAL_95, Whitened
@@ -14,7 +15,6 @@ from analysis.estimation.optimizer import Evaluation, nowhere
 from analysis.estimation.problem import Problem
 from analysis.estimation.process_noise import ProcessNoise, intensity_key, noise_key
 from analysis.estimation.settings import FILTER_ERROR
-from analysis.estimation.simulation import Record, Response
 
 Array = NDArray[np.float64]
 

@@ -20,9 +20,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.estimation.model import Model, check_symbols, not_differentiable
+from analysis.estimation.array_function import check_symbols, not_differentiable
+from analysis.estimation.integration import INPUT_RULES, Record
+from analysis.estimation.model import Model
 from analysis.estimation.problem import FitOptions
-from analysis.estimation.simulation import INPUT_RULES, INTEGRATORS, Record
+from analysis.estimation.simulation import INTEGRATORS
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
@@ -235,7 +237,7 @@ def build_filter(
         f = ca.vertcat(*model.evaluate_dynamics(ca.vertsplit(x), ca.vertsplit(u0), ca.vertsplit(p)))
         xdot = ca.Function("xdot", [x, u0, p], [f])
     except (TypeError, NotImplementedError, RuntimeError) as error:
-        raise not_differentiable(model, error) from None
+        raise not_differentiable(model.name, error) from None
 
     patterns, nonzeros = [], []
 
@@ -304,5 +306,5 @@ def build_filter(
         ],
         {"cse": True},
     )
-    check_symbols(model, cycle)
+    check_symbols(model.name, cycle)
     return KalmanFilter(model, free, driven, cycle, tuple(patterns))

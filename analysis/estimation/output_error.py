@@ -12,15 +12,15 @@ follows from the residuals afterwards.
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.estimation.array_function import SAMPLES
 from analysis.estimation.data import Band, Segment, band_matrix, split
 from analysis.estimation.fit import Finding, Fit, Remark, SegmentFit
 from analysis.estimation.hints import hints_of
+from analysis.estimation.integration import SAMPLES, Record, Response
 from analysis.estimation.model import Model
 from analysis.estimation.noise import (
     NoiseKind,
@@ -32,8 +32,10 @@ from analysis.estimation.noise import (
 from analysis.estimation.optimizer import Evaluation, Stop, make_fit, maximize, nowhere
 from analysis.estimation.problem import FitOptions, Problem, as_segments, free_names
 from analysis.estimation.settings import SEARCH, VERDICT
-from analysis.estimation.simulation import Record, Response, Simulator, build_simulator
 from flight.errors import InputError
+
+if TYPE_CHECKING:
+    from analysis.estimation.simulation import Simulator
 
 Array = NDArray[np.float64]
 
@@ -54,7 +56,7 @@ class Sums:
     product: Array
 
 
-def responses_in_blocks(simulator: Simulator, records: Iterable[Record]) -> Iterator[Iterable[Response]]:
+def responses_in_blocks(simulator: "Simulator", records: Iterable[Record]) -> Iterator[Iterable[Response]]:
     """The blocks of each record's response; short records are computed together."""
     together: list[Record] = []
     for record in records:
@@ -190,6 +192,8 @@ def _fit_from(
     options: FitOptions,
 ) -> Fit:
     """The fit from one start. Arguments and errors as for `fit_output_error`."""
+    from analysis.estimation.simulation import build_simulator  # and CasADi, which only a fit needs
+
     simulator = build_simulator(model, free_names(model), options.integrator, options.inputs)
     problem = Problem.assemble(model, segments, options.initial_states, start)
     known = None if noise.covariance is None else _known_covariance(noise.covariance, model)
@@ -242,7 +246,7 @@ class OutputErrorLikelihood:
     """
 
     problem: Problem
-    simulator: Simulator
+    simulator: "Simulator"
     noise: NoiseKind = "diagonal"
     known_R: Array | None = None
     tail_dof: float | None = None

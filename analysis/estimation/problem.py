@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.estimation.data import Segment
+from analysis.estimation.integration import InputRule, Integrator
 from analysis.estimation.model import Model, UnknownKey, UnknownKind
-from analysis.estimation.simulation import InputRule, Integrator
 from flight.errors import InputError
 
 Array = NDArray[np.float64]

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Fit, Intensity
+from analysis.estimation.integration import INPUT_RULES, InputRule, rk4
 from analysis.estimation.model import Model, UnknownKey, UnknownKind
 from analysis.estimation.noise import NORMAL_95
 from analysis.estimation.problem import Unknown, inputs_of, measurements_of
 from analysis.estimation.settings import FILTER_ERROR
-from analysis.estimation.simulation import INPUT_RULES, InputRule, rk4
 from flight.errors import InputError
 
 Array = NDArray[np.float64]

@@ -8,56 +8,34 @@ at once as array operations, and the sensitivities from the derivatives by a lin
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Literal, NamedTuple
+from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.estimation.array_function import ArrayFunction
+from analysis.estimation.array_function import ArrayFunction, check_symbols, has_branches, not_differentiable
 from analysis.estimation.data import delayed
-from analysis.estimation.model import Model, check_symbols, has_branches, not_differentiable
+from analysis.estimation.integration import (
+    INPUT_RULES,
+    Derivative,
+    InputAt,
+    InputRule,
+    Integrator,
+    Record,
+    Response,
+    euler,
+    heun,
+    rk4,
+)
+from analysis.estimation.model import Model
 from flight.errors import InputError
 
 Array = NDArray[np.float64]
-Integrator = Literal["rk4", "euler", "heun", "trapezoidal"]
-InputRule = Literal["linear", "mean", "held"]
 
 
 if hasattr(ca.GlobalOptions, "setNumpyMode"):  # from 3.8 on: keep NumPy functions on symbols as they always were
     ca.GlobalOptions.setNumpyMode(-1)
-
-
-class Response(NamedTuple):
-    """x : (n, states)     y : (n, outputs)     S : (n, outputs, unknowns), dy/d(free parameters), then dy/dx0."""
-
-    x: Array
-    y: Array
-    S: Array
-
-
-Derivative = Callable[[Any, Any], Any]
-InputAt = Callable[[float], Any]  # input as a function of the elapsed fraction of the step, 0 to 1
-
-
-def euler(f: Derivative, x: Any, u: InputAt, h: Any) -> Any:
-    """Euler's explicit method, first order (3.44)."""
-    return x + h * f(x, u(0))
-
-
-def heun(f: Derivative, x: Any, u: InputAt, h: Any) -> Any:
-    """Heun's method, the explicit trapezoidal rule, second order."""
-    k1 = f(x, u(0))
-    return x + h / 2 * (k1 + f(x + h * k1, u(1)))
-
-
-def rk4(f: Derivative, x: Any, u: InputAt, h: Any) -> Any:
-    """Classical Runge-Kutta method, fourth order."""
-    k1 = f(x, u(0))
-    k2 = f(x + h / 2 * k1, u(0.5))
-    k3 = f(x + h / 2 * k2, u(0.5))
-    k4 = f(x + h * k3, u(1))
-    return x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
 
 
 def trapezoidal(f: Derivative, x: Any, u: InputAt, h: Any) -> Any:
@@ -76,20 +54,6 @@ def trapezoidal(f: Derivative, x: Any, u: InputAt, h: Any) -> Any:
 
 
 INTEGRATORS: dict[str, Callable[..., Any]] = {"rk4": rk4, "euler": euler, "heun": heun, "trapezoidal": trapezoidal}
-INPUT_RULES: dict[str, Callable[[Any, Any], InputAt]] = {
-    "linear": lambda u0, u1: lambda s: u0 + s * (u1 - u0),
-    "mean": lambda u0, u1: lambda s: (u0 + u1) / 2,
-    "held": lambda u0, u1: lambda s: u0,
-}
-
-
-class Record(NamedTuple):
-    """Initial state (states,), inputs (n, inputs), parameters (free and fixed, in model order), and step."""
-
-    x0: Array
-    U: Array
-    p: Array
-    step_s: float
 
 
 @dataclass(frozen=True)
@@ -277,13 +241,13 @@ def build_simulator(
         x_next = INTEGRATORS[integrator](xdot, x, INPUT_RULES[inputs](u0, u1), h) if states else ca.SX(0, 1)
         y = ca.vertcat(*model.evaluate_outputs(ca.vertsplit(x), ca.vertsplit(u0), ca.vertsplit(p)))
     except (TypeError, NotImplementedError, RuntimeError) as error:
-        raise not_differentiable(model, error) from None
+        raise not_differentiable(model.name, error) from None
     x_next, y = ca.cse(x_next), ca.cse(y)  # before their derivatives are built: a third fewer instructions
     arguments = [x, ca.vertcat(given0, given1, delays_s), p, h]
     jacobians = [ca.jacobian(of, by) for of in (x_next, y) for by in (x, p_free)]
     next_state = ca.Function("next_state", arguments, [x_next])
     derivatives = ca.Function("derivatives", arguments, ca.cse([y, *jacobians]))
     for function in (next_state, derivatives):
-        check_symbols(model, function)
+        check_symbols(model.name, function)
     branches = has_branches(next_state) or has_branches(derivatives)
     return Simulator(model, free, next_state, ArrayFunction(derivatives), branches)

@@ -8,11 +8,11 @@ import numpy as np
 from analysis.estimation.data import Segment
 from analysis.estimation.equation_error import fit_equation_error
 from analysis.estimation.fit import Finding, Fit, FitStatus, Remark
+from analysis.estimation.integration import InputRule
 from analysis.estimation.model import Model
 from analysis.estimation.output_error import fit_output_error
 from analysis.estimation.problem import FitOptions, as_segments
 from analysis.estimation.settings import VERDICT
-from analysis.estimation.simulation import InputRule
 from flight.errors import InputError
 
 

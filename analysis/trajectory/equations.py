@@ -2,7 +2,7 @@
 
 States at each instant: Euler angles, inertial velocity north-east-down, height, slowly varying wind, gusts, and the
 filter states of the lateral and vertical gusts. Sensor errors are constant over the flight: biases, scales and lags.
-The functions are written with NumPy; CasADi derives them, and they are evaluated over all instants at once.
+The functions are written with NumPy; `linearized_equations` has CasADi derive them.
 
 The aircraft responds to gusts: it heaves within a second and yaws into them within two; only its speed responds slowly.
 If this response multiplied a free sensor error, gusts would be attributed to the sensor (figures: docs/estimators.md).
@@ -15,19 +15,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.estimation.array_function import ArrayFunction
-from analysis.trajectory.smoother import Linearization
-from analysis.trajectory.sparse_jacobian import SparseJacobian
 from flight import motion
 from flight.aircraft import VIBRATION_REVPS
 from flight.units import GRAVITY_MPS2 as g
-
-if hasattr(ca.GlobalOptions, "setNumpyMode"):  # from 3.8 on: NumPy functions on symbols as before
-    ca.GlobalOptions.setNumpyMode(-1)
 
 Array = NDArray[np.float64]
 
@@ -190,10 +183,6 @@ class NamedArrays:
         raise AttributeError(f"no value is named {name!r}")
 
 
-def _symbols(names: Sequence[str], vector: Any) -> NamedArrays:
-    return NamedArrays(names, ca.vertsplit(vector))
-
-
 @dataclass(frozen=True)
 class EquationInputs:
     """Inputs of the equations over n instants; a weight is 1/sigma, and 0 where nothing was measured."""
@@ -205,48 +194,3 @@ class EquationInputs:
     measurement_inputs: Array  # (n, len(MEASUREMENT_INPUTS))
     predicted_states: Array  # (n, nx), states at which the measurement equations are differentiated,
     predicted_inputs: Array  # (n, len(MEASUREMENT_INPUTS)), and their inputs there
-
-
-class Equations:
-    """The equations over `n` instants: residuals in units of standard deviations, and exact derivatives."""
-
-    def __init__(self, n: int):
-        self.n, nx, m = n, len(STATES), len(SENSOR_ERRORS)
-        a, b, c = ca.SX.sym("a", nx), ca.SX.sym("b", nx), ca.SX.sym("c", m)
-        u, weight = ca.SX.sym("u", len(PROCESS_INPUTS)), ca.SX.sym("w", nx)
-        process = process_residuals(
-            _symbols(STATES, a), _symbols(STATES, b), _symbols(SENSOR_ERRORS, c), _symbols(PROCESS_INPUTS, u)
-        )
-        residual = ca.vertcat(*process) * weight
-        jacobian = ca.jacobian(residual, ca.vertcat(a, b, c))
-        self._process = _array_function([a, b, c, u, weight], residual, jacobian)
-
-        z, weight = ca.SX.sym("z", len(MEASUREMENTS)), ca.SX.sym("w", len(MEASUREMENTS))
-        v, v_predicted = ca.SX.sym("v", len(MEASUREMENT_INPUTS)), ca.SX.sym("v'", len(MEASUREMENT_INPUTS))
-        model = measurement_model(_symbols(STATES, a), _symbols(SENSOR_ERRORS, c), _symbols(MEASUREMENT_INPUTS, v))
-        residual = (ca.vertcat(*model) - z) * weight
-        jacobian = ca.substitute(ca.jacobian(residual, ca.vertcat(a, c)), ca.vertcat(a, v), ca.vertcat(b, v_predicted))
-        self._measurement = _array_function([a, b, c, z, weight, v, v_predicted], residual, jacobian)
-
-    def linearize(self, x: Array, sensor_errors: Array, inputs: EquationInputs) -> Linearization:
-        """Residuals and derivatives at states x (n, nx) and sensor errors (m,)."""
-        errors = sensor_errors.tolist()
-        process = self._process.nonzeros(
-            self.n - 1, x[:-1].T, x[1:].T, errors, inputs.process_inputs.T, inputs.process_weight.T
-        )
-        measurement = self._measurement.nonzeros(
-            self.n, x.T, inputs.predicted_states.T, errors, inputs.measured.T, inputs.measurement_weight.T,
-            inputs.measurement_inputs.T, inputs.predicted_inputs.T,
-        )  # fmt: skip
-        nx, m = x.shape[1], len(sensor_errors)
-        return Linearization(
-            process[0].T,
-            SparseJacobian(process[1], self._process.places[1], 2 * nx + m),
-            measurement[0].T,
-            SparseJacobian(measurement[1], self._measurement.places[1], nx + m),
-        )
-
-
-def _array_function(arguments: list[Any], residual: Any, jacobian: Any) -> ArrayFunction:
-    """Of the residuals, all elements as nonzeros in their order, and of the nonzero derivatives."""
-    return ArrayFunction(ca.Function("equations", arguments, ca.cse([ca.densify(residual), jacobian])))

@@ -12,7 +12,6 @@ from analysis.trajectory.equations import (
     SENSOR_ERRORS,
     STATES,
     EquationInputs,
-    Equations,
     NamedArrays,
 )
 from analysis.trajectory.gusts import ObservedGust, intensity_of
@@ -55,6 +54,9 @@ class TrajectoryProblem:
         compass: Compass | None = None,
     ):
         self.blocks = blocks = BlockMeans(table)
+        # Here: CasADi (280 MB) then is neither loaded nor needed for a flight without a trajectory.
+        from analysis.trajectory.linearized_equations import Equations
+
         self.equations = Equations(blocks.n)
         noise, at_rest = noise_at_rest(table, rest), _blocks_at_rest(rest, blocks.n)
         V = pd.Series(blocks["V_mps"])

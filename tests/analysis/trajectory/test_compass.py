@@ -15,8 +15,8 @@ from analysis.trajectory.equations import (
     SENSOR_ERRORS,
     STATES,
     EquationInputs,
-    Equations,
 )
+from analysis.trajectory.linearized_equations import Equations
 from analysis.trajectory.observability import Lacking, heading_notes, sensor_error_estimates
 from analysis.trajectory.priors import PRIOR_SIGMA
 from analysis.trajectory.reconstruction import reconstruct

@@ -13,12 +13,12 @@ from analysis.trajectory.equations import (
     SENSOR_ERRORS,
     STATES,
     EquationInputs,
-    Equations,
     NamedArrays,
     flow,
     measurement_model,
 )
 from analysis.trajectory.inertial import InertialInputs
+from analysis.trajectory.linearized_equations import Equations
 from analysis.trajectory.priors import BENCH_SIGMA
 from analysis.trajectory.process import GustConditions, ProcessModel
 from flight.motion import body_from_earth, flow_of

@@ -13,8 +13,8 @@ from analysis.trajectory.equations import (
     SENSOR_ERRORS,
     STATES,
     EquationInputs,
-    Equations,
 )
+from analysis.trajectory.linearized_equations import Equations
 from analysis.trajectory.priors import PRIOR_SIGMA, SensorPriors
 from analysis.trajectory.reconstruction import reconstruct
 from flight.aircraft import Uncertainty, load_aircraft
