@@ -69,3 +69,23 @@ def test_every_file_of_a_package_is_installed(package: str) -> None:
     present = {file for file in (ROOT / package).rglob("*") if file.is_file() and "__pycache__" not in file.parts}
     assert ROOT / package / "py.typed" in present
     assert {file for file in present if file.suffix != ".py"} <= installed
+
+
+@pytest.mark.parametrize("folder", ["systemd", "firmware/esc_counter"])
+def test_what_the_aircraft_s_computer_needs_is_in_the_wheel(folder: str) -> None:
+    """Beside the program, in share/flightpower of the environment; `systemd/install.sh` finds its files there."""
+    installed: dict[str, list[str]] = PROJECT["tool"]["setuptools"]["data-files"]
+    there = {path for patterns in installed.values() for pattern in patterns for path in ROOT.glob(pattern)}
+    assert {path for path in (ROOT / folder).iterdir() if path.is_file()} <= there
+
+
+def test_the_extra_for_autopilots_has_no_casadi() -> None:
+    assert "casadi" in declared("analysis") and not declared("autopilot") & {"casadi", "plotly", "pyarrow"}
+
+
+def test_every_version_of_python_that_is_tried_is_a_classifier() -> None:
+    workflow = (ROOT / ".github" / "workflows" / "tests.yml").read_text("utf-8")
+    (matrix,) = re.findall(r"matrix: \{python: \[(.*)\]\}", workflow)
+    tried = {version.strip('" ') for version in matrix.split(",")}
+    named = {line.rsplit(" ", 1)[1] for line in PROJECT["project"]["classifiers"] if ":: Python :: 3." in line}
+    assert tried == named and f">={min(tried)}" == PROJECT["project"]["requires-python"]

@@ -1,0 +1,221 @@
+"""What is published, tried as a user gets it: the wheel built twice, and run without a checkout on several Pythons.
+
+    make packages                                                     # python3.11 to python3.14, each must be here
+    .venv/bin/python benchmarks/packages.py --python /opt/python3.14  # this Python only
+    .venv/bin/python benchmarks/packages.py --tests                   # and the tests of the unpacked sdist
+
+With each Python, from the wheel alone, in an empty folder: the demonstration, an aircraft file of one's own, ten
+flights pooled, the page in the browser, and with the extra [autopilot] only, without CasADi, a log of PX4. Packages
+come from pip's index, the newest that pyproject.toml allows. Exit code 1 if a command fails, if the wheels differ in a
+byte, or if twine, check-wheel-contents or pyroma find a fault.
+"""
+
+import hashlib
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tarfile
+import time
+import urllib.request
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import typer
+
+ROOT = Path(__file__).resolve().parent.parent
+PYTHONS = ("python3.11", "python3.12", "python3.13", "python3.14")
+TOOLS = ("build", "check-wheel-contents", "pyroma", "twine")
+LEAST_RATING = (
+    8  # of pyroma's 10: two are for addresses of a home page and of authors, which pyproject.toml has not yet
+)
+MINE = """name = "mine"
+[geometry]
+span = "1.75 m"
+wing_area = "0.464 m^2"
+[mass]
+weight = "3.84 kg"
+"""
+OF_THE_AIRCRAFT = ("--mass", "3.84 kg", "--wing-area", "0.464 m^2", "--span", "1.75 m")
+FLIGHTS = 10
+
+
+class Row(NamedTuple):
+    what: str
+    good: bool
+    seen: str
+
+
+class Bench:
+    """Runs commands in a folder and keeps a row for each; output of all goes to a log beside it."""
+
+    def __init__(self, folder: Path):
+        self.folder = folder
+        self.rows: list[Row] = []
+
+    def run(self, what: str, *command: object, cwd: Path | None = None, **environment: str) -> str:
+        """What the command prints. A row is added: its time, or its error."""
+        begin_s = time.monotonic()
+        done = subprocess.run(
+            [str(word) for word in command], cwd=cwd or self.folder, capture_output=True, text=True,
+            stdin=subprocess.DEVNULL, env=clean_environment() | environment,
+        )  # fmt: skip
+        said = (done.stdout + done.stderr).strip()
+        seen = f"{time.monotonic() - begin_s:.0f} s" if done.returncode == 0 else f"{done.returncode}: {said[-300:]}"
+        self.add(what, done.returncode == 0, seen)
+        return said
+
+    def add(self, what: str, good: bool, seen: str) -> None:
+        self.rows.append(Row(what, good, seen))
+        print(f"{'ok    ' if good else 'FAILED'} {what}: {seen}", flush=True)
+
+
+def clean_environment() -> dict[str, str]:
+    """Of a user, who has no checkout on the path."""
+    return {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "VIRTUAL_ENV")}
+
+
+def main(
+    folder: Path = ROOT / "build" / "packages",
+    python: Annotated[list[str] | None, typer.Option(help="Try this Python; may be given several times.")] = None,
+    tests: Annotated[bool, typer.Option("--tests", help="Run the tests of the unpacked sdist, too.")] = False,
+    wheel: Annotated[Path | None, typer.Option(help="A wheel that was built before, in place of building.")] = None,
+) -> None:
+    """Build and try the packages."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    bench = Bench(folder.resolve())
+    sdist = None
+    if wheel is None:
+        wheel, sdist = built(bench)
+    known = {name: shutil.which(name) for name in python or PYTHONS}
+    for name, path in known.items():
+        if path is None or subprocess.run([path, "-c", ""], capture_output=True).returncode:
+            bench.add(f"{name}", False, "is not here; give its path with --python")
+        else:
+            tried(bench, Path(path), wheel.resolve())
+    if tests and sdist is not None:
+        test_sdist(bench, sdist)
+    failed = [row for row in bench.rows if not row.good]
+    print(f"{len(bench.rows) - len(failed)} of {len(bench.rows)} good")
+    sys.exit(bool(failed))
+
+
+def built(bench: Bench) -> tuple[Path, Path]:
+    """The wheel and the sdist, checked; the wheel is built a second time, from the sdist, and compared."""
+    tools = bench.folder / "tools" / "bin"
+    bench.run("tools", sys.executable, "-m", "venv", tools.parent)
+    bench.run("tools installed", tools / "pip", "install", "--quiet", *TOOLS)
+    committed = subprocess.run(
+        ["git", "log", "-1", "--format=%ct"], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    epoch = {"SOURCE_DATE_EPOCH": committed.stdout.strip()}
+    bench.run("sdist and wheel", tools / "python", "-m", "build", "--outdir", "dist", ROOT, **epoch)
+    (sdist,), (wheel,) = ((bench.folder / "dist").glob(pattern) for pattern in ("*.tar.gz", "*.whl"))
+    source = unpacked(sdist, bench.folder / "sdist")
+    bench.run("wheel again", tools / "python", "-m", "build", "--wheel", "--outdir", "again", source, **epoch)
+    again = bench.folder / "again" / wheel.name
+    digests = [hashlib.sha256(path.read_bytes()).hexdigest()[:12] for path in (wheel, again)]
+    bench.add("wheels equal to the byte", digests[0] == digests[1], " ".join(digests))
+    bench.run("twine", tools / "twine", "check", "--strict", sdist, wheel)
+    bench.run("check-wheel-contents", tools / "check-wheel-contents", "--config", ROOT / "pyproject.toml", wheel)
+    said = bench.run("pyroma", tools / "pyroma", "--min", LEAST_RATING, sdist)
+    bench.add("pyroma's rating", "rating" in said, "".join(re.findall(r"rating: (\S+)", said)))
+    return wheel, sdist
+
+
+def unpacked(sdist: Path, folder: Path) -> Path:
+    """The folder of the project in an sdist unpacked into `folder`."""
+    with tarfile.open(sdist) as archive:
+        archive.extractall(folder, filter="data")
+    (source,) = folder.iterdir()
+    return source
+
+
+def environment(bench: Bench, python: Path, wheel: Path, extras: str, folder: Path) -> Path:
+    """The folder of the commands of a new environment with the wheel; by uv where it is here, or else by pip."""
+    what = f"{folder.parent.name} [{extras}]"
+    if uv := shutil.which("uv"):
+        bench.run(f"{what} environment", uv, "venv", "--quiet", "--python", python, folder)
+        bench.run(
+            f"{what} installed",
+            uv,
+            "pip",
+            "install",
+            "--quiet",
+            "--python",
+            folder / "bin/python",
+            f"{wheel}[{extras}]",
+        )
+    else:
+        bench.run(f"{what} environment", python, "-m", "venv", folder)
+        bench.run(f"{what} installed", folder / "bin/pip", "install", "--quiet", f"{wheel}[{extras}]")
+    return folder / "bin"
+
+
+def tried(bench: Bench, python: Path, wheel: Path) -> None:
+    """What a user does, from the wheel, with one Python."""
+    asked = subprocess.run([python, "-c", "import sys; print(*sys.version_info[:2], sep='.')"], capture_output=True)
+    version = asked.stdout.decode().strip()
+    place = bench.folder / version
+    work = place / "work"
+    work.mkdir(parents=True)
+    commands = environment(bench, python, wheel, "page,sim", place / "venv")
+    if not (commands / "flightpower").exists():
+        return
+
+    def step(what: str, program: str, *words: object) -> None:
+        bench.run(f"{version} {what}", commands / program, *words, cwd=work)
+
+    step("version", "flightpower", "--version")
+    step("demo: fly", "sim", "fly", "--plan", "demo", "-o", "demo")
+    step("demo: analyze", "analyze", "demo/log.mcap")
+    (work / "my.toml").write_text(MINE)
+    step("own aircraft", "analyze", "demo/log.mcap", "--aircraft", "my.toml", "-o", "mine")
+    for seed in range(FLIGHTS):
+        step(f"flight {seed}", "sim", "fly", "--plan", "demo", "--no-hardware", "--seed", seed, "-o", f"flights/{seed}")
+    logs = [f"flights/{seed}/log.mcap" for seed in range(FLIGHTS)]
+    step("ten flights pooled", "analyze", *logs, "-o", "pool")
+    step("PX4: fly", "sim", "fly", "--plan", "ordinary-flight", "--as", "px4", "-o", "px4")
+    page(bench, version, commands, work)
+    light = environment(bench, python, wheel, "autopilot", place / "light")
+    bench.add(f"{version} [autopilot] is without CasADi", not list(light.parent.rglob("casadi")), "")
+    bench.run(f"{version} PX4: analyze", light / "analyze", "px4/log.ulg", *OF_THE_AIRCRAFT, cwd=work)
+    for name, used in (("[page,sim]", place / "venv"), ("[autopilot]", place / "light")):
+        bytes_ = sum(path.lstat().st_size for path in used.rglob("*") if path.is_file())
+        bench.add(f"{version} {name}", True, f"{bytes_ / 1e6:.0f} MB")
+
+
+def page(bench: Bench, version: str, commands: Path, work: Path) -> None:
+    """The page of the demonstration's flight is served, and ends by itself when it is asked to."""
+    command = [commands / "flightpower", "open", "demo/log.mcap", "--no-browser"]
+    served = subprocess.Popen(
+        command, cwd=work, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=clean_environment()
+    )
+    assert served.stdout is not None
+    lines, address = [], None
+    for line in served.stdout:
+        lines.append(line)
+        if address := re.search(r"http://\S+", line):
+            break
+    try:
+        text = urllib.request.urlopen(address[0], timeout=60).read().decode() if address else ""
+    except OSError as error:
+        text, lines = "", [*lines, str(error)]
+    finally:
+        served.terminate()
+        code = served.wait(60)
+    good = "<html" in text and code in (0, -15)
+    bench.add(f"{version} page", good, f"{len(text) / 1e3:.0f} kB" if good else "".join(lines)[-300:])
+
+
+def test_sdist(bench: Bench, sdist: Path) -> None:
+    """`make test` in the unpacked sdist, which is no checkout."""
+    source = unpacked(sdist, bench.folder / "tested")
+    said = bench.run("tests of the sdist", "make", "test", cwd=source)
+    bench.add("tests of the sdist counted", " passed" in said, "".join(re.findall(r"\d+ passed.*", said)[-1:]))
+
+
+if __name__ == "__main__":
+    typer.run(main)
