@@ -4,7 +4,9 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 BIN := $(VENV)/bin
 JOBS ?= 2
+# .ready: what the demonstration needs is installed; .dev: tests and tools are, too.
 READY := $(VENV)/.ready
+INSTALL := $(BIN)/pip install --quiet --disable-pip-version-check --no-compile --constraint constraints.txt --editable
 # The matrices here are small: a pool of threads in every test process costs more than it gives.
 export OPENBLAS_NUM_THREADS := 1
 # Each process would compile the tests and our code again.
@@ -16,7 +18,7 @@ IN_NAMESPACE = $(shell [ "$$(id -u)" = 0 ] || { unshare -Urm true 2>/dev/null &&
 WORKERS := $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo picture test bench site study dissertation soak fuzz crash-points vm lint types check constraints clean
+.PHONY: help demo picture test bench site study dissertation soak fuzz crash-points vm packages lint types check constraints clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -25,11 +27,19 @@ $(READY): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is needed; try: make $(MAKECMDGOALS) PYTHON=/path/to/python3.11" >&2; exit 1; }
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { echo "Python's venv module is missing; on Debian: sudo apt-get install python3-venv" >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
+	@echo "Installing into $(VENV): a minute, 500 MB"
+	@$(INSTALL) '.[analysis,sim]'
+	@$(BIN)/python benchmarks/environment.py
+	@touch $@
+
+$(VENV)/.dev: $(READY)
+	@echo "Installing the tools of development into $(VENV)"
+	@$(INSTALL) '.[dev]'
+	@$(BIN)/python benchmarks/environment.py
 	@touch $@
 
 $(VENV)/.docs: $(READY)
-	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[docs]'
+	$(INSTALL) '.[docs]'
 	@touch $@
 
 site: $(VENV)/.docs ## the documentation as a site in build/site; a broken link is an error
@@ -39,13 +49,13 @@ demo: $(READY) ## fly, record and analyze a simulated Nexstar; the report lands 
 	$(BIN)/sim fly --replace --plan demo -o out/demo
 	$(BIN)/analyze out/demo/log.mcap
 
-picture: demo ## renew the README's picture: the demo's curve with the truth over it, drawn by Chromium
+picture: demo $(VENV)/.dev ## renew the README's picture: the demo's curve with the truth over it, drawn by Chromium
 	$(BIN)/python benchmarks/picture.py out/demo docs/power-required.png
 
-test: $(READY) ## the whole test suite
+test: $(VENV)/.dev ## the whole test suite
 	$(IN_NAMESPACE) $(BIN)/pytest -n $(WORKERS) --dist loadgroup
 
-bench: $(READY) ## measure drivers, simulator, parameter estimation and daemon
+bench: $(VENV)/.dev ## measure drivers, simulator, parameter estimation and daemon
 	$(BIN)/python benchmarks/drivers.py
 	$(BIN)/python benchmarks/daemon_parts.py parts
 	$(IN_NAMESPACE) $(BIN)/python benchmarks/daemon_parts.py threads
@@ -65,32 +75,35 @@ bench: $(READY) ## measure drivers, simulator, parameter estimation and daemon
 	$(BIN)/python benchmarks/daemon.py mend
 	$(BIN)/python benchmarks/daemon.py day
 
-study: $(READY) ## coverage over worlds, weather and plans; hours, goes on where it stopped; JOBS=4 for four processes
+study: $(VENV)/.dev ## coverage over worlds, weather and plans; hours, goes on where it stopped; JOBS=4 for four processes
 	$(BIN)/python benchmarks/worlds.py --jobs $(JOBS)
 
-dissertation: $(READY) ## the results of the dissertation's chapters 4 and 7 from simulated flights, into out/dissertation (4 min)
+dissertation: $(VENV)/.dev ## the results of the dissertation's chapters 4 and 7 from simulated flights, into out/dissertation (4 min)
 	$(BIN)/python benchmarks/dissertation.py
 
-soak: $(READY) ## the daemon for ten minutes in real time at 25 and at 100 Hz, on device files (needs root)
+soak: $(VENV)/.dev ## the daemon for ten minutes in real time at 25 and at 100 Hz, on device files (needs root)
 	$(BIN)/python benchmarks/daemon.py soak --fifo --rate 25
 	$(BIN)/python benchmarks/daemon.py soak --fifo --rate 100
 
-fuzz: $(READY) ## a million inputs into every parser of bytes from outside (half an hour)
-	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[fuzz]'
+fuzz: $(VENV)/.dev ## a million inputs into every parser of bytes from outside (half an hour)
+	$(INSTALL) '.[fuzz]'
 	$(BIN)/python benchmarks/fuzz.py run
 
-crash-points: $(READY) ## cut the daemon's power at 500 writes of each of three recordings (needs root; 15 min)
+crash-points: $(VENV)/.dev ## cut the daemon's power at 500 writes of each of three recordings (needs root; 15 min)
 	for seed in 1003 1004 1005; do $(BIN)/python benchmarks/crash_points.py --points 500 --seed $$seed || exit; done
 
-vm: $(READY) ## the service in a virtual Debian computer: installed, power pulled, unplugged, upgraded (needs root; 1 h)
+packages: $(VENV)/.dev ## build sdist and wheel, and try the wheel alone on Python 3.11 to 3.14 (10 min for each)
+	$(BIN)/python benchmarks/packages.py
+
+vm: $(VENV)/.dev ## the service in a virtual Debian computer: installed, power pulled, unplugged, upgraded (needs root; 1 h)
 	$(BIN)/python benchmarks/vm
 
-lint: $(READY) ## ruff, and American spelling
+lint: $(VENV)/.dev ## ruff, and American spelling
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/codespell
 
-types: $(READY) ## mypy
+types: $(VENV)/.dev ## mypy
 	$(BIN)/mypy
 
 check: lint types test ## lint, types, test

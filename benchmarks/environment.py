@@ -1,0 +1,70 @@
+"""Removes from .venv what no program loads, and keeps each library that a package holds under several names once.
+
+    .venv/bin/python benchmarks/environment.py     # `make` does it after installing; prints what it saved
+
+The tests of pandas and SciPy, header files and static libraries take 120 MB; CasADi's shared libraries are in its wheel
+up to three times, since a wheel holds no links, 140 MB; MAVLink's other dialects 40 MB. Nothing is removed outside the
+environment of the Python that runs this. To have all of a package again: pip install --force-reinstall PACKAGE.
+"""
+
+import filecmp
+import os
+import shutil
+import sys
+import sysconfig
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+
+FOLDERS = (
+    "casadi/include", "pandas/tests", "pyarrow/include", "pyarrow/tests", "scipy/**/tests",
+)  # fmt: skip
+FILES = ("casadi/*.a", "pymavlink/dialects/**/*.py", "pymavlink/dialects/**/*.xml")
+KEPT = ("__init__.py", "/ardupilotmega.py", "v20/common.py")  # of the files: the dialects that are used
+LIBRARIES = ("**/*.so", "**/*.so.*", "**/*.dylib")
+SMALL_BYTES = 100_000
+
+
+def main() -> None:
+    """Slim the environment."""
+    if sys.prefix == sys.base_prefix:
+        sys.exit("environment.py: run it by the Python of a virtual environment")
+    packages = Path(sysconfig.get_path("platlib"))
+    before = size_bytes(packages)
+    for path in removable(packages):
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
+    link_equal_files(packages)
+    print(f"{packages}: {size_bytes(packages) / 1e6:.0f} MB, {before / 1e6:.0f} MB before")
+
+
+def removable(packages: Path) -> Iterator[Path]:
+    """Folders and files to remove."""
+    for pattern in FOLDERS:
+        yield from [path for path in packages.glob(pattern) if path.is_dir()]
+    for pattern in FILES:
+        yield from [path for path in packages.glob(pattern) if not path.as_posix().endswith(KEPT)]
+
+
+def link_equal_files(packages: Path) -> None:
+    """One copy of each large library, under all its names."""
+    by_size = defaultdict(set)
+    for pattern in LIBRARIES:
+        for path in packages.glob(pattern):
+            if not path.is_symlink() and path.stat().st_size > SMALL_BYTES:
+                by_size[path.stat().st_size].add(path)
+    for paths in by_size.values():
+        first, *others = sorted(paths)
+        for path in others:
+            if not first.samefile(path) and filecmp.cmp(first, path, shallow=False):
+                path.unlink()
+                os.link(first, path)
+
+
+def size_bytes(folder: Path) -> int:
+    """Of all files, each counted once, whatever its names."""
+    found = {(info.st_dev, info.st_ino): info.st_size for path in folder.rglob("*") if (info := path.lstat())}
+    return sum(found.values())
+
+
+if __name__ == "__main__":
+    main()
