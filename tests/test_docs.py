@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-OTHER_PAGES = ("README.md", "CHANGELOG.md", "Makefile", "systemd/README.md", "firmware/esc_counter/README.md",
-               "tests/data/README.md")  # fmt: skip
+OTHER_PAGES = ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md", "Makefile",
+               "systemd/README.md", "firmware/esc_counter/README.md", "tests/data/README.md")  # fmt: skip
 PAGES = [*(ROOT / name for name in OTHER_PAGES), *sorted((ROOT / "docs").glob("*.md"))]
 PACKAGES = ("analysis", "daq", "flight", "flightpower", "hw_fakes", "sim")
 OF_CODE = (*PACKAGES, "benchmarks")

@@ -99,7 +99,7 @@ NOT_RUN = {
     "python benchmarks/.*": "minutes to hours: many seeds of what single tests show; names and options are checked",
     "(sim fly --plan full-test-flight -o|analyze) out/full.*": "15 s: as the tutorial's demonstration, but longer",
     "make (demo|test)": "run by .ci/run; `make test` is the run that this test belongs to",
-    "(python3|py) -m venv .venv": "installs",
+    "(python3|py) -m venv (.venv|/opt/flightpower)": "installs",
     "(pip|uv tool) install .*": "installs, from the network; test_packaging.py checks what is declared and contained",
     "(python3 -m )?pip wheel .*": "installs, from the network; test_packaging.py checks what is declared and contained",
     "apt-get install .*": "installs, as root",
