@@ -381,9 +381,18 @@ def _meaning(key: str) -> str:
 
 
 def _strips(table: pd.DataFrame) -> Json:
+    """Time histories by title with unit; without those of which the log has nothing."""
     t_s = table.index.to_numpy()
-    rows = {"speed, m/s": table["V_mps"], "height, m": table["height_m"], "motor, rpm": 60 * table["n_revps"]}
-    drawn = {title: thinned(t_s, column.to_numpy(), LIMITS.points) for title, column in rows.items()}
+    rows = {
+        "speed, m/s": table["V_mps"],
+        "height, m": table["height_m"],
+        "motor, rpm": 60 * table["n_revps"],
+        "throttle, %": 100 * table["throttle"],
+        "angle of attack, deg": np.degrees(table["alpha_rad"]),
+        "bank, deg": np.degrees(table["bank_rad"]),
+    }
+    known = {title: column.to_numpy() for title, column in rows.items() if column.notna().any()}
+    drawn = {title: thinned(t_s, values, LIMITS.points) for title, values in known.items()}
     return {title: {"t_s": rounded(t), "value": rounded(value)} for title, (t, value) in drawn.items()}
 
 

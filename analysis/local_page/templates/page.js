@@ -2,7 +2,9 @@
 // The page of `flightpower open`: the flight, its runs and values, and the curve that follows from them.
 
 const SVG = "http://www.w3.org/2000/svg", at = id => document.getElementById(id);
-const HIDDEN = ["standing", "flying"], KEYS = {a: "acceleration", d: "deceleration", s: "steady"};
+const HIDDEN = ["standing", "flying"];
+const NOT_IN_CURVE = {standing: "not in the curve: at rest on the ground", flying: "not in the curve: from take-off to landing"};
+const KEYS = {a: "acceleration", d: "deceleration", s: "steady"};
 let flight = null;  // what the server says of the opened log
 let runs = [], edited = false, selected = -1, changed = {}, propeller = "";
 let last = null, first = null;  // the newest curve, and that of the flight as it was opened
@@ -112,6 +114,7 @@ async function compute() {
   const ul = at("notes").querySelector("ul");
   ul.replaceChildren();
   for (const note of found.notes) put(ul, "li", {}, note);
+  at("notes").hidden = !found.notes.length;
 }
 
 let waiting = 0;
@@ -142,7 +145,7 @@ function axes(svg, x, y, [xRange, yRange], [left, right, top, bottom], [xTitle, 
     put(svg, "path", {class: "grid", d: `M${x(tick)} ${top}V${bottom}`});
     if (xTitle) put(svg, "text", {x: x(tick), y: bottom + 17, "text-anchor": "middle"}, String(tick));
   }
-  for (const tick of ticks(...yRange, Math.max(2, (bottom - top) / 40))) {
+  for (const tick of ticks(...yRange, Math.max(3, (bottom - top) / 40))) {
     put(svg, "path", {class: "grid", d: `M${left} ${y(tick)}H${right}`});
     put(svg, "text", {x: left - 6, y: y(tick) + 4, "text-anchor": "end"}, String(tick));
   }
@@ -171,7 +174,7 @@ function drawCurve() {
   const where = last.least_power === null ? "the slowest flown; power still decreases there" : "the speed of least power";
   at("number").textContent = `${P[k].toFixed(1)} W (95 % interval ${lo[k].toFixed(1)} to ${hi[k].toFixed(1)}) at ${V[k].toFixed(1)} m/s, ${where}, `
     + `for ${last.mass_kg.toFixed(2)} kg in air of ${last.density_kgpm3.toFixed(3)} kg/m³. ` + (first !== last.curve ? "Dashed: as opened. " : "")
-    + "Other methods and the verdict are in the report.";
+    + "The verdict and other methods are in the report.";
   const sources = at("sources");
   sources.replaceChildren();
   for (const [name, share] of last.sources) {
@@ -188,14 +191,17 @@ function drawCurve() {
 
 let time = null;  // scale of the time axis
 function draw() {
-  const [svg, width, height] = emptied("strips"), strips = Object.entries(flight.strips), n = strips.length;
+  const strips = Object.entries(flight.strips), n = strips.length;
+  at("strips").style.height = `calc(${n} * 5.6rem + 40px)`;
+  const [svg, width, height] = emptied("strips");
   const tRange = extent(strips.flatMap(([, {t_s}]) => [t_s[0], t_s[t_s.length - 1]]));
   const left = 56, right = width - 8, bottom = height - 40, each = bottom / n;
   time = scale(tRange, [left, right]);
   strips.forEach(([title, {t_s, value}], i) => {
     const box = [left, right, i * each + 8, (i + 1) * each - 6], range = extent(value), y = scale(range, [box[3], box[2]]);
-    axes(svg, time, y, [tRange, range], box, [i === n - 1 ? "time since the start of the log, s" : "", title]);
+    axes(svg, time, y, [tRange, range], box, [i === n - 1 ? "time since the start of the log, s" : "", ""]);
     put(svg, "path", {class: "line", d: path(time, y, t_s, value)});
+    put(svg, "text", {class: "over-line", x: left + 6, y: box[2] + 10}, title);
   });
   put(svg, "g", {id: "bands"});
   put(svg, "path", {class: "cursor", id: "line"});
@@ -364,7 +370,7 @@ function showRuns() {
       const box = put(cells[cell], "input", {type: "number", step: 0.1, min: 0, "aria-label": `${name} of run ${i + 1}, s`, value: run[end].toFixed(2), "data-place": `${i} ${end}`});
       box.addEventListener("change", () => { if (Number.isFinite(box.valueAsNumber)) { run[end] = box.valueAsNumber; changedRuns(); } });
     }
-    cells[4].textContent = run.why;
+    cells[4].textContent = run.why || NOT_IN_CURVE[run.kind] || "";
     row.addEventListener("click", event => { if (event.target.tagName === "TD") select(i); });
     row.addEventListener("focusin", () => { if (selected !== i) { selected = i; drawBands(); [...body.rows].forEach((one, k) => one.classList.toggle("selected", k === i)); } });
   });
@@ -377,25 +383,26 @@ function showForm() {
   const div = at("form").querySelector("div");
   div.replaceChildren();
   const recorded = () => { at("as-recorded").disabled = !Object.keys(changed).length && !propeller; };
+  if (flight.propellers) {
+    const label = put(div, "label");
+    put(label, "span", {}, "propeller flown");
+    const choice = put(label, "select", {"data-key": "propeller"});
+    put(choice, "option", {value: ""}, `${flight.propeller} (as in the log)`);
+    for (const name of flight.propellers) put(choice, "option", {value: name}, name);
+    choice.addEventListener("change", () => { propeller = choice.value; recorded(); recompute(); });
+  }
   for (const {key, value, meaning} of flight.form) {
     const label = put(div, "label", {title: meaning});
     put(label, "span", {}, key);
     const box = put(label, "input", {"data-key": key});
     box.value = value;
+    box.addEventListener("focus", () => { at("meaning").textContent = meaning ? `${key}: ${meaning}` : ""; });
     box.addEventListener("change", () => {
       if (box.value === value) delete changed[key]; else changed[key] = box.value;
       box.classList.toggle("changed", box.value !== value);
       recorded();
       if (flight.kind === "drag") recompute();
     });
-  }
-  if (flight.propellers) {
-    const label = put(div, "label");
-    put(label, "span", {}, "propeller");
-    const choice = put(label, "select", {"data-key": "propeller"});
-    put(choice, "option", {value: ""}, `${flight.propeller} (as in the log)`);
-    for (const name of flight.propellers) put(choice, "option", {value: name}, name);
-    choice.addEventListener("change", () => { propeller = choice.value; recorded(); recompute(); });
   }
   recorded();
 }

@@ -114,6 +114,9 @@ def test_kinds_and_use_of_a_run_by_key_and_a_new_run(page: Browser) -> None:
     page.press("a", 65)
     assert page.value_of(f"runs[{i}].kind") == "acceleration"
     count = page.value_of("runs.length")
+    why = page.value_of("[...document.querySelectorAll('#runs tbody tr')].map(row => row.cells[4].textContent)")
+    left_out = page.value_of("runs.map(run => !run.keep || ['standing', 'flying'].includes(run.kind))")
+    assert all(why[k] for k, out in enumerate(left_out) if out), "every run that is not in the curve says why"
     page.value_of("point(101)")
     page.press("n", 78)
     assert page.value_of("[runs.length, runs[selected].start_s]") == [count + 1, 101]
@@ -128,7 +131,9 @@ def test_the_cursor_reads_all_strips_and_shows_the_place(page: Browser) -> None:
     )
     page.command("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
     said = page.value_of("document.getElementById('cursor').textContent")
-    assert said.startswith("70.") and all(unit in said for unit in ("m/s", " m", "rpm"))
+    assert said.startswith("70.") and all(
+        unit in said for unit in ("m/s", " m", "rpm", "throttle 100.0 %", "angle of attack")
+    )
     assert page.value_of("Number(document.getElementById('here').getAttribute('cx'))") > 0
 
 
@@ -138,6 +143,8 @@ def test_another_weight_changes_the_curve_and_back(page: Browser) -> None:
         f"document.getElementById('form').open = true; {box}.value = '{{}}'; {box}.dispatchEvent(new Event('change'))"
     )
     power = page.value_of("last.curve.power_W[20]")
+    page.value_of(f"document.getElementById('form').open = true; {box}.focus()")
+    assert page.value_of("document.getElementById('meaning').textContent").startswith("mass.weight: ")
     changed_curve(page, type_in.format("4.6 kg"))
     assert "for 4.60 kg" in page.value_of("document.getElementById('number').textContent")
     page.value_of(type_in.format("heavy"))
