@@ -140,7 +140,7 @@ def read_statistics(results: Path | Mapping[str, Any]) -> FlightStatistics:
             f"{where}: statistics for pooling in the format {found.get('format')}, not {FORMAT}; analyze the log again"
         )
     try:
-        return _statistics(msgspec.convert(content, FlightContent))
+        return of_content(msgspec.convert(content, FlightContent))
     except (ValueError, IndexError, msgspec.ValidationError) as error:
         raise InputError(f"{where}: malformed statistics for pooling ({error}); analyze the log again") from None
 
@@ -155,7 +155,8 @@ def _read(path: Path) -> Mapping[str, Any]:
     return content
 
 
-def _statistics(content: FlightContent) -> FlightStatistics:
+def of_content(content: FlightContent) -> FlightStatistics:
+    """The statistics as arrays. Raises ValueError or IndexError for malformed ones."""
     of_flight, test = content.pooling, content.test
     names, weighting = of_flight.names, of_flight.weighting_covariance
     kept = [names.index(name) for name in POOLED]

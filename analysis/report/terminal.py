@@ -7,10 +7,12 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from analysis.fleet.results import FleetResults
 from analysis.pooling.results import ComparisonResults, ElectricalPooledResults, PooledResults
 from analysis.report.answers import HeadlineAnswer, headline_answers
 from analysis.report.electrical_page import curve_table as electrical_table
 from analysis.report.electrical_page import electrical_answers
+from analysis.report.fleet_page import airframes_table, fleet_answers, news_table
 from analysis.report.html_page import HtmlTable
 from analysis.report.pooled_page import (
     comparison_answers,
@@ -73,6 +75,18 @@ def print_comparison(comparison: ComparisonResults, page: Path | None, console: 
     _print_answers(console, comparison_answers(comparison))
     console.print(escape(comparison.text), highlight=False)
     _print_notes(console, comparison.notes)
+    if page:
+        _print_page(console, page)
+
+
+def print_fleet(fleet: FleetResults, page: Path | None, console: Console) -> None:
+    """Print what changed, the airframes, what could not be read, and where the page is."""
+    news = news_table(fleet)
+    if news.rows:
+        _print_table(console, "what changed", news)
+    _print_table(console, f"{len(fleet.airframes)} airframes, {fleet.flights} flights", airframes_table(fleet))
+    _print_answers(console, fleet_answers(fleet))
+    _print_notes(console, fleet.left_out)
     if page:
         _print_page(console, page)
 

@@ -91,6 +91,7 @@ RUN_ELSEWHERE = {
     "(flightpower new columns|analyze) table.csv .*": "analysis/tables/test_tables.py",
     r"analyze flights/\*(/log)?.mcap -o out( --scheduler .*)?": "analysis/campaign/test_campaign.py",
     "analyze compare old/ new/ -o difference": "analysis/pooling/test_pooled_comparison.py",
+    "flightpower fleet (add|show) .*": "analysis/fleet/test_fleet_command.py",
     "calibrate thrust stand.csv .*": "analysis/ground/test_thrust_stand.py",
     "analyze log.mcap --thrust-stand stand.json": "analysis/ground/test_thrust_stand.py",
     "flightpower plan nexstar .*": "analysis/planning/test_planning.py",

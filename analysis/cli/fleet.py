@@ -1,0 +1,106 @@
+"""The commands `fleet add` and `fleet show`: many airframes, many flights. Arguments and messages only."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from analysis.cli.options import ReplaceOption
+from flight.command_line import application, quantity, run
+from flight.errors import InputError
+from flight.files import check_new_file
+
+app = application()
+
+DatasetArgument = Annotated[
+    str,
+    typer.Argument(metavar="DATASET", help="A folder, or an address such as s3://bucket/fleet.", show_default=False),
+]
+
+
+@app.command()
+def add(
+    folders: Annotated[list[Path], typer.Argument(metavar="FOLDER…", help="Folders that `analyze` wrote.")],
+    to: Annotated[
+        str, typer.Option("--to", metavar="DATASET", help="A folder, or an address such as s3://bucket/fleet.")
+    ],
+) -> None:
+    """Keep the statistics of flights, a row each. A flight that is there already is left as it is.
+
+    \b
+    Example:
+      flightpower fleet add flights/ --to fleet
+
+    Exit code 0: done. 2: a folder or the dataset cannot be used; one line on stderr says why.
+    """
+    from analysis.campaign.campaign import flight_folders_of, read_results
+    from analysis.fleet.dataset import Dataset
+
+    console = Console(highlight=False)
+    found = read_results([flight for folder in folders for flight in flight_folders_of(folder)])
+    if not found.to_pool:
+        raise InputError(f"{folders[0]}: no flight to add; {found.left_out[0]}")
+    added = Dataset(to).add(found.to_pool)
+    for line in found.left_out:
+        console.print(f"left out: {line}", markup=False)
+    console.print(f"{to}: {added.new} flights added, {added.known} were there already", markup=False)
+
+
+@app.command()
+def show(
+    dataset: DatasetArgument,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="FOLDER", help="Folder for fleet.html and fleet.json; else print only."),
+    ] = None,
+    airframe: Annotated[
+        list[str] | None, typer.Option("--airframe", metavar="NAME", help="Only this one; may be repeated.")
+    ] = None,
+    false_alarms: Annotated[
+        float,
+        typer.Option(
+            "--false-alarms",
+            parser=quantity("--false-alarms", "", "1", least=0.01, most=50),
+            metavar="NUMBER",
+            help="That are accepted in a year of an airframe that does not change. Fewer find smaller changes later.",
+        ),
+    ] = 1.0,
+    replace: ReplaceOption = False,
+) -> None:
+    """The curve of each airframe and of the fleet, and which airframes need more power than they did, and why.
+
+    \b
+    Example:
+      flightpower fleet show fleet -o fleet-today
+
+    Exit code 0: done. 2: the dataset cannot be read; one line on stderr says why.
+    """
+    if output is not None:
+        for name in ("fleet.html", "fleet.json"):
+            check_new_file(output / name, replace=replace)
+    import msgspec
+
+    from analysis.files import write_file
+    from analysis.fleet.airframes import airframes
+    from analysis.fleet.dataset import Dataset
+    from analysis.fleet.results import fleet_results
+    from analysis.report.fleet_page import render_fleet
+    from analysis.report.terminal import print_fleet
+
+    unread: list[str] = []
+    results = fleet_results(airframes(Dataset(dataset), false_alarms, unread, airframe or ()), unread)
+    page = output and output / "fleet.html"
+    if output is not None:
+        write_file(output / "fleet.json", msgspec.json.encode(results))
+        write_file(output / "fleet.html", render_fleet(results))
+    print_fleet(results, page, Console())
+
+
+def main() -> None:
+    """Entry point. Wrong input gives one line on stderr and exit code 2."""
+    run(app, "fleet")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,179 @@
+"""Since when has an airframe had more drag, or less thrust? Steps and drifts over its flights.
+
+Each flight estimates drag and thrust, both as a share of the airframe's own. The estimate is drawn to its prior, so
+that a change of one shows in part in the other; the model of the pool says by how much (`analysis.pooling.joint`).
+After each flight the best step and the best drift in both are found by generalized least squares, from any flight on.
+A change is told where the fit improves by more than it does by chance once in as many flights as are allowed for a
+false alarm (the generalized likelihood ratio; Basseville and Nikiforov 1993, sec. 2.4.3).
+"""
+
+from collections.abc import Sequence
+from enum import StrEnum
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from analysis.fleet.settings import FLEET
+from analysis.pooling.agreement import ErrorParts, error_parts
+from analysis.pooling.flight_statistics import POLAR, POOLED, FlightStatistics, M
+from analysis.pooling.joint import pooled_estimate, shared_prior, stacked
+from analysis.settings import EVIDENCE
+
+Array = NDArray[np.float64]
+
+_N_POLAR, _THRUST = len(POLAR), POOLED.index("thrust_scale")
+_SHARES = len(("drag", "thrust"))
+
+
+class Shape(StrEnum):
+    """How a change came."""
+
+    STEP = "step"
+    DRIFT = "drift"
+
+
+class What(StrEnum):
+    """What changed."""
+
+    DRAG = "drag"
+    PROPULSION = "propulsion"
+    BOTH = "drag and propulsion"
+
+
+class Series(NamedTuple):
+    """Drag and thrust of n flights as shares of the airframe's own.
+
+    values : (n, 2)     by_truth : (n, 2, 2) change of the values by a change of drag and of thrust     errors : k = 2
+    """
+
+    values: Array
+    by_truth: Array
+    errors: ErrorParts
+
+
+class Change(NamedTuple):
+    """A change from one flight on, until the next change or the last flight.
+
+    since, found : numbers of the first flight that differs and of the one after which this was told
+    drag, thrust : change as a share; of a drift until the last of these flights     covariance : (2, 2) of both
+    """
+
+    shape: Shape
+    since: int
+    found: int
+    drag: float
+    thrust: float
+    covariance: Array
+
+    @property
+    def errors(self) -> tuple[float, float]:
+        """Standard errors of drag and thrust."""
+        drag, thrust = np.sqrt(np.diag(self.covariance))
+        return float(drag), float(thrust)
+
+    @property
+    def what(self) -> What:
+        """What differs from 0 at the level `EVIDENCE.rare_false_alarms`; the surer of the two where neither does."""
+        z = np.abs([self.drag, self.thrust]) / self.errors
+        sure = z > norm.isf(EVIDENCE.rare_false_alarms / 2)
+        if sure.all():
+            return What.BOTH
+        return What.DRAG if z[0] > z[1] else What.PROPULSION
+
+
+def series(flights: Sequence[FlightStatistics]) -> Series:
+    """Of the flights of one airframe and configuration, at the middle of the lift coefficients that all flew."""
+    stack, prior = stacked(flights), shared_prior(flights)
+    A = pooled_estimate(stack, prior).x[:_N_POLAR]
+    CL = np.sqrt(np.median([one.flown_CL[0] for one in flights]) * np.median([one.flown_CL[1] for one in flights]))
+    gradient = CL ** np.arange(_N_POLAR)
+    of_flight = np.zeros((_SHARES, M))
+    of_flight[0, :_N_POLAR], of_flight[1, _THRUST] = gradient / (gradient @ A), 1.0
+    changed = np.zeros((M, _SHARES))
+    changed[:_N_POLAR, 0], changed[_THRUST, 1] = A, 1.0
+    by_truth = of_flight @ (np.eye(M) - stack.prior_part) @ changed
+    return Series(stack.values @ of_flight.T, by_truth, error_parts(stack, prior, of_flight))
+
+
+def find_changes(of_flights: Series, times: Array, flights_per_false_alarm: float) -> list[Change]:
+    """All changes, in the order of the flights, as they would have been told flight by flight.
+
+    times : (n,) ascending, of the flights     flights_per_false_alarm : of an unchanged airframe, in the mean
+    """
+    # Tests after each flight, from each flight on, are correlated: together they act as some independent ones.
+    threshold = 2 * np.log(FLEET.tests_a_flight * flights_per_false_alarm)
+    equations = _normal_equations(of_flights)
+    told: list[tuple[int, int, Shape]] = []
+    start, n = 0, len(times)
+    for end in range(3, n + 1):
+        if end - start < 3:
+            continue
+        best = _best(equations, times, slice(start, end))
+        if best.gain > threshold:
+            told.append((start, end - 1, best.shape))
+            start = best.since if best.shape is Shape.STEP else end - 1
+    changes = []
+    for (begin, found, _), following in pairwise([*told, (n, n, Shape.STEP)]):
+        best = _best(equations, times, slice(begin, max(following[0], found + 1)))
+        drag, thrust = best.change.tolist()
+        changes.append(Change(best.shape, best.since, found, drag, thrust, best.covariance))
+    return changes
+
+
+class _Best(NamedTuple):
+    gain: float
+    shape: Shape
+    since: int
+    change: Array
+    covariance: Array
+
+
+def _normal_equations(of_flights: Series) -> Array:
+    """(n, c, c): products of the whitened columns mean, shared errors, change, values of each flight."""
+    values, by_truth, errors = of_flights
+    n = len(values)
+    columns = [np.broadcast_to(np.eye(_SHARES), (n, _SHARES, _SHARES)), errors.shared, by_truth, values[:, :, None]]
+    white = np.linalg.solve(np.linalg.cholesky(errors.own), np.concatenate(columns, axis=2))
+    return np.asarray(white.transpose(0, 2, 1) @ white)
+
+
+def _best(equations: Array, times: Array, part: slice) -> _Best:
+    """The step or drift, from the second flight of a part on, that improves the fit most."""
+    G, t = equations[part], times[part]
+    before = G.shape[1] - 1 - _SHARES  # columns of mean and shared errors
+    change, value = slice(before, before + _SHARES), -1
+    A = G[:, :before, :before].sum(axis=0)
+    A[_SHARES:, _SHARES:] += np.eye(before - _SHARES)
+    inverse = np.linalg.inv(A)
+    known = inverse @ G[:, :before, value].sum(axis=0)
+    moment = t[:, None, None] - t[0]
+    zeroth, first, second = (_from_each(power * G)[1:] for power in (1.0, moment, moment**2))
+    start = moment[:-1]  # of a drift: the flight before
+    length = np.maximum(moment[-1] - start, np.finfo(float).tiny)
+    found = []
+    for shape, linear, square in (
+        (Shape.STEP, zeroth, zeroth),
+        (
+            Shape.DRIFT,
+            (first - start * zeroth) / length,
+            (second - 2 * start * first + start**2 * zeroth) / length**2,
+        ),
+    ):
+        B = linear[:, :before, change]
+        information = square[:, change, change] - B.transpose(0, 2, 1) @ inverse @ B
+        vector = linear[:, change, value] - np.einsum("kpd,p->kd", B, known)
+        seen = np.linalg.eigvalsh(information)[:, 0] > np.finfo(float).eps * np.trace(square[0, change, change])
+        information[~seen] = np.eye(_SHARES)
+        estimate = np.linalg.solve(information, vector[:, :, None])[:, :, 0]
+        gain = np.where(seen, np.sum(estimate * vector, axis=1), 0.0)
+        k = int(np.argmax(gain))
+        found.append(_Best(float(gain[k]), shape, part.start + 1 + k, estimate[k], np.linalg.inv(information[k])))
+    return max(found, key=lambda one: one.gain)
+
+
+def _from_each(G: Array) -> Array:
+    """Sums of G from each flight to the last."""
+    return np.asarray(G[::-1].cumsum(axis=0)[::-1])

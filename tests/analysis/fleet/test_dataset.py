@@ -1,0 +1,75 @@
+"""Rows of flights in a dataset: the pool of the rows is the pool of the results, whatever the order and the place."""
+
+from pathlib import Path
+
+import pytest
+from fleet_flights import flights_of
+
+from analysis.fleet.dataset import Added, Dataset
+from analysis.pooling.pool import pool, pool_results
+from flight.errors import InputError
+
+
+@pytest.fixture(params=["folder", "memory"])
+def dataset(request: pytest.FixtureRequest, tmp_path: Path) -> Dataset:
+    """In a folder, and in an object store in memory that fsspec keeps."""
+    return Dataset(str(tmp_path / "fleet") if request.param == "folder" else f"memory://{tmp_path.name}/fleet")
+
+
+def test_flights_read_back_give_the_same_pool(dataset: Dataset) -> None:
+    results = flights_of("one", 1, 6)
+    assert dataset.add(results) == Added(6, 0)
+    ((flights),) = dataset.flights("one").values()
+    assert [one.name for one in flights] == [one["log"] for one in results]
+    ours, direct = pool(flights), pool_results(results)
+    assert (ours.polar.A == direct.polar.A).all() and (ours.polar.covariance == direct.polar.covariance).all()
+
+
+def test_order_and_repetition_change_nothing(dataset: Dataset, tmp_path: Path) -> None:
+    results = flights_of("one", 1, 6)
+    other = Dataset(str(tmp_path / "other"))
+    dataset.add(results)
+    for one in reversed(results):
+        assert other.add([one]) == Added(1, 0)
+    assert other.add(results) == Added(0, 6)
+    ((here),), ((there),) = dataset.flights("one").values(), other.flights("one").values()
+    assert [one.name for one in here] == [one.name for one in there]
+
+
+def test_airframes_and_configurations_are_kept_apart(dataset: Dataset) -> None:
+    moved = flights_of("two", 3, 2)
+    for one in moved:
+        one["pooling"]["installation"] = "new boom"
+    dataset.add([*flights_of("one/a", 1, 2), *flights_of("two", 2, 2), *moved])
+    assert dataset.airframes == ["one/a", "two"]
+    assert sorted(len(flights) for flights in dataset.flights("two").values()) == [2, 2]
+    assert dataset.flights("three") == {}
+
+
+def test_a_damaged_file_costs_its_flights_only(tmp_path: Path) -> None:
+    dataset, unread = Dataset(str(tmp_path)), list[str]()
+    dataset.add(flights_of("one", 1, 2))
+    dataset.add(flights_of("one", 2, 3))
+    damaged = sorted(tmp_path.glob("*/*.parquet"))[0]
+    damaged.write_bytes(damaged.read_bytes()[:100])
+    (flights,) = dataset.flights("one", unread).values()
+    assert len(flights) in (2, 3) and len(unread) == 1 and damaged.name in unread[0]
+    with pytest.raises(InputError, match=damaged.name):
+        dataset.flights("one")
+
+
+def test_results_without_statistics_are_refused_and_nothing_is_written(tmp_path: Path) -> None:
+    with pytest.raises(InputError):
+        Dataset(str(tmp_path / "fleet")).add([*flights_of("one", 1, 1), {"log": "x", "pooling": None}])
+    assert not (tmp_path / "fleet").exists()
+
+
+@pytest.mark.parametrize("address", ["nothing://there", "s3x//"])
+def test_an_address_that_cannot_be_reached_is_one_line(address: str) -> None:
+    with pytest.raises(InputError):
+        _ = Dataset(address).airframes
+
+
+def test_a_flight_takes_about_two_kilobytes(tmp_path: Path) -> None:
+    Dataset(str(tmp_path)).add(flights_of("one", 1, 200))
+    assert sum(path.stat().st_size for path in tmp_path.glob("*/*.parquet")) < 200 * 2500

@@ -1,0 +1,60 @@
+"""`flightpower fleet` as it is called: flights added twice are one, and wrong input is one line."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fleet_flights import flights_of
+from typer.testing import CliRunner
+
+from analysis.cli.fleet import app
+from flight.errors import InputError
+
+
+def called(*words: object) -> str:
+    done = CliRunner().invoke(app, [str(word) for word in words])
+    if done.exception is not None and not isinstance(done.exception, SystemExit):
+        raise done.exception
+    assert done.exit_code == 0, done.output
+    return " ".join(done.output.split())
+
+
+@pytest.fixture
+def flights(tmp_path: Path) -> Path:
+    """The folder of three airframes' flights, of which one lost thrust."""
+    worn = -0.06 * (np.arange(30) >= 20)
+    for one in (*flights_of("hawk-1", 1, 4), *flights_of("hawk-2", 2, 4), *flights_of("worn", 9, 30, thrust=worn)):
+        folder = tmp_path / "flights" / one["log"].removesuffix(".mcap")
+        folder.mkdir(parents=True)
+        (folder / "results.json").write_text(json.dumps(one))
+    return tmp_path / "flights"
+
+
+def test_flights_are_added_once_and_shown(flights: Path, tmp_path: Path) -> None:
+    dataset, page = tmp_path / "fleet", tmp_path / "fleet-today"
+    assert "38 flights added" in called("add", flights, "--to", dataset)
+    assert "0 flights added, 38" in called("add", flights, "--to", dataset)
+    called("show", dataset, "-o", page)
+    shown = json.loads((page / "fleet.json").read_text())
+    assert [len(one["changes"]) for one in shown["airframes"]] == [0, 0, 1]
+    assert (page / "fleet.html").read_text().startswith("<!doctype html>")
+    called("show", dataset, "--airframe", "hawk-1", "-o", page, "--replace")
+    assert len(json.loads((page / "fleet.json").read_text())["airframes"]) == 1
+
+
+def test_a_page_that_is_there_is_not_replaced_unasked(flights: Path, tmp_path: Path) -> None:
+    called("add", flights, "--to", tmp_path / "fleet")
+    called("show", tmp_path / "fleet", "-o", tmp_path)
+    with pytest.raises(InputError):
+        called("show", tmp_path / "fleet", "-o", tmp_path)
+
+
+@pytest.mark.parametrize("words", [("add", "missing", "--to", "fleet"), ("show", "missing"), ("show", "s3x://there")])
+def test_what_cannot_be_used_is_one_line(
+    words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError):
+        called(*words)
+    assert [*tmp_path.iterdir()] == []
