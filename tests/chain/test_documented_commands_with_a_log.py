@@ -25,6 +25,7 @@ pytestmark = pytest.mark.xdist_group("chain")
 
 MY_TOML = next(step for step in steps_in(TUTORIAL) if step.file == "my.toml")
 UIUC = "J CT CP eta\n" + "".join(f"{J} {0.1 - 0.1 * J:.4f} {0.04 - 0.02 * J:.4f} 0.5\n" for J in (0.2, 0.4, 0.6, 0.8))
+PREDICTED = "alpha CL CD\n" + "".join(f"{a} {0.25 + 0.09 * a:.2f} {0.025 + 0.001 * a:.4f}\n" for a in range(9))
 WAYPOINT = {"type": "SimpleItem", "command": 16, "frame": 3}
 SURVEY = json.dumps(
     {
@@ -42,6 +43,7 @@ OF_A_FLIGHT = {
     "flightpower export out/demo/log.mcap --to parquet -o tables": "tables/runs.parquet",
     "flightpower export log.mcap --to mcap -o derived.mcap": "derived.mcap",
     'analyze log.mcap --weights "3.8 kg, 9 lbf" --density-altitudes "0 m, 5000 ft"': "log.report/report.html",
+    "analyze log.mcap --polar T1-VLM2.txt": "log.report/report.html",
     'analyze log.ulg --mass "3.84 kg" --wing-area "0.464 m^2" --span "1.75 m"': "log.report/report.html",
 }
 WIND = '--wind "5 m/s from 270 deg"'
@@ -154,6 +156,7 @@ def test_commands_of_a_flight(walk: Walk, tmp_path: Path, monkeypatch: pytest.Mo
         shutil.copy(walk.folder / "out" / "demo" / "log.mcap", name)
     succeeds(PX4_LOG, "out/px4/log.ulg")
     shutil.copy("out/px4/log.ulg", "log.ulg")
+    Path("T1-VLM2.txt").write_text(PREDICTED, "utf-8")
     made: dict[tuple[str, ...], Any] = {}
     analyze = pipeline.analyze
 
