@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import lambertw
 from scipy.stats import norm
 
-from analysis.fleet.settings import FLEET
 from analysis.pooling.agreement import ErrorParts, error_parts
 from analysis.pooling.flight_statistics import POLAR, POOLED, FlightStatistics, M
 from analysis.pooling.joint import pooled_estimate, shared_prior, stacked
@@ -103,8 +103,10 @@ def find_changes(of_flights: Series, times: Array, flights_per_false_alarm: floa
 
     times : (n,) ascending, of the flights     flights_per_false_alarm : of an unchanged airframe, in the mean
     """
-    # Tests after each flight, from each flight on, are correlated: together they act as some independent ones.
-    threshold = 2 * np.log(FLEET.tests_a_flight * flights_per_false_alarm)
+    # Of the improvement h, chi-square with two degrees of freedom, the best over all flights and both shapes exceeds a
+    # level h / 2 times as often as a single one, exp(-h / 2), as the extremes of chi-square fields do (Siegmund and
+    # Venkatraman 1995): h / 2 exp(-h / 2) is the rate of false alarms.
+    threshold = -2 * float(lambertw(-1 / max(flights_per_false_alarm, np.e), -1).real)
     equations = _normal_equations(of_flights)
     told: list[tuple[int, int, Shape]] = []
     start, n = 0, len(times)

@@ -21,7 +21,7 @@ PAGE = ROOT / "docs" / "assumptions.md"
 FOLDERS = (
     "flight", "analysis/signals", "analysis/airdata", "analysis/log_checks", "analysis/maneuvers",
     "analysis/trajectory", "analysis/drag", "analysis/estimation", "analysis/performance", "analysis/results",
-    "analysis/report", "analysis/pooling", "analysis/campaign", "analysis/fleet", "analysis/planning",
+    "analysis/report", "analysis/pooling", "analysis/campaign", "analysis/planning",
     "analysis/electrical", "analysis/autopilot_logs", "analysis/ground", "analysis/exports", "analysis/cli",
     "analysis", "daq",
 )  # fmt: skip
