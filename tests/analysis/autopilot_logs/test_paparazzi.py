@@ -13,6 +13,13 @@ from analysis.electrical.estimate import estimate
 from analysis.electrical.flight_table import flight_table
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2 as g
+from tests.analysis.added_sensors import (
+    SENSORS,
+    Flown,
+    assert_more_is_never_less,
+    curves_by_sensors,
+    with_sensors,
+)
 from tests.shared_data import beside, needs
 
 FLOWN = beside("real-flights") / "daredevil-2020-07-10-flight2.data.gz"
@@ -101,3 +108,16 @@ def test_either_airspeed_message_gives_the_curve_of_level_windows(tmp_path: Path
     measured_mps = np.array([12.4, 12.7, 13.1, 13.4])
     power_W = np.interp(measured_mps / (1 + found.airspeed.scale), found.V_mps, found.power_W)
     assert power_W == pytest.approx([17.9, 19.7, 20.4, 21.5], rel=0.08)
+
+
+@needs(FLOWN)
+def test_a_sensor_that_is_added_makes_no_curve_of_a_real_flight_worse(tmp_path: Path) -> None:
+    """Against the mean power of its level windows, by measured airspeed (docs/real-flights.md)."""
+    unpacked = tmp_path / "flight.data"
+    unpacked.write_bytes(gzip.decompress(FLOWN.read_bytes()))
+    read = read_paparazzi(unpacked)
+    level_W = np.array([17.9, 19.7, 20.4, 21.5])
+    aircraft = Flown(WEIGHT_N, WING_AREA_M2, SPAN_M, np.array([12.4, 12.7, 13.1, 13.4]), lambda _: level_W)
+    found = curves_by_sensors(SENSORS, lambda sensors: with_sensors(read, sensors), aircraft)
+    assert_more_is_never_less(found)
+    assert sum(curve is not None for curve in found.values()) == 4  # with pitot: its turns show no wind

@@ -29,6 +29,13 @@ from sim.px4_log import write_px4_log
 from sim.sensors import FlightSensorTruth, load_budget
 from sim.sensors.budget import DrawnErrors
 from sim.ulog_writer import UlogContents, UlogTopic, write_ulog
+from tests.analysis.added_sensors import (
+    SENSORS,
+    Flown,
+    assert_more_is_never_less,
+    curves_by_sensors,
+    with_sensors,
+)
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
 from electrical import true_power
@@ -202,3 +209,15 @@ def test_motor_speed_and_parameters_are_read(
         t_s, revps = recording.channels[MOTOR]
         true = flown[1].motor_speed_revps(t_s - (35.0 if recording is px4 else 81.0))
         assert np.abs(revps - true)[50:-50].max() < 3.0
+
+
+def test_a_sensor_that_is_added_makes_no_curve_worse(
+    px4: FlightRecording, flown: tuple[Flight, FlightSensorTruth, DrawnErrors]
+) -> None:
+    flight, _, errors = flown
+    V = np.linspace(14.0, 20.0, 5)
+    aircraft = Flown(
+        WEIGHT_N, GEOMETRY.wing_area_m2, GEOMETRY.span_m, V,
+        lambda found: true_power(AIRCRAFT, flight, errors, V, found.conditions.rho),
+    )  # fmt: skip
+    assert_more_is_never_less(curves_by_sensors(SENSORS, lambda sensors: with_sensors(px4, sensors), aircraft))

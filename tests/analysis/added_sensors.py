@@ -1,0 +1,75 @@
+"""Never less from more: the curves of one flight from every subset of its sensors."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from analysis.autopilot_logs.recording import AIRSPEED_PRESSURE, FORCE_X, FORCE_Y, FORCE_Z, GPS, FlightRecording
+from analysis.electrical.estimate import ElectricalEstimate, estimate
+from analysis.electrical.flight_table import flight_table
+from flight.errors import InputError
+
+Sensors = frozenset[str]
+SENSORS = {"pitot": {AIRSPEED_PRESSURE}, "GPS": set(GPS), "IMU": {FORCE_X, FORCE_Y, FORCE_Z}}
+
+
+class Curve(NamedTuple):
+    """Largest error and largest half width of the 95 % interval at the speeds compared, relative to the power."""
+
+    error: float
+    half_width: float
+
+
+class Flown(NamedTuple):
+    """An aircraft, and the power [W] (n,) that is compared at the speeds V_mps (n,)."""
+
+    weight_N: float
+    wing_area_m2: float
+    span_m: float
+    V_mps: np.ndarray
+    power_W: Callable[[ElectricalEstimate], np.ndarray]
+
+
+def with_sensors(recording: FlightRecording, sensors: Sensors) -> FlightRecording:
+    """Without the channels of the others of SENSORS."""
+    lacking = set[str]().union(*(SENSORS[name] for name in SENSORS.keys() - sensors))
+    channels = {name: one for name, one in recording.channels.items() if name not in lacking}
+    return replace(recording, channels=channels)
+
+
+def curve_of(recording: FlightRecording, flown: Flown) -> Curve:
+    """Of a thinned flight with short resampling: the same estimate in a quarter of the time."""
+    table = flight_table(recording, flown.weight_N, flown.wing_area_m2).thinned(3)
+    found = estimate(table, flown.weight_N, flown.wing_area_m2, flown.span_m, most_windows=40, most_points=60)
+    truth = flown.power_W(found)
+    power, sigma = (np.interp(flown.V_mps, found.V_mps, one) for one in (found.power_W, found.standard_error_W))
+    return Curve(float(np.abs(power / truth - 1).max()), float((1.96 * sigma / truth).max()))
+
+
+def curves_by_sensors(
+    names: Iterable[str], recorded: Callable[[Sensors], FlightRecording], flown: Flown
+) -> dict[Sensors, Curve | None]:
+    """By sensors, of every subset; None where there is no curve."""
+    names, found = list(names), dict[Sensors, Curve | None]()
+    for sensors in (frozenset(some) for size in range(len(names) + 1) for some in combinations(names, size)):
+        try:
+            found[sensors] = curve_of(recorded(sensors), flown)
+        except InputError:
+            found[sensors] = None
+    return found
+
+
+def assert_more_is_never_less(found: dict[Sensors, Curve | None]) -> None:
+    """A sensor takes no curve away, and makes none worse: the error by no more than a part of the interval, which
+    hardly widens, as estimates differ within it."""
+    every = frozenset().union(*found)
+    for sensors, curve in found.items():
+        for more in every - sensors:
+            other = found[sensors | {more}]
+            if curve is not None:
+                assert other is not None, (sensors, more)
+                assert other.error < curve.error + 0.5 * curve.half_width, (sensors, more)
+                assert other.half_width < 1.3 * curve.half_width, (sensors, more)
