@@ -70,6 +70,15 @@ def test_readme_links_every_page() -> None:
     assert {f"docs/{page.name}" for page in (ROOT / "docs").glob("*.md")} <= links
 
 
+def test_pages_linked_from_the_readme_are_pages_of_the_site() -> None:
+    """Those outside docs/ are added by a list; `make site` refuses a link to any other."""
+    hooks = (ROOT / "docs" / "site" / "hooks.py").read_text("utf-8")
+    (added,) = re.findall(r"^ADDED = (\([^)]*\))", hooks, flags=re.MULTILINE)
+    links = {link.split("#")[0] for link in LINK.findall((ROOT / "README.md").read_text("utf-8"))}
+    outside = {link for link in links if "://" not in link and not link.startswith("docs/")}
+    assert outside <= set(ast.literal_eval(added))
+
+
 def test_architecture_lists_the_folders_and_files_of_analysis() -> None:
     text = (ROOT / "docs" / "architecture.md").read_text("utf-8")
     section = text.split("## The folders of `analysis/`")[1].split("\n## ")[0]

@@ -11,7 +11,10 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).parents[2]
-ADDED = ("systemd/README.md", "firmware/esc_counter/README.md", "CHANGELOG.md", "LICENSE")
+ADDED = (
+    "systemd/README.md", "firmware/esc_counter/README.md", "CHANGELOG.md", "LICENSE", "CONTRIBUTING.md", "SECURITY.md",
+    "CODE_OF_CONDUCT.md", "paper/paper.md",
+)  # fmt: skip
 REFERENCE = {
     "From Python": "flightpower.interface",
     "The results": "analysis.schema",
