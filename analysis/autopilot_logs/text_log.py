@@ -60,10 +60,10 @@ class TextLog:
 
 
 def _value(message: Any, field: str) -> Any:
-    """NaN where the line is damaged."""
+    """NaN where the line, or the definition of its message, is damaged."""
     try:
         return getattr(message, field)
-    except (ValueError, AttributeError):
+    except (ValueError, AttributeError, IndexError):
         return np.nan
 
 
