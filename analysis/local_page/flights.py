@@ -28,7 +28,7 @@ from analysis.flight import FlightPath, Measured, flight_path, reconstructed, re
 from analysis.log_contents import Replacements
 from analysis.maneuvers.kinds import KINDS, Maneuvers
 from analysis.maneuvers.runs_file import NoCurve, head
-from analysis.polar import minimum_power_lift
+from analysis.polar import Condition, minimum_power_lift
 from analysis.report.figures.style import rounded, thinned
 from analysis.schema import PowerPoint, SpeedInterval
 from flight.aircraft import parse_aircraft
@@ -67,12 +67,14 @@ class Values(msgspec.Struct, forbid_unknown_fields=True):
 
     runs : None where they are to be found in the data     aircraft : keys of the aircraft file, by name, as typed
     propeller : the name of a shipped one; "" for that of the log
+    at : mass [kg] and air density [kg/m^3] of the curve, of another flight to compare with; None for those flown
     """
 
     file: str
     runs: list[Run] | None = None
     aircraft: dict[str, str] = {}
     propeller: str = ""
+    at: tuple[float, float] | None = None
 
 
 class Limits(NamedTuple):
@@ -110,7 +112,9 @@ class Folder:
             raise InputError(f"{name[:80]}: no such log in {self.path}")
         opened = self._opened.get(name)
         if opened is None or opened.changed():
-            self._opened.clear()  # one log at a time is in memory
+            self._opened.pop(name, None)
+            while len(self._opened) > 1:  # in memory are the last two, which may be compared
+                self._opened.pop(next(iter(self._opened)))
             opened = self._opened[name] = OpenedFlight(path, self.workspace)
         return opened
 
@@ -218,15 +222,16 @@ class OpenedFlight:
         if main is None:
             drag = estimate(flight)
             main, flown_CL = drag.main, drag.flown_CL
-        points = power_curve(main.polar, flight.condition, flown_CL, (flight.rows_flown, flight.condition))
+        condition = _at(flight.condition, values.at)
+        points = power_curve(main.polar, condition, flown_CL, (flight.rows_flown, flight.condition))
         at = points[len(points) // 2].speed_mps
-        variances = variance_by_source(main, flight.aircraft, flight.condition, np.array([at]))
+        variances = variance_by_source(main, flight.aircraft, condition, np.array([at]))
         whole = sum(float(variance[0]) for variance in variances.values())
         return {
             "curve": _columns(points),
-            "least_power": _speed(optimum(minimum_power_lift, main.polar, flight.condition, flown_CL)),
-            "mass_kg": flight.condition.weight_N / GRAVITY_MPS2,
-            "density_kgpm3": flight.condition.rho,
+            "least_power": _speed(optimum(minimum_power_lift, main.polar, condition, flown_CL)),
+            "mass_kg": condition.weight_N / GRAVITY_MPS2,
+            "density_kgpm3": condition.rho,
             "sources": [[source, float(variance[0]) / whole] for source, variance in variances.items()],
             "sources_at_mps": at,
             "runs": _runs(flight.maneuvers),
@@ -402,6 +407,16 @@ def _runs(maneuvers: Maneuvers) -> list[Json]:
     runs += [Run(one.kind, one.start_s, one.end_s, False, one.reason) for one in maneuvers.rejected]
     found: list[Json] = msgspec.to_builtins(sorted(runs, key=lambda run: run.start_s))
     return found
+
+
+def _at(flown: Condition, asked: tuple[float, float] | None) -> Condition:
+    """Raises InputError for a mass or density that nothing flies at."""
+    if asked is None:
+        return flown
+    mass_kg, rho = asked
+    if not (0 < mass_kg < 1000 and 0 < rho < 2):
+        raise InputError(f"mass {mass_kg:g} kg in air of {rho:g} kg/m³: no flight to compare at")
+    return flown._replace(weight_N=mass_kg * GRAVITY_MPS2, rho=rho)
 
 
 def _columns(points: list[PowerPoint]) -> Json:

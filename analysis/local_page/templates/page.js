@@ -8,6 +8,7 @@ const KEYS = {a: "acceleration", d: "deceleration", s: "steady"};
 let flight = null;  // what the server says of the opened log
 let runs = [], edited = false, selected = -1, changed = {}, propeller = "";
 let last = null, first = null;  // the newest curve, and that of the flight as it was opened
+let other = null;  // another log to compare with, and its curve
 let pointed = NaN, asked = 0;  // time under the pointer; number of the newest question
 
 async function ask(path, body) {
@@ -51,6 +52,11 @@ async function list() {
                        `${log.name}, ${log.MB} MB${log.report ? ", has a report" : ""}`);
     button.addEventListener("click", () => open(log.name));
   }
+  const choice = at("other"), others = logs.filter(log => flight && log.name !== flight.file);
+  choice.replaceChildren();
+  for (const name of ["", ...others.map(log => log.name)]) put(choice, "option", {value: name}, name || "no other flight");
+  choice.value = other ? other.file : "";
+  at("comparing").hidden = !others.length;
   if (!logs.length) put(ul, "li", {}, "No log in this folder yet.");
   return logs;
 }
@@ -59,7 +65,7 @@ function open(file) {
   return working(`reading ${file} …`, async () => {
     flight = await ask("open", {file});
     location.hash = file;
-    [runs, edited, selected, changed, propeller, last, first] = [flight.runs || [], false, -1, {}, "", null, null];
+    [runs, edited, selected, changed, propeller, last, first, other] = [flight.runs || [], false, -1, {}, "", null, null, null];
     at("title").textContent = file;
     at("flight").hidden = flight.kind !== "drag";
     at("values").hidden = at("done").hidden = false;
@@ -108,6 +114,7 @@ async function compute() {
     const same = found.runs.find(one => Math.abs(one.start_s - run.start_s) < 0.06 && Math.abs(one.end_s - run.end_s) < 0.06 && one.keep === run.keep);
     run.why = same ? same.why : run.why;
   }
+  if (other) await compare(other.file);
   showRuns();
   drawCurve();
   drawTrack();
@@ -115,6 +122,24 @@ async function compute() {
   ul.replaceChildren();
   for (const note of found.notes) put(ul, "li", {}, note);
   at("notes").hidden = !found.notes.length;
+}
+
+// Another flight at the weight and air density of this one; asked again where these have changed.
+async function compare(file) {
+  const condition = [last.mass_kg, last.density_kgpm3];
+  if (other && other.file === file && String(other.condition) === String(condition)) return;
+  const found = await ask("curve", {file, at: condition});
+  other = {file, condition, curve: found.curve};
+}
+
+function comparison() {
+  const {speed_mps: V, power_W: P} = last.curve, {speed_mps: v, power_W: p} = other.curve;
+  const from = Math.max(V[0], v[0]), to = Math.min(V[V.length - 1], v[v.length - 1]), middle = (from + to) / 2;
+  if (from >= to) return "The flights have no speed in common.";
+  const value = (x, y) => { const k = Math.max(1, x.findIndex(one => one >= middle)); return y[k - 1] + (y[k] - y[k - 1]) * (middle - x[k - 1]) / (x[k] - x[k - 1]); };
+  const percent = 100 * (value(v, p) / value(V, P) - 1), reports = [flight.file, other.file].map(name => name.replace(/\.[^.]*$/, ".report"));
+  return `Dotted: ${other.file} at the same weight and air density, ${percent < 0 ? "" : "+"}${percent.toFixed(1)} % at ${middle.toFixed(1)} m/s. `
+    + `Whether they differ: write both reports, then analyze compare ${reports.join(" ")}`;
 }
 
 let waiting = 0;
@@ -164,10 +189,18 @@ function emptied(id) {
 
 function drawCurve() {
   const [svg, width, height] = emptied("curve"), {speed_mps: V, power_W: P, power_lo_W: lo, power_hi_W: hi} = last.curve;
-  const xRange = extent([...V, ...first.speed_mps]), yRange = [0, 1.08 * extent([...hi, ...first.power_W])[1]];
+  const beside = other ? other.curve : {speed_mps: [], power_hi_W: []};
+  const xRange = extent([...V, ...first.speed_mps, ...beside.speed_mps]);
+  const yRange = [0, 1.08 * extent([...hi, ...first.power_W, ...beside.power_hi_W])[1]];
   const box = [56, width - 8, 10, height - 44], x = scale(xRange, box.slice(0, 2)), y = scale(yRange, [box[3], box[2]]);
   axes(svg, x, y, [xRange, yRange], box, ["true airspeed, m/s", "power required, W"]);
-  put(svg, "path", {class: "area", d: path(x, y, V, hi) + path(x, y, [...V].reverse(), [...lo].reverse()).replace("M", "L") + "Z"});
+  const band = (speeds, upper, lower) => path(x, y, speeds, upper) + path(x, y, [...speeds].reverse(), [...lower].reverse()).replace("M", "L") + "Z";
+  put(svg, "path", {class: "area", d: band(V, hi, lo)});
+  if (other) {
+    put(svg, "path", {class: "area other", d: band(beside.speed_mps, beside.power_hi_W, beside.power_lo_W)});
+    put(svg, "path", {class: "line other", d: path(x, y, beside.speed_mps, beside.power_W)});
+  }
+  at("compared").textContent = other ? comparison() : "";
   if (first !== last.curve) put(svg, "path", {class: "line before", d: path(x, y, first.speed_mps, first.power_W)});
   put(svg, "path", {class: "line now", d: path(x, y, V, P)});
   const k = last.least_power === null ? 0 : V.reduce((best, v, i) => Math.abs(v - last.least_power) < Math.abs(V[best] - last.least_power) ? i : best, 0);
@@ -301,6 +334,11 @@ function listen() {
     else if (key === "x" || key === "delete") { runs[selected].keep = !runs[selected].keep; changedRuns(); }
     else if (key === "escape") select(-1);
   });
+  at("other").addEventListener("change", () => working("reading the other flight …", async () => {
+    const file = at("other").value;
+    if (file) await compare(file); else other = null;
+    drawCurve();
+  }));
   at("add").addEventListener("click", add);
   at("as-found").addEventListener("click", () => { edited = false; selected = -1; runs = flight.runs; changedRuns(false); });
   at("as-recorded").addEventListener("click", () => { changed = {}; propeller = ""; showForm(); recompute(); });

@@ -155,6 +155,26 @@ def test_another_weight_changes_the_curve_and_back(page: Browser) -> None:
     assert page.value_of("document.getElementById('wrong').hidden")
 
 
+def test_another_flight_is_compared_at_the_weight_of_this_one(
+    page: Browser, served: tuple[str, Path], flown: bytes
+) -> None:
+    (served[1] / "second.mcap").write_bytes(flown)
+    page.value_of("list()")
+    page.wait_for("document.querySelector('#other option[value=\"second.mcap\"]') !== null")
+    page.value_of("at('other').value = 'second.mcap'; at('other').dispatchEvent(new Event('change'))")
+    page.wait_for(f"other !== null && {QUIET}")
+    assert page.value_of("other.curve.power_W") == pytest.approx(page.value_of("last.curve.power_W"))
+    compared = "document.getElementById('compared').textContent"
+    assert "+0.0 %" in page.value_of(compared) and "log.report second.report" in page.value_of(compared)
+    box = "document.querySelector('[data-key=\"mass.weight\"]')"
+    changed_curve(page, f"{box}.value = '4.6 kg'; {box}.dispatchEvent(new Event('change'))")
+    assert page.value_of("other.condition[0]") == pytest.approx(4.6, rel=1e-6)
+    page.value_of("at('other').value = ''; at('other').dispatchEvent(new Event('change'))")
+    page.wait_for(f"other === null && {QUIET}")
+    assert page.value_of(compared) == ""
+    (served[1] / "second.mcap").unlink()
+
+
 def test_the_report_is_written_and_shown_and_a_log_is_added(
     page: Browser, served: tuple[str, Path], flown: bytes, tmp_path: Path
 ) -> None:

@@ -78,6 +78,27 @@ def test_the_page_s_curve_is_that_of_the_files_and_of_the_command_that_it_shows(
     assert {path.name for path in (tmp_path / "again").iterdir()} <= {path.name for path in written.iterdir()}
 
 
+def test_another_weight_and_density_keep_the_polar(log: OpenedFlight) -> None:
+    """At one lift coefficient, speed goes with the root of weight over density, and power with weight times speed."""
+    flown = log.curve(Values("log.mcap"))
+    asked = log.curve(Values("log.mcap", at=(1.3 * flown["mass_kg"], 0.9 * flown["density_kgpm3"])))
+    faster = (1.3 / 0.9) ** 0.5
+    for name, factor in (("speed_mps", faster), ("power_W", 1.3 * faster), ("power_hi_W", 1.3 * faster)):
+        assert asked["curve"][name] == pytest.approx(factor * np.array(flown["curve"][name]), rel=1e-9)
+    assert asked["mass_kg"] == pytest.approx(1.3 * flown["mass_kg"])
+    for nothing in ((-1.0, 1.2), (3.0, 0.0), (np.nan, 1.2)):
+        with pytest.raises(InputError):
+            log.curve(Values("log.mcap", at=nothing))
+
+
+def test_two_flights_stay_in_memory_to_be_compared(opened: Folder, flown: bytes) -> None:
+    for name in ("b.mcap", "c.mcap"):
+        (opened.path / name).write_bytes(flown)
+    first, second = opened.flight("log.mcap"), opened.flight("b.mcap")
+    assert opened.flight("log.mcap") is first and opened.flight("b.mcap") is second
+    assert opened.flight("c.mcap") and opened.flight("b.mcap") is second and opened.flight("log.mcap") is not first
+
+
 def test_other_runs_keep_the_trajectory_and_other_values_do_not(
     log: OpenedFlight, monkeypatch: pytest.MonkeyPatch
 ) -> None:
