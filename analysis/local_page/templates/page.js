@@ -139,7 +139,7 @@ function comparison() {
   const value = (x, y) => { const k = Math.max(1, x.findIndex(one => one >= middle)); return y[k - 1] + (y[k] - y[k - 1]) * (middle - x[k - 1]) / (x[k] - x[k - 1]); };
   const percent = 100 * (value(v, p) / value(V, P) - 1), reports = [flight.file, other.file].map(name => name.replace(/\.[^.]*$/, ".report"));
   return `Dotted: ${other.file} at the same weight and air density, ${percent < 0 ? "" : "+"}${percent.toFixed(1)} % at ${middle.toFixed(1)} m/s. `
-    + `Whether they differ: write both reports, then analyze compare ${reports.join(" ")}`;
+    + `Whether they differ: write both reports, then in their folder: analyze compare ${reports.join(" ")}`;
 }
 
 let waiting = 0;
