@@ -3,8 +3,8 @@
     .venv/bin/python benchmarks/environment.py     # `make` does it after installing; prints what it saved
 
 The tests of pandas and SciPy, header files and static libraries take 120 MB; CasADi's shared libraries are in its wheel
-up to three times, since a wheel holds no links, 140 MB; MAVLink's other dialects 40 MB. Nothing is removed outside the
-environment of the Python that runs this. To have all of a package again: pip install --force-reinstall PACKAGE.
+up to three times, since a wheel holds no links, 140 MB. Nothing is removed outside the environment of the Python that
+runs this. To have all of a package again: pip install --force-reinstall PACKAGE.
 """
 
 import filecmp
@@ -19,8 +19,7 @@ from pathlib import Path
 FOLDERS = (
     "casadi/include", "pandas/tests", "pyarrow/include", "pyarrow/tests", "scipy/**/tests",
 )  # fmt: skip
-FILES = ("casadi/*.a", "pymavlink/dialects/**/*.py", "pymavlink/dialects/**/*.xml")
-KEPT = ("__init__.py", "/ardupilotmega.py", "v20/common.py")  # of the files: the dialects that are used
+FILES = ("casadi/*.a",)
 LIBRARIES = ("**/*.so", "**/*.so.*", "**/*.dylib")
 SMALL_BYTES = 100_000
 
@@ -42,7 +41,7 @@ def removable(packages: Path) -> Iterator[Path]:
     for pattern in FOLDERS:
         yield from [path for path in packages.glob(pattern) if path.is_dir()]
     for pattern in FILES:
-        yield from [path for path in packages.glob(pattern) if not path.as_posix().endswith(KEPT)]
+        yield from packages.glob(pattern)
 
 
 def link_equal_files(packages: Path) -> None:
