@@ -182,24 +182,19 @@ def _rows_flown(table: pd.DataFrame, maneuvers: Maneuvers) -> pd.DataFrame:
 def reconstructed(flight: Flown, path: FlightPath | None = None) -> Reconstructed:
     """The record with its trajectory. path : where it is known already, which other runs do not change"""
     path = path or flight_path(flight)
+    flight, trajectory, notes_on_air = _with_updraft(flight, path.trajectory)
     notes = [*flight.notes, *path.notes]
     if not path.as_measured:
         notes += trajectory_notes(
-            path.trajectory,
-            sensor_error_estimates(path.trajectory),
+            trajectory,
+            sensor_error_estimates(trajectory),
             len(flight.maneuvers.level_runs),
             magnetometer_calibrated=flight.contents.magnetometer is not None,
             log=flight.name,
         )
-    contents, notes_on_air = _with_updraft(flight, path.trajectory)
     return Reconstructed(
         **flight.known()
-        | {
-            "contents": contents,
-            "trajectory": path.trajectory,
-            "prior_conflict": path.prior_conflict,
-            "notes": (*notes, *notes_on_air),
-        }
+        | {"trajectory": trajectory, "prior_conflict": path.prior_conflict, "notes": (*notes, *notes_on_air)}
     )
 
 
@@ -226,17 +221,19 @@ def flight_path(flight: Measured) -> FlightPath:
     return FlightPath(trajectory, conflict, (*notes, *misfit_notes))
 
 
-def _with_updraft(flight: Flown, trajectory: Trajectory) -> tuple[LogContents, list[str]]:
-    """The contents with the uncertainty of the mean updraft by hour, sun and wind, where the aircraft file does not
-    state it; and notes on it."""
+def _with_updraft(flight: Flown, trajectory: Trajectory) -> tuple[Flown, Trajectory, list[str]]:
+    """Both with the prior of the mean updraft by duration, hour, sun and wind, where the aircraft file does not state
+    it; and notes on it. It depends on the runs, and the rest of the path does not."""
     aircraft = flight.aircraft
     if aircraft.has("uncertainty.updraft"):
-        return flight.contents, []
+        return flight, trajectory, []
     t_s = flight.table.index.to_numpy()
     runs_s = [(t_s[run.rows][0], t_s[run.rows][-1]) for run in flight.maneuvers.for_drag]
     updraft = mean_updraft(trajectory, runs_s, sun_over(flight.log))
-    uncertainty = replace(aircraft.uncertainty, updraft_mps=updraft.sigma_mps)
-    return flight.contents._replace(aircraft=replace(aircraft, uncertainty=uncertainty)), updraft_notes(updraft)
+    uncertainty = replace(aircraft.uncertainty, updraft_mps=updraft.lasting_mps)
+    contents = flight.contents._replace(aircraft=replace(aircraft, uncertainty=uncertainty))
+    trajectory = replace(trajectory.with_prior("updraft", updraft.lasting_mps), eddies_mps=updraft.eddies_mps)
+    return replace(flight, contents=contents), trajectory, updraft_notes(updraft)
 
 
 def _as_measured(flight: Measured, cause: str) -> FlightPath:

@@ -130,8 +130,8 @@ class Uncertainty:
 
     weight_fraction : a scale with divisions of 5 g may be two of them wrong at 4 kg (OIML R 76-1, class III in service)
     updraft_mps : mean vertical motion of the air over the runs of one flight; by default before sunrise on a plain, in
-        up to 5 m/s of wind. Where the file does not state it, the analysis of a flight finds it by hour, sun and wind
-        (`analysis.trajectory.updraft`)
+        up to 5 m/s of wind, in twenty minutes. Where the file does not state it, the analysis of a flight finds it by
+        duration, hour, sun and wind (`analysis.trajectory.updraft`)
     air_density_fraction : 1.5 hPa and 0.8 K at most, evenly: absolute accuracy of the MS5611 at 25 degC (data sheet)
     gust_length : scale length of vertical gusts over the height. The standard's is 1 (MIL-F-8785C), and 1.4 that of
         convection at 40 m under an inversion at 1 km, 0.28 sqrt(z z_i) (Lenschow & Stankov 1986, J. Atmos. Sci. 43)

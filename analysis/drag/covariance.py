@@ -8,7 +8,8 @@ their priors as measurements (`dynamic.drag_model`, `analysis.ground.thrust_prio
    subtracted: the two must not simply be added.
 2. Sensor errors: each independent direction of their covariance, through trajectory and regression (in `dynamic`).
 3. Errors that no residual of the flight shows, consider terms (Schmidt 1966; Tapley et al. 2004, ch. 6): `UPDRAFT`,
-   `WEIGHT`, `DENSITY`. Each has a size from [uncertainty] of the aircraft file. The estimate is repeated with each
+   `WEIGHT`, `DENSITY`. UPDRAFT is of eddies that differ from run to run; the
+   others have a size from [uncertainty] of the aircraft file. The estimate is repeated with each
    error of one standard deviation, and the outer product of its change is added.
 4. What the runs reject: the propeller's table, a parabolic polar (`rejected_assumptions`).
 5. Values assumed for keys that the aircraft file lacks, and the pressure transducers' hysteresis and drift of zero
@@ -75,17 +76,17 @@ def changes(values_of: Callable[[pd.DataFrame], Array], values: Array, flight_fo
     values_of : the estimate from forces, `values` from the nominal ones
     """
     aircraft = flight_forces.aircraft
-    in_still_air = values_of(without_updraft(flight_forces.nominal, aircraft))
+    in_still_air = values_of(without_updraft(flight_forces.nominal, flight_forces.trajectory.eddies_mps))
     values_with_more_weight = values_of(forces_with_more_weight(flight_forces).nominal)
     return {UPDRAFT: in_still_air - values, WEIGHT: at_nominal_weight(values_with_more_weight, aircraft) - values}
 
 
-def without_updraft(forces: pd.DataFrame, aircraft: Aircraft) -> pd.DataFrame:
-    """Forces as in still air, if the air rose by one standard deviation. forces: of `FlightForces.forces`.
+def without_updraft(forces: pd.DataFrame, updraft_mps: float) -> pd.DataFrame:
+    """Forces as in still air, if the air rose in the runs. forces: of `FlightForces.forces`.
 
     Air that rises by w carries the aircraft: drag is larger than measured by lift times w/V.
     """
-    return forces.assign(CD=forces["CD"] + forces["CL"] * aircraft.uncertainty.updraft_mps / forces["V"])
+    return forces.assign(CD=forces["CD"] + forces["CL"] * updraft_mps / forces["V"])
 
 
 def forces_with_more_weight(flight_forces: FlightForces) -> FlightForces:

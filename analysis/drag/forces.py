@@ -104,7 +104,7 @@ class FlightForces:
         Vdot [m/s^2], n [rev/s], J, rho [kg/m^3]
         """
         x, error = NamedArrays(STATES, states.T), NamedArrays(SENSOR_ERRORS, sensor_errors)
-        V, alpha, _ = flow(x, self._predicted_flow)
+        V, alpha, _ = flow(x, self._predicted_flow, error.updraft)
         m, rho = self.aircraft.mass_kg, self.density_factor * self.block_means["rho"]
         qS_N = rho * V**2 / 2 * self.aircraft.geometry.wing_area_m2
         counted = np.where(self.block_means["n_revps"] > 1, self.block_means["n_revps"], np.nan)
@@ -125,7 +125,7 @@ class FlightForces:
             "J": J,
             "V": V,
             "alpha": alpha,
-            "gamma": np.arcsin(np.clip((x.gust_w - x.v_down) / V, -1, 1)),
+            "gamma": np.arcsin(np.clip((x.gust_w - x.v_down - error.updraft) / V, -1, 1)),
             "bank": x.phi,
             "theta": x.theta,
             "climb": -x.v_down,

@@ -5,6 +5,7 @@ the synchronized channels on: its effect on the polar is found by running all of
 standard deviation. Maneuvers, weight and density stay those of the flight, so that nothing else changes.
 """
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -80,10 +81,11 @@ class EstimateRerun(NamedTuple):
 
     def _reconstructed(self, data: FlightData, slope_sigma: float) -> Trajectory:
         flight = self.flight
-        return trajectory_with(
+        found = trajectory_with(
             flight,
             data,
             prior_factor=flight.prior_factor,
             slope_sigma=slope_sigma,
             as_measured=flight.trajectory.as_measured,
         )
+        return replace(found, eddies_mps=flight.trajectory.eddies_mps)

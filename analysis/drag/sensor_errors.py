@@ -14,7 +14,6 @@ from analysis.drag.forces import FlightForces
 from analysis.drag.settings import COMPARISON, REGRESSION
 from analysis.ground.thrust_prior import J_REFERENCE, THRUST, thrust_prior
 from analysis.schema import Cause
-from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft, Uncertainty
 from flight.units import GRAVITY_MPS2 as g
@@ -59,9 +58,7 @@ def estimate_errors(
     The trajectory has a tight prior on the air-data lag. It is replaced by `COMPARISON.lag_sigma_s` here, so that a
     larger lag is found and is not mistaken for a thrust error.
     """
-    sensor_errors, covariance = _with_lag_prior(trajectory, COMPARISON.lag_sigma_s)
-    states = trajectory.states.to_numpy() + trajectory.state_sensitivity @ (sensor_errors - trajectory.sensor_errors)
-    standard_errors = np.sqrt(np.diag(covariance))
+    trajectory = trajectory.with_prior("air_data_lag", COMPARISON.lag_sigma_s)
     estimates = {}
     for name, sensor_error, factor in (
         ("alpha_bias", "alpha_bias", 1.0),
@@ -70,22 +67,10 @@ def estimate_errors(
         ("airspeed_scale", "V_scale", 1.0),
         ("lag", "air_data_lag", 1.0),
     ):
-        i = SENSOR_ERRORS.index(sensor_error)
-        estimates[name] = ErrorEstimate(float(sensor_errors[i] * factor), float(standard_errors[i] * factor))
-    return estimates | _thrust_errors(flight_forces.forces(states, sensor_errors)[rows], flight_forces.aircraft)
-
-
-def _with_lag_prior(trajectory: Trajectory, sigma_s: float) -> tuple[Array, Array]:
-    """Sensor errors (m,) and their covariance (m, m) with another prior standard deviation of the air-data lag.
-
-    Posterior and prior are normal, so the information of one prior can be replaced by that of another.
-    """
-    i = SENSOR_ERRORS.index("air_data_lag")
-    information = np.linalg.inv(trajectory.covariance)
-    changed = information.copy()
-    changed[i, i] += 1 / sigma_s**2 - 1 / trajectory.prior_standard_error("air_data_lag") ** 2
-    covariance = np.linalg.inv(changed)
-    return covariance @ information @ trajectory.sensor_errors, covariance  # the prior's mean is zero
+        value, standard_error = trajectory.value(sensor_error), trajectory.standard_error(sensor_error)
+        estimates[name] = ErrorEstimate(value * factor, standard_error * factor)
+    along = flight_forces.forces(trajectory.states.to_numpy(), trajectory.sensor_errors)
+    return estimates | _thrust_errors(along[rows], flight_forces.aircraft)
 
 
 def _thrust_errors(forces: pd.DataFrame, aircraft: Aircraft) -> dict[str, ErrorEstimate]:

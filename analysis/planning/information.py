@@ -38,6 +38,7 @@ from analysis.trajectory.problem import TrajectoryProblem
 from analysis.trajectory.reconstruction import Trajectory
 from analysis.trajectory.settings import SOLVER
 from analysis.trajectory.smoother import GaussNewtonStep, gauss_newton_step
+from analysis.trajectory.updraft import STILL_MPS, by_waves
 from flight.errors import InputError
 from flight.files import JsonFormat, json_object_text
 
@@ -188,7 +189,11 @@ def _linearized(
     history: TimeHistory, aircraft: ExpectedAircraft, gust_mps: float, alpha_scale_sigma: float
 ) -> _Linearized:
     """The estimator's last step along the history."""
-    stated = stated_sigma(aircraft.aircraft.uncertainty, aircraft.aircraft.wing_loading_Pa)
+    uncertainty = aircraft.aircraft.uncertainty
+    if uncertainty.updraft_mps == STILL_MPS and not aircraft.aircraft.has("uncertainty.updraft"):
+        lasting_mps = by_waves(float(history.starts_s[-1] - history.starts_s[0]))
+        uncertainty = replace(uncertainty, updraft_mps=max(STILL_MPS, lasting_mps))
+    stated = stated_sigma(uncertainty, aircraft.aircraft.wing_loading_Pa)
     problem = TrajectoryProblem(history.table, history.rest, SensorPriors(alpha_scale_sigma, stated))
     blocks = problem.blocks
     x = np.zeros((blocks.n, len(STATES)))
@@ -296,7 +301,6 @@ def expected(
         shared[:, j] = (moved - fit)[:3] / sigma
     systematic = shared @ trajectory.covariance @ shared.T
     for change in (
-        np.linalg.solve(*normal(covariance.without_updraft(along, aircraft.aircraft))) - fit,
         covariance.at_nominal_weight(
             values(states, errors, covariance.forces_with_more_weight(forces)), aircraft.aircraft
         )

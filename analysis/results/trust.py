@@ -53,6 +53,7 @@ _CULPRIT = {
     "ax_vibration": "vibration of the motor: balance the propeller, and mount the tray softly",
     "az_vibration": "vibration of the motor: balance the propeller, and mount the tray softly",
     "alpha_per_g": "the boom of the probe bends under its weight",
+    "updraft": "the air rose or sank over the flight: state [uncertainty] updraft",
 }
 
 

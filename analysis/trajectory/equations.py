@@ -1,8 +1,8 @@
 """Process and measurement equations of the trajectory reconstruction.
 
 States at each instant: Euler angles, inertial velocity north-east-down, height, slowly varying wind, gusts, and the
-filter states of the lateral and vertical gusts. Sensor errors are constant over the flight: biases, scales and lags.
-The functions are written with NumPy; `linearized_equations` has CasADi derive them.
+filter states of the lateral and vertical gusts. Sensor errors are constant over the flight: biases, scales, lags; with
+them is the mean updraft. The functions are written with NumPy; `linearized_equations` has CasADi derive them.
 
 The aircraft responds to gusts: it heaves within a second and yaws into them within two; only its speed responds slowly.
 If this response multiplied a free sensor error, gusts would be attributed to the sensor (figures: docs/estimators.md).
@@ -29,7 +29,7 @@ STATES = ("phi", "theta", "psi", "v_north", "v_east", "v_down", "height",
           "wind_north", "wind_east", "gust_u", "gust_v", "gust_w", *GUST_FILTER_STATES)  # fmt: skip
 SENSOR_ERRORS = ("p_bias", "q_bias", "r_bias", "ax_bias", "ay_bias", "az_bias", "alpha_bias", "alpha_scale",
                  "beta_bias", "V_scale", "air_data_lag", "gps_latency", "heading_bias",
-                 "dp_alpha_zero", "q_c_zero", "ax_vibration", "az_vibration", "alpha_per_g")  # fmt: skip
+                 "dp_alpha_zero", "q_c_zero", "ax_vibration", "az_vibration", "alpha_per_g", "updraft")  # fmt: skip
 CONING_SCULLING = ("coning_phi", "coning_theta", "coning_psi", "sculling_north", "sculling_east", "sculling_down")
 # Between two instants: mean rates and specific force, time step, what they leave out of the changes of angles and
 # velocity, ratio of the mean wind at the two heights, decay factors of gusts.
@@ -103,8 +103,12 @@ def _gust_increments(gust_a: Any, twice_a: Any, gust_b: Any, twice_b: Any, decay
     return once_b - decay * once_a, twice_b - decay * twice_a - (1 - decay) * (once_a + once_b) / 2
 
 
-def flow(x: Any, predicted: Any) -> tuple[Any, Any, Any]:
+def flow(x: Any, predicted: Any, updraft_mps: Any = 0.0) -> tuple[Any, Any, Any]:
     """Airspeed [m/s], angles of attack and of sideslip [rad] at state x; predicted: PREDICTED_FLOW.
+
+    updraft_mps : mean vertical motion of the air. It acts on the angle of attack as 1/V, where an offset is constant
+        and an error of the slope goes with 1/V^2; in a turn also on sideslip. Its share of the airspeed, as the sine of
+        the flight path's angle, is left out.
 
     Linear in the gust: its components along and across the predicted flow. Components along and across the actual flow
     would have products of gusts that act like an offset of angle of attack.
@@ -122,8 +126,9 @@ def flow(x: Any, predicted: Any) -> tuple[Any, Any, Any]:
         - x.gust_u * cos_alpha
         - x.gust_w * sin_alpha
         - predicted.transverse_gust_variance / (2 * predicted.V_predicted),
-        np.arctan2(w, np.sqrt(u**2 + 1e-6)) + (x.gust_u * sin_alpha - x.gust_w * cos_alpha) / predicted.V_predicted,
-        np.arcsin(v / V) - x.gust_v / predicted.V_predicted,
+        np.arctan2(w, np.sqrt(u**2 + 1e-6))
+        + (x.gust_u * sin_alpha - x.gust_w * cos_alpha + updraft_mps * np.cos(x.phi)) / predicted.V_predicted,
+        np.arcsin(v / V) - (x.gust_v - updraft_mps * np.sin(x.phi)) / predicted.V_predicted,
     )
 
 
@@ -143,7 +148,7 @@ def measurement_model(x: Any, errors: Any, inputs: Any) -> Sequence[Any]:
     attitude (LEVEL_FIELD), so that this residual has a derivative by heading only. Otherwise errors of the
     magnetometer (hard iron) would change bank and pitch.
     """
-    V, alpha, beta = flow(x, inputs)
+    V, alpha, beta = flow(x, inputs, errors.updraft)
     V_scale = errors.V_scale + errors.q_c_zero * inputs.V_scale_per_Pa
     alpha_slope = errors.alpha_scale - 2 * V_scale
     force = motion.earth_from_body(corrected_force(inputs, errors), (x.phi, x.theta, x.psi))

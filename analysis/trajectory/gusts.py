@@ -109,6 +109,7 @@ class GustAxis(IntEnum):
 GUST_AXIS_OF_ERROR = {
     "alpha_bias": GustAxis.VERTICAL,
     "alpha_scale": GustAxis.VERTICAL,
+    "updraft": GustAxis.VERTICAL,
     "dp_alpha_zero": GustAxis.VERTICAL,
     "beta_bias": GustAxis.LATERAL,
     "V_scale": GustAxis.LONGITUDINAL,

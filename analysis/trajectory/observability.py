@@ -72,6 +72,7 @@ SENSOR_ERROR_KINDS = {
     "q_c_zero": SensorErrorKind("zero of the airspeed pressure", "Pa"),
     "ax_vibration": SensorErrorKind("offset of the accelerometer by vibration at 100 rev/s, forward", "m/s^2"),
     "az_vibration": SensorErrorKind("offset of the accelerometer by vibration at 100 rev/s, down", "m/s^2"),
+    "updraft": SensorErrorKind("mean updraft", "m/s"),
     "alpha_per_g": SensorErrorKind("angle of attack for each g of load factor", "rad"),
 }
 MATTERS = ("alpha_bias", "alpha_scale", "V_scale")  # sensor errors with a large effect on the power curve
@@ -305,6 +306,7 @@ def prior_conflict(trajectory: Trajectory) -> PriorConflict:
         total = factors[:, None] ** 2 + variance
         together = float(factors[np.argmin(np.sum(np.log(total) + x_squared / total, axis=1))])
     factor = np.maximum(together, np.where(np.abs(z) > EVIDENCE.contradiction, size, 1.0))
+    factor[SENSOR_ERRORS.index("updraft")] = 1.0  # of the air: its prior says nothing about the installation's
     return PriorConflict(factor, beyond, together)
 
 

@@ -76,6 +76,7 @@ def stated_sigma(uncertainty: Uncertainty, wing_loading_Pa: float = 0.0) -> Mapp
         "ax_vibration": uncertainty.accelerometer_vibration_mps2,
         "az_vibration": uncertainty.accelerometer_vibration_mps2,
         "alpha_per_g": uncertainty.boom_bending_rad,
+        "updraft": max(uncertainty.updraft_mps, 1e-6),  # may be stated as 0
         CHANGE_OF_ZERO: uncertainty.transducer_zero_Pa,
         POSITION_ERROR: 2 * uncertainty.airspeed_per_lift_fraction * wing_loading_Pa,
     })  # fmt: skip

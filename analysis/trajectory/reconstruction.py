@@ -56,6 +56,8 @@ class Trajectory:
     block_means : the measurements at the same instants
     as_measured : it explains nothing, but repeats the measurements (`as_measured.path_as_measured`)
     lost_s : instants after which the attitude could not be followed for a step
+    eddies_mps : 1 sigma of the mean over the runs of updrafts that differ from run to run; the estimated updraft is
+        that of the whole flight
     """
 
     states: pd.DataFrame
@@ -73,6 +75,28 @@ class Trajectory:
     gust_length: float = 1.0
     as_measured: bool = False
     lost_s: tuple[float, ...] = ()
+    eddies_mps: float = 0.0
+
+    def with_prior(self, name: str, sigma: float) -> "Trajectory":
+        """The trajectory by another prior standard deviation of a sensor error whose prior has the mean zero.
+
+        Posterior and prior are normal, so that the information of one prior can be replaced by that of another.
+        """
+        i = SENSOR_ERRORS.index(name)
+        information = np.linalg.inv(self.covariance)
+        changed = information.copy()
+        changed[i, i] += 1 / sigma**2 - 1 / self.prior_standard_error(name) ** 2
+        covariance = np.linalg.inv(changed)
+        errors = covariance @ information @ self.sensor_errors
+        prior_sigma = self.prior_sigma.copy()
+        prior_sigma[i] = sigma
+        return replace(
+            self,
+            states=self.states + self.state_sensitivity @ (errors - self.sensor_errors),
+            sensor_errors=errors,
+            covariance=(covariance + covariance.T) / 2,
+            prior_sigma=prior_sigma,
+        )
 
     def value(self, name: str) -> float:
         """Estimate of a sensor error."""

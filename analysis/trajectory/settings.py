@@ -198,8 +198,8 @@ class UpdraftSettings(Settings):
     slope: float = setting(
         0.0008, "1", "of the ground under the runs, 1 sigma: 0.8 m in a kilometer, as on a plain; wind rises along it"
     )
-    heating_share: float = setting(
-        0.45, "1", "of net radiation: a tenth warms the ground, half of the rest evaporates water (Bowen ratio 1)"
+    displacement_m: float = setting(
+        3.0, "m", "of air before sunrise from its level of rest, 1 sigma: waves of 0.03 m/s; 0.004 m/s over 18 minutes"
     )
     mixed_layer_m: float = setting(
         1000.0, "m", "depth in fair weather at noon; with half or twice that the mean updraft is a quarter more or less"

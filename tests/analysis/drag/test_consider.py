@@ -99,11 +99,9 @@ def test_an_updraft_takes_weight_times_its_speed_off_the_power() -> None:
     V = np.array([12.0, 18.0, 24.0])
     CL, qS = lift_coefficient(V, AT), AT.rho * V**2 / 2 * AT.wing_area_m2
     forces = pd.DataFrame({"CD": A[0] + A[1] * CL + A[2] * CL**2, "CL": CL, "V": V})
-    aircraft = replace(NEXSTAR, uncertainty=replace(NEXSTAR.uncertainty, updraft_mps=0.05))
-    still = consider.without_updraft(forces, aircraft)
+    still = consider.without_updraft(forces, 0.05)
     assert ((still["CD"] - forces["CD"]) * qS * V).to_numpy() == pytest.approx(0.05 * AT.weight_N)
-    none = replace(NEXSTAR, uncertainty=replace(NEXSTAR.uncertainty, updraft_mps=0.0))
-    assert consider.without_updraft(forces, none)["CD"].equals(forces["CD"])
+    assert consider.without_updraft(forces, 0.0)["CD"].equals(forces["CD"])
 
 
 def test_priors_are_read_from_the_aircraft_file_and_have_defaults() -> None:

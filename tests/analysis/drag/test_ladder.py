@@ -108,8 +108,9 @@ def test_at_noon_the_updraft_is_larger_without_a_trajectory_too(flown, path, mon
         monkeypatch.setattr(flight, "sun_over", lambda log, sun_deg=sun_deg: np.radians(sun_deg))
         found = flight.reconstructed(record)
         assert found.trajectory.as_measured
-        updraft_mps.append(found.aircraft.uncertainty.updraft_mps)
-    assert updraft_mps[0] == AIRCRAFT.uncertainty.updraft_mps and updraft_mps[1] > 10 * updraft_mps[0]
+        updraft_mps.append(found.trajectory.eddies_mps)
+        assert found.trajectory.prior_standard_error("updraft") == found.aircraft.uncertainty.updraft_mps
+    assert updraft_mps[0] == 0 and updraft_mps[1] > 10 * AIRCRAFT.uncertainty.updraft_mps
 
 
 def trajectory_or_error(path):

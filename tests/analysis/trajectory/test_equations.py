@@ -112,6 +112,15 @@ def test_a_gust_changes_the_flow_as_air_that_moves_along_the_body_axes() -> None
         assert got == pytest.approx(exact - (V, alpha, beta), abs=1e-8)
 
 
+def test_rising_air_changes_the_flow_as_a_descent_through_still_air() -> None:
+    """Also in a turn, where it comes from the side as well; to first order, in level flight."""
+    x = {"theta": 0.05, "phi": 0.6, "v_north": 15.0}
+    V, alpha, beta = flow(state_of(**x), inputs_of(V_predicted=15.0))
+    rising = flow(state_of(**x), inputs_of(V_predicted=V), 0.01)
+    assert rising[1:] == pytest.approx(flow(state_of(**x, v_down=0.01), inputs_of(V_predicted=V))[1:], abs=3e-6)
+    assert rising[1] - alpha > 5e-4 and rising[2] - beta > 3e-4
+
+
 def test_the_mean_square_of_transverse_gusts_has_its_sign_and_size() -> None:
     """Airspeed less variance over 2 V."""
     x, V = state_of(v_north=15.0), 15.0

@@ -171,7 +171,7 @@ def _estimate(factor: np.ndarray | float = 1.0) -> tuple[Estimate, Estimate, np.
     """Estimate and prior of all sensor errors from data whose errors are `factor` times as large; the data's own
     estimate and information, with correlations."""
     m, rng = len(SENSOR_ERRORS), np.random.default_rng(5)
-    root = np.eye(m) + 0.2 * rng.standard_normal((m, m))
+    root = np.eye(m) + 0.1 * rng.standard_normal((m, m))
     information, data = root @ root.T / np.outer(factor, factor), rng.standard_normal(m)
     of_prior, expected = np.diag(rng.uniform(0.5, 4.0, m)), rng.standard_normal(m)
     covariance = np.linalg.inv(information + of_prior)

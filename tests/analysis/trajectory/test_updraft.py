@@ -1,20 +1,28 @@
 """Mean updraft over the runs of a flight: by the sun, the wind, and what the runs pass through."""
 
 import math
+from dataclasses import replace
 from datetime import UTC, datetime
 from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
+from flights import AirOf, air_of, drawn, flown, tunnel_probe
 
 from analysis.trajectory import updraft
+from analysis.trajectory.observability import prior_conflict
+from analysis.trajectory.priors import SensorPriors, stated_sigma
+from analysis.trajectory.reconstruction import Trajectory, reconstruct
 from analysis.trajectory.settings import UPDRAFT
 from flight.aircraft import Uncertainty
+from flight.complete_aircraft import load_complete_aircraft
 from flight.messages import Gps
+from sim.world import load_world
 
 NOON, DAWN = math.radians(70.0), math.radians(-5.0)
 HEIGHT_M, SPEED_MPS, RUN_S = 40.0, 15.0, 18.0
+RISING_MPS = 0.3
 
 
 def states(wind_mps: float, duration_s: float) -> pd.DataFrame:
@@ -52,11 +60,20 @@ def test_a_clear_day_heats_the_air_by_a_third_of_a_kilowatt_and_a_night_does_not
 
 
 def test_before_sunrise_in_little_wind_it_is_that_of_the_aircraft_file():
-    assert sigma(10, DAWN) == sigma(1, DAWN) == sigma(10, None) == Uncertainty().updraft_mps
+    assert sigma(40, DAWN) == sigma(50, DAWN) == sigma(40, None) == Uncertainty().updraft_mps
+
+
+def test_air_in_layers_swings_about_its_level():
+    """In an instant it moves with the displacement times the buoyancy frequency, 0.01 rad/s; over a long time its mean
+    updraft is the difference of two independent displacements over the time."""
+    assert updraft.by_waves(1.0) == pytest.approx(0.01 * UPDRAFT.displacement_m, rel=1e-4)
+    assert updraft.by_waves(2000.0) == pytest.approx(math.sqrt(2) * UPDRAFT.displacement_m / 2000.0, rel=1e-4)
+    assert sigma(3, DAWN) == updraft.by_waves(5 * RUN_S)
+    assert updraft.by_waves(1110.0) < Uncertainty().updraft_mps, "the runs of the whole test flight"
 
 
 def test_wind_rises_along_the_slope():
-    assert sigma(10, DAWN, wind_mps=10.0) == pytest.approx(10.0 * UPDRAFT.slope)
+    assert sigma(30, DAWN, wind_mps=10.0) == pytest.approx(10.0 * UPDRAFT.slope)
 
 
 def test_at_noon_more_runs_and_more_wind_meet_more_eddies():
@@ -96,6 +113,38 @@ def test_the_hour_is_that_of_the_satellites_and_not_of_the_computer():
 
 
 def test_the_reader_is_told_why_an_interval_is_wider_and_what_is_not_known():
-    assert not updraft.updraft_notes(updraft.Updraft(0.004, DAWN))
-    assert len(updraft.updraft_notes(updraft.Updraft(0.1, NOON))) == 1
-    assert len(updraft.updraft_notes(updraft.Updraft(0.004, None))) == 1
+    assert not updraft.updraft_notes(updraft.Updraft(0.004, 0.0, DAWN))
+    (by_sun,) = updraft.updraft_notes(updraft.Updraft(0.1, 0.09, NOON))
+    (by_time,) = updraft.updraft_notes(updraft.Updraft(0.02, 0.0, DAWN))
+    (unknown,) = updraft.updraft_notes(updraft.Updraft(0.004, 0.0, None))
+    assert len({by_sun, by_time, unknown}) == 3
+
+
+@pytest.fixture(scope="module")
+def in_rising_air() -> AirOf:
+    """A flight of four minutes in air that rises by RISING_MPS, and all errors of the study."""
+    budget, aircraft = load_world("updraft").errors, load_complete_aircraft("nexstar")
+    defects = replace(budget.defects, updraft_mps=RISING_MPS)
+    flight = flown(aircraft, drawn(replace(budget, defects=defects), 3), "two-pairs", 3)
+    return air_of(flight.table, aircraft, tunnel_probe())
+
+
+def reconstructed(air: AirOf, sigma_mps: float) -> Trajectory:
+    return reconstruct(air.table, air.still, SensorPriors(stated=stated_sigma(Uncertainty(updraft_mps=sigma_mps))))
+
+
+def test_a_flight_at_several_speeds_shows_a_steady_updraft(in_rising_air):
+    """It acts on the angle of attack as 1/V: otherwise than an offset and a slope."""
+    found = reconstructed(in_rising_air, 1.0)
+    assert abs(found.value("updraft") - RISING_MPS) < 3 * found.standard_error("updraft") < 0.15
+    assert "updraft" in prior_conflict(reconstructed(in_rising_air, 0.02)).beyond
+
+
+def test_another_prior_gives_the_trajectory_that_is_found_with_it(in_rising_air):
+    narrow, wide = (reconstructed(in_rising_air, sigma_mps) for sigma_mps in (0.004, 0.02))
+    swapped = narrow.with_prior("updraft", 0.02)
+    assert np.diag(swapped.covariance) == pytest.approx(np.diag(wide.covariance), rel=0.1)
+    apart = (swapped.sensor_errors - wide.sensor_errors) / np.sqrt(np.diag(wide.covariance))
+    assert np.abs(apart).max() < 0.3
+    assert (swapped.states - wide.states)["theta"].abs().max() < 1e-3
+    assert swapped.prior_standard_error("updraft") == 0.02
