@@ -9,6 +9,7 @@ docs/estimation.md quotes the output. Seeds are from 1000 on; nothing was chosen
 """
 
 import sys
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -181,6 +182,29 @@ def _second_starts(starts: int = 40) -> None:
             row += [str(sum(not f.verdict.hints for f in elsewhere))] if second else []
         table.add_row(name, *row)
     CONSOLE.print(table)
+    _second_starts_of_filter_error(starts)
+
+
+def _second_starts_of_filter_error(starts: int) -> None:
+    """The same cases by filter error. The best optimum: parameters within a tenth of their standard errors."""
+    table = Table("filter error", "at the best optimum", "elsewhere, told", "elsewhere, silent", box=None)
+    for name, case in bimodal.cases(FIRST_SEED).items():
+        found = [
+            fit_filter_error(
+                case.model, case.record, case.noise, start=start, options=case.options, test_significance=False
+            )
+            for start in [case.truth, *case.starts(starts, FIRST_SEED)]
+        ]
+        best = min((f for f in found if f.verdict.ok), key=lambda f: f.negative_log_likelihood)
+        elsewhere = [f for f in found[1:] if not f.verdict.ok or not _same_parameters(f, best, case.truth)]
+        silent = sum(f.verdict.ok and not f.verdict.hints for f in elsewhere)
+        table.add_row(name, str(starts - len(elsewhere)), str(len(elsewhere) - silent), str(silent))
+    CONSOLE.print(table)
+
+
+def _same_parameters(fit: Fit, best: Fit, names: Iterable[str]) -> bool:
+    pairs = [(fit.parameters[name], best.parameters[name]) for name in names]
+    return all(abs(one.value - other.value) < 0.1 * other.standard_error for one, other in pairs)
 
 
 def _cheapest(fits) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 from analysis.estimation.data import Segment
 from analysis.estimation.model import Model, Parameter
 from analysis.estimation.problem import FitOptions
+from analysis.estimation.process_noise import ProcessNoise
 from analysis.estimation.simulation import build_simulator
 from tests.analysis.estimation import twins
 
@@ -38,9 +39,12 @@ MODE = Model(
 
 
 class Bimodal(NamedTuple):
+    """noise : that filter error looks for; there is none in the records"""
+
     model: Model
     record: Segment
     truth: dict[str, float]
+    noise: tuple[ProcessNoise, ...]
     options: FitOptions = FitOptions()
 
     def starts(self, count: int, seed: int, factor: float = 2.0) -> list[dict[str, float]]:
@@ -57,15 +61,18 @@ def cases(seed: int) -> dict[str, Bimodal]:
     for kind, color in (("white", 0.0), ("colored", 0.8)):
         found |= {
             f"Dutch roll, {kind} noise": Bimodal(
-                DUTCH_ROLL, _ringing(DUTCH_ROLL, DUTCH_ROLL_TRUTH, (0.001, 0.002), color, seed), DUTCH_ROLL_TRUTH
+                DUTCH_ROLL, _ringing(DUTCH_ROLL, DUTCH_ROLL_TRUTH, (0.001, 0.002), color, seed), DUTCH_ROLL_TRUTH,
+                (ProcessNoise(state="r", start=0.01),),
             ),
             f"unmeasured rate, {kind} noise": Bimodal(
-                MODE, _ringing(MODE, MODE_TRUTH, (0.0005,), color, seed), MODE_TRUTH
+                MODE, _ringing(MODE, MODE_TRUTH, (0.0005,), color, seed), MODE_TRUTH,
+                (ProcessNoise(state="v", start=0.01),),
             ),
-        }
+        }  # fmt: skip
     found["unstable, 7 s"] = Bimodal(
-        twins.UNSTABLE, _first(twins.unstable(seed), 140), twins.UNSTABLE_TRUTH, FitOptions(inputs="held")
-    )
+        twins.UNSTABLE, _first(twins.unstable(seed), 140), twins.UNSTABLE_TRUTH, twins.UNSTABLE_NOISE,
+        FitOptions(inputs="held"),
+    )  # fmt: skip
     return found
 
 

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from analysis.estimation.fit import Finding
+from analysis.estimation.filter_error import fit_filter_error
+from analysis.estimation.fit import Finding, Fit
 from analysis.estimation.output_error import fit_output_error
 from flight.errors import InputError
 from tests.analysis.estimation.bimodal import cases
@@ -32,3 +33,19 @@ def test_the_best_optimum_is_reached_from_starts_off_by_a_factor_of_two(name: st
             continue
         alone += single.verdict.ok and single.negative_log_likelihood < best.negative_log_likelihood + 0.01
     assert reached == 10 and alone <= 6 and helped == 10 - alone
+
+
+@pytest.mark.parametrize("name", BIMODAL)
+def test_filter_error_reaches_the_best_optimum_from_such_starts(name: str) -> None:
+    """Its states are corrected with every sample, so that the response cannot slip a cycle, nor diverge."""
+    case = BIMODAL[name]
+
+    def fitted(start: dict[str, float]) -> Fit:
+        return fit_filter_error(
+            case.model, case.record, case.noise, start=start, options=case.options, test_significance=False
+        )
+
+    best = fitted(case.truth)
+    for start in case.starts(3, seed=5):
+        fit = fitted(start)
+        assert fit.verdict.ok and fit.negative_log_likelihood < best.negative_log_likelihood + 0.01
