@@ -211,7 +211,9 @@ def main(
                 lines.append(flown)
     below = np.array([one.share_below for one in lines])
     error = np.array([one.median_Wh / one.energy_Wh - 1 for one in lines])
-    half = np.array([(one.high_Wh - one.low_Wh) / 2 / one.energy_Wh for one in lines])
+    ends = np.array([(one.low_Wh, one.high_Wh) for one in lines])
+    half = np.where(np.isfinite(ends[:, 1]), np.diff(np.nan_to_num(ends))[:, 0] / 2, np.inf)
+    half /= [one.energy_Wh for one in lines]
     inside = np.mean((below > 0.025) & (below < 0.975))
     print(f"missions {len(lines)}: energy inside the 95 % interval {100 * inside:.0f} %")
     print(f"error of energy: median {100 * np.median(np.abs(error)):.1f} %, mean {100 * np.mean(error):+.1f} %")
