@@ -190,15 +190,15 @@ def losses(plan: FlightPlan) -> list[str]:
 STYLE = """
 @page { size: A4; margin: 9mm; }
 * { box-sizing: border-box; }
-body { color: #000; background: #fff; font: 600 12.5pt/1.22 system-ui, sans-serif; margin: 0 auto; max-width: 192mm; }
+body { color: #000; background: #fff; font: 600 11pt/1.18 system-ui, sans-serif; margin: 0 auto; max-width: 192mm; }
 h1 { font-size: 19pt; margin: 0 0 1mm; }
 p { margin: 0 0 1.5mm; }
 table { border-collapse: collapse; width: 100%; margin: 0 0 2mm; }
 td, th { border: 1.6pt solid #000; padding: 0.8mm 1.6mm; text-align: left; vertical-align: top; }
-td.n { font-size: 17pt; font-weight: 800; white-space: nowrap; text-align: center; }
-td.t { font-size: 15pt; font-weight: 800; white-space: nowrap; text-align: right; }
-.title { font-size: 13.5pt; font-weight: 800; }
-.steps { font-weight: 500; }
+td.n { font-size: 14pt; font-weight: 800; white-space: nowrap; text-align: center; }
+td.t { font-size: 13pt; font-weight: 800; white-space: nowrap; text-align: right; }
+.title { font-size: 12pt; font-weight: 800; }
+.steps { font-size: 10pt; font-weight: 500; }
 .stall { border: 2.5pt solid #000; padding: 1.2mm 2mm; font-weight: 700; }
 .widths td, .widths th { text-align: center; }
 .sketch { float: right; width: 52mm; height: 52mm; margin: 0 0 2mm 3mm; border: 1.2pt solid #000; }
@@ -206,7 +206,7 @@ td.t { font-size: 15pt; font-weight: 800; white-space: nowrap; text-align: right
 .sketch .wind { fill: none; stroke: #000; stroke-width: 1.6; }
 .sketch text { font-size: 5px; }
 @media screen { body { padding: 3mm; } }
-ul { margin: 0; padding-left: 5mm; font-size: 10.5pt; font-weight: 500; }
+ul { margin: 0; padding-left: 5mm; font-size: 9pt; font-weight: 500; }
 """.strip()
 
 
