@@ -101,6 +101,8 @@ def series(flights: Sequence[FlightStatistics]) -> Series:
 def find_changes(of_flights: Series, times: Array, flights_per_false_alarm: float) -> list[Change]:
     """All changes, in the order of the flights, as they would have been told flight by flight.
 
+    A flight that differs from those before and after it is no change: it is passed over.
+
     times : (n,) ascending, of the flights     flights_per_false_alarm : of an unchanged airframe, in the mean
     """
     # Of the improvement h, chi-square with two degrees of freedom, the best over all flights and both shapes exceeds a
@@ -108,6 +110,18 @@ def find_changes(of_flights: Series, times: Array, flights_per_false_alarm: floa
     # Venkatraman 1995): h / 2 exp(-h / 2) is the rate of false alarms.
     threshold = -2 * float(lambertw(-1 / max(flights_per_false_alarm, np.e), -1).real)
     equations = _normal_equations(of_flights)
+    kept = np.arange(len(times))
+    while True:
+        changes = _told(equations[kept], times[kept], threshold)
+        odd = [one.since for one, following in pairwise(changes) if following.since == one.since + 1]
+        if not odd:
+            break
+        kept = np.delete(kept, odd)
+    return [one._replace(since=int(kept[one.since]), found=int(kept[one.found])) for one in changes]
+
+
+def _told(equations: Array, times: Array, threshold: float) -> list[Change]:
+    """The changes as they are told flight by flight, estimated by all flights until the next one."""
     told: list[tuple[int, int, Shape]] = []
     start, n = 0, len(times)
     for end in range(3, n + 1):

@@ -11,7 +11,8 @@ from analysis.fleet.airframes import Airframe, fleet_curve
 from analysis.fleet.changes import Change, Shape, What
 from analysis.polar import Polar, power_required
 from analysis.pooling.joint_pool import JointPool
-from analysis.schema import ConditionResult, PowerPoint
+from analysis.results.trust import trust_by
+from analysis.schema import ConditionResult, Evidence, PowerPoint, Trust
 from flight.version import version
 
 FORMAT = "flightpower-fleet-1"
@@ -46,6 +47,8 @@ class AirframeResult(msgspec.Struct, frozen=True, kw_only=True):
     last_unix_s: float | None
     test: ConditionResult
     power_required: list[PowerPoint]
+    trust: Trust  # as bad as the worst of:
+    evidence: list[Evidence]  # against the pooled flights
     changes: list[ChangeResult]
 
 
@@ -95,6 +98,8 @@ def _airframe(one: Airframe) -> AirframeResult:
         last_unix_s=last.pooling.start_unix_s,
         test=_condition(one.pool),
         power_required=_points(one.pool, one.pool.polar),
+        trust=trust_by(one.pool.evidence),
+        evidence=one.pool.evidence,
         changes=[_change(one, change) for change in one.changes],
     )
 

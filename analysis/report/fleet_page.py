@@ -17,6 +17,7 @@ from analysis.report.figures.style import (
 )
 from analysis.report.html_page import HtmlTable, html_figure, render_page
 from analysis.report.pooled_page import count
+from analysis.results.trust import sentence
 
 
 def render_fleet(fleet: FleetResults) -> str:
@@ -35,6 +36,7 @@ def render_fleet(fleet: FleetResults) -> str:
             for i, curve in enumerate(fleet.curves)
         ],
         airframes=airframes_table(fleet),
+        doubts=doubts(fleet),
         left_out=fleet.left_out,
         source=f"flightpower {fleet.software_version}",
     )
@@ -76,7 +78,7 @@ def news_table(fleet: FleetResults) -> HtmlTable:
 
 def airframes_table(fleet: FleetResults) -> HtmlTable:
     return HtmlTable(
-        ("airframe", "installation", "flights", "last flight", "least power", "± %"),
+        ("airframe", "mounted", "flights", "last flight", "least power", "± %", "trust"),
         [_row(one) for one in fleet.airframes],
         numbers=True,
     )
@@ -90,9 +92,15 @@ def _row(one: AirframeResult) -> tuple[str, ...]:
         one.installation or "none named",
         f"{one.pooled_flights} of {one.flights}",
         _date(one.last_unix_s),
-        f"{least.power_W:.1f} W at {least.speed_mps:.1f} m/s",
+        f"{least.power_W:.1f} W, {least.speed_mps:.1f} m/s",
         f"{share:.1f}",
+        one.trust,
     )
+
+
+def doubts(fleet: FleetResults) -> list[str]:
+    """What speaks against the curves, by airframe."""
+    return [f"{one.name}: {sentence(evidence)}" for one in fleet.airframes for evidence in one.evidence]
 
 
 def _date(unix_s: float | None) -> str:

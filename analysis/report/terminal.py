@@ -12,7 +12,7 @@ from analysis.pooling.results import ComparisonResults, ElectricalPooledResults,
 from analysis.report.answers import HeadlineAnswer, headline_answers
 from analysis.report.electrical_page import curve_table as electrical_table
 from analysis.report.electrical_page import electrical_answers
-from analysis.report.fleet_page import airframes_table, fleet_answers, news_table
+from analysis.report.fleet_page import airframes_table, doubts, fleet_answers, news_table
 from analysis.report.html_page import HtmlTable
 from analysis.report.pooled_page import (
     comparison_answers,
@@ -86,7 +86,7 @@ def print_fleet(fleet: FleetResults, page: Path | None, console: Console) -> Non
         _print_table(console, "what changed", news)
     _print_table(console, f"{len(fleet.airframes)} airframes, {fleet.flights} flights", airframes_table(fleet))
     _print_answers(console, fleet_answers(fleet))
-    _print_notes(console, fleet.left_out)
+    _print_notes(console, [*doubts(fleet), *fleet.left_out])
     if page:
         _print_page(console, page)
 

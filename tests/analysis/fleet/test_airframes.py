@@ -11,7 +11,8 @@ from analysis.fleet.airframes import airframes, fleet_curve, random_effects
 from analysis.fleet.changes import What
 from analysis.fleet.dataset import Dataset
 from analysis.fleet.results import fleet_results
-from analysis.report.fleet_page import render_fleet
+from analysis.report.fleet_page import doubts, render_fleet
+from analysis.schema import Trust
 
 
 def test_the_scatter_among_airframes_is_told_from_the_errors_of_each() -> None:
@@ -62,5 +63,17 @@ def test_a_changed_airframe_is_pooled_since_its_change_and_told_on_the_page(tmp_
     assert change.what is What.PROPULSION and change.since_log == "worn-020.mcap"
     assert (worn.flights, worn.pooled_flights) == (30, 10)
     assert change.thrust_percent == pytest.approx(-6, abs=1.5)
+    assert worn.trust is Trust.TRUSTED
     page = render_fleet(results)
     assert change.text in page and "10 February 2026" in change.text
+
+
+def test_flights_that_differ_make_the_curve_of_their_airframe_doubtful(tmp_path: Path) -> None:
+    """One of six with a fifth less drag: no change of the airframe, and told."""
+    dataset = Dataset(str(tmp_path / "fleet"))
+    dataset.add(flights_of("one", 3, 6, drag=-0.2 * (np.arange(6) == 2), noise=0.3))
+    dataset.add(flights_of("two", 4, 6, noise=0.3))
+    results = fleet_results(airframes(dataset, 1.0, []), [])
+    one, two = results.airframes
+    assert one.trust is not Trust.TRUSTED and two.trust is Trust.TRUSTED
+    assert any("one-002" in text for text in doubts(results))

@@ -72,3 +72,11 @@ def test_the_change_has_the_error_stated() -> None:
 @pytest.mark.parametrize("count", [1, 2, 3])
 def test_few_flights_show_no_change(count: int) -> None:
     assert changes_of(count) == []
+
+
+@pytest.mark.parametrize("odd", [2, 10])
+def test_one_odd_flight_is_no_change(odd: int) -> None:
+    """With a fifth less drag than the flights before and after it."""
+    assert changes_of(20, drag=-0.2 * (np.arange(20) == odd), noise=0.3) == []
+    later = changes_of(40, drag=-0.2 * (np.arange(40) == odd), thrust=-0.05 * after(30, 40), noise=0.3)
+    assert [(one.what, one.since) for one in later] == [(What.PROPULSION, 30)]
