@@ -7,6 +7,7 @@ A change is told where the fit improves by more than it does by chance once in a
 false alarm (the generalized likelihood ratio; Basseville and Nikiforov 1993, sec. 2.4.3).
 """
 
+import math
 from collections.abc import Sequence
 from enum import StrEnum
 from itertools import pairwise
@@ -108,7 +109,7 @@ def find_changes(of_flights: Series, times: Array, flights_per_false_alarm: floa
     # Of the improvement h, chi-square with two degrees of freedom, the best over all flights and both shapes exceeds a
     # level h / 2 times as often as a single one, exp(-h / 2), as the extremes of chi-square fields do (Siegmund and
     # Venkatraman 1995): h / 2 exp(-h / 2) is the rate of false alarms.
-    threshold = -2 * float(lambertw(-1 / max(flights_per_false_alarm, np.e), -1).real)
+    threshold = -2 * float(lambertw(-1 / max(flights_per_false_alarm, math.e), -1).real)
     equations = _normal_equations(of_flights)
     kept = np.arange(len(times))
     while True:
