@@ -32,7 +32,7 @@ def _commit(checkout: Path) -> str:
 
     command = ["git", "-C", str(checkout), "describe", "--always", "--dirty=.dirty", "--abbrev=9", "--exclude=*"]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
+        done = subprocess.run(command, capture_output=True, encoding="utf-8", timeout=PATIENCE_S)
     except (OSError, subprocess.SubprocessError):
         return ""
     return f"g{done.stdout.strip()}" if done.returncode == 0 else ""
