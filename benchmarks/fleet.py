@@ -24,10 +24,11 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "analysis" / "fleet
 from fleet_flights import POLAR, flights_of
 
 from analysis.fleet.airframes import airframes
-from analysis.fleet.changes import What, find_changes, series
+from analysis.fleet.changes import find_changes, series
 from analysis.fleet.dataset import Dataset
-from analysis.fleet.results import fleet_results
-from analysis.pooling.flight_statistics import read_statistics
+from analysis.fleet.results import What
+from analysis.fleet.summary import fleet_results
+from analysis.pooling.pool import pool_results
 from analysis.report.fleet_page import render_fleet
 
 A_YEAR, BEFORE = 200, 100  # flights; and before the change
@@ -92,7 +93,7 @@ def changes(
             delays, right, false = [], 0, 0
             for i in range(airframes_):
                 drawn = flights_of("one", seed + i, count, drag=drag * grown, thrust=thrust * grown, noise=factor)
-                found = find_changes(series([read_statistics(one) for one in drawn]), np.arange(float(count)), A_YEAR)
+                found = find_changes(series(pool_results(drawn)), np.arange(float(count)), A_YEAR)
                 early = [one for one in found if one.found < BEFORE]
                 late = [one for one in found if one.found >= BEFORE]
                 false += len(found) if name == "none" else len(early)

@@ -84,7 +84,7 @@ def show(
     from analysis.files import write_file
     from analysis.fleet.airframes import airframes
     from analysis.fleet.dataset import Dataset
-    from analysis.fleet.results import fleet_results
+    from analysis.fleet.summary import fleet_results
     from analysis.report.fleet_page import render_fleet
     from analysis.report.terminal import print_fleet
 

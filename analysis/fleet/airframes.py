@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from analysis.fleet.changes import Change, find_changes, series
-from analysis.polar import Condition, Polar
+from analysis.polar import Polar
 from analysis.pooling.flight_statistics import FlightStatistics
-from analysis.pooling.joint_pool import mean_condition
 from analysis.pooling.pool import Pool, pool
 from flight.errors import InputError
 
@@ -43,8 +42,6 @@ class FleetCurve(NamedTuple):
 
     mean: Polar
     among_airframes: Array
-    condition: Condition
-    flown_CL: tuple[float, float]
 
     @property
     def of_another(self) -> Polar:
@@ -64,21 +61,23 @@ def airframes(dataset: "Dataset", alarms_a_year: float, unread: list[str], names
             raise InputError(f"{dataset.address}: no airframe {name}; there are {', '.join(known)}")
     for name in names or known:
         for configuration, flights in dataset.flights(name, unread).items():
-            told = _changes(flights, alarms_a_year)
-            since = told[-1].since if told else 0
-            found.append(Airframe(name, configuration, tuple(flights), pool(flights[since:]), tuple(told)))
+            whole = pool(flights)
+            told = _changes(whole, alarms_a_year)
+            lately = pool(flights[told[-1].since :]) if told else whole
+            found.append(Airframe(name, configuration, tuple(flights), lately, tuple(told)))
     return found
 
 
-def _changes(flights: Sequence[FlightStatistics], alarms_a_year: float) -> list[Change]:
+def _changes(whole: Pool, alarms_a_year: float) -> list[Change]:
     """By date, or one flight a day where a flight has none."""
+    flights = whole.flights
     starts = [one.content.pooling.start_unix_s for one in flights]
     dated = [start for start in starts if start is not None]
     times = np.array(dated) / 86400.0 if len(dated) == len(flights) else np.arange(len(flights), dtype=float)
     if len(flights) < 3:
         return []
     flights_a_year = 365.25 * len(flights) / max(times[-1] - times[0], len(flights))  # one a day at most
-    return find_changes(series(flights), times, flights_a_year / alarms_a_year)
+    return find_changes(series(whole), times, flights_a_year / alarms_a_year)
 
 
 def fleet_curve(fleet: Sequence[Airframe]) -> FleetCurve:
@@ -94,9 +93,7 @@ def fleet_curve(fleet: Sequence[Airframe]) -> FleetCurve:
     weights = np.linalg.inv(own + among)
     covariance = np.linalg.inv(weights.sum(axis=0))
     mean = covariance @ np.einsum("fij,fj->i", weights, values)
-    flights = [flight for one in fleet for flight in one.pool.flights]
-    CL = max(one.pool.flown_CL[0] for one in fleet), min(one.pool.flown_CL[1] for one in fleet)
-    return FleetCurve(Polar(mean, covariance), among, mean_condition(flights), CL)
+    return FleetCurve(Polar(mean, covariance), among)
 
 
 def random_effects(values: Array, own: Array) -> Array:

@@ -8,8 +8,6 @@ false alarm (the generalized likelihood ratio; Basseville and Nikiforov 1993, se
 """
 
 import math
-from collections.abc import Sequence
-from enum import StrEnum
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -18,30 +16,16 @@ from numpy.typing import NDArray
 from scipy.special import lambertw
 from scipy.stats import norm
 
+from analysis.fleet.results import Shape, What
 from analysis.pooling.agreement import ErrorParts, error_parts
-from analysis.pooling.flight_statistics import POLAR, POOLED, FlightStatistics, M
-from analysis.pooling.joint import pooled_estimate, shared_prior, stacked
+from analysis.pooling.flight_statistics import POLAR, POOLED, M
+from analysis.pooling.joint_pool import JointPool
 from analysis.settings import EVIDENCE
 
 Array = NDArray[np.float64]
 
 _N_POLAR, _THRUST = len(POLAR), POOLED.index("thrust_scale")
 _SHARES = len(("drag", "thrust"))
-
-
-class Shape(StrEnum):
-    """How a change came."""
-
-    STEP = "step"
-    DRIFT = "drift"
-
-
-class What(StrEnum):
-    """What changed."""
-
-    DRAG = "drag"
-    PROPULSION = "propulsion"
-    BOTH = "drag and propulsion"
 
 
 class Series(NamedTuple):
@@ -85,10 +69,9 @@ class Change(NamedTuple):
         return What.DRAG if z[0] > z[1] else What.PROPULSION
 
 
-def series(flights: Sequence[FlightStatistics]) -> Series:
-    """Of the flights of one airframe and configuration, at the middle of the lift coefficients that all flew."""
-    stack, prior = stacked(flights), shared_prior(flights)
-    A = pooled_estimate(stack, prior).x[:_N_POLAR]
+def series(pool: JointPool) -> Series:
+    """Of the flights of one airframe and configuration, at the middle of the lift coefficients that they flew."""
+    flights, stack, A = pool.flights, pool.as_stated, pool.polar.A
     CL = np.sqrt(np.median([one.flown_CL[0] for one in flights]) * np.median([one.flown_CL[1] for one in flights]))
     gradient = CL ** np.arange(_N_POLAR)
     of_flight = np.zeros((_SHARES, M))
@@ -96,7 +79,7 @@ def series(flights: Sequence[FlightStatistics]) -> Series:
     changed = np.zeros((M, _SHARES))
     changed[:_N_POLAR, 0], changed[_THRUST, 1] = A, 1.0
     by_truth = of_flight @ (np.eye(M) - stack.prior_part) @ changed
-    return Series(stack.values @ of_flight.T, by_truth, error_parts(stack, prior, of_flight))
+    return Series(stack.values @ of_flight.T, by_truth, error_parts(stack, pool.prior, of_flight))
 
 
 def find_changes(of_flights: Series, times: Array, flights_per_false_alarm: float) -> list[Change]:
@@ -153,7 +136,7 @@ def _normal_equations(of_flights: Series) -> Array:
     values, by_truth, errors = of_flights
     n = len(values)
     columns = [np.broadcast_to(np.eye(_SHARES), (n, _SHARES, _SHARES)), errors.shared, by_truth, values[:, :, None]]
-    white = np.linalg.solve(np.linalg.cholesky(errors.own), np.concatenate(columns, axis=2))
+    white = errors.whitened(np.concatenate(columns, axis=2))
     return np.asarray(white.transpose(0, 2, 1) @ white)
 
 

@@ -1,6 +1,6 @@
 """Statistics of flights as rows of a Parquet dataset, partitioned by airframe, wherever fsspec reaches.
 
-A row is what a pool reads of a flight's `results.json`, about a kilobyte, and the columns by which flights are chosen.
+A row is what a pool reads of a flight's `results.json`, a few kilobytes, and the columns by which flights are chosen.
 Files are added and never changed: an addition writes one file for each airframe, named by its content. The same flight
 added twice is one flight, and the order of additions does not matter.
 """
@@ -14,7 +14,7 @@ from urllib.parse import quote, unquote
 
 import msgspec
 
-from analysis.pooling.flight_statistics import FlightContent, FlightStatistics, of_content
+from analysis.pooling.flight_statistics import FlightContent, FlightStatistics, of_content, read_statistics
 from analysis.schema import POOLING_FORMAT
 from flight.errors import InputError
 
@@ -143,14 +143,8 @@ class Dataset:
 
 
 def stored(results: Mapping[str, Any]) -> StoredFlight:
-    """A flight's row. Raises InputError for results without statistics for pooling, or of an earlier format."""
-    where = f"results of {results.get('log', 'a flight')}"
-    if (results.get("pooling") or {}).get("format") != POOLING_FORMAT:
-        raise InputError(f"{where}: no statistics for pooling of this version; analyze the log again")
-    try:
-        content = msgspec.convert(results, FlightContent)
-    except msgspec.ValidationError as error:
-        raise InputError(f"{where}: malformed statistics for pooling ({error}); analyze the log again") from None
+    """A flight's row, without what a mission is computed from. Raises InputError as `read_statistics` does."""
+    content = msgspec.structs.replace(read_statistics(results).content, use=None)
     of_flight = content.pooling
     common = (
         content.aircraft.wing_area_m2,

@@ -1,21 +1,30 @@
-"""The contents of a fleet's `fleet.json`: airframes with their curves and changes, and the curves of the fleet."""
+"""The contents of a fleet's `fleet.json`: airframes with their curves and changes, and the curves of the fleet.
 
-from collections import defaultdict
-from collections.abc import Sequence
-from datetime import UTC, datetime
+What fills it is in `summary`: the page and the terminal need the form alone.
+"""
+
+from enum import StrEnum
 
 import msgspec
 
-from analysis.estimation.noise import NORMAL_95
-from analysis.fleet.airframes import Airframe, fleet_curve
-from analysis.fleet.changes import Change, Shape, What
-from analysis.polar import Polar, power_required
-from analysis.pooling.joint_pool import JointPool
-from analysis.results.trust import trust_by
 from analysis.schema import ConditionResult, Evidence, PowerPoint, Trust
-from flight.version import version
 
 FORMAT = "flightpower-fleet-1"
+
+
+class Shape(StrEnum):
+    """How a change came."""
+
+    STEP = "step"
+    DRIFT = "drift"
+
+
+class What(StrEnum):
+    """What changed."""
+
+    DRAG = "drag"
+    PROPULSION = "propulsion"
+    BOTH = "drag and propulsion"
 
 
 class ChangeResult(msgspec.Struct, frozen=True, kw_only=True):
@@ -68,94 +77,3 @@ class FleetResults(msgspec.Struct, frozen=True, kw_only=True):
     airframes: list[AirframeResult]
     curves: list[FleetCurveResult]
     left_out: list[str]  # a line for each file of the dataset that could not be read
-
-
-def fleet_results(fleet: Sequence[Airframe], left_out: Sequence[str]) -> FleetResults:
-    """What is written and drawn of a fleet."""
-    kinds: dict[tuple[float, str], list[Airframe]] = defaultdict(list)
-    for one in fleet:
-        kinds[one.kind].append(one)
-    return FleetResults(
-        software_version=version(),
-        flights=sum(len(one.flights) for one in fleet),
-        airframes=[_airframe(one) for one in fleet],
-        curves=[_curve(of_kind) for of_kind in kinds.values() if len(of_kind) > 2],
-        left_out=list(left_out),
-    )
-
-
-def _airframe(one: Airframe) -> AirframeResult:
-    first, last = one.flights[0].content, one.flights[-1].content
-    return AirframeResult(
-        name=one.name,
-        title=last.aircraft.title,
-        configuration=one.configuration,
-        installation=one.flights[0].installation,
-        propeller=last.aircraft.propeller,
-        flights=len(one.flights),
-        pooled_flights=len(one.pool.flights),
-        first_unix_s=first.pooling.start_unix_s,
-        last_unix_s=last.pooling.start_unix_s,
-        test=_condition(one.pool),
-        power_required=_points(one.pool, one.pool.polar),
-        trust=trust_by(one.pool.evidence),
-        evidence=one.pool.evidence,
-        changes=[_change(one, change) for change in one.changes],
-    )
-
-
-def _condition(pool: JointPool) -> ConditionResult:
-    return ConditionResult(weight_N=pool.condition.weight_N, air_density_kgpm3=pool.condition.rho)
-
-
-def _points(pool: JointPool, polar: Polar) -> list[PowerPoint]:
-    power, error = power_required(pool.curve_speeds_mps, polar, pool.condition)
-    half = NORMAL_95 * error
-    return [
-        PowerPoint(speed_mps=v, power_W=p, power_lo_W=p - h, power_hi_W=p + h)
-        for v, p, h in zip(pool.curve_speeds_mps.tolist(), power.tolist(), half.tolist(), strict=True)
-    ]
-
-
-def _curve(airframes: Sequence[Airframe]) -> FleetCurveResult:
-    """At weight and density of the airframe with the most flights."""
-    curve = fleet_curve(airframes)
-    at = max(airframes, key=lambda one: len(one.pool.flights)).pool
-    return FleetCurveResult(
-        airframes=[one.name for one in airframes],
-        test=_condition(at),
-        mean=_points(at, curve.mean),
-        another=_points(at, curve.of_another),
-    )
-
-
-def _change(airframe: Airframe, change: Change) -> ChangeResult:
-    since, found = airframe.flights[change.since].content, airframe.flights[change.found].content
-    drag_error, thrust_error = change.errors
-    drag, thrust = 100 * change.drag, 100 * change.thrust
-    drag_half, thrust_half = 100 * NORMAL_95 * drag_error, 100 * NORMAL_95 * thrust_error
-    said = " and ".join(
-        f"{name} {'up' if percent > 0 else 'down'} {abs(percent):.1f} % ± {half:.1f}"
-        for name, percent, half, alone in (
-            ("drag", drag, drag_half, What.PROPULSION),
-            ("thrust", thrust, thrust_half, What.DRAG),
-        )
-        if change.what is not alone
-    )
-    when = f"flight {change.since + 1}, {since.log}"
-    if since.pooling.start_unix_s is not None:
-        when = datetime.fromtimestamp(since.pooling.start_unix_s, UTC).strftime("%d %B %Y").lstrip("0")
-    unchanged = {What.DRAG: ", thrust unchanged", What.PROPULSION: ", drag unchanged", What.BOTH: ""}[change.what]
-    slowly = "slowly " if change.shape is Shape.DRIFT else ""
-    return ChangeResult(
-        what=change.what,
-        shape=change.shape,
-        since_log=since.log,
-        since_unix_s=since.pooling.start_unix_s,
-        found_log=found.log,
-        drag_percent=drag,
-        drag_half_width_percent=drag_half,
-        thrust_percent=thrust,
-        thrust_half_width_percent=thrust_half,
-        text=f"{said} {slowly}since {when}{unchanged}",
-    )

@@ -169,6 +169,18 @@ class ErrorParts(NamedTuple):
     own: Array
     shared: Array
 
+    def whitened(self, columns: Array) -> Array:
+        """Columns (n, k, c), each by the inverse of a root of each flight's own covariance.
+
+        A flight that adds nothing to the prior has no variance of its own: then rounding's.
+        """
+        k = self.own.shape[1]
+        rounding = np.finfo(float).eps * np.sum(self.shared**2, axis=2)
+        own = self.own + rounding[:, :, None] * np.eye(k)
+        scale = 1 / np.sqrt(np.einsum("fkk->fk", own))
+        factor = np.linalg.cholesky(own * scale[:, :, None] * scale[:, None, :])
+        return np.linalg.solve(factor, columns * scale[:, :, None])
+
 
 def error_parts(stack: FlightStack, prior: Prior, of: Array = _OF_POLAR) -> ErrorParts:
     """Of the values `of` (k, M) times the parameters of each flight."""
@@ -188,13 +200,8 @@ def least_squares(values: Array, design: Array, errors: ErrorParts) -> Generaliz
     """
     n, k, q = design.shape
     m = errors.shared.shape[2]
-    # A flight that adds nothing to the prior has no variance of its own: then rounding's.
-    rounding = np.finfo(float).eps * np.sum(errors.shared**2, axis=2)
-    own = errors.own + rounding[:, :, None] * np.eye(k)
-    scale = 1 / np.sqrt(np.einsum("fkk->fk", own))
-    factor = np.linalg.cholesky(own * scale[:, :, None] * scale[:, None, :])
     columns = np.concatenate([design, errors.shared, values[:, :, None]], axis=2)
-    white = np.linalg.solve(factor, columns * scale[:, :, None]).reshape(n * k, q + m + 1)
+    white = errors.whitened(columns).reshape(n * k, q + m + 1)
     A = np.vstack([white[:, :-1], np.eye(q + m)[q:]])
     z = np.concatenate([white[:, -1], np.zeros(m)])
     norm_of_column = np.linalg.norm(A, axis=0)

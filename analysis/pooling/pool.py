@@ -75,7 +75,7 @@ class Pool(JointPool):
                 SharedParameter(name=name, value=float(x), standard_error=float(e), unit=_UNITS.get(name, ""))
                 for name, x, e in shared
             ],
-            power_required=_curve(self),
+            power_required=power_points(self),
             between_flights=_between_flights(self),
             agreement=self.agreement,
             homogeneity=_agreement(polars, polars_text(polars, self.outlying_curves)) if polars else None,
@@ -144,7 +144,8 @@ def _agreement(test: Test, text: str) -> AgreementTest:
     return AgreementTest(chi_square=test.chi_square, degrees_of_freedom=test.degrees_of_freedom, p=test.p, text=text)
 
 
-def _curve(pooled: JointPool) -> list[PowerPoint]:
+def power_points(pooled: JointPool) -> list[PowerPoint]:
+    """The pooled curve with its 95 % interval, at `curve_speeds_mps`."""
     V = pooled.curve_speeds_mps
     power, error = pooled.power(V)
     half = NORMAL_95 * error

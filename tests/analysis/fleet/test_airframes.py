@@ -8,9 +8,9 @@ from fleet_flights import POLAR, flights_of
 
 from analysis.estimation.noise import NORMAL_95
 from analysis.fleet.airframes import airframes, fleet_curve, random_effects
-from analysis.fleet.changes import What
 from analysis.fleet.dataset import Dataset
-from analysis.fleet.results import fleet_results
+from analysis.fleet.results import What
+from analysis.fleet.summary import fleet_results
 from analysis.report.fleet_page import doubts, render_fleet
 from analysis.schema import Trust
 

@@ -4,15 +4,16 @@ import numpy as np
 import pytest
 from fleet_flights import flights_of
 
-from analysis.fleet.changes import Change, Series, Shape, What, find_changes, series
+from analysis.fleet.changes import Change, Series, find_changes, series
+from analysis.fleet.results import Shape, What
 from analysis.pooling.agreement import ErrorParts
-from analysis.pooling.flight_statistics import read_statistics
+from analysis.pooling.pool import pool_results
 
 A_YEAR = 200  # flights
 
 
 def changes_of(count: int = 100, seed: int = 1, **change: object) -> list[Change]:
-    flights = [read_statistics(one) for one in flights_of("one", seed, count, **change)]  # type: ignore[arg-type]
+    flights = pool_results(flights_of("one", seed, count, **change))  # type: ignore[arg-type]
     return find_changes(series(flights), np.arange(count, dtype=float), A_YEAR)
 
 
