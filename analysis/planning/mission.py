@@ -21,7 +21,7 @@ from analysis.planning.search import FlightPlan, Request
 from analysis.planning.settings import MARGINS, PATH
 from analysis.planning.time_history import climb_rate_mps
 from flight.runs import AIRCRAFT_SIZE
-from flight.units import KNOT_MPS
+from flight.units import EARTH_RADIUS_M, KNOT_MPS
 
 
 class Command(IntEnum):
@@ -168,7 +168,7 @@ def _items(plan: FlightPlan, home: Home) -> list[_Item]:
 
 def _place(home: Home, along_m: float, across_m: float) -> tuple[float, float]:
     """Latitude and longitude [deg] of a point along and to the right of the first leg (great circle)."""
-    distance = (along_m**2 + across_m**2) ** 0.5 / 6371000.0  # mean radius of the earth [m]
+    distance = (along_m**2 + across_m**2) ** 0.5 / EARTH_RADIUS_M
     bearing = home.heading_rad + atan2(across_m, along_m)
     latitude = radians(home.latitude_deg)
     there = asin(sin(latitude) * cos(distance) + cos(latitude) * sin(distance) * cos(bearing))

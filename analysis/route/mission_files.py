@@ -16,6 +16,7 @@ from xml.etree import ElementTree
 from analysis.route.mission import HOME, Mission, Place, Speed, Step, with_return
 from flight.errors import InputError
 from flight.files import read_text
+from flight.units import EARTH_RADIUS_M
 
 
 class Command(IntEnum):
@@ -266,15 +267,15 @@ def local_m(latitude_deg: float, longitude_deg: float, start: Start, where: str)
 
     Raises InputError beginning with `where` for what is no place, or so far away that the earth is not flat.
     """
-    earth_radius_m, farthest_m = 6_371_000.0, 500_000.0
+    farthest_m = 500_000.0
     if not (abs(latitude_deg) <= 90 and abs(longitude_deg) <= 360):
         raise InputError(f"{where}: {latitude_deg:g}, {longitude_deg:g} is no latitude and longitude")
     middle = math.radians((latitude_deg + start.latitude_deg) / 2)
     east = math.radians((longitude_deg - start.longitude_deg + 180) % 360 - 180) * math.cos(middle)
     north = math.radians(latitude_deg - start.latitude_deg)
-    if math.hypot(east, north) * earth_radius_m > farthest_m:
-        raise InputError(f"{where}: {math.hypot(east, north) * earth_radius_m / 1000:.0f} km from home; check both")
-    return earth_radius_m * east, earth_radius_m * north
+    if math.hypot(east, north) * EARTH_RADIUS_M > farthest_m:
+        raise InputError(f"{where}: {math.hypot(east, north) * EARTH_RADIUS_M / 1000:.0f} km from home; check both")
+    return EARTH_RADIUS_M * east, EARTH_RADIUS_M * north
 
 
 def _unrolled(items: Sequence[Item], where: str) -> list[Item]:

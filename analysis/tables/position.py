@@ -5,8 +5,7 @@ import numpy as np
 from analysis.autopilot_logs.recording import Channel
 from analysis.tables.read import Array
 from analysis.trajectory.settings import SENSORS
-
-EARTH_RADIUS_M = 6_371_000.0
+from flight.units import EARTH_RADIUS_M
 
 
 def velocity_by_position(latitude: Channel, longitude: Channel) -> tuple[Channel, Channel]:

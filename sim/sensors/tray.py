@@ -11,6 +11,7 @@ from flight.aircraft import ControlSurface, PneumaticLine
 from flight.atmosphere import GRAVITY_MPS2
 from flight.complete_aircraft import CompleteAircraft
 from flight.motion import body_from_earth, specific_force_at, velocity_of
+from flight.units import EARTH_RADIUS_M
 from sim.bench import BurstsSegment, ColumnSegment
 from sim.fly import Flight
 from sim.sensor_truth import GpsSolution
@@ -24,7 +25,6 @@ Array = NDArray[np.float64]
 # Place of the flight, and the magnetic field there (flux density [T], dip [rad]).
 HOME_LATITUDE_DEG, HOME_LONGITUDE_DEG = 35.773, -78.674
 FIELD_T, DIP_RAD = 48.5e-6, np.deg2rad(63.0)
-EARTH_RADIUS_M = 6_371_000.0
 
 PNEUMATIC_DT_S = 1 / 200
 # The electronics warm the tray above air temperature, exponentially.
