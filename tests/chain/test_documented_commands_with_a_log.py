@@ -87,7 +87,6 @@ RUN_ELSEWHERE = {
     "analyze log.mcap --battery-Wh 74 --usable 0.7": "chain/test_without_posix.py",
     r"analyze (out.)?log.mcap": "chain/test_documented_commands.py",
     "analyze log.mcap --propeller PER3_12x8E.dat": "chain/test_runs_file.py",
-    "analyze log.mcap --polar T1-VLM2.txt": "analysis/report/test_predicted_polar.py",
     'analyze log-0001.mcap --weight "3.9 kg"': "chain/test_own_aircraft.py",
     "analyze 00000042.BIN .*": "analysis/electrical/test_formats.py",
     "(flightpower new columns|analyze) table.csv .*": "analysis/tables/test_tables.py",
