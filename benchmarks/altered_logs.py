@@ -148,8 +148,8 @@ def altered(data: bytes, number: int) -> bytes:
     return bytes(out)
 
 
-class Hang(Exception):
-    """One input takes too long."""
+class Hang(BaseException):
+    """One input takes too long. No error of altered bytes, which readers catch."""
 
 
 @dataclass
@@ -193,7 +193,7 @@ def tried(job: tuple[int, bytes, int, int, float]) -> Tally:
                 target.run(path)
             except InputError:
                 tally.refused += 1
-            except Exception:
+            except (Exception, Hang):
                 tally.defects += 1
                 tally.last = f"{target.name} {number}\n{traceback.format_exc(limit=-4)}"
                 kept = KEPT / target.name

@@ -2,9 +2,10 @@
 
 import contextlib
 import io
+from collections import Counter
 from enum import IntEnum
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,11 +106,27 @@ def read_px4(path: Path) -> FlightRecording:
     )
 
 
+class _Advancing:
+    """A file for pyulog, which at a damaged end goes back by more bytes than it has read, and reads them for ever."""
+
+    def __init__(self, stream: BinaryIO):
+        self.read, self.tell, self.close = stream.read, stream.tell, stream.close
+        self._seek, self._visits = stream.seek, Counter[int]()
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        """Raises EOFError where it comes back to one place again and again."""
+        place = self._seek(offset, whence)
+        self._visits[place] += 1
+        if self._visits[place] > 10:  # each reading comes to it once, the search for a sync mark once more
+            raise EOFError("its end is damaged")
+        return place
+
+
 def _topics(path: Path) -> tuple[dict[str, list[_Topic]], dict[str, float], list[str]]:
     """The topics by name, the autopilot's parameters, and notes."""
     try:
         with path.open("rb") as stream, contextlib.redirect_stdout(io.StringIO()):
-            log = ULog(stream, list(TOPICS))
+            log = ULog(_Advancing(stream), list(TOPICS))
     except Exception as error:  # a torn or altered file raises whatever its bytes lead to
         raise InputError(f"{path}: cannot be read as a PX4 log ({type(error).__name__}: {_line(error)})") from None
     topics: dict[str, list[_Topic]] = {}

@@ -1,5 +1,6 @@
 """Inputs that once found a defect in a parser, and a few ordinary ones, find none."""
 
+import signal
 from pathlib import Path
 
 import pytest
@@ -16,9 +17,26 @@ def test_ordinary_nonsense_is_refused_or_ignored(name):
         TARGETS[name](data)
 
 
+class TooLong(BaseException):
+    """No error of altered bytes, which readers catch."""
+
+
 def test_inputs_that_once_found_a_defect_find_none():
-    for path in KEPT:
-        TARGETS[path.parent.name](path.read_bytes())
+    """Within 10 s of processor time each: some were read for ever."""
+
+    def too_long(*_):
+        raise TooLong
+
+    before = signal.signal(signal.SIGPROF, too_long)
+    try:
+        for path in KEPT:
+            signal.setitimer(signal.ITIMER_PROF, 10.0)
+            TARGETS[path.parent.name](path.read_bytes())
+    except TooLong:
+        pytest.fail(f"{path.name} is read for ever", pytrace=False)
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.signal(signal.SIGPROF, before)
 
 
 def test_a_defect_would_be_found():
