@@ -1,4 +1,4 @@
-"""The documented, versioned format of `results.json` and `power_required.csv` (docs/results.md).
+"""The documented, versioned format of `results.json` and `power_required.csv` (docs/use/results.md).
 
 Estimators return these records, and pages and tables are drawn from them: each number is written where it is computed,
 once. This module therefore imports nothing of the analysis. One file, though long: the fields of one file, with their

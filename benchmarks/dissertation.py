@@ -1,11 +1,11 @@
 """Every result of the source's chapters 4 and 7 that a log can show, from simulated flights: `make dissertation`.
 
     python benchmarks/dissertation.py
-    python benchmarks/dissertation.py --docs      the figures into docs/figures too, as docs/dissertation.md shows them
+    python benchmarks/dissertation.py --docs      the figures into docs/figures too, as dissertation.md shows them
 
 Flies Astraeus LS, HS and Nexstar (seed 1001), writes their logs, analyses these with `--likelihood`, and draws. Flights
 and analyses are kept in out/dissertation/flights and are not repeated; remove the folder to begin anew. The tables
-that docs/dissertation.md quotes are printed and written to out/dissertation/tables.md.
+that docs/evidence/dissertation.md quotes are printed and written to out/dissertation/tables.md.
 """
 
 import json

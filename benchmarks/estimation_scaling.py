@@ -3,7 +3,7 @@
     python benchmarks/estimation_scaling.py growth
     python benchmarks/estimation_scaling.py ratios
 
-docs/estimation.md quotes the output. `aeroid` takes part where it is installed (`pip install aeroid`).
+docs/understand/estimation.md quotes the output. `aeroid` takes part where it is installed (`pip install aeroid`).
 """
 
 import importlib.util

@@ -1,7 +1,7 @@
 """Flights that were flown: the curve of `analyze` against steady flight in the same log, from each file as it is.
 
 python benchmarks/real_flights.py [FOLDER]: a Markdown table of errors, half widths, coverage, time and memory.
-FOLDER holds the files of docs/real-flights.md; default: ../shared/data/real-flights. Tables are read with the map that
+FOLDER holds the files of real-flights.md; default: ../shared/data/real-flights. Tables are read with the map that
 `flightpower new columns` drafts. Mass, and thrust or current, are shared by curve and reference: what is compared is
 how drag follows from motion.
 """

@@ -1,4 +1,4 @@
-"""The figures of docs/simulation.md: flies the shipped plans, draws with plotly; headless Chromium takes the pictures.
+"""The figures of simulation.md: flies the shipped plans, draws with plotly; headless Chromium takes the pictures.
 
 .venv/bin/python benchmarks/simulation_figures.py
 """

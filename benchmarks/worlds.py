@@ -247,7 +247,9 @@ def main(
     first_seed: Annotated[
         int, typer.Option("--seed", help="The first seed; development uses those below 1000.")
     ] = 1000,
-    defects: Annotated[bool, typer.Option("--defects", help="The worlds of one defect each, docs/trust.md.")] = False,
+    defects: Annotated[
+        bool, typer.Option("--defects", help="The worlds of one defect each, docs/understand/trust.md.")
+    ] = False,
     calibrated: Annotated[bool, typer.Option("--calibrated", help="Calibrate the transducers first.")] = False,
     jobs: Annotated[int, typer.Option(help="Processes.")] = 2,
     file: Annotated[Path, typer.Option(help="Where flights are kept, one a line.")] = Path("out/study.jsonl"),

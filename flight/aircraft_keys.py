@@ -1,6 +1,6 @@
 """Every key of the aircraft file: an example, its meaning, how to measure it, who needs it, what is assumed without it.
 
-Messages, the template of `flightpower new aircraft` and docs/aircraft.md are made of it;
+Messages, the template of `flightpower new aircraft` and docs/use/aircraft.md are made of it;
 `python -m flight.aircraft_keys` prints the tables of that page.
 """
 
@@ -77,7 +77,7 @@ KEYS: dict[str, Key] = {
     "mass.Ixz": Key('"0 kg m^2"', "Product of inertia.", "Small; leave it out.", SIMULATOR, "zero"),
     "propulsion.propeller": Key(
         '"apc-12x8e"',
-        "Propeller table: a shipped name, or a file (docs/propellers.md).",
+        "Propeller table: a shipped name, or a file (docs/use/propellers.md).",
         "Printed on the blade; tables of UIUC and APC are read as downloaded.",
         "analysis, simulator",
         "the log's table, or `analyze --propeller`",
@@ -364,7 +364,7 @@ EXAMPLES = _examples()
 
 
 def to_markdown() -> str:
-    """The table of all keys, as docs/aircraft.md has it."""
+    """The table of all keys, as docs/use/aircraft.md has it."""
     rows = ["| key | such as | meaning | how to measure it | needed by | without it |", "|---|---|---|---|---|---|"]
     rows += [
         f"| `{key}` | `{k.example}` | {k.meaning} | {k.measure} | {k.needed_by} | {k.without or 'an error'} |"

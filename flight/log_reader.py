@@ -18,7 +18,7 @@ from flight.messages import TYPE_OF_TOPIC, Message, Status
 from flight.undecodable import Undecodable
 
 ENCODING = "json"
-FORMAT_PAGE = "docs/log-format.md"
+FORMAT_PAGE = "docs/understand/log-format.md"
 
 
 @dataclass

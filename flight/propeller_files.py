@@ -49,7 +49,7 @@ def _text(path: Path) -> str:
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
     if "\0" in text:
-        raise InputError(f"{path}: not a text file; give a propeller table as in docs/propellers.md")
+        raise InputError(f"{path}: not a text file; give a propeller table as in docs/use/propellers.md")
     return text
 
 
@@ -98,7 +98,7 @@ def _csv_table(text: str, name: str) -> tuple[float, tuple[Row, ...], str]:
     comments = [line.lstrip("# ") for line in text.splitlines() if line.startswith("#")]
     diameter = next((re.match(r"diameter_m\s*=\s*(\S+)", c) for c in comments if c.startswith("diameter_m")), None)
     if diameter is None:
-        raise InputError(f"propeller {name}: no line `# diameter_m = …`; docs/propellers.md describes the formats")
+        raise InputError(f"propeller {name}: no line `# diameter_m = …`; docs/use/propellers.md describes the formats")
     try:
         diameter_m = float(diameter[1])
     except ValueError:

@@ -10,7 +10,7 @@ A package keeps its own in `settings.py`, one record a subject:
 
     LEVEL_RUNS = LevelRuns()
 
-docs/assumptions.md is made from these records. A value that follows from another setting, from the noise or from the
+assumptions.md is made from these records. A value that follows from another setting, from the noise or from the
 aircraft's size is computed, and is no setting.
 """
 

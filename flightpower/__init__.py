@@ -1,4 +1,4 @@
-"""Power required of small electric aircraft: functions for programs (docs/python.md), and the command `flightpower`.
+"""Power required of small electric aircraft: functions for programs (python.md), and the command `flightpower`.
 
 Nothing is imported before it is asked for: NumPy, SciPy and pandas take a second, and the daemon has none of them.
 """

@@ -1,4 +1,4 @@
-"""The functions and records that `import flightpower` gives (docs/python.md).
+"""The functions and records that `import flightpower` gives (docs/understand/python.md).
 
 Files are given by their paths. What is wrong with an input raises `InputError`, with one line that says what, where and
 what to do. Names end with their unit, which is SI but for the options of the commands.
@@ -76,7 +76,7 @@ def analyze(log: Log | Paths, options: Options = Options(), progress: Callable[[
 
 
 def tables(flight: Flight) -> dict[str, "pd.DataFrame"]:
-    """The flight as tables by name: synchronized, states, derived, runs, curves (docs/exports.md)."""
+    """The flight as tables by name: synchronized, states, derived, runs, curves (docs/use/exports.md)."""
     return exports.tables_of(flight)
 
 

@@ -58,7 +58,7 @@ def fly(
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the truth and the log.")],
     aircraft: AircraftOption = "nexstar",
     plan: Annotated[
-        str, typer.Option(metavar="NAME", help="A shipped plan (docs/simulation.md lists them), or a file.")
+        str, typer.Option(metavar="NAME", help="A shipped plan (docs/understand/simulation.md lists them), or a file.")
     ] = "accel-decel",
     errors: Annotated[
         str | None,
@@ -77,7 +77,8 @@ def fly(
     faults: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", help="Faults of the fake sensors and their times: a file as in docs/fake-tray.md."
+            metavar="FILE",
+            help="Faults of the fake sensors and their times: a file as in docs/understand/fake-tray.md.",
         ),
     ] = None,
     real_time: Annotated[bool, typer.Option("--real-time", help="Record in real time.")] = False,

@@ -1,7 +1,7 @@
 """Ordinary defects of an installation, of which the analysis is not told; each is exactly as its value says.
 
 Most are errors of a sensor; landing gear, fading propeller, sagging battery and steady updraft change the flight.
-World files give them in the section [defects] (docs/worlds.md).
+World files give them in the section [defects] (docs/evidence/worlds.md).
 """
 
 from dataclasses import dataclass

@@ -1,6 +1,6 @@
 """The commands of the documentation: found, run in this process, and compared with the output that a page shows.
 
-python -m tests.documented_commands docs/tutorial.md     # renew the outputs that a page shows
+python -m tests.documented_commands docs/use/tutorial.md     # renew the outputs that a page shows
 """
 
 import contextlib
@@ -18,8 +18,8 @@ from unittest import mock
 import typer
 
 ROOT = Path(__file__).parent.parent
-TUTORIAL = ROOT / "docs" / "tutorial.md"
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+TUTORIAL = ROOT / "docs" / "use" / "tutorial.md"
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*/*.md"))]
 MODULES = {
     "analyze": "analysis.cli.analyze",
     "calibrate": "analysis.cli.calibrate",

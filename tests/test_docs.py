@@ -11,7 +11,7 @@ import pytest
 ROOT = Path(__file__).parent.parent
 OTHER_PAGES = ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md", "Makefile",
                "systemd/README.md", "firmware/esc_counter/README.md", "tests/data/README.md")  # fmt: skip
-PAGES = [*(ROOT / name for name in OTHER_PAGES), *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [*(ROOT / name for name in OTHER_PAGES), *sorted((ROOT / "docs").glob("*/*.md"))]
 PACKAGES = ("analysis", "daq", "flight", "flightpower", "hw_fakes", "sim")
 OF_CODE = (*PACKAGES, "benchmarks")
 FOLDERS = (*OF_CODE, "docs", "systemd", "tests")
@@ -67,7 +67,7 @@ def test_modules_in_the_documentation_exist(page: Path) -> None:
 
 def test_readme_links_every_page() -> None:
     links = set(LINK.findall((ROOT / "README.md").read_text("utf-8")))
-    assert {f"docs/{page.name}" for page in (ROOT / "docs").glob("*.md")} <= links
+    assert {page.relative_to(ROOT).as_posix() for page in (ROOT / "docs").glob("*/*.md")} <= links
 
 
 def test_pages_linked_from_the_readme_are_pages_of_the_site() -> None:
@@ -80,7 +80,7 @@ def test_pages_linked_from_the_readme_are_pages_of_the_site() -> None:
 
 
 def test_architecture_lists_the_folders_and_files_of_analysis() -> None:
-    text = (ROOT / "docs" / "architecture.md").read_text("utf-8")
+    text = (ROOT / "docs" / "understand" / "architecture.md").read_text("utf-8")
     section = text.split("## The folders of `analysis/`")[1].split("\n## ")[0]
     listed = re.findall(r"^\| `([^`]+)` \|", section, flags=re.MULTILINE)
     folders = {f"{path.name}/" for path in (ROOT / "analysis").iterdir() if (path / "__init__.py").exists()}
@@ -89,7 +89,7 @@ def test_architecture_lists_the_folders_and_files_of_analysis() -> None:
 
 
 def test_a_folder_of_analysis_imports_only_folders_below_it_in_the_table() -> None:
-    text = (ROOT / "docs" / "architecture.md").read_text("utf-8")
+    text = (ROOT / "docs" / "understand" / "architecture.md").read_text("utf-8")
     section = text.split("## The folders of `analysis/`")[1].split("\n## ")[0]
     rows = [
         name.rstrip("/").removesuffix(".py") for name in re.findall(r"^\| `([^`]+)` \|", section, flags=re.MULTILINE)

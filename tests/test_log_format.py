@@ -1,4 +1,4 @@
-"""docs/log-format.md has every topic, field, status, attachment and metadata name of the code, and no other."""
+"""log-format.md has every topic, field, status, attachment and metadata name of the code, and no other."""
 
 import re
 from pathlib import Path
@@ -11,7 +11,7 @@ from daq.attachments import Attachments, write_attachments
 from flight.aircraft import load_aircraft
 from flight.messages import SECOND_TOPICS, TOPICS_FOR_DRAG, TYPE_OF_TOPIC, Status
 
-PAGE = (Path(__file__).parent.parent / "docs" / "log-format.md").read_text("utf-8")
+PAGE = (Path(__file__).parent.parent / "docs" / "understand" / "log-format.md").read_text("utf-8")
 UNITS = {
     "Hz": "Hz",
     "mps2": "m/s²", "radps": "rad/s", "revps": "rev/s", "mps": "m/s", "counts": "counts", "rad": "rad", "deg": "deg",

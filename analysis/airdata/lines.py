@@ -2,7 +2,7 @@
 
 Most of the response is a delay, which `synchronize` takes out with the other delays. The remainder attenuates high
 frequencies. It is divided out only for lines so long and narrow that the gain is worth the additional noise
-(docs/calibration.md).
+(docs/use/calibration.md).
 """
 
 from collections.abc import Callable, Sequence

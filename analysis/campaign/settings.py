@@ -1,4 +1,4 @@
-"""Settings of analyses of many logs (docs/many-flights.md)."""
+"""Settings of analyses of many logs (docs/use/many-flights.md)."""
 
 from dataclasses import dataclass
 

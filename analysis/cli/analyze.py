@@ -47,9 +47,9 @@ def analyze(
         list[Path],
         typer.Argument(
             metavar="LOG",
-            help="A log that the daemon recorded, one of other software (docs/log-format.md), one of PX4 (.ulg),"
-            " ArduPilot (.BIN, .log, .tlog) or Paparazzi (.data). Several: each is analyzed, and the flights of one"
-            " aircraft are pooled.",
+            help="A log that the daemon recorded, one of other software (docs/understand/log-format.md), one of PX4"
+            " (.ulg), ArduPilot (.BIN, .log, .tlog) or Paparazzi (.data). Several: each is analyzed, and the flights"
+            " of one aircraft are pooled.",
         ),
     ],
     output: Annotated[
@@ -64,7 +64,7 @@ def analyze(
     options: Options = Options(),
     json: Annotated[
         bool,
-        typer.Option("--json", help="Print the results as JSON on stdout (docs/results.md), instead of a summary."),
+        typer.Option("--json", help="Print the results as JSON on stdout (docs/use/results.md), instead of a summary."),
     ] = False,
     jobs: Annotated[
         int | None,

@@ -23,7 +23,7 @@ app = application(no_args_is_help=False)
 @app.command()
 @takes_options(LogOptions)
 def export(
-    log: Annotated[Path, typer.Argument(metavar="LOG", help="A log of the daemon (docs/log-format.md).")],
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="A log of the daemon (docs/understand/log-format.md).")],
     to: Annotated[str, typer.Option("--to", metavar="KIND", help=f"{', '.join(KINDS[:-1])} or {KINDS[-1]}.")],
     output: Annotated[
         Path | None,
@@ -42,7 +42,7 @@ def export(
     for Foxglove and PlotJuggler.
 
     Tables: synchronized channels, reconstructed states and derived quantities with standard errors, runs, curves. Units
-    are in the names of the columns (docs/exports.md).
+    are in the names of the columns (docs/use/exports.md).
 
     \b
     Examples:

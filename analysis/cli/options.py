@@ -1,7 +1,7 @@
 """Options that several commands share, each defined once, with what they read.
 
 The fields of a record of options are options of the command line (`flight.command_line.takes_options`), and the keyword
-arguments of the same record in a program (docs/python.md).
+arguments of the same record in a program (docs/understand/python.md).
 """
 
 from dataclasses import dataclass
@@ -156,7 +156,8 @@ class Options(LogOptions):
         bool,
         typer.Option(
             "--likelihood",
-            help="Also apply the two maximum-likelihood methods of the source (docs/methods.md); takes a second.",
+            help="Also apply the two maximum-likelihood methods of the source (docs/understand/methods.md); takes"
+            " a second.",
         ),
     ] = False
     battery_Wh: Annotated[

@@ -137,7 +137,8 @@ class CrossCheckSettings(Settings):
     excess: float = setting(
         1.2,
         "1",
-        "errors of output error over its standard errors: 1.1 rms in 8 flights in calm air (docs/estimators.md)",
+        "errors of output error over its standard errors: 1.1 rms in 8 flights in calm air"
+        " (docs/understand/estimators.md)",
     )
 
 

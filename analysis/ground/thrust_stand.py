@@ -106,7 +106,7 @@ def calibrate(
     if np.any(begins_at > 0):
         raise InputError(
             f"propeller {propeller.name}: its table begins at J = {begins_at.max():.2g}, and the stand measures at"
-            " J = 0; give a table with a static test (docs/propellers.md)"
+            " J = 0; give a table with a static test (docs/use/propellers.md)"
         )
     table_N = np.asarray(propeller.thrust_and_power(np.zeros(len(n)), n, readings.rho)[0])
     weight = table_N @ table_N

@@ -36,7 +36,9 @@ class Leg(Settings):
     """Straight flight over the ground, where the user gives no length."""
 
     length_m: tuple[float, float] = setting(
-        (500.0, 1300.0), "m", "in line of sight of a pilot on the ground; of an autopilot, as docs/flying.md compares"
+        (500.0, 1300.0),
+        "m",
+        "in line of sight of a pilot on the ground; of an autopilot, as docs/use/flying.md compares",
     )
 
 

@@ -1,4 +1,4 @@
-"""The pool of several flights, from their results, and the contents of its `results.json` (docs/pooling.md)."""
+"""The pool of several flights, from their results, and the contents of its `results.json` (docs/use/pooling.md)."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The page of a fleet, from its fleet.json (docs/fleet.md)."""
+"""The page of a fleet, from its fleet.json (docs/use/fleet.md)."""
 
 from datetime import UTC, datetime
 

@@ -1,4 +1,4 @@
-"""The page of several flights together, or of two configurations, from their pooled results.json (docs/pooling.md)."""
+"""The page of several flights together, or of two configurations, from their pooled results.json (pooling.md)."""
 
 from collections.abc import Sequence
 from datetime import UTC, datetime

@@ -1,1 +1,1 @@
-"""Estimates put into the documented form of `results.json` (docs/results.md)."""
+"""Estimates put into the documented form of `results.json` (docs/use/results.md)."""

@@ -1,4 +1,4 @@
-"""`results.json` and `power_required.csv` as text (docs/results.md)."""
+"""`results.json` and `power_required.csv` as text (docs/use/results.md)."""
 
 import csv
 import io

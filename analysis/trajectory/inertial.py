@@ -56,7 +56,7 @@ class InertialInputs:
 
 
 def _at_instants(means: Array) -> Array:
-    """Values (n,) in the middle of the intervals whose means (n,) the IMU gives (docs/log-format.md), of a parabola."""
+    """Values (n,) in the middle of the intervals whose means (n,) the IMU gives (log-format.md), of a parabola."""
     values = means.copy()
     values[1:-1] -= np.diff(means, 2) / 24
     return values

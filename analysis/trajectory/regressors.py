@@ -81,7 +81,7 @@ def projected_on_past(
     increment over that of white noise, in the measurement that the prediction is for
     Least squares after the filter that makes gust and noise together white, as a smoother weights them: increments over
     the decaying gust where there is no noise, the values themselves where there is no gust. So instrument z and
-    regressor x have z'x = z'z, and the covariance that the smoother computes is the true one (docs/estimators.md).
+    regressor x have z'x = z'z, and the covariance that the smoother computes is the true one (estimators.md).
     Without the noise z'x was -0.3 z'z in calm air for the lag of the angle of attack.
     """
     both = flying[1:] & flying[:-1]
@@ -222,7 +222,7 @@ class Regressors:
         """In place of `regressors` (n, 2): a constant airspeed, and its derivative predicted from past inertial speed.
 
         A pilot who holds airspeed changes the inertial speed by the gusts of the last 10 s, and these last: past speed
-        knows more of the current gust than noisy air data do (docs/estimators.md).
+        knows more of the current gust than noisy air data do (docs/understand/estimators.md).
         """
         V, _ = self._extrapolated(inertial_V, newest=PREDICTION.newest)
         _, V_rate = self._extrapolated(inertial_V, PREDICTION.rate_s, PREDICTION.newest)

@@ -1,4 +1,4 @@
-"""Writes a log for `flightpower analyze` with the mcap library alone; docs/log-format.md describes the format.
+"""Writes a log for `flightpower analyze` with the mcap library alone; log-format.md describes the format.
 
 python write_log.py flight.csv flight.mcap aircraft.toml propeller.csv probe.json
 

@@ -1,4 +1,4 @@
-"""Draws docs/figures/wiring.svg, the wiring diagram of docs/hardware.md: `python docs/figures/wiring.py`."""
+"""Draws docs/figures/wiring.svg, the wiring diagram of docs/use/hardware.md: `python docs/figures/wiring.py`."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Writes docs/assumptions.md from the settings of the code, or counts them.
+"""Writes docs/understand/assumptions.md from the settings of the code, or counts them.
 
 python docs/site/assumptions.py            # after a setting was changed
 python docs/site/assumptions.py --count    # settings, and numbers of modules that are none, by folder
@@ -17,7 +17,7 @@ sys.path.insert(0, str(ROOT))
 
 from flight.settings import Settings  # noqa: E402
 
-PAGE = ROOT / "docs" / "assumptions.md"
+PAGE = ROOT / "docs" / "understand" / "assumptions.md"
 FOLDERS = (
     "flight", "analysis/signals", "analysis/airdata", "analysis/log_checks", "analysis/maneuvers",
     "analysis/trajectory", "analysis/drag", "analysis/estimation", "analysis/performance", "analysis/results",

@@ -14,6 +14,6 @@ def test_the_schema_in_the_docs_is_the_code_s() -> None:
 
 
 def test_every_field_is_explained() -> None:
-    text = (DOCS / "results.md").read_text("utf-8")
+    text = (DOCS / "use" / "results.md").read_text("utf-8")
     for field in msgspec.structs.fields(Results):
         assert f"`{field.name}`" in text, field.name

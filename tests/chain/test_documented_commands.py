@@ -49,7 +49,7 @@ def _in_the_tutorial_s_folder(walk: Walk, monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_the_tutorial_shows_what_its_commands_print(walk: Walk) -> None:
-    """To renew the outputs: python -m tests.documented_commands docs/tutorial.md"""
+    """To renew the outputs: python -m tests.documented_commands docs/use/tutorial.md"""
     assert sum(bool(step.command) for step, _ in walk.steps) > 15
     for step, printed in walk.steps:
         if step.command:

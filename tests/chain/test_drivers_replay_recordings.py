@@ -168,7 +168,7 @@ def test_the_page_on_bench_recordings_is_true(monkeypatch):
     """Its example runs as it stands there."""
     root = Path(__file__).parents[2]
     monkeypatch.chdir(root)
-    example = (root / "docs" / "fake-tray.md").read_text().split("```python\n")[1].split("```")[0]
+    example = (root / "docs" / "understand" / "fake-tray.md").read_text().split("```python\n")[1].split("```")[0]
     names: dict = {}
     exec(example, names)
     assert len(names["pressures"]) == 74

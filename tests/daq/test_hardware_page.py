@@ -1,11 +1,11 @@
-"""docs/hardware.md describes the tray of the example configuration."""
+"""docs/use/hardware.md describes the tray of the example configuration."""
 
 import re
 import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "hardware.md").read_text("utf-8").replace("*", "")
+PAGE = (ROOT / "docs" / "use" / "hardware.md").read_text("utf-8").replace("*", "")
 DIAGRAM = (ROOT / "docs" / "figures" / "wiring.svg").read_text("utf-8")
 SENSORS = tomllib.loads((ROOT / "daq" / "tray.example.toml").read_text("utf-8"))["sensors"]
 

@@ -160,7 +160,7 @@ def test_the_simulator_asks_for_every_key_it_flies_by():
 
 
 def test_every_key_is_described():
-    """The table that messages, template and docs/aircraft.md are made of has the keys that the code reads, no other."""
+    """The table that messages, template and aircraft.md are made of has the keys that the code reads, no other."""
     read = set(keys_of(Aircraft)) - {"aerodynamics"}
     for surface in SURFACES:
         read = {key.replace(f"{surface}.", "SURFACE.") for key in read}
@@ -211,5 +211,5 @@ def keys_below_aerodynamics():
 
 
 def test_the_page_describes_every_key():
-    page = (Path(__file__).parents[2] / "docs" / "aircraft.md").read_text("utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "use" / "aircraft.md").read_text("utf-8")
     assert to_markdown() in page, "python -m flight.aircraft_keys prints the table"

@@ -34,7 +34,7 @@ def test_efficiency_is_below_one_wherever_the_propeller_pulls(name):
 
 
 def test_folded_blades_leave_a_friction_of_0_0015_square_diameters_and_take_no_power():
-    """docs/simulation.md; a drag area f is a thrust of -rho V^2 f / 2."""
+    """docs/understand/simulation.md; a drag area f is a thrust of -rho V^2 f / 2."""
     folded = TABLE.with_beyond_zero_thrust("fold")
     V, n, rho = 40.0, 50.0, 1.2  # J = 2.7, far beyond zero thrust
     thrust_N, power_W = folded.thrust_and_power(V, n, rho)

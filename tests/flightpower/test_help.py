@@ -73,7 +73,7 @@ def test_the_shipped_propellers_are_named() -> None:
 
 
 def test_plans_are_by_default_those_that_the_page_on_flying_tells() -> None:
-    told = (Path(__file__).parents[2] / "docs" / "flying.md").read_text("utf-8")
+    told = (Path(__file__).parents[2] / "docs" / "use" / "flying.md").read_text("utf-8")
     found = re.search(r"For the Nexstar, (\d+) minutes and legs .* \(`flightpower plan nexstar --leg", told)
     legs = re.search(r"(\d+) m in line of sight, (\d+) m with an autopilot unless", told)
     load = re.search(r"largest load factor while porpoising, (\d) unless", told)

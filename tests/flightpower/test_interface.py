@@ -13,7 +13,7 @@ import flightpower
 from flightpower import interface
 from tests.documented_commands import ROOT
 
-PAGE = (ROOT / "docs" / "python.md").read_text("utf-8")
+PAGE = (ROOT / "docs" / "understand" / "python.md").read_text("utf-8")
 # Of the libraries the interface needs little, and checking them takes half a minute.
 LIBRARIES = "numpy.*,scipy.*,pandas.*,casadi.*,plotly.*,jinja2.*,mcap.*,rich.*,pint.*,pyulog.*,pymavlink.*"
 PROGRAM = """

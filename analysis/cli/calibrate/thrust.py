@@ -40,7 +40,7 @@ def thrust(
             "--propeller",
             metavar="NAME",
             help="Table of the propeller: one shipped with flightpower"
-            f" ({', '.join(shipped_propellers())}), or a file (docs/propellers.md).",
+            f" ({', '.join(shipped_propellers())}), or a file (docs/use/propellers.md).",
         ),
     ] = None,
     aircraft: Annotated[

@@ -112,7 +112,7 @@ def test_either_airspeed_message_gives_the_curve_of_level_windows(tmp_path: Path
 
 @needs(FLOWN)
 def test_a_sensor_that_is_added_makes_no_curve_of_a_real_flight_worse(tmp_path: Path) -> None:
-    """Against the mean power of its level windows, by measured airspeed (docs/real-flights.md)."""
+    """Against the mean power of its level windows, by measured airspeed (docs/evidence/real-flights.md)."""
     unpacked = tmp_path / "flight.data"
     unpacked.write_bytes(gzip.decompress(FLOWN.read_bytes()))
     read = read_paparazzi(unpacked)

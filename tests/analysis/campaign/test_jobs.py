@@ -18,7 +18,7 @@ from flight.errors import InputError
     ],
 )
 def test_a_job_that_fails_says_why_in_one_line(tmp_path: Path, monkeypatch, raised: Exception, said: str) -> None:
-    """docs/many-flights.md: an analysis may take 4 GB."""
+    """docs/use/many-flights.md: an analysis may take 4 GB."""
 
     def analyze(*_: object) -> None:
         raise raised

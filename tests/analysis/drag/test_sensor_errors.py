@@ -11,7 +11,7 @@ from analysis.drag.settings import COMPARISON
 from analysis.ground.thrust_prior import J_REFERENCE
 from flight.aircraft import Uncertainty, load_aircraft
 
-PAGE = Path(__file__).parents[3] / "docs" / "methods.md"
+PAGE = Path(__file__).parents[3] / "docs" / "understand" / "methods.md"
 BLOCKS, CORRELATED, SIGMA_MPS2 = 1000, 4, 0.02
 FLIGHTS = 200
 ERROR_PRIOR_SIGMA = error_prior_sigma(Uncertainty())

@@ -7,7 +7,7 @@ import pytest
 
 from analysis.estimation.fit import Finding
 
-TEXT = (Path(__file__).parents[3] / "docs" / "estimation-example.md").read_text("utf-8")
+TEXT = (Path(__file__).parents[3] / "docs" / "understand" / "estimation-example.md").read_text("utf-8")
 CODE, IN_TURBULENCE = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
 PRINTED = re.search(r"```text\n(.*?)```", TEXT, re.DOTALL)[1]
 
@@ -15,7 +15,7 @@ PRINTED = re.search(r"```text\n(.*?)```", TEXT, re.DOTALL)[1]
 @pytest.fixture(scope="module")
 def ran():
     scope: dict = {}
-    exec(compile(CODE, "docs/estimation-example.md", "exec"), scope)
+    exec(compile(CODE, "docs/understand/estimation-example.md", "exec"), scope)
     return scope
 
 
@@ -34,7 +34,7 @@ def test_it_finds_the_true_values(ran):
 
 def test_the_page_shows_what_it_prints(capsys):
     """Numbers to 1 %, because the last digits depend on the machine."""
-    exec(compile(CODE, "docs/estimation-example.md", "exec"), {})
+    exec(compile(CODE, "docs/understand/estimation-example.md", "exec"), {})
     number = re.compile(r"-?\d+\.\d+")
     shown, printed = capsys.readouterr().out, PRINTED
     assert number.sub("#", shown).split() == number.sub("#", printed).split()
@@ -51,7 +51,7 @@ def test_the_flap_is_not_identifiable(ran):
 
 
 def test_process_noise_is_not_significant_in_still_air(ran, capsys):
-    exec(compile(IN_TURBULENCE, "docs/estimation-example.md", "exec"), ran)
+    exec(compile(IN_TURBULENCE, "docs/understand/estimation-example.md", "exec"), ran)
     assert "process noise of q is not significant" in capsys.readouterr().out
     assert "process noise of q is not significant" in TEXT
     still = ran["wing"].changed(flap_effect={"free": False})

@@ -11,7 +11,9 @@ import pytest
 from analysis import estimation
 
 ROOT = Path(__file__).parents[3]
-BLOCKS = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "estimation.md").read_text("utf-8"), re.DOTALL)
+BLOCKS = re.findall(
+    r"```python\n(.*?)```", (ROOT / "docs" / "understand" / "estimation.md").read_text("utf-8"), re.DOTALL
+)
 OURS = ("analysis", "daq", "flight", "flightpower", "hw_fakes", "sim")
 
 
@@ -39,7 +41,7 @@ def test_it_imports_nothing_of_ours_but_errors_and_settings() -> None:
 def test_the_page_uses_every_name_and_its_examples_run(capsys: pytest.CaptureFixture[str]) -> None:
     scope: dict[str, object] = {}
     for i, block in enumerate(BLOCKS):
-        exec(compile(block, f"docs/estimation.md, block {i + 1}", "exec"), scope)
+        exec(compile(block, f"docs/understand/estimation.md, block {i + 1}", "exec"), scope)
     shown = "\n".join(BLOCKS)
     assert [name for name in estimation.__all__ if not re.search(rf"\b{name}\b", shown)] == []
     assert "converged in" in capsys.readouterr().out

@@ -1,4 +1,4 @@
-"""A log whose messages are not those of docs/log-format.md is refused in one line that names the mistake."""
+"""A log whose messages are not those of docs/understand/log-format.md is refused in one line that names the mistake."""
 
 import json
 import re
@@ -99,18 +99,18 @@ UNREADABLE: dict[str, tuple[dict[str, bytes], dict[str, str], str]] = {
         imu(),
         {"profile": "ros2"},
         "an MCAP file, but not a log of this program: the profile in its header is 'ros2', not 'flightpower' "
-        "(docs/log-format.md describes the format)",
+        "(docs/understand/log-format.md describes the format)",
     ),
     "no profile": (
         imu(),
         {"profile": ""},
         "an MCAP file, but not a log of this program: the profile in its header is '', not 'flightpower' "
-        "(docs/log-format.md describes the format)",
+        "(docs/understand/log-format.md describes the format)",
     ),
     "other topics": (
         {"imu": b"{}", "baro": b"{}"},
         {},
-        "holds no message of a topic that docs/log-format.md has; its topics: imu, baro",
+        "holds no message of a topic that docs/understand/log-format.md has; its topics: imu, baro",
     ),
     "a topic is missing": (imu(), {}, "no topic /probe/alpha, which the power curve needs"),
     "empty": ({"/imu": b""}, {}, "holds no message (it is complete, but nothing was recorded)"),

@@ -1,4 +1,4 @@
-"""A log that other software wrote by docs/log-format.md is analyzed; one with a mistake is refused in one clear line.
+"""A log that other software wrote by log-format.md is analyzed; one with a mistake is refused in one clear line.
 
 One simulated flight, written by docs/examples/write_log.py. Every wrong log is this one, changed.
 """
@@ -336,7 +336,7 @@ WRONG: dict[str, tuple[Change, str]] = {
     "misnamed, optional": (misnamed("/gps", "velocity_down_mps", "velocity_d_mps"),
         "/gps: velocity_down_mps has no value, but there is an unknown field velocity_d_mps: rename it"),
     "no temperature": (misnamed("/static", "temperature_K", "kelvin"),
-        "/static: temperature_K has no value; fields of its messages that docs/log-format.md does not have: "
+        "/static: temperature_K has no value; fields of its messages that docs/understand/log-format.md does not have: "
         "kelvin"),
     "rate": (lambda log: replace(log, metadata={"flightpower": {"tick_rate_Hz": "250"}}),
         "metadata flightpower: tick_rate_Hz is '250', but /imu has 25 messages a second: write that number, "

@@ -143,7 +143,7 @@ def test_without_battery_data_the_aircraft_file_is_believed_and_that_is_said(nex
     assert not train.measured and train.points == ()
     assert "no battery voltage" in train.basis and "560 rpm/V" in train.basis
     shaft_scale, friction, copper, meter_scale = np.sqrt(np.diag(train.parameters.covariance))
-    assert (shaft_scale, meter_scale) == pytest.approx((0.05, 0.02)), "docs/answers.md promises these"
+    assert (shaft_scale, meter_scale) == pytest.approx((0.05, 0.02)), "docs/use/answers.md promises these"
     assert [friction, copper] == pytest.approx(0.5 * train.parameters.values[1:3], abs=0.002)
     V, n, truth = elsewhere(nexstar, propeller)
     found = predicted(train, propeller, V, n)
@@ -157,7 +157,7 @@ def test_a_few_seconds_are_no_measurement(nexstar, propeller) -> None:
     data = steady_points(nexstar, propeller, seconds=5.0).iloc[:20]
     train = fit_power_train(data, nexstar.propulsion, propeller, **NO_CORRECTION)
     assert not train.measured and "Only" in train.basis
-    assert "losses ±50 %, shaft power ±5 %" in train.basis, "as assumed in docs/assumptions.md"
+    assert "losses ±50 %, shaft power ±5 %" in train.basis, "as assumed in docs/understand/assumptions.md"
 
 
 def test_efficiencies_are_means_of_five_seconds_and_a_windmilling_propeller_has_none(nexstar, propeller) -> None:

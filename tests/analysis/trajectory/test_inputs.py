@@ -382,7 +382,7 @@ def test_heading_offset_of_the_compass(exact) -> None:
 
 
 def test_a_latency_of_gps_up_to_half_a_second_is_within_two_standard_deviations() -> None:
-    """docs/log-format.md: a constant latency of up to about half a second is estimated; receivers take 0.1 s."""
+    """log-format.md: a constant latency of up to about half a second is estimated; receivers take 0.1 s."""
     mean, sigma = (part[SENSOR_ERRORS.index("gps_latency")] for part in sensor_error_prior(SensorPriors(), gps=True))
     assert mean == 0.1 and mean + 2 * sigma == pytest.approx(0.5)
 

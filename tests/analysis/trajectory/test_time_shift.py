@@ -47,7 +47,7 @@ def delayed(flight):
 @pytest.mark.slow
 def test_a_delay_of_the_probe_is_found_to_a_twentieth(whole, delayed) -> None:
     """Beside the same flight as it is, so that noise cancels: 5 %, what a calibration of the tubes is asked for. It
-    comes out 4 % small, which is more than its standard error: docs/estimators.md, what is known to be missing."""
+    comes out 4 % small, which is more than its standard error: estimators.md, what is known to be missing."""
     as_it_is, late = (
         {s.error: s for s in time_shifts(trajectory)}["air_data_lag"] for trajectory in (whole[1], delayed)
     )
