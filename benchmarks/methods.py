@@ -92,7 +92,7 @@ def analyzed(aircraft: Aircraft, flown: Flown) -> Analyzed:
 def compared(
     polar: Polar, flown_CL: tuple[float, float], V: np.ndarray, truth: np.ndarray, at: Condition
 ) -> np.ndarray:
-    """Error and half the 95 % interval in per cent (2, speeds); NaN outside the method's range of speeds."""
+    """Error and half the 95 % interval in percent (2, speeds); NaN outside the method's range of speeds."""
     power, error = power_required(V, polar, at)
     CL = lift_coefficient(V, at)
     seen = (CL >= 0.98 * flown_CL[0]) & (CL <= 1.02 * flown_CL[1])

@@ -176,7 +176,7 @@ def _stuck(pressure: pd.Series, q_c: pd.Series, least_Pa: float) -> bool:
 def _ground(table: pd.DataFrame) -> tuple[float, float]:
     """Pressure [Pa] and air temperature [K] on the ground, where the log began.
 
-    Electronics warm the tray by ten degrees within minutes, which would be three per cent of density. At power-on they
+    Electronics warm the tray by ten degrees within minutes, which would be three percent of density. At power-on they
     have the temperature of the air. So the transducer's first reading gives the air temperature on the ground; the
     standard lapse rate gives that at height.
     """

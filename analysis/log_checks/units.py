@@ -43,7 +43,7 @@ LIMITS = (
         "/imu", "specific_force_group_delay_s", 0, 1, "a filter delays by less than 1 s", {"milliseconds": 1e-3}
     ),
     Limits("/controls", "elevator_rad", 0, 1.6, "a surface turns by less than 90 deg", {"degrees": np.pi / 180}, 95),
-    Limits("/controls", "throttle", 0, 1.5, "full throttle is 1", {"per cent": 0.01, "microseconds": 5e-4}, 95),
+    Limits("/controls", "throttle", 0, 1.5, "full throttle is 1", {"percent": 0.01, "microseconds": 5e-4}, 95),
     Limits("/battery", "voltage_V", 0, 200, "such a battery has less than 200 V", {"mV": 1e-3}),
     Limits("/battery", "current_A", 0, 1000, "it gives less than 1000 A", {"mA": 1e-3}),
     Limits(

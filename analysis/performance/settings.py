@@ -18,7 +18,7 @@ class PowerTrain(Settings):
         " of the iron and bearing losses",
     )
     meter_scale_sigma: float = setting(
-        0.02, "1", "current sensors are set up to a few per cent, and nothing on board measures it better"
+        0.02, "1", "current sensors are set up to a few percent, and nothing on board measures it better"
     )
     slow_per_s: float = setting(0.04, "1/s", "largest relative change of motor speed that counts as slow")
 

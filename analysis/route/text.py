@@ -64,7 +64,7 @@ def _row(leg: LegResult) -> tuple[str, ...]:
 
 
 def percent(probability: float) -> str:
-    """A share of draws: their number resolves no more than a tenth of a per cent."""
+    """A share of draws: their number resolves no more than a tenth of a percent."""
     if probability >= 1:
         return "> 99.8 %"
     return "< 0.2 %" if probability <= 0 else f"{100 * probability:.1f} %"

@@ -14,7 +14,7 @@ pytestmark = pytest.mark.xdist_group("chain")
 
 
 def test_wind_and_scale_are_those_of_the_flight(flown: Path, tmp_path: Path) -> None:
-    """The demonstration goes one way only: the scale is known to a per cent or two, and that is said."""
+    """The demonstration goes one way only: the scale is known to a percent or two, and that is said."""
     outcome = done("calibrate", "airspeed", flown / "log.mcap", "-o", tmp_path / "airspeed.json")
     assert "one direction" in outcome.stdout.replace("\n", " ")
     found = json.loads((tmp_path / "airspeed.json").read_text())

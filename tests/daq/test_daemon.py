@@ -193,7 +193,7 @@ def test_barometers_lose_about_one_tick_a_second_to_their_temperature(flight):
 def test_imu_averages_all_samples_of_its_fifo(flight):
     _, log = flight
     counts = [message.samples for message in good(log, "/imu")]
-    # 200 Hz within the part's clock tolerance of a few per cent, so 8 a tick on average.
+    # 200 Hz within the part's clock tolerance of a few percent, so 8 a tick on average.
     assert sum(counts) / len(counts) == pytest.approx(8, rel=0.02)
     assert set(counts) <= {7, 8, 9} | set(counts[:2])
 

@@ -32,7 +32,7 @@ def probe(
             "--angle-scale",
             parser=quantity("--angle-scale", "%", '"0.5 %"', least=0, most=20.0),
             metavar="PERCENT",
-            help="Standard error of the tunnel's own angles, in per cent.",
+            help="Standard error of the tunnel's own angles, in percent.",
         ),
     ] = 0.5,
 ) -> Calibrated:

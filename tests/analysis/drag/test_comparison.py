@@ -122,7 +122,7 @@ def worst_error(flight: Analyzed, truth, name: str) -> float:
 
 
 def test_piw_viw_on_simulated_steady_points_is_within_two_per_cent(probe) -> None:
-    """With a bench's errors, whose table is within half a per cent; the table's own doubt, 3 %, is in the interval."""
+    """With a bench's errors, whose table is within half a percent; the table's own doubt, 3 %, is in the interval."""
     flown = fly(AIRCRAFT, probe, drawn(load_budget("bench"), 30, thrust_scale=0.005), "steady-points", 0.0, 30)
     assert worst_error(analyzed(AIRCRAFT, flown), flown.truth, "piw-viw") < 0.02
 

@@ -27,7 +27,7 @@ def flown(nexstar, probe):
 
 
 def asked(flight, aircraft, propeller):
-    """The cross-check, and how far its power is off in its own standard errors and in per cent."""
+    """The cross-check, and how far its power is off in its own standard errors and in percent."""
     runs = find(flight.table, flight.still).of("acceleration", "deceleration")
     check = on_runs_alone(flight.table, runs, aircraft, propeller, gust_mps=0.0, zeroed=True)
     rho = float(np.mean([flight.table["rho"].iloc[run.rows].mean() for run in runs]))
@@ -60,7 +60,7 @@ def test_vibration_neither_looks_like_gusts_nor_hides_them(flown, nexstar, prope
 
 
 def test_thrust_on_a_stand_is_a_prior_of_the_cross_check(flown, nexstar, propeller):
-    """One that says 1.1 nearly exactly moves the power by some per cent, since the slope takes most of it."""
+    """One that says 1.1 nearly exactly moves the power by some percent, since the slope takes most of it."""
     exact = replace(nexstar.uncertainty, static_thrust_ratio_fraction=1e-4, thrust_curvature_fraction=0.0)
     on_stand = replace(nexstar, propulsion=replace(nexstar.propulsion, static_thrust_ratio=1.1), uncertainty=exact)
     (_, _, without), (_, _, with_stand) = (asked(flown(2, 0.0), one, propeller) for one in (nexstar, on_stand))

@@ -65,7 +65,7 @@ def test_a_ratio_that_changes_with_motor_speed_is_less_certain() -> None:
     assert constant.speed_error == 0 and constant.ratio_error < 0.011
     assert found.speed_error == pytest.approx(0.02 * 4 / 2, rel=0.1)
     assert found.scatter_error < 0.005 and found.ratio_error > found.speed_error
-    change = 100 * 0.02 * 4  # per cent, from 3000 to 7000 rpm
+    change = 100 * 0.02 * 4  # percent, from 3000 to 7000 rpm
     (doubt,) = doubts(found, readings(), TABLE, None)
     assert float(re.findall(r"changes by (\S+) %", doubt)[0]) == pytest.approx(change, rel=0.1)
     assert not doubts(constant, readings(), TABLE, None)
@@ -143,7 +143,7 @@ def test_a_ratio_that_stays_uncertain_is_not_written(tmp_path: Path) -> None:
 
 
 def test_the_error_of_a_ratio_is_told_relative_to_it(tmp_path: Path) -> None:
-    """Four fifths of all thrusts are four fifths of the ratio, with the same error in per cent."""
+    """Four fifths of all thrusts are four fifths of the ratio, with the same error in percent."""
     told = [
         run(write(tmp_path / "s.csv", readings(ratio, noise)), "--propeller", "apc-12x8e", *AIR, "-o", tmp_path / "o")
         for ratio, noise in ((1.0, 0.4), (0.8, 0.32))

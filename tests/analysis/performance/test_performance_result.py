@@ -95,7 +95,7 @@ def test_the_cost_of_a_change_names_endurance_range_and_speed_before_and_after()
 
 
 def test_a_single_change_is_of_weight_or_of_air() -> None:
-    """Within half a per cent, weights and densities are the same."""
+    """Within half a percent, weights and densities are the same."""
 
     def single(weight: float, density: float) -> bool:
         condition = TEST._replace(weight_N=weight * TEST.weight_N, rho=density * TEST.rho)

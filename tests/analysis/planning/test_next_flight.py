@@ -57,7 +57,7 @@ def test_half_an_error_leaves_a_quarter_of_its_variance(cause: str, sigma: float
         lift = AT.weight_N / qS
         return float(qS * V * (A @ [1, lift, lift**2]))
 
-    # A0 alone errs, so that the interval in per cent is widest at the highest speed.
+    # A0 alone errs, so that the interval in percent is widest at the highest speed.
     fastest = np.sqrt(2 * AT.weight_N / (AT.rho * CL[0] * AT.wing_area_m2))
     qSV = AT.rho * fastest**3 / 2 * AT.wing_area_m2
     effects, _ = _effects_W(trajectory, A, AT, float(fastest))  # type: ignore[arg-type]
@@ -84,7 +84,7 @@ def test_a_narrow_interval_needs_no_other_flight_and_calm_air_no_calmer_day() ->
         trajectory = flown({"alpha_bias": 1e-4}, gust_mps)
         return list(next_flight(trajectory, SimpleNamespace(polar=polar, noise=noise), AT, (0.25, 1.1)).sentences)  # type: ignore[arg-type]
 
-    assert said(0.99 * 0.98, 0.5) == [], "a standard error of half a per cent"
+    assert said(0.99 * 0.98, 0.5) == [], "a standard error of half a percent"
     assert len(said(1.01 * 0.98, 0.5)) == 2
     assert len(said(1.01 * 0.98, 0.0)) == 1
     assert len(said(3.0, 0.5, "noise")) == 1, "more runs, whatever the air"

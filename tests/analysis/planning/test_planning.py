@@ -152,7 +152,7 @@ def test_every_error_that_the_aircraft_file_states_is_in_a_plans_interval(
 def test_thrust_on_a_stand_narrows_a_plans_interval_and_its_errors_widen_it(
     nexstar, acceleration, stated, stated_variance
 ):
-    """The stand leaves the scale in flight as it is, so it narrows the interval of one acceleration by a per cent."""
+    """The stand leaves the scale in flight as it is, so it narrows the interval of one acceleration by a percent."""
 
     def variance(**larger: float) -> float:
         aircraft = replace(
