@@ -28,9 +28,8 @@ SEED = 1001
 MINUTES, RUN_PAIRS, PAIR_S = 21, 5, 81.0  # of full-test-flight; a pair is an acceleration, a deceleration and a turn
 # In a process of its own: time and memory at the end of each step.
 MEASURED = """
-import gc, json, resource, sys, time
+import json, resource, sys, time
 from pathlib import Path
-gc.set_threshold(100_000)  # as the command does
 steps, last = {}, 0.0
 def step(name):
     global last

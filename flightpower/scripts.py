@@ -1,6 +1,9 @@
-"""Entry points of all commands. Each first sees to it that no module of the user's hides a package of this software."""
+"""Entry points of all commands. Each first sees to it that no module of the user's hides a package of this software,
+and that NumPy computes in one thread.
+"""
 
 import importlib
+import os
 import sys
 from collections.abc import Callable
 from importlib.util import find_spec
@@ -27,6 +30,9 @@ def _command(module: str) -> Callable[[], None]:
         if message := hidden_package():
             print(f"error: {message}", file=sys.stderr)
             sys.exit(BAD_INPUT)
+        # Before NumPy is imported, which reads it. The matrices are small: two threads, which wait for each other, took
+        # half as much processor time again.
+        os.environ.setdefault("OMP_NUM_THREADS", "1")
         try:
             importlib.import_module(module).main()
         except ModuleNotFoundError as error:

@@ -76,10 +76,12 @@ def test_importing_flightpower_imports_no_library_and_not_even_our_own_packages(
 
 def test_an_analysis_loads_no_library_that_it_does_not_use() -> None:
     """And PyArrow still reads what pandas writes with it afterwards."""
-    heavy = ["scipy.optimize", "scipy.ndimage", "scipy.signal", "scipy.stats", "numpy.f2py", "numpy.testing", "pyarrow"]
+    heavy = ["scipy.optimize", "scipy.ndimage", "scipy.signal", "scipy.stats", "scipy.constants"]
+    heavy += ["numpy.f2py", "numpy.testing", "pyarrow"]
     code = (
-        "import sys; from analysis.cli.lean_imports import import_lean; import_lean(); import analysis.pipeline,"
-        f" analysis.report.write; print([name for name in {heavy} if name in sys.modules]); import io, numpy, pandas;"
+        "import sys, analysis.cli.analyze; from analysis.cli.lean_imports import import_lean; import_lean();"
+        f"import analysis.pipeline, analysis.report.write; print([name for name in {heavy} if name in sys.modules]);"
+        "import io, numpy, pandas;"
         "file = io.BytesIO(); pandas.DataFrame({'V_mps': [1.5]}, index=['a']).to_parquet(file);"
         "print(pandas.read_parquet(file).loc['a', 'V_mps'], numpy.testing.__name__)"
     )

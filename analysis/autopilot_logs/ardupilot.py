@@ -5,7 +5,6 @@ from enum import IntEnum
 from pathlib import Path
 
 import numpy as np
-from scipy.constants import zero_Celsius
 
 from analysis.autopilot_logs import recording
 from analysis.autopilot_logs.ardupilot_messages import (
@@ -203,14 +202,14 @@ def _airspeed(tables: dict[tuple[str, int], Table]) -> tuple[Channel | None, lis
 def _thermometers(log: Messages) -> dict[str, Channel]:
     """Exactly 0 °C throughout is what firmware writes without a thermometer. BARO_GND_TEMP is what the user said."""
     shown = {
-        f"{kind} {instance}": channel(table["t_s"], np.asarray(table["Temp"], dtype=float) + zero_Celsius)
+        f"{kind} {instance}": channel(table["t_s"], np.asarray(table["Temp"], dtype=float) + 273.15)
         for (kind, instance), table in log.tables.items()
         if kind in (*AIRSPEED, *BAROMETER) and np.any(table["Temp"] != 0)
     }
     ground = log.parameters.get("BARO_GND_TEMP", 0.0)
     for table in log.of(BAROMETER)[:1]:
         if ground:
-            shown["BARO_GND_TEMP"] = channel(table["t_s"], np.full(len(table["t_s"]), ground + zero_Celsius))
+            shown["BARO_GND_TEMP"] = channel(table["t_s"], np.full(len(table["t_s"]), ground + 273.15))
     return shown
 
 

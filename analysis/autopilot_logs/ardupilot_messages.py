@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.constants import micro, milli
 
 from analysis.autopilot_logs.dataflash import DataflashLog, Form
 from analysis.autopilot_logs.recognize import TEXT_MAGIC, is_telemetry
@@ -40,7 +39,7 @@ FIELDS: dict[str, tuple[str, ...]] = {
     "SIM2": ("As",),
 }
 # Fields of the time since start, with their units [s]; TimeMS of early GPS messages is that of the week.
-CLOCKS = ((("TimeUS", micro), ("TimeMS", milli)), (("TimeUS", micro), ("T", milli)))
+CLOCKS = ((("TimeUS", 1e-6), ("TimeMS", 1e-3)), (("TimeUS", 1e-6), ("T", 1e-3)))
 INSTANCE = ("I", "Inst", "Instance", "C")
 WINGLESS = re.compile(r"Ardu(Copter|Rover|Sub)|APM:(Copter|Rover|Sub)|^(Copter|Rover|Sub|Blimp|AntennaTracker)\b")
 KINDS = {"Copter": "a multicopter", "Rover": "a rover or boat", "Sub": "a submarine"}

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.constants import centi, milli, zero_Celsius
 
 from analysis.autopilot_logs import recording
 from analysis.autopilot_logs.recognize import GZIP_MAGIC
@@ -67,7 +66,7 @@ def read_paparazzi(path: Path) -> FlightRecording:
     thermometers: dict[str, Channel] = {}
     air = tables.get("AIR_DATA")
     if air is not None and np.any(air["temperature_degC"] > -1.0):  # -1 throughout: no thermometer
-        thermometers["AIR_DATA"] = channel(air["t_s"], air["temperature_degC"] + zero_Celsius)
+        thermometers["AIR_DATA"] = channel(air["t_s"], air["temperature_degC"] + 273.15)
     (channels, thermometers), jumps = without_jumps(channels, thermometers)
     return FlightRecording(path, channels, thermometers, (NOTE, *jumps, *notes, *static_notes), by_radio=True)
 
@@ -154,13 +153,13 @@ def _static(tables: Mapping[str, Table]) -> tuple[Channel | None, list[str]]:
     if gps is None:
         return None, []
     fixed = _fixed(gps)
-    return channel(gps["t_s"][fixed], pressure_at(milli * gps["height_mm"][fixed])), [FROM_GPS]
+    return channel(gps["t_s"][fixed], pressure_at(1e-3 * gps["height_mm"][fixed])), [FROM_GPS]
 
 
 def _gps(gps: Table) -> dict[str, Channel]:
     fixed = _fixed(gps)
     t_s, course = gps["t_s"][fixed], np.radians(gps["course_decideg"][fixed] / 10)
-    speed, down = centi * gps["speed_cmps"][fixed], -centi * gps["climb_cmps"][fixed]
+    speed, down = 1e-2 * gps["speed_cmps"][fixed], -1e-2 * gps["climb_cmps"][fixed]
     values = (speed * np.cos(course), speed * np.sin(course), down)
     return {axis: channel(t_s, value) for axis, value in zip(recording.GPS, values, strict=True)}
 

@@ -10,7 +10,6 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 from pyulog import ULog
-from scipy.constants import zero_Celsius
 
 from analysis.autopilot_logs import recording
 from analysis.autopilot_logs.recording import (
@@ -284,5 +283,5 @@ def _thermometers(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
         for one in topics.get(name, []):
             celsius = one.channel(field)
             if np.any(celsius.value != 0):  # no thermometer: exactly 0 throughout
-                found[f"{name} {one.instance}"] = Channel(celsius.t_s, celsius.value + zero_Celsius)
+                found[f"{name} {one.instance}"] = Channel(celsius.t_s, celsius.value + 273.15)
     return found

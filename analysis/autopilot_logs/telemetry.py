@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from scipy.constants import milli
 
 from analysis.autopilot_logs.recognize import is_telemetry
 from flight.units import GRAVITY_MPS2 as g
@@ -47,7 +46,7 @@ class TelemetryLog:
         for time_us, message in _messages(data):
             if message.get_type() == "BATTERY_STATUS":
                 cells = [x for x in message.voltages if x != 65535]  # UINT16_MAX: no such cell
-                rows["BAT"].append([time_us, message.id, milli * sum(cells), 0.01 * message.current_battery])
+                rows["BAT"].append([time_us, message.id, 1e-3 * sum(cells), 0.01 * message.current_battery])
             else:
                 rows[message.get_type()].append([time_us, *(getattr(message, name) for name in message.fieldnames)])
         self._columns = _as_dataflash({name: _table(name, many) for name, many in rows.items()})
@@ -115,10 +114,10 @@ def _as_dataflash(tables: dict[str, Columns]) -> dict[str, Columns]:
     if "BAT" in tables:
         out["BAT"] = tables["BAT"]
     elif status is not None:
-        volt, current = milli * status["voltage_battery"], 0.01 * status["current_battery"]
+        volt, current = 1e-3 * status["voltage_battery"], 0.01 * status["current_battery"]
         out["BAT"] = {"TimeUS": status["TimeUS"], "Volt": volt, "Curr": current}
     if (imu := tables.get("RAW_IMU")) is not None:
-        force = {f"Acc{axis.upper()}": milli * g * imu[f"{axis}acc"] for axis in "xyz"}
+        force = {f"Acc{axis.upper()}": 1e-3 * g * imu[f"{axis}acc"] for axis in "xyz"}
         out["IMU"] = {"TimeUS": imu["TimeUS"]} | force
     if (gps := tables.get("GPS_RAW_INT")) is not None and (motion := tables.get("GLOBAL_POSITION_INT")) is not None:
         out["GPS"] = {"TimeUS": gps["TimeUS"], "Status": gps["fix_type"], "Spd": 0.01 * gps["vel"],

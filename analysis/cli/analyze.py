@@ -1,7 +1,5 @@
 """The command `analyze`: from a log to the report. Arguments, messages and exit codes only."""
 
-import gc
-import os
 import shlex
 import sys
 from pathlib import Path
@@ -109,9 +107,6 @@ def analyze(
     line on stderr says why, and nothing was written but, where no maneuver gives a curve, runs.toml with candidates;
     of several logs, the folders of flights that could be analyzed stay.
     """
-    # These matrices are too small to gain from a thread pool, which would slow down every call.
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
-    gc.set_threshold(100_000)  # a search for cycles at every 700 objects takes a twentieth of the time of an analysis
     if len(logs) > 1 or scheduler is not None:
         if json:
             raise InputError("--json: only for one log; several write their results into FOLDER")

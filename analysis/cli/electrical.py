@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from rich.console import Console
-from scipy.constants import hour
 
 from analysis.autopilot_logs.read import read_autopilot_log
 from analysis.autopilot_logs.recognize import Autopilot
@@ -168,7 +167,7 @@ class OrdinaryFlight:
         )
         drag = drag_estimate(flight, found, flown.span_m, source)
         battery_Wh = self._battery_Wh(given)
-        battery_J = None if battery_Wh is None else battery_Wh * self.request.usable * hour
+        battery_J = None if battery_Wh is None else battery_Wh * self.request.usable * 3600
         weighed = "given with the command" if self.weight_N is not None else "mass.weight of the aircraft file"
         provenance = provenance_of_file(self.log, weighed, self.aircraft, self.command_line)
         name = propeller.name if propeller else ""

@@ -1,6 +1,5 @@
 """The command `flightpower export`: an analyzed flight as files that other programs open."""
 
-import os
 from pathlib import Path
 from typing import Annotated
 
@@ -65,7 +64,6 @@ def export(
     if path.is_dir() and any(path.iterdir()) and not replace:
         raise InputError(f"{path}: is not empty; give --replace, or another folder with -o")
     check_new_file(path / "tables" if to in FOLDERS else path, replace=replace)
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
     stderr = Console(stderr=True, quiet=quiet)
     with stderr.status("reading the log …") as status:
         recorded = read_log(log)

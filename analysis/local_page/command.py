@@ -1,7 +1,5 @@
 """The command `flightpower open`: arguments and messages."""
 
-import gc
-import os
 import secrets
 import signal
 import socket
@@ -44,8 +42,6 @@ def open_page(
       flightpower open                  the logs of this folder
       flightpower open flights/today/log.mcap
     """
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
-    gc.set_threshold(100_000)  # a log is a million objects without a cycle
     folder, first = opened_folder(logs or [])
     for closing in ("SIGTERM", "SIGHUP"):  # the latter when the terminal closes, not on Windows
         if hasattr(signal, closing):

@@ -7,7 +7,6 @@ import msgspec
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.constants import foot, minute
 
 from analysis.drag.dynamic import POLAR, DynamicEstimate
 from analysis.drag.estimate import Estimated
@@ -47,6 +46,7 @@ from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
 from flight.propeller import Propeller
 from flight.runs import AIRCRAFT_SIZE
+from flight.units import FOOT_M
 
 Array = NDArray[np.float64]
 
@@ -152,7 +152,7 @@ def flight_performance(
     full, available = as_flown.full_throttle, msgspec.structs.replace(NOT_KNOWN, reason=model.full_throttle.reason)
     if full is not None:
         fastest_mps = float(speed_at(model.flown_CL[0], condition))
-        ceilings = ceilings_m(model, condition, (100 * foot / minute, 0.0))
+        ceilings = ceilings_m(model, condition, (100 * FOOT_M / 60, 0.0))
         available = available_result(full, ceilings, model.full_throttle.basis, fastest_mps)
     whole_speeds = level_flight(model, condition, _whole_speeds(as_flown.level_flight.V))
     return PerformanceResult(

@@ -7,7 +7,6 @@ from math import degrees, pi
 from typing import NamedTuple
 
 import numpy as np
-from scipy.constants import foot
 
 from analysis.electrical.settings import PRIOR
 from analysis.performance.settings import ASKED
@@ -27,6 +26,7 @@ from analysis.planning.pieces import (
 from analysis.planning.search import FlightPlan
 from analysis.planning.settings import MARGINS, PATH
 from flight.runs import ACCELERATION, DECELERATION
+from flight.units import FOOT_M
 
 
 class Row(NamedTuple):
@@ -121,7 +121,7 @@ def warnings(plan: FlightPlan) -> list[str]:
             f"The flight takes some {needed_Wh:.0f} Wh; with {100 * usable:.0f} % of the battery there are"
             f" {usable * battery_Wh:.0f} Wh. Plan fewer --minutes."
         )
-    highest_m = 400 * foot  # 14 CFR 107.51; 120 m in Regulation (EU) 2019/947
+    highest_m = 400 * FOOT_M  # 14 CFR 107.51; 120 m in Regulation (EU) 2019/947
     if plan.request.space.height_m > highest_m:
         found.append(
             f"{plan.request.space.height_m:.0f} m is above {highest_m:.0f} m (400 ft), the limit in many countries."

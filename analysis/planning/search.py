@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.constants import foot
 
 from analysis.drag.settings import COMPARISON
 from analysis.planning.expected_aircraft import ExpectedAircraft
@@ -42,7 +41,7 @@ from analysis.planning.time_history import TimeHistory, fly
 from analysis.trajectory import dryden
 from analysis.trajectory.settings import SOLVER
 from flight.errors import InputError
-from flight.units import KNOT_MPS
+from flight.units import FOOT_M, KNOT_MPS
 
 Array = NDArray[np.float64]
 
@@ -66,7 +65,7 @@ class Request:
     @property
     def wind_mps(self) -> float:
         """Mean wind at the height of the flight."""
-        higher = dryden.mean_wind_profile(self.space.height_m) / dryden.mean_wind_profile(20 * foot)
+        higher = dryden.mean_wind_profile(self.space.height_m) / dryden.mean_wind_profile(20 * FOOT_M)
         return self.wind_kt * KNOT_MPS * float(higher)
 
 

@@ -1,5 +1,6 @@
 """The log: what is written comes back, whole or torn, and a file that is no log says so."""
 
+import gc
 import io
 import json
 import random
@@ -199,3 +200,17 @@ def test_a_missing_file_and_a_directory(tmp_path):
     for path in (tmp_path / "missing.mcap", tmp_path):
         with pytest.raises(InputError, match="cannot be read"):
             read_log(path)
+
+
+def test_reading_leaves_the_search_for_cycles_as_it_was(tmp_path):
+    path = tmp_path / "log.mcap"
+    path.write_bytes(b"no log")
+    try:
+        for begin in (gc.disable, gc.enable):
+            begin()
+            before = gc.isenabled()
+            with pytest.raises(InputError):
+                read_log(path)
+            assert gc.isenabled() is before
+    finally:
+        gc.enable()

@@ -1,5 +1,6 @@
 """`flightpower`: every command under it, without loading what was not called, and files that can be filled in."""
 
+import os
 import shlex
 import subprocess
 import sys
@@ -17,6 +18,7 @@ from flight.errors import InputError
 from flight.version import version
 from flightpower import scripts, templates
 
+THREADS = Path("/proc/self/task")
 REQUIRED = ("geometry.span", "geometry.wing_area", "mass.weight")
 
 
@@ -152,6 +154,23 @@ def test_a_new_tray_names_the_aircraft(tmp_path: Path) -> None:
     for name in ("my.toml", r"C:\new\my.toml"):
         assert flightpower("new", "tray", "-o", path, "--aircraft", name, "--replace").returncode == 0
         assert str(load_tray(path).aircraft).endswith(name)
+
+
+@pytest.mark.skipif(not THREADS.is_dir(), reason="threads are counted in /proc (Linux)")
+@pytest.mark.parametrize("name", ["analyze", "flightpower export"])
+def test_a_command_computes_in_one_thread_unless_the_user_asks_for_more(name: str) -> None:
+    """It is too late to say so once NumPy was imported, as the modules of the commands do."""
+    main, *words = name.split()
+    code = (
+        f"import os, sys; from flightpower import scripts; sys.argv = {[main, *words, '--version']}; scripts.{main}();"
+        f"print('numpy' in sys.modules, len(os.listdir('{THREADS}')))"
+    )
+    unset = {key: value for key, value in os.environ.items() if not key.endswith("_NUM_THREADS")}
+    said = [
+        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True).stdout
+        for environment in (unset, unset | {"OMP_NUM_THREADS": "2"})
+    ]
+    assert [one.splitlines()[-1] for one in said] == ["True 1", "True 2" if (os.cpu_count() or 1) > 1 else "True 1"]
 
 
 @pytest.mark.parametrize("name", ["analyze", "flightpower analyze"])

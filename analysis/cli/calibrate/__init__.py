@@ -1,7 +1,5 @@
 """`calibrate`: one module per command, with its arguments, messages and exit codes."""
 
-import os
-
 from analysis.cli.calibrate.airspeed import airspeed
 from analysis.cli.calibrate.boom import boom
 from analysis.cli.calibrate.magnetometer import magnetometer
@@ -21,9 +19,6 @@ app = application()
 def _group() -> None:
     """Calibrations: the probe in a wind tunnel; transducers, tubes, magnetometer, surfaces, thrust, vibration and boom
     on the ground; airspeed in flight; weight and balance."""
-    # The matrices are small: a thread pool gains nothing and slows down the start.
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 for command, short_help in (

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from msgspec import UNSET
-from scipy.constants import foot
 
 from analysis.report.answers import optimum_speed_text
 from analysis.report.html_page import HtmlTable
@@ -13,6 +12,7 @@ from analysis.report.wording import every, listed_methods, meaning, short_name
 from analysis.schema import PitchRateResult, PowerPoint, Results
 from analysis.settings import FLOWN
 from flight.atmosphere import FOOT_POUND_PER_SECOND_W
+from flight.units import FOOT_M
 
 
 class CurveSection(NamedTuple):
@@ -91,7 +91,7 @@ def _curve_table(results: Results) -> HtmlTable:
         [
             (
                 f"{p.speed_mps:.1f}",
-                f"{p.speed_mps / foot:.0f}",
+                f"{p.speed_mps / FOOT_M:.0f}",
                 f"{p.power_W:.1f}",
                 f"{p.power_lo_W:.1f} to {p.power_hi_W:.1f}",
                 f"{p.power_W / FOOT_POUND_PER_SECOND_W:.1f}",

@@ -3,13 +3,12 @@
 from typing import NamedTuple
 
 import numpy as np
-from scipy.constants import foot, kmh
 
 from analysis.report.answers import HeadlineAnswer, headline_answers
 from analysis.report.wording import VERDICT
 from analysis.results.trust import sentences
 from analysis.schema import CurveStatus, PowerPoint, Results
-from flight.units import GRAVITY_MPS2
+from flight.units import FOOT_M, GRAVITY_MPS2
 
 
 class AnswerCard(NamedTuple):
@@ -52,7 +51,7 @@ def _card(answer: HeadlineAnswer) -> AnswerCard:
     if answer.speed_mps is None:
         return AnswerCard(answer.question, "", answer.remark, "", answer.note)
     shown = f"{answer.speed_mps:.1f}"
-    other_units = f"{float(shown) / kmh:.0f} km/h · {float(shown) / foot:.0f} ft/s"
+    other_units = f"{3.6 * float(shown):.0f} km/h · {float(shown) / FOOT_M:.0f} ft/s"
     return AnswerCard(answer.question, shown, answer.remark, other_units, answer.note)
 
 
