@@ -18,7 +18,7 @@ IN_NAMESPACE = $(shell [ "$$(id -u)" = 0 ] || { unshare -Urm true 2>/dev/null &&
 WORKERS := $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo picture test bench site study dissertation soak fuzz crash-points vm packages lint types check constraints clean
+.PHONY: help demo picture test bench site evidence study dissertation soak fuzz crash-points vm packages lint types check constraints clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -74,6 +74,9 @@ bench: $(VENV)/.dev ## measure drivers, simulator, parameter estimation and daem
 	$(BIN)/python benchmarks/daemon.py faults
 	$(BIN)/python benchmarks/daemon.py mend
 	$(BIN)/python benchmarks/daemon.py day
+
+evidence: $(VENV)/.dev ## every figure of README and docs/evidence from this version, into docs/evidence (90 min on two cores)
+	$(IN_NAMESPACE) $(BIN)/python benchmarks/evidence.py --jobs $(JOBS)
 
 study: $(VENV)/.dev ## coverage over worlds, weather and plans; hours, goes on where it stopped; JOBS=4 for four processes
 	$(BIN)/python benchmarks/worlds.py --jobs $(JOBS)

@@ -7,7 +7,8 @@ import numpy as np
 from campaign_draws import MORE_DRAG, Draws, with_more_drag
 from estimators import OVER_STALL, speeds
 from numpy.typing import NDArray
-from worlds import Points, world_table
+from records import Record, counted, markdown, rounded
+from worlds import Points, world_records
 
 from analysis.estimation.noise import NORMAL_95
 from analysis.polar import Polar, power_required
@@ -24,20 +25,32 @@ NUMBERS, EACH = (1, 2, 5, 10, 20), (1, 2, 5, 10)
 TO_SEE = MORE_DRAG
 
 
+def by_campaign(lines: list[dict[str, Any]]) -> dict[Cell, dict[int, Flights]]:
+    """The flights that were analyzed, by world, weather and configuration, and by campaign."""
+    campaigns: dict[Cell, dict[int, Flights]] = {}
+    for line in lines:
+        if "results" in line:
+            cell = campaigns.setdefault((line["world"], line["weather_kt"], line["configuration"]), {})
+            cell.setdefault(line["campaign"], {})[line["flight"]] = line
+    return campaigns
+
+
 def print_figures(lines: list[dict[str, Any]], drawn: int = 0) -> None:
     """Markdown: pools of each size; comparisons; so many drawn campaigns."""
     flown = [line for line in lines if "results" in line]
-    print(f"{len(flown)} flights, {len(lines) - len(flown)} refused.\n")
-    campaigns: dict[Cell, dict[int, Flights]] = {}
-    for line in flown:
-        cell = campaigns.setdefault((line["world"], line["weather_kt"], line["configuration"]), {})
-        cell.setdefault(line["campaign"], {})[line["flight"]] = line
-    print("\n".join(pools_table(campaigns)), end="\n\n")
-    print("\n".join(singles_table(campaigns)), end="\n\n")
-    print("\n".join(comparisons_table(campaigns)), end="\n\n")
-    print("\n".join(false_names_table(campaigns)), end="\n\n")
-    if drawn:
-        print("\n".join(drawn_table(flown, drawn)))
+    speeds_named = ", ".join(f"{x:g}" for x in OVER_STALL)
+    print(f"{len(flown)} flights, {len(lines) - len(flown)} refused. Speeds: {speeds_named} times the stalling speed. %"
+          " of the true power; half width: median.")  # fmt: skip
+    campaigns = by_campaign(lines)
+    for title, records in (
+        ("Pools of flights of A", pools_records(campaigns)),
+        ("Each flight of A alone", singles_records(campaigns)),
+        ("B has 3 % more drag; alarms: A against A of the same campaign", comparison_records(campaigns)),
+        ("C is B on another installation, whose files name that of A", false_name_records(campaigns)),
+        (f"{drawn} campaigns a row, drawn from the flights of A", drawn_records(flown, drawn) if drawn else []),
+    ):
+        if records:
+            print(f"\n{title}.\n\n{markdown(records)}")
 
 
 def groups(flights: Flights, size: int) -> Iterator[list[dict[str, Any]]]:
@@ -67,18 +80,9 @@ def mean_polar(pool: Pool) -> Polar:
     return Polar(A, covariance)
 
 
-def pools_table(campaigns: dict[Cell, dict[int, Flights]]) -> list[str]:
-    V = speeds(load_aircraft("nexstar"))
-    names = " / ".join(f"{x:g}" for x in OVER_STALL)
-    out = [
-        f"Speeds: {names} times the stalling speed. Half width: median; rms of errors; coverage of the 95 % interval"
-        " over all speeds; % of the true power. Promised: half width where statistics of a flight are used several"
-        " times.",
-        "",
-        "| world | W20, kt | flights pooled | pools | half width | rms | coverage, % | inhomogeneous, %"
-        " | weighted mean: rms | its coverage, % |",
-        "|---|---|---|---|---|---|---|---|---|---|",
-    ]
+def pools_records(campaigns: dict[Cell, dict[int, Flights]]) -> list[Record]:
+    """Of each number of flights pooled. Where there are too few flights, the half width that they promise."""
+    V, out = speeds(load_aircraft("nexstar")), []
     for (world, weather, configuration), found in sorted(campaigns.items()):
         if configuration != "A":
             continue
@@ -90,25 +94,38 @@ def pools_table(campaigns: dict[Cell, dict[int, Flights]]) -> list[str]:
                     of_pool.append(errors(pool.polar, pool, lines, V))
                     of_mean.append(errors(mean_polar(pool), pool, lines, V))
                     p += [pool.homogeneity.p] if pool.homogeneity else []
-            head = f"| {world} | {weather:g} | {number} |"
-            if not of_pool:
+            record: Record = {
+                "world": world,
+                "W20, kt": f"{weather:g}",
+                "flights pooled": number,
+                "pools": len(of_pool),
+            }
+            if of_pool:
+                record |= _of_pools(of_pool, of_mean, p)
+            else:
                 promise = [promised(list(flights.values()), number, V) for flights in found.values()]
-                out.append(f"{head} promised | {_listed(np.median(promise, axis=0))} | - | - | - | - | - |")
-                continue
-            (error, half), (mean_error, mean_half) = (
-                np.array(of_pool).transpose(1, 0, 2),
-                np.array(of_mean).transpose(1, 0, 2),
-            )
-            alarms = f"{100 * np.mean(np.array(p) < 0.05):.0f}" if p else "-"
-            out.append(
-                f"{head} {len(error)} | {_listed(np.median(half, axis=0))} | {_listed(_rms(error))}"
-                f" | {_covered(error, half)} | {alarms} | {_listed(_rms(mean_error))}"
-                f" | {_covered(mean_error, mean_half)} |"
-            )
+                record |= {"pools": "promised", "half width": rounded(np.median(promise, axis=0), 1)}
+            out.append(record)
     return out
 
 
-def singles_table(campaigns: dict[Cell, dict[int, Flights]]) -> list[str]:
+def _of_pools(of_pool: list[tuple[Array, Array]], of_mean: list[tuple[Array, Array]], p: list[float]) -> Record:
+    """Half widths, errors and coverage of pools, and of the weighted means of the same flights."""
+    error, half = np.array(of_pool).transpose(1, 0, 2)
+    mean_error, mean_half = np.array(of_mean).transpose(1, 0, 2)
+    covered, counting = counted(np.mean(np.abs(error) < half, axis=1))
+    return {
+        "half width": rounded(np.median(half, axis=0), 1),
+        "rms": rounded(_rms(error), 1),
+        "coverage, %": rounded(covered),
+        "±": rounded(counting, 1),
+        "inhomogeneous, %": rounded(100 * np.mean(np.array(p) < 0.05)) if p else None,
+        "weighted mean: rms": rounded(_rms(mean_error), 1),
+        "its coverage, %": _covered(mean_error, mean_half),
+    }
+
+
+def singles_records(campaigns: dict[Cell, dict[int, Flights]]) -> list[Record]:
     """Each flight of A alone, by world."""
     V = speeds(load_aircraft("nexstar"))
     flights: dict[str, dict[float, list[Points]]] = {}
@@ -116,7 +133,7 @@ def singles_table(campaigns: dict[Cell, dict[int, Flights]]) -> list[str]:
         if configuration == "A":
             pools = [(pooled([line]), [line]) for of_campaign in found.values() for line in of_campaign.values()]
             flights.setdefault(world, {})[weather] = [errors(pool.polar, pool, line, V) for pool, line in pools]
-    return world_table(flights)
+    return world_records(flights)
 
 
 def promised(lines: list[dict[str, Any]], number: int, V: Array) -> Array:
@@ -125,14 +142,9 @@ def promised(lines: list[dict[str, Any]], number: int, V: Array) -> Array:
     return pool.half_widths_percent([len(range(i, number, len(lines))) for i in range(len(lines))], V)
 
 
-def comparisons_table(campaigns: dict[Cell, dict[int, Flights]]) -> list[str]:
-    out = [
-        "Configuration B has 3 % more drag. Alarms: flights of A against others of A of the same campaign.",
-        "",
-        "| world | W20, kt | flights each | comparisons | seen, % | difference at the speeds, % | half width"
-        " | coverage, % | comparisons of A | alarms, % | flights to see 3 % |",
-        "|---|---|---|---|---|---|---|---|---|---|---|",
-    ]
+def comparison_records(campaigns: dict[Cell, dict[int, Flights]]) -> list[Record]:
+    """A against B, and A against other flights of A of the same campaign, which must not differ."""
+    out: list[Record] = []
     for (world, weather, configuration), found in sorted(campaigns.items()):
         if configuration != "A":
             continue
@@ -149,31 +161,26 @@ def comparisons_table(campaigns: dict[Cell, dict[int, Flights]]) -> list[str]:
                     half.append(comparison.half_width_percent)
                     to_see.append(flights_to_see(a, TO_SEE) or np.inf)
                 alarms += [compare(a, b).differs for a, b in zip(own[::2], own[1::2], strict=False)]
-            alarmed = f"{len(alarms)} | {100 * np.mean(alarms):.0f}" if alarms else "0 | -"
             if not seen and not alarms:
                 continue
-            text = "0 | - | - | - | -"
+            record: Record = {"world": world, "W20, kt": f"{weather:g}", "flights each": each, "comparisons": len(seen)}
             if seen:
-                error, width = np.array(difference) - 100 * TO_SEE, np.array(half)
-                text = (
-                    f"{len(seen)} | {100 * np.mean(seen):.0f} | {_listed(np.mean(difference, axis=0))}"
-                    f" | {_listed(np.median(half, axis=0))} | {_covered(error, width)}"
-                )
-            wanted = f"{np.median(to_see):.0f}" if to_see else "-"
-            out.append(f"| {world} | {weather:g} | {each} | {text} | {alarmed} | {wanted} |")
+                record |= {
+                    "seen, %": rounded(100 * np.mean(seen)),
+                    "difference, %": rounded(np.mean(difference, axis=0), 1),
+                    "half width": rounded(np.median(half, axis=0), 1),
+                    "coverage, %": _covered(np.array(difference) - 100 * TO_SEE, np.array(half)),
+                    "flights to see 3 %": rounded(np.median(to_see)),
+                }
+            alarmed = {"comparisons of A": len(alarms), "alarms, %": rounded(100 * np.mean(alarms)) if alarms else None}
+            out.append(record | alarmed)
     return out
 
 
-def false_names_table(campaigns: dict[Cell, dict[int, Flights]]) -> list[str]:
-    """Flights of another installation, whose files name that of A."""
-    out = [
-        "Configuration C is B on another installation, whose files name that of A. Denied: comparisons, and pools of"
-        " one flight of each, that do not believe it; named: those of which evidence says so.",
-        "",
-        "| world | W20, kt | flights each | comparisons | denied, named, % | coverage, % | half width"
-        " | pools denied, % |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
+def false_name_records(campaigns: dict[Cell, dict[int, Flights]]) -> list[Record]:
+    """Flights of another installation, whose files name that of A: comparisons, and pools of one flight of each, that
+    do not believe it, and those of which evidence says so."""
+    out: list[Record] = []
     for (world, weather, configuration), found in sorted(campaigns.items()):
         others = campaigns.get((world, weather, "C"), {})
         for each in EACH:
@@ -196,23 +203,17 @@ def false_names_table(campaigns: dict[Cell, dict[int, Flights]]) -> list[str]:
                     [bool(pool.anew) for pool in pools],
                 )
             )
-            out.append(
-                f"| {world} | {weather:g} | {each} | {len(pairs)} | {denied:.0f}, {named:.0f} | {_covered(error, half)}"
-                f" | {_listed(np.median(half, axis=0))} | {anew:.0f} |"
-            )
+            out.append({
+                "world": world, "W20, kt": f"{weather:g}", "flights each": each, "comparisons": len(pairs),
+                "denied, %": rounded(denied), "named, %": rounded(named), "coverage, %": _covered(error, half),
+                "half width": rounded(np.median(half, axis=0), 1), "pools denied, %": rounded(anew),
+            })  # fmt: skip
     return out
 
 
-def drawn_table(flown: list[dict[str, Any]], campaigns: int) -> list[str]:
+def drawn_records(flown: list[dict[str, Any]], campaigns: int) -> list[Record]:
     """Pools and comparisons of so many campaigns a row, drawn from the flights' statistics."""
-    V = speeds(load_aircraft("nexstar"))
-    out = [
-        f"{campaigns} campaigns a row, drawn from the statistics of the flights of A (`benchmarks/campaign_draws.py`).",
-        "",
-        "| world | W20, kt | flights | half width | rms | coverage, % | inhomogeneous, % | mean: rms | its coverage, %"
-        " | 3 % more drag seen, % | alarms, % |",
-        "|---|---|---|---|---|---|---|---|---|---|---|",
-    ]
+    V, out = speeds(load_aircraft("nexstar")), []
     cells = sorted({(line["world"], line["weather_kt"]) for line in flown})
     for world, weather in cells:
         own = [
@@ -236,14 +237,10 @@ def drawn_table(flown: list[dict[str, Any]], campaigns: int) -> list[str]:
                 p += [pool.homogeneity.p] if pool.homogeneity else []
                 alarms.append(compare(pool, draws.pool(shared, number)).differs)
                 seen.append(compare(pool, draws.pool(with_more_drag(shared), number)).differs)
-            error, half = np.array(of_pool).transpose(1, 0, 2)
-            mean_error, mean_half = np.array(of_mean).transpose(1, 0, 2)
-            inhomogeneous = f"{100 * np.mean(np.array(p) < 0.05):.0f}" if p else "-"
-            out.append(
-                f"| {world} | {weather:g} | {number} | {_listed(np.median(half, axis=0))} | {_listed(_rms(error))}"
-                f" | {_covered(error, half)} | {inhomogeneous} | {_listed(_rms(mean_error))}"
-                f" | {_covered(mean_error, mean_half)} | {100 * np.mean(seen):.0f} | {100 * np.mean(alarms):.0f} |"
-            )
+            of_comparisons = {"3 % more drag seen, %": rounded(100 * np.mean(seen)),
+                              "alarms, %": rounded(100 * np.mean(alarms))}  # fmt: skip
+            cell: Record = {"world": world, "W20, kt": f"{weather:g}", "flights pooled": number}
+            out.append(cell | _of_pools(of_pool, of_mean, p) | of_comparisons)
     return out
 
 
@@ -251,9 +248,5 @@ def _rms(error: Array) -> Array:
     return np.asarray(np.sqrt(np.mean(error**2, axis=0)))
 
 
-def _covered(error: Array, half: Array) -> str:
-    return f"{100 * np.mean(np.abs(error) < half):.0f}"
-
-
-def _listed(values: Array) -> str:
-    return " / ".join(f"{x:.1f}" for x in values)
+def _covered(error: Array, half: Array) -> int:
+    return round(float(100 * np.mean(np.abs(error) < half)))

@@ -13,7 +13,7 @@ Campaigns below 10 are for development; figures of the documentation come from o
 
 import dataclasses
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -176,17 +176,33 @@ def one_flight(job: Job) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def jobs_of(worlds: list[str], weather_kt: list[float], campaigns: range, most: Mapping[str, int]) -> Iterator[Job]:
-    """All flights, five a campaign before more of any: an interrupted run has some of everything. most: of each
-    configuration; of B and C in the calmest weather alone."""
-    versions = {name: version(name) for name in worlds}
-    for block in range(0, max(most.values()), 5):
-        for campaign in campaigns:
-            for world in worlds:
-                for weather in weather_kt:
-                    for configuration in most if weather == min(weather_kt) else "A":
-                        for flight in range(block, min(block + 5, most[configuration])):
+class Asked(NamedTuple):
+    """What is flown. most: flights a campaign of each configuration; of B and C in the calmest weather alone."""
+
+    worlds: Sequence[str]
+    weather_kt: Sequence[float]
+    campaigns: range
+    most: Mapping[str, int]
+
+
+def jobs_of(asked: Asked) -> Iterator[Job]:
+    """All flights, five a campaign before more of any: an interrupted run has some of everything."""
+    versions = {name: version(name) for name in asked.worlds}
+    for block in range(0, max(asked.most.values()), 5):
+        for campaign in asked.campaigns:
+            for world in asked.worlds:
+                for weather in asked.weather_kt:
+                    for configuration in asked.most if weather == min(asked.weather_kt) else "A":
+                        for flight in range(block, min(block + 5, asked.most[configuration])):
                             yield Job(world, weather, configuration, campaign, flight, versions[world])
+
+
+def flown(asked: Asked, file: Path, jobs: int) -> list[dict[str, Any]]:
+    """The lines of all flights asked for; those that the file lacks are flown."""
+    wanted = {tuple(job): job for job in jobs_of(asked)}
+    done = flights.fly_missing(file, wanted, one_flight, lambda line: tuple(line[name] for name in Job._fields),
+                               jobs=jobs, told=lambda line: line.get("refused", ""))  # fmt: skip
+    return [done[identity] for identity in wanted]
 
 
 def main(
@@ -205,21 +221,15 @@ def main(
     ] = True,
 ) -> None:
     """Fly what is missing and print the figures."""
-    wanted = list(
-        jobs_of(worlds or ["study"], weather_kt or [3.0, 15.0], range(first, first + campaigns),
-                {"A": most, "B": with_B, "C": with_C})
-    )  # fmt: skip
+    asked = Asked(worlds or ["study"], weather_kt or [3.0, 15.0], range(first, first + campaigns),
+                  {"A": most, "B": with_B, "C": with_C})  # fmt: skip
     if not fly_missing:
-        places = {tuple(job)[:-1] for job in wanted}  # by any version
+        places = {tuple(job)[:-1] for job in jobs_of(asked)}  # by any version
         campaign_figures.print_figures(
             [line for line in flights.known_lines(file) if tuple(line[n] for n in Job._fields[:-1]) in places], drawn
         )
         return
-    done = flights.fly_missing(
-        file, {tuple(job): job for job in wanted}, one_flight, lambda line: tuple(line[name] for name in Job._fields),
-        jobs=jobs, told=lambda line: line.get("refused", ""),
-    )  # fmt: skip
-    campaign_figures.print_figures([done[tuple(job)] for job in wanted], drawn)
+    campaign_figures.print_figures(flown(asked, file, jobs), drawn)
 
 
 if __name__ == "__main__":

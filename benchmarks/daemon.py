@@ -16,11 +16,14 @@ import sys
 import sysconfig
 import tempfile
 import time
+from collections.abc import Sequence
 from contextlib import ExitStack
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import typer
+from records import Record, markdown, rounded
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path += [str(ROOT / "tests" / "hw_fakes"), str(ROOT / "tests" / "daq")]
@@ -54,13 +57,15 @@ def soak(
     """
     beside = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(busy)]
     try:
-        _soak(seconds, rate, fifo=fifo, serve=["--file-min", str(file_min), "--bit-rate", str(bit_rate)])
+        serve = ["--file-min", str(file_min), "--bit-rate", str(bit_rate)]
+        print(markdown([soaked(seconds, rate, fifo=fifo, serve=serve)]))
     finally:
         for process in beside:
             process.kill()
 
 
-def _soak(seconds: float, rate: float, *, fifo: bool, serve: list[str]) -> None:
+def soaked(seconds: float, rate: float, *, fifo: bool, serve: Sequence[str] = ()) -> Record:
+    """What the log and the kernel say of a recording in real time; what was missed and by whom is printed."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         # With --fifo the fake parts stand above the daemon: real ones do not wait for a computer's scheduler.
@@ -90,23 +95,16 @@ def _soak(seconds: float, rate: float, *, fifo: bool, serve: list[str]) -> None:
         finally:
             tray.send_signal(signal.SIGTERM)
             tray.wait(10)
-        lines = said.strip().splitlines()
-        print(*(line for line in lines[:-1] if " needs " in line), lines[-1], sep="\n")
-        print_ticks(sorted((folder / "logs").glob("*.mcap")))
+        print(said.strip(), file=sys.stderr)
+        ticks = ticks_of(sorted((folder / "logs").glob("*.mcap")))
     begin, end = next((s for s in cpu if s[0] > 5.0), cpu[0]), cpu[-1]
-    share = (end[1] - begin[1]) / (end[0] - begin[0])
     after_minute = next((kib for at_s, kib in memory if at_s >= min(60.0, seconds / 3)), memory[-1][1])
-    print(f"CPU share after the start: {100 * share:.2f} % of one core")
-    print(
-        f"resident memory: {memory[-1][1]} KiB at the end, {memory[-1][1] - after_minute:+d} KiB since the first minute"
-    )
-    print(
-        "others on this machine meanwhile: load",
-        " ".join(f"{x:.1f}" for x in os.getloadavg()),
-        "on",
-        os.cpu_count(),
-        "cores",
-    )
+    return {
+        "Hz": rate, "min": rounded(seconds / 60, 1), **ticks,
+        "processor, % of a core": rounded(100 * (end[1] - begin[1]) / (end[0] - begin[0]), 1),
+        "memory, MB": rounded(memory[-1][1] / 1024, 1), "since the first minute, KiB": memory[-1][1] - after_minute,
+        "load beside": rounded(os.getloadavg()[0], 1),
+    }  # fmt: skip
 
 
 def watch(daemon: subprocess.Popen) -> tuple[list[tuple[float, int]], list[tuple[float, float]]]:
@@ -128,38 +126,36 @@ def watch(daemon: subprocess.Popen) -> tuple[list[tuple[float, int]], list[tuple
     return memory[:-1], cpu[:-1]  # the last may be of the way out
 
 
-def print_ticks(paths: list[Path]) -> None:
+def ticks_of(paths: list[Path]) -> Record:
+    """Ticks, missed ones, how late they were, and messages without measurement."""
     from flight.log_reader import read_log
     from flight.messages import Status
 
     logs = [read_log(path) for path in paths]
     ticks = [entry for log in logs for entry in log.entries["/daq/tick"]]
-    late_us = sorted(entry.message.late_ns / 1e3 for entry in ticks)
-    missed = sum(entry.message.missed for entry in ticks)
-
-    def at(share: float) -> float:
-        return late_us[min(len(late_us) - 1, int(share * len(late_us)))]
-
-    holes = sum(b.tick - a.tick != 1 for a, b in pairwise(ticks))
-    print(f"{len(ticks)} ticks in {len(logs)} files, {missed} missed, {holes} holes in their numbers")
-    print(f"late by p50 {at(0.5):.0f} us, p99 {at(0.99):.0f} us, max {late_us[-1]:.0f} us")
-    busiest = max((sum(e.message.duration_ns.values()), e.tick) for e in ticks)
-    print(f"busiest tick: {busiest[0] / 1e6:.2f} ms (tick {busiest[1]})")
+    late_us = [entry.message.late_ns / 1e3 for entry in ticks]
     after = {b.tick: a for a, b in pairwise(ticks) if b.message.missed}
     for tick, before in list(after.items())[:10]:
         took = {name: round(ns / 1e6, 1) for name, ns in before.message.duration_ns.items() if ns > 2e6}
-        print(f"  before tick {tick} something was missed; in the one before, more than 2 ms: {took or 'nobody'}")
-    for topic in sorted(logs[0].entries):
-        entries = [entry for log in logs for entry in log.entries.get(topic, [])]
-        bad = sum(e.message.status not in (Status.OK, Status.BUSY, Status.STARTING) for e in entries)
-        print(f"  {topic:16} {len(entries):7} messages, {bad} without measurement")
-    size = sum(path.stat().st_size for path in paths)
-    print(f"{size / 1e6:.2f} MB of log, {size / max(1, len(ticks)):.0f} bytes a tick")
+        print(f"before tick {tick} one was missed; in the one before, more than 2 ms: {took or '-'}", file=sys.stderr)
+    fine = (Status.OK, Status.BUSY, Status.STARTING)
+    entries = [entry for log in logs for of_topic in log.entries.values() for entry in of_topic]
+    p50, p99, most = np.quantile(late_us, [0.5, 0.99, 1.0])
+    return {
+        "ticks": len(ticks), "missed": sum(entry.message.missed for entry in ticks),
+        "holes": sum(b.tick - a.tick != 1 for a, b in pairwise(ticks)),
+        "late p50 / p99 / most, us": rounded([p50, p99, most]),
+        "without measurement": sum(getattr(entry.message, "status", Status.OK) not in fine for entry in entries),
+    }  # fmt: skip
 
 
 @app.command()
 def faults() -> None:
     """Every fault of the schedule: ticks lost, and how the other sensors fared meanwhile (simulated clock)."""
+    print(markdown(fault_records()))
+
+
+def fault_records() -> list[Record]:
     from analytic_sensor_truth import AnalyticSensorTruth
 
     from daq.config import parse_tray
@@ -178,8 +174,7 @@ def faults() -> None:
     on_bus = {topic for name in list(topics)[:7] for topic in topics[name]}
     start_s, lasts_s, seconds = 4.0, 2.5, 10
     good = (Status.OK, Status.BUSY)
-    print(f"{'fault':18} {'device':13} {'ticks':>5} {'missed':>6}  {'lost by the others':>18}  own lost, back after")
-    total_missed = 0
+    records = []
     for kind, devices in DEVICES_OF_KIND.items():
         for device in devices:
             with tempfile.TemporaryDirectory() as folder:
@@ -205,20 +200,21 @@ def faults() -> None:
                         continue
                     own, others = own + (topic in hit), others + (topic not in hit)
                     back_s = max(back_s, at_s - start_s - lasts_s)
-            total_missed += done.missed
-            print(
-                f"{kind:18} {device:13} {done.ticks:5} {done.missed:6}  {others:18}  {own} lost, "
-                f"{f'{back_s:.2f} s after its end' if back_s > 0 else 'at once'}"
-            )
-    print(f"ticks lost in all: {total_missed}")
+            records.append({
+                "fault": kind, "part": device, "ticks": done.ticks, "missed": done.missed, "lost by others": others,
+                "own lost": own, "back after, s": rounded(max(back_s, 0.0), 2),
+            })  # fmt: skip
+    return records
 
 
 @app.command()
 def day(rate: float = 25.0, hours: float = 24.0, file_min: float = 60.0) -> None:
-    """A day on the simulated clock, two transducers on a scripted bus: files, drift, memory.
+    """A day on the simulated clock, two transducers on a scripted bus: files, drift, memory."""
+    print(markdown([day_record(rate, hours, file_min)]))
 
-    Memory is weighed a simulated minute after each change of file, when the disk's thread has nothing left to do.
-    """
+
+def day_record(rate: float, hours: float, file_min: float) -> Record:
+    """Memory is weighed a simulated minute after each change of file, when the disk's thread has nothing left to do."""
     from daq import disk_writer
     from daq.__main__ import prepare_process
     from daq.config import parse_tray
@@ -270,22 +266,22 @@ def day(rate: float = 25.0, hours: float = 24.0, file_min: float = 60.0) -> None
                 expected += 1
                 worst_ns = max(worst_ns, abs(entry.time_ns - 10**18 - entry.tick * period_ns))
                 count += 1
-    print(f"{hours:g} h at {rate:g} Hz in {wall_s:.0f} s: {count} ticks, {done.missed} missed, {len(done.paths)} files")
-    print(f"the grid is off by {worst_ns} ns at worst")
-    print("resident memory [KiB], file by file:", *(kib for _, kib in memory))
     later = [kib for _, kib in memory[1:]]
-    if len(later) > 1:
-        kept_KiB = (len(later) - 1) * 60 * file_min * rate * sys.getsizeof(0.0) / 1024
-        print(
-            f"after the first change of file: {later[-1] - later[0]:+d} KiB in {len(later) - 1} files, "
-            f"{statistics.linear_regression(range(len(later)), later).slope:+.1f} KiB a file; "
-            f"one number kept at each tick would be {kept_KiB:.0f} KiB"
-        )
+    return {
+        "hours": hours, "Hz": rate, "ticks": count, "missed": done.missed, "files": len(done.paths),
+        "grid off by, ns": worst_ns, "elapsed, s": rounded(wall_s), "memory, MB": rounded(later[-1] / 1024, 1),
+        "KiB a file": rounded(statistics.linear_regression(range(len(later)), later).slope, 1) if later[1:] else None,
+        "one number a tick would be, KiB a file": rounded(60 * file_min * rate * sys.getsizeof(0.0) / 1024),
+    }  # fmt: skip
 
 
 @app.command()
 def mend(hours: float = 1.0) -> None:
     """How long the next start takes to complete a log of the default tray that a power cut left."""
+    print(markdown([mend_record(hours)]))
+
+
+def mend_record(hours: float) -> Record:
     from analytic_sensor_truth import AnalyticSensorTruth
     from mcap.opcode import Opcode
 
@@ -315,7 +311,8 @@ def mend(hours: float = 1.0) -> None:
         begin_s = time.perf_counter()
         done = recover(path)
         assert done is not None
-        print(f"{done.kept_bytes / 1e6:.1f} MB kept, {done.cut_bytes} bytes cut: {time.perf_counter() - begin_s:.2f} s")
+        return {"hours": hours, "kept, MB": rounded(done.kept_bytes / 1e6, 1), "cut, bytes": done.cut_bytes,
+                "s": rounded(time.perf_counter() - begin_s, 2)}  # fmt: skip
 
 
 def resident_KiB() -> int:

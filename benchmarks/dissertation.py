@@ -28,6 +28,7 @@ from dissertation_flights import (
     shown,
     true_estimates,
 )
+from records import Record, markdown, rounded
 from rich.console import Console
 from rich.progress import track
 from simulation_figures import picture
@@ -53,68 +54,79 @@ def significance_limits(folder: Path) -> dict[str, list[tuple[float, float]]]:
     return {name: [(f, snr) for f, snr in points] for name, points in json.loads(kept.read_text("utf-8")).items()}
 
 
-def errors_percent(flight: Shown, method: str) -> str:
-    """Largest error of power over the method's speeds, in % and W, and whether its 95 % interval contains the truth."""
+def of_curve(flight: Shown, method: str) -> Record:
+    """Largest error of power over the method's speeds, in % and W, and where its 95 % interval contains the truth."""
     curve = flight.curves.get(method)
     if curve is None:
-        return "no estimate | | "
+        return {}
     truth = np.interp(curve.V, flight.truth.V, flight.truth.power)
     error = curve.power - truth
     middle = np.abs(error)[len(error) // 4 : -len(error) // 4].max()
-    covered = 100 * np.mean(np.abs(error) <= curve.half)
-    return f"{100 * np.abs(error / truth).max():.1f} | {middle:.1f} | {covered:.0f}"
+    return {
+        "largest error, %": rounded(100 * np.abs(error / truth).max(), 1),
+        "in the middle half of the speeds, W": rounded(middle, 1),
+        "speeds covered, %": rounded(100 * np.mean(np.abs(error) <= curve.half)),
+    }
 
 
-def tables(flights: Flights, limits: dict[str, list[tuple[float, float]]]) -> str:
-    lines = ["flight | method | largest error, % | largest in the middle half of the speeds, W | speeds covered, %"]
-    lines += ["---|---|---|---|---"]
+def tables(flights: Flights, limits: dict[str, list[tuple[float, float]]]) -> dict[str, list[Record]]:
+    """By name: curves, significance of C_Lq by run, noise of the channels, estimates, limits, noise against error."""
+    curves, significance = [], []
     for name, flight in flights.items():
         methods = ["piw-viw"] if name.plan == "steady-points" else ["dynamic", "two-state", "force-models"]
-        lines += [f"{name} | {method} | {errors_percent(flight, method)}" for method in methods]
-    lines += ["", "flight | run | SNR of q | C_Lq | t", "---|---|---|---|---"]
-    for name, flight in flights.items():
-        lines += [f"{name} | {fit.run} | {fit.snr:.2g} | {fit.CLq:.1f} | {fit.t_CLq:.1f}" for fit in flight.fits]
-        lines += [f"{name} | all runs | | | {flight.t_CLq:.1f}"]
-    lines += ["", "standard deviation of one sample | at rest | acceleration | deceleration", "---|---|---|---"]
+        of = {"aircraft": name.aircraft, "plan": name.plan, "noise": name.noise}
+        curves += [{**of, "method": method, **of_curve(flight, method)} for method in methods]
+        significance += [{**of, "run": fit.run, "SNR of q": rounded(fit.snr, 1), "C_Lq": rounded(fit.CLq, 1),
+                          "t": rounded(fit.t_CLq, 1)} for fit in flight.fits]  # fmt: skip
+        significance.append({**of, "run": "all runs", "t": rounded(flight.t_CLq, 1)})
+    channels, estimates = [], []
     for title, aircraft in AIRCRAFT.items():
-        by_run = flights[FlightName(aircraft, "two-pairs")].noise
+        flight = flights[FlightName(aircraft, "two-pairs")]
         for channel in ("ax", "az", "q", "alpha", "V"):
-            means = [
-                np.mean([noise[channel] for run, noise in by_run.items() if run.startswith(kind)])
+            means = {
+                kind: rounded(
+                    np.mean([noise[channel] for run, noise in flight.noise.items() if run.startswith(kind)]), 5
+                )
                 for kind in ("standing", "acceleration", "deceleration")
-            ]
-            lines.append(f"{title}, {channel} | " + " | ".join(f"{mean:.3g}" for mean in means))
-    lines += ["", "parameter | " + " | ".join(f"{name} | true" for name in AIRCRAFT), "---|" + "---|---|" * 3]
-    for name in SHOWN:
-        row = [name]
-        for aircraft in AIRCRAFT.values():
-            fits = flights[FlightName(aircraft, "two-pairs")].fits
-            values = np.array([fit.estimates[name] for fit in fits])
-            row += [f"{values[:, 0].mean():.3f} ± {values[:, 1].mean():.3f} ({values[:, 2].mean():.3f}), scatter"
-                    f" {values[:, 0].std(ddof=1):.3f}", f"{true_estimates(aircraft)[name]:.3f}"]  # fmt: skip
-        lines.append(" | ".join(row))
-    lines += ["", f"limits of SNR at noise x {FACTORS}: {limits}"]
-    lines += ["", "noise | largest error of each run, %", "---|---"]
+            }
+            channels.append({"aircraft": title, "channel": channel, **means})
+        for name in SHOWN:
+            values = np.array([fit.estimates[name] for fit in flight.fits])
+            mean, white, colored = values.mean(axis=0)
+            estimates.append({
+                "aircraft": title, "parameter": name, "true": rounded(true_estimates(aircraft)[name], 3),
+                "mean of the runs": rounded(mean, 3), "standard error": rounded(white, 3),
+                "colored": rounded(colored, 3), "scatter": rounded(values[:, 0].std(ddof=1), 3),
+            })  # fmt: skip
+    by_noise = []
     for factor in NOISE_FACTORS:
-        flight = flights[FlightName("nexstar", "two-pairs", factor)]
-        found = []
+        flight, found = flights[FlightName("nexstar", "two-pairs", factor)], []
         for fit in flight.fits:
             truth = np.interp(fit.curve.V, flight.truth.V, flight.truth.power)
             found.append(100 * np.abs(fit.curve.power / truth - 1).max())
-        lines.append(f"x {factor:g} | " + ", ".join(f"{x:.1f}" for x in found))
-    return "\n".join(lines) + "\n"
+        of_dynamic = of_curve(flight, "dynamic").get("largest error, %")
+        by_noise.append({"noise": factor, "each run by two states, %": rounded(found, 1), "dynamic, %": of_dynamic})
+    of_limits = [{"maneuver": name, "noise": factor, "significant above an SNR of": rounded(snr, 2)}
+                 for name, points in limits.items() for factor, snr in points]  # fmt: skip
+    return {"curves": curves, "significance": significance, "channels": channels, "estimates": estimates,
+            "limits": of_limits, "by_noise": by_noise}  # fmt: skip
+
+
+def analyzed(folder: Path) -> tuple[Flights, dict[str, list[tuple[float, float]]]]:
+    """All flights, flown and analyzed unless the folder has them, and the limits of significance."""
+    kept = folder / "flights"
+    kept.mkdir(parents=True, exist_ok=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # means over gaps of a channel
+        flights = {name: shown(name, kept) for name in track(FLIGHTS, "flights", console=Console(stderr=True))}
+    return flights, significance_limits(folder)
 
 
 def main(
     docs: Annotated[bool, typer.Option("--docs", help="Copy the figures to docs/figures as well.")] = False,
 ) -> None:
-    folder = OUT / "flights"
-    folder.mkdir(parents=True, exist_ok=True)
     progress = Console(stderr=True)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # means over gaps of a channel
-        flights = {name: shown(name, folder) for name in track(FLIGHTS, "flights", console=progress)}
-    limits = significance_limits(OUT)
+    flights, limits = analyzed(OUT)
     drawn = {name: draw(flights) for name, draw in figures.FIGURES.items()}
     drawn["7-8-snr"] = figures.signal_to_noise(flights, limits)
     for name, figure in track(drawn.items(), "figures", console=progress):
@@ -122,9 +134,9 @@ def main(
         picture(figure, path)
         if docs:
             shutil.copy(path, DOCS / path.name)
-    text = tables(flights, limits)
-    (OUT / "tables.md").write_text(text, "utf-8")
-    print(text, end="")
+    text = "\n\n".join(markdown(records) for records in tables(flights, limits).values())
+    (OUT / "tables.md").write_text(text + "\n", "utf-8")
+    print(text)
     print(f"{OUT}: {len(drawn)} figures, tables.md")
 
 

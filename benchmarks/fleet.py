@@ -11,13 +11,13 @@ import resource
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
-from rich.console import Console
-from rich.table import Table
+from records import Record, markdown, rounded
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "analysis" / "fleet"))
 
@@ -41,7 +41,6 @@ CASES = (
     ("drag +3 % in 200 flights", 0.03, 0.0, True),
     ("thrust -3 % in 200 flights", 0.0, -0.03, True),
 )
-console = Console(width=120, highlight=False)
 app = typer.Typer(add_completion=False)
 
 
@@ -52,7 +51,11 @@ def size(
     seed: int = 1000,
 ) -> None:
     """Processor seconds to add flights, one more, to show all; the page's size."""
-    rng = np.random.default_rng(seed)
+    print(markdown(size_records(flights, airframes_, seed)))
+
+
+def size_records(flights: Sequence[int], airframes_: int, seed: int) -> list[Record]:
+    rng, records = np.random.default_rng(seed), []
     for total in flights:
         with tempfile.TemporaryDirectory() as folder:
             dataset, added = Dataset(folder), 0.0
@@ -71,11 +74,13 @@ def size(
             page = render_fleet(results)
             shown = time.process_time() - start
             disk = sum(path.stat().st_size for path in Path(folder).rglob("*.parquet"))
-        console.print(
-            f"{total} flights of {airframes_} airframes: added in {added:.1f} s, one more in {one_more:.2f} s, shown in"
-            f" {shown:.1f} s; {disk / total:.0f} bytes a flight, page {len(page) / 1e6:.1f} MB, at most"
-            f" {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB"
-        )
+        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        records.append({
+            "flights": total, "airframes": airframes_, "added, s": rounded(added, 1),
+            "one more, s": rounded(one_more, 2), "shown, s": rounded(shown, 1), "bytes a flight": rounded(disk / total),
+            "page, MB": rounded(len(page) / 1e6, 1), "memory, MB": rounded(memory),
+        })  # fmt: skip
+    return records
 
 
 @app.command()
@@ -85,7 +90,13 @@ def changes(
     noise: list[float] = [1.0, 0.3],  # noqa: B006
 ) -> None:
     """Delay to the first alarm after a change, what it names, and false alarms in as many flights as one is allowed."""
-    table = Table("change", "noise", "found", "flights until then, median", "named right", "false alarms a year")
+    print(markdown(change_records(airframes_, seed, noise)))
+
+
+def change_records(airframes_: int, seed: int, noise: Sequence[float]) -> list[Record]:
+    """Of each change: airframes that show it, flights until then, and false alarms. Counting errors: of a count k of n
+    sqrt(k (n - k) / n); of the rate of alarms, the root of their number."""
+    records = []
     for factor in noise:
         for name, drag, thrust, slowly in CASES:
             count = BEFORE + A_YEAR
@@ -101,11 +112,15 @@ def changes(
                     delays.append(late[0].found - BEFORE + 1)
                     right += late[0].what is (What.DRAG if drag else What.PROPULSION)
             flown = airframes_ * (count if name == "none" else BEFORE)
-            told = ("", "", "")
-            if delays:
-                told = f"{len(delays)} of {airframes_}", f"{np.median(delays):.0f}", f"{right} of {len(delays)}"
-            table.add_row(name, f"{factor:g}", *told, f"{false * A_YEAR / flown:.2f}")
-    console.print(table)
+            record: Record = {"change": name, "noise": factor, "airframes": airframes_}
+            if name != "none":
+                record |= {"found": len(delays), "flights until then, median": rounded(np.median(delays or [np.nan])),
+                           "named right": right}  # fmt: skip
+            rate = A_YEAR / flown
+            records.append(record | {"false alarms in 200 flights": rounded(false * rate, 2),
+                                     "±": rounded(np.sqrt(max(false, 1)) * rate, 2)})  # fmt: skip
+    columns = list(dict.fromkeys(name for record in records[::-1] for name in record))
+    return [{name: record.get(name) for name in columns} for record in records]
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ import flights
 import numpy as np
 import pandas as pd
 import typer
+from records import Record, counted, markdown, rounded
 
 from analysis.drag import dynamic
 from analysis.estimation.noise import NORMAL_95
@@ -159,21 +160,40 @@ def main(
     output: Annotated[Path, typer.Option("-o", "--output", help="Lines of JSON, one a flight.")] = Path("plans.jsonl"),
 ) -> None:
     """Flies cell after cell, seed after seed, and prints the table of what there is."""
-    output.parent.mkdir(parents=True, exist_ok=True)
     wanted = [(float(kt), float(minutes)) for kt, minutes in (cell.split(":") for cell in cells.split(","))]
-    made = {cell: make_plans(aircraft, *cell, asked, output.parent, known_drag=known_drag) for cell in wanted}
-    question = f"{asked}, drag known" if known_drag else asked
-    jobs = {}
-    for seed in range(first_seed, first_seed + count):
-        for kt, minutes in wanted:
-            for name in ("planned", "shipped") if only == "both" else (only,):
+    seeds = range(first_seed, first_seed + count)
+    print(markdown(records(flown(Asked(aircraft, asked, wanted, seeds, known_drag, pilot, only), output, processes))))
+
+
+class Asked(NamedTuple):
+    """What is flown. cells: W20 [kt] and length [min]."""
+
+    aircraft: str
+    question: str
+    cells: list[tuple[float, float]]
+    seeds: range
+    known_drag: bool = False
+    pilot: str = "exact"
+    only: str = "both"
+
+
+def flown(asked: Asked, output: Path, jobs: int) -> list[dict[str, Any]]:
+    """The lines of the flights asked for, and of what else the file has; those that it lacks are flown."""
+    output.parent.mkdir(parents=True, exist_ok=True)
+    made = {cell: make_plans(asked.aircraft, *cell, asked.question, output.parent, known_drag=asked.known_drag)
+            for cell in asked.cells}  # fmt: skip
+    question = f"{asked.question}, drag known" if asked.known_drag else asked.question
+    wanted = {}
+    for seed in asked.seeds:
+        for kt, minutes in asked.cells:
+            for name in ("planned", "shipped") if asked.only == "both" else (asked.only,):
                 plan = made[kt, minutes][name]
-                path = plan["path"] if pilot == "exact" else _flown_by_average_pilot(Path(plan["path"]))
-                key = (aircraft, question, kt, minutes, name, pilot, seed)
-                jobs[key] = Job(dict(zip(KEY, key, strict=True)) | {"predicted": plan["predicted"]}, path)
-    known = flights.fly_missing(output, jobs, one_flight, lambda row: tuple(row[name] for name in KEY), jobs=processes,
+                path = plan["path"] if asked.pilot == "exact" else _flown_by_average_pilot(Path(plan["path"]))
+                key = (asked.aircraft, question, kt, minutes, name, asked.pilot, seed)
+                wanted[key] = Job(dict(zip(KEY, key, strict=True)) | {"predicted": plan["predicted"]}, path)
+    known = flights.fly_missing(output, wanted, one_flight, lambda row: tuple(row[name] for name in KEY), jobs=jobs,
                                 told=lambda row: row.get("lost", ""))  # fmt: skip
-    print_table(known.values())
+    return list(known.values())
 
 
 WANDER = '\n[wander]\nbank = "{bank} deg"\nheight = "{height} m"\nspeed = "{speed} m/s"\n'
@@ -187,42 +207,32 @@ def _flown_by_average_pilot(path: Path) -> str:
     return str(new)
 
 
-def print_table(rows: Iterable[dict[str, Any]]) -> None:
-    """One line a cell and plan: worst speed, coverage, predicted over obtained."""
+def records(rows: Iterable[dict[str, Any]]) -> list[Record]:
+    """One row a cell and plan: half widths at estimators.speeds, the worst, and its ratios."""
     groups: dict[tuple[Any, ...], list[dict[str, Any]]] = {}
     for row in rows:
         key = tuple(row[name] for name in ("aircraft", "question", "kt", "minutes", "pilot", "plan"))
         groups.setdefault(key, []).append(row)
-    header = (
-        "aircraft, question",
-        "W20, kt",
-        "min",
-        "plan",
-        "flights (lost)",
-        "half widths, %",
-        "worst",
-        "coverage, %",
-    )
-    print("| " + " | ".join([*header, "predicted/obtained", "to shipped"]) + " |")
-    print("|---|---|---|---|---|---|---|---|---|---|")
     worst: dict[tuple[Any, ...], float] = {}
+    found = []
     for key in sorted(groups, key=lambda key: (*key[:5], key[5] != "shipped")):
         flown = [row for row in groups[key] if "half" in row]
         if not flown:
             continue
         half = np.median([row["half"] for row in flown], axis=0)
-        covered = 100 * np.mean([np.abs(row["error"]) < np.array(row["half"]) for row in flown])
-        ratio = np.max(flown[0]["predicted"]) / np.max(half)
+        share, counting = counted([np.mean(np.abs(row["error"]) < np.array(row["half"])) for row in flown])
         worst[key] = float(np.max(half))
         shipped = worst.get((*key[:5], "shipped"))
-        against = f"{worst[key] / shipped:.2f}" if shipped and key[5] == "planned" else ""
-        widths = " / ".join(f"{x:.1f}" for x in half)
-        lost = len(groups[key]) - len(flown)
         name = f"{key[0]}, {key[1]}" + (f", {key[4]} pilot" if key[4] != "exact" else "")
-        print(
-            f"| {name} | {key[2]:g} | {key[3]:g} | {key[5]} | {len(flown)} ({lost}) | {widths} | {worst[key]:.2f}"
-            f" | {covered:.0f} | {ratio:.2f} | {against} |"
-        )
+        found.append({
+            "aircraft, question": name, "W20, kt": f"{key[2]:g}", "min": f"{key[3]:g}", "plan": key[5],
+            "flights": len(flown), "lost": len(groups[key]) - len(flown), "half width": rounded(half, 1),
+            "worst": rounded(worst[key], 2),
+            "coverage, %": rounded(share), "±": rounded(counting, 1),
+            "predicted/obtained": rounded(np.max(flown[0]["predicted"]) / np.max(half), 2),
+            "to shipped": rounded(worst[key] / shipped, 2) if shipped and key[5] == "planned" else None,
+        })  # fmt: skip
+    return found
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ import resource
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from itertools import pairwise
@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from records import Record, markdown, rounded
 
 from analysis.autopilot_logs.paparazzi import read_paparazzi
 from analysis.autopilot_logs.recording import FlightRecording
@@ -131,13 +132,13 @@ def level_windows(table: FlightTable, found: ElectricalEstimate) -> Iterator[tup
                 yield float(V[window].mean()), float(power[window].mean())
 
 
-def electrical_row(flight: Electrical, folder: Path, scratch: Path) -> str:
+def electrical_row(flight: Electrical, folder: Path, scratch: Path) -> Record:
     started = time.process_time()
     try:
         table = flight_table(electrical_recording(flight, folder, scratch), flight.mass_kg * g, flight.wing_area_m2)
         found = estimate(table, flight.mass_kg * g, flight.wing_area_m2, flight.span_m, flight.file)
     except InputError as refused:
-        return f"| {flight.title} | refused: {refused} |"
+        return {"flight": flight.title, "curve by": f"refused: {refused}"}
     seconds = time.process_time() - started
     if flight.file == ELECTRICAL[0].file:
         V = np.array([*LEVEL_WINDOWS]) / (1 + found.airspeed.scale)
@@ -153,11 +154,12 @@ def electrical_row(flight: Electrical, folder: Path, scratch: Path) -> str:
     power, sigma = (np.interp(V, found.V_mps, one) for one in (found.power_W, found.standard_error_W))
     error, half = 100 * (power / reference - 1), 100 * NORMAL_95 * sigma / power
     inside = np.count_nonzero(np.abs(power - reference) < NORMAL_95 * sigma)
-    return (
-        f"| {flight.title} | energy, electrical | {len(found.time_s)} windows | {V[0]:.1f} to {V[-1]:.1f} |"
-        f" {error.min():+.1f} to {error.max():+.1f} | {half.min():.0f} to {half.max():.0f} | {inside} of {len(V)} | |"
-        f" {seconds:.0f} | {_megabytes():.0f} |"
-    )
+    return {
+        "flight": flight.title, "curve by": "energy, electrical", "maneuvers": f"{len(found.time_s)} windows",
+        "m/s": f"{V[0]:.1f} to {V[-1]:.1f}", "error, %": f"{error.min():+.1f} to {error.max():+.1f}",
+        "half width, %": f"{half.min():.0f} to {half.max():.0f}", "inside": f"{inside} of {len(V)}", "trust": "",
+        "s": rounded(seconds), "MB": rounded(_megabytes()),
+    }  # fmt: skip
 
 
 def _megabytes() -> float:
@@ -184,7 +186,7 @@ def steady_power_W(csv: Path, rho: float) -> Array:
     return np.asarray(qS_level * SPEEDS_MPS * (CD0 + K * (WEIGHT_N / qS_level) ** 2))
 
 
-def row(title: str, results: Results, reference_W: Array, cost: str) -> str:
+def row(title: str, results: Results, reference_W: Array, cost: Record) -> Record:
     """One line of the table: where the curve reaches."""
     curve = results.power_required
     V = [point.speed_mps for point in curve]
@@ -198,13 +200,15 @@ def row(title: str, results: Results, reference_W: Array, cost: str) -> str:
     inside = np.count_nonzero((low < reference) & (reference < high))
     method = results.methods_tried[-1].title
     speeds = f"{SPEEDS_MPS[flown][0]:.0f} to {SPEEDS_MPS[flown][-1]:.0f}"
-    return (
-        f"| {title} | {method} | {len(results.runs)} | {speeds} | {error.min():+.1f} to {error.max():+.1f} |"
-        f" {half.min():.1f} to {half.max():.1f} | {inside} of {len(reference)} | {results.trust} | {cost} |"
-    )
+    return {
+        "flight": title, "curve by": method, "maneuvers": len(results.runs), "m/s": speeds,
+        "error, %": f"{error.min():+.1f} to {error.max():+.1f}",
+        "half width, %": f"{half.min():.1f} to {half.max():.1f}", "inside": f"{inside} of {len(reference)}",
+        "trust": str(results.trust), **cost,
+    }  # fmt: skip
 
 
-def citation_row(title: str, folder: Path, scratch: Path) -> str:
+def citation_row(title: str, folder: Path, scratch: Path) -> Record:
     """Of the whole flight, which leaves a file of its decelerations; of these alone; or with velocity by position."""
     csv, runs_file = folder / CITATION, scratch / "runs.toml"
     log = citation_log(csv, scratch, with_velocity=title == WITH_VELOCITY)
@@ -220,21 +224,28 @@ def citation_row(title: str, folder: Path, scratch: Path) -> str:
         )
     )
     reference_W = steady_power_W(csv, found.condition.rho)
-    return row(title, found.results, reference_W, f"{seconds:.0f} | {megabytes:.0f}")
+    return row(title, found.results, reference_W, {"s": rounded(seconds), "MB": rounded(megabytes)})
 
 
-def main(folder: Path) -> None:
-    print("| flight | curve by | maneuvers | m/s | error, % | half width, % | inside | trust | s | MB |")
-    print("|---|---|---|---|---|---|---|---|---|---|")
-    one_by_one = ProcessPoolExecutor(1, get_context("spawn"), max_tasks_per_child=1)  # memory of each by itself
+TITLES = (*(one.title for one in ELECTRICAL), WHOLE_FLIGHT, DECELERATIONS, WITH_VELOCITY)
+
+
+def records(titles: Sequence[str] = TITLES, folder: Path = FOLDER) -> list[Record]:
+    """One row a flight, each in a process of its own, so that memory is its own. Without the files no row."""
+    if not folder.exists():
+        return []
+    one_by_one = ProcessPoolExecutor(1, get_context("spawn"), max_tasks_per_child=1)
+    found, citation = [], [title for title in titles if title in TITLES[len(ELECTRICAL) :]]
     with tempfile.TemporaryDirectory() as name, one_by_one as process:
         scratch = Path(name)
         for flight in ELECTRICAL:
-            print(process.submit(electrical_row, flight, folder, scratch).result(), flush=True)
-        process.submit(draft_map, folder / CITATION, scratch).result()
-        for title in (WHOLE_FLIGHT, DECELERATIONS, WITH_VELOCITY):
-            print(process.submit(citation_row, title, folder, scratch).result(), flush=True)
+            if flight.title in titles:
+                found.append(process.submit(electrical_row, flight, folder, scratch).result())
+        if citation:
+            process.submit(draft_map, folder / CITATION, scratch).result()
+        found += [process.submit(citation_row, title, folder, scratch).result() for title in citation]
+    return found
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else FOLDER)
+    print(markdown(records(TITLES, Path(sys.argv[1]) if len(sys.argv) > 1 else FOLDER)))

@@ -16,7 +16,6 @@ import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-import json
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from functools import partial
@@ -28,6 +27,9 @@ import msgspec
 import numpy as np
 import typer
 from flights import Setup, stall_mps
+from records import Record, counted, markdown, rounded
+from rich.console import Console
+from rich.progress import track
 
 from analysis.airdata.flight_data import Calibrations
 from analysis.electrical.settings import GPS
@@ -202,24 +204,28 @@ def main(
     curve: Annotated[int, typer.Option(help="Flights that give the curve.")] = 1,
     jobs: Annotated[int, typer.Option(help="Processes.")] = 1,
 ) -> None:
-    lines: list[Flown] = []
+    print(markdown([missions(name, world, range(seed, seed + flights), curve, jobs)
+                    for name in aircraft or AIRCRAFT[:1]]))  # fmt: skip
+
+
+def missions(aircraft: str, world: str, seeds: range, curve: int, jobs: int) -> Record:
+    """Errors, intervals and returns over the missions of an aircraft."""
     with ProcessPoolExecutor(jobs) as pool:
-        for name in aircraft or AIRCRAFT[:1]:
-            run = partial(one_mission, aircraft=name, world=world, curve=curve)
-            for flown in pool.map(run, range(seed, seed + flights)):
-                print(json.dumps({"aircraft": name, **flown._asdict()}), flush=True)
-                lines.append(flown)
+        found = pool.map(partial(one_mission, aircraft=aircraft, world=world, curve=curve), seeds)
+        lines = list(track(found, "missions", total=len(seeds), console=Console(stderr=True)))
     below = np.array([one.share_below for one in lines])
     error = np.array([one.median_Wh / one.energy_Wh - 1 for one in lines])
     ends = np.array([(one.low_Wh, one.high_Wh) for one in lines])
     half = np.where(np.isfinite(ends[:, 1]), np.diff(np.nan_to_num(ends))[:, 0] / 2, np.inf)
     half /= [one.energy_Wh for one in lines]
-    inside = np.mean((below > 0.025) & (below < 0.975))
-    print(f"missions {len(lines)}: energy inside the 95 % interval {100 * inside:.0f} %")
-    print(f"error of energy: median {100 * np.median(np.abs(error)):.1f} %, mean {100 * np.mean(error):+.1f} %")
-    print(f"half width of the interval: median {100 * np.median(half):.1f} %")
-    for said in (0.5, 0.8, 0.9, 0.95, 0.99):
-        print(f"return, with a battery of which it is said by {100 * said:.0f} %: {100 * np.mean(below < said):.0f} %")
+    inside, counting = counted((below > 0.025) & (below < 0.975))
+    returns = {f"return, {100 * said:.0f} % said": rounded(100 * np.mean(below < said)) for said in (0.5, 0.8, 0.95)}
+    return {
+        "aircraft": aircraft, "flights of the curve": curve, "missions": len(lines),
+        "error, median, %": rounded(100 * np.median(np.abs(error)), 1), "mean, %": rounded(100 * np.mean(error), 1),
+        "half width, %": rounded(100 * np.median(half), 1), "coverage, %": rounded(inside), "±": rounded(counting, 1),
+        **returns,
+    }  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ from pathlib import Path
 from resource import RUSAGE_CHILDREN, getrusage
 
 import numpy as np
+from records import Record, markdown, rounded
 
 from flight.aircraft import load_aircraft
 from sim.fly import fly
@@ -72,17 +73,25 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--log", action="store_true", help="also write the log, through the daemon and straight")
     arguments = parser.parse_args()
+    print(markdown(records(log=arguments.log)))
+
+
+def records(*, log: bool) -> list[Record]:
+    """Processor and elapsed time of the flight, with the log as well if asked for."""
     fly(load_aircraft("nexstar"), load_plan("case-1"))  # imports, files
     runs = [once() for _ in range(3)]
     duration_s = runs[0][0]
     flying_s, both_s = min(run[1] for run in runs), min(run[1] + run[2] for run in runs)
-    print(f"{PLAN}: {duration_s:.0f} s at {1 / DT_S:.0f} Hz")
-    print(f"aircraft and pilot               {flying_s:6.2f} s  {duration_s / flying_s:5.0f} times real time")
-    print(f"aircraft, pilot and all sensors  {both_s:6.2f} s  {duration_s / both_s:5.0f} times real time")
-    if arguments.log:
-        for name, options in (("through fakes and daemon", ()), ("straight", ("--no-hardware",))):
+    used = {"aircraft and pilot": (flying_s, None), "aircraft, pilot and all sensors": (both_s, None)}
+    if log:
+        for name, options in (("log, through fakes and daemon", ()), ("log, straight", ("--no-hardware",))):
             wall_s, used_s = logged(*options)
-            print(f"log {name:28s} {wall_s:6.1f} s on the wall, {used_s:5.1f} s of processor")
+            used[name] = used_s, wall_s
+    return [
+        {"what": name, "processor, s": rounded(s, 1), "elapsed, s": rounded(wall, 1) if wall else None,
+         "times real time": rounded(duration_s / s)}
+        for name, (s, wall) in used.items()
+    ]  # fmt: skip
 
 
 if __name__ == "__main__":

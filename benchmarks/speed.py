@@ -15,13 +15,13 @@ import subprocess
 import sys
 import tarfile
 import tempfile
+from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.table import Table
+from records import Record, markdown, rounded
 
 ROOT = Path(__file__).parents[1]
 SEED = 1001
@@ -98,10 +98,15 @@ def main(
     hours: Annotated[float, typer.Option(help="Length of the simulated flight; 0: 21 minutes.")] = 0.0,
     rounds: Annotated[int, typer.Option(help="Measurements of each version.")] = 3,
 ) -> None:
+    print(markdown(records(log, before or [], hours, rounds)))
+
+
+def records(log: Path | None, before: Sequence[str], hours: float, rounds: int) -> list[Record]:
+    """Seconds of each step by version, and peak memory, of the round with the least time."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         log = (log or flown(folder, hours)).resolve()
-        versions = {f"at {revision}": checked_out(revision, folder / revision) for revision in before or []}
+        versions = {f"at {revision}": checked_out(revision, folder / revision) for revision in before}
         versions["now"] = ROOT
         found: dict[str, list[dict]] = {version: [] for version in versions}
         for number in range(rounds + 1):
@@ -109,22 +114,17 @@ def main(
                 one = measured(code, log, folder)
                 if number > 0:
                     found[version].append(one)
-    print_table(found)
-
-
-def print_table(found: dict[str, list[dict]]) -> None:
     best = {version: min(ran, key=lambda one: sum(one["steps"].values())) for version, ran in found.items()}
     *_, now = best.values()
-    title = f"{now['duration_s'] / 60:.0f} minutes of log; processor seconds"
-    table = Table("step", *best, *(["ratio"] if len(best) > 1 else []), box=None, title=title, title_justify="left")
     rows = {step: [one["steps"].get(step, 0.0) for one in best.values()] for step in now["steps"]}
     rows["all"] = [sum(one["steps"].values()) for one in best.values()]
     rows["peak memory, MB"] = [one["MB"] for one in best.values()]
+    table: list[Record] = [{"step": "minutes of log", "now": rounded(now["duration_s"] / 60)}]
     for step, values in rows.items():
-        form = "{:.0f}" if "MB" in step else "{:.2f}"
-        ratio = [f"{values[0] / values[-1]:.2f}"] if len(values) > 1 and values[-1] else []
-        table.add_row(step, *(form.format(value) for value in values), *ratio)
-    Console(width=110).print(table)
+        shown = [rounded(value, 0 if "MB" in step else 2) for value in values]
+        ratio = {"ratio": rounded(values[0] / values[-1], 2)} if len(values) > 1 and values[-1] else {}
+        table.append({"step": step, **dict(zip(best, shown, strict=True)), **ratio})
+    return table
 
 
 if __name__ == "__main__":

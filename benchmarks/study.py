@@ -16,7 +16,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import contextlib
 import json
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from typing import Annotated, Any, NamedTuple
@@ -31,9 +31,9 @@ import own_aircraft
 import thrust_stand
 import typer
 from flights import Rows, Setup, error_rows
+from records import Record, counted, markdown, rounded
 from rich.console import Console
 from rich.progress import track
-from rich.table import Table
 
 from analysis.estimation.noise import NORMAL_95
 from flight.aircraft import Aircraft, load_aircraft
@@ -65,6 +65,76 @@ CASES = {
 }
 
 
+class Figures(NamedTuple):
+    """Of many flights: errors at several speeds, numbers that a flight has one of, and what was found how often."""
+
+    curves: list[Record]
+    numbers: list[Record]
+    counts: list[Record]
+
+
+def figures(name: str, todo: Sequence[Setup], options: Mapping[str, Any], jobs: int) -> Figures:
+    """What a case finds in flights of one weather."""
+    case = CASES[name]
+    columns = case.columns(load_aircraft(todo[0].aircraft))
+    gathered: dict[str, list[np.ndarray]] = defaultdict(list)
+    lost = 0
+    with ProcessPoolExecutor(jobs) as pool:
+        found = pool.map(partial(case.one_flight, **options), todo)
+        for rows in track(found, name, total=len(todo), console=Console(stderr=True)):
+            lost += not rows
+            for title, values in rows:
+                gathered[title].append(values)
+    counts = [{"found": title, "flights": len(values)} for title, values in gathered.items() if not values[0].size]
+    return Figures(
+        [curve(title, values) for title, values in gathered.items() if values[0].shape[1] == len(columns)],
+        [single(title, values) for title, values in gathered.items() if values[0].shape == (2, 1)],
+        sorted(counts, key=lambda one: -one["flights"]) + ([{"found": "lost", "flights": lost}] if lost else []),
+    )
+
+
+def curve(title: str, values: list[np.ndarray]) -> Record:
+    """Errors at several speeds, % of the truth, with the counting error of their coverage.
+
+    The columns of a flight share its errors, so flights are what is counted.
+    """
+    error, half = np.array(values).transpose(1, 0, 2)
+    rows = {name: rounded(row, 1 if "coverage" not in name else 0) for name, row, _ in error_rows(error, half)}
+    known = np.isfinite(error) & np.isfinite(half)
+    of_flights = np.where(known, np.abs(error) < half, np.nan)[known.any(axis=1)]
+    share, counting = counted(np.nanmean(of_flights, axis=1)) if len(of_flights) else (np.nan, np.nan)
+    return {
+        "of": title,
+        "flights": int(np.isfinite(error).any(axis=1).sum()),
+        "coverage, %": rounded(share),
+        "±": rounded(counting, 1),
+        "at each speed": rows.get("coverage, %"),
+        "95 % of errors below": rows["95 % of errors below"],
+        "half width": rows.get("half width of intervals"),
+        "mean": rows["mean"],
+        "rms": rounded(np.sqrt(mean_square(error)), 2),
+    }
+
+
+def mean_square(error: np.ndarray) -> np.ndarray:
+    """Of each column; NaN where no flight has a value."""
+    known = np.isfinite(error)
+    return np.nansum(error**2, axis=0) / np.where(known.any(axis=0), known.sum(axis=0), np.nan)
+
+
+def single(title: str, values: list[np.ndarray]) -> Record:
+    """What a whole flight has one of, such as a sensor's error."""
+    error, half = np.array(values)[:, :, 0].T
+    return {
+        "of": title,
+        "flights": len(error),
+        "rms": rounded(np.sqrt(np.mean(error**2)), 3),
+        "mean": rounded(error.mean(), 3),
+        "stated, 1 sigma": rounded(np.median(half) / NORMAL_95, 3),
+        "coverage, %": rounded(100 * np.mean(np.abs(error) < half)),
+    }
+
+
 def main(
     name: Annotated[str, typer.Argument(metavar="CASE", help=", ".join(CASES))],
     plan: Annotated[str | None, typer.Option(help="Flight plan.")] = None,
@@ -80,26 +150,16 @@ def main(
 ) -> None:
     if name not in CASES:
         raise typer.BadParameter(f"{name} is none of {', '.join(CASES)}")
-    case = CASES[name]
-    one_flight = partial(case.one_flight, **dict(option(text) for text in given or []))
-    columns, console = case.columns(load_aircraft(aircraft)), Console(width=140, markup=False)
     for kt in turbulence_kt or [0.0]:
         seeds = range(first_seed, first_seed + count)
-        todo = [Setup(aircraft, world, plan or case.plan, kt, seed) for seed in seeds]
-        gathered: dict[str, list[np.ndarray]] = defaultdict(list)
-        lost = 0
-        with ProcessPoolExecutor(jobs) as pool:
-            for rows in track(pool.map(one_flight, todo), "flights", total=count, console=Console(stderr=True)):
-                lost += not rows
-                for title, values in rows:
-                    gathered[title].append(values)
-        console.print(f"{' '.join([name, *(given or [])])}: {world}, {todo[0].plan}, W20 = {kt:g} kt, {count} flights "
-                      f"from seed {first_seed}, {lost} lost")  # fmt: skip
-        print_errors(console, gathered, columns)
-        print_single_numbers(console, {title: one for title, one in gathered.items() if one[0].shape == (2, 1)})
-        for title, one in sorted(gathered.items(), key=lambda item: -len(item[1])):
-            if not one[0].size:
-                console.print(f"  {len(one):3d} x {title}")
+        todo = [Setup(aircraft, world, plan or CASES[name].plan, kt, seed) for seed in seeds]
+        found = figures(name, todo, dict(option(text) for text in given or []), jobs)
+        columns = ", ".join(CASES[name].columns(load_aircraft(aircraft)))
+        print(f"\n{' '.join([name, *(given or [])])}: {world}, {todo[0].plan}, W20 = {kt:g} kt, {count} flights from"
+              f" seed {first_seed}; at {columns}")  # fmt: skip
+        for records in found:
+            if records:
+                print("", markdown(records), sep="\n")
 
 
 def option(text: str) -> tuple[str, Any]:
@@ -108,52 +168,6 @@ def option(text: str) -> tuple[str, Any]:
     with contextlib.suppress(ValueError):
         return name, json.loads(value or "true")
     return name, value
-
-
-def print_errors(console: Console, gathered: dict[str, list[np.ndarray]], columns: Sequence[str]) -> None:
-    """What is compared at several speeds: as a table, and as rows of the documentation."""
-    table, rows = Table("errors in %", "", *columns, box=None), []
-    for title, values in gathered.items():
-        if values[0].shape[1] != len(columns):
-            continue
-        error, half = np.array(values).transpose(1, 0, 2)
-        told = {name: (row, form) for name, row, form in error_rows(error, half)}
-        title += share_covered(error, half)
-        told["rms"] = np.sqrt(mean_square(error)), "{:.2f}"
-        for i, (name, (row, form)) in enumerate(told.items()):
-            table.add_row("" if i else title, name, *(form.format(x) if np.isfinite(x) else "-" for x in row))
-        listed = {name: " / ".join(form.format(x) for x in row if np.isfinite(x)) for name, (row, form) in told.items()}
-        rows.append("| " + " | ".join([title, *listed.values()]) + " |")
-    console.print(table)
-    print("", *rows, "", sep="\n")
-
-
-def share_covered(error: np.ndarray, half: np.ndarray) -> str:
-    """Coverage over all columns with its counting error, one standard deviation; the columns of a flight share its
-    errors, so that flights are what is counted. Empty without intervals."""
-    known = np.isfinite(error) & np.isfinite(half)
-    flights = known.any(axis=1)
-    if not flights.any():
-        return ""
-    share = np.nanmean(np.where(known, np.abs(error) < half, np.nan)[flights], axis=1)
-    return f": {100 * share.mean():.0f} ± {100 * np.std(share) / np.sqrt(len(share)):.1f} % covered"
-
-
-def mean_square(error: np.ndarray) -> np.ndarray:
-    """Of each column; NaN where no flight has a value."""
-    known = np.isfinite(error)
-    return np.nansum(error**2, axis=0) / np.where(known.any(axis=0), known.sum(axis=0), np.nan)
-
-
-def print_single_numbers(console: Console, gathered: dict[str, list[np.ndarray]]) -> None:
-    """What a whole flight has one of, such as a sensor's error."""
-    table = Table("errors", "rms", "mean", "stated, 1 sigma", "coverage, %", box=None)
-    for title, values in gathered.items():
-        error, half = np.array(values)[:, :, 0].T
-        stated = f"{np.median(half) / NORMAL_95:.3f}", f"{100 * np.mean(np.abs(error) < half):.0f}"
-        table.add_row(title, f"{np.sqrt(np.mean(error**2)):.3f}", f"{error.mean():+.3f}", *stated)
-    if gathered:
-        console.print(table)
 
 
 if __name__ == "__main__":

@@ -32,6 +32,7 @@ from chain import compared, plan_text, read_truth
 from estimators import OVER_STALL, speeds
 from flights import COLUMN, COLUMN_SCALE, as_read, column_pressures, error_rows, fly_missing, tunnel_probe
 from numpy.typing import ArrayLike, NDArray
+from records import Record, counted, markdown, rounded
 
 from analysis.airdata.transducers import TransducerCalibration, calibrate, plateaus, readings
 from analysis.drag import cross_check
@@ -140,7 +141,7 @@ def key(line: dict[str, Any]) -> tuple[Any, ...]:
     return (*known, line.get("calibrated", False))
 
 
-def cells(names: list[str], weather_kt: list[float], plans: list[str]) -> Iterator[Cell]:
+def cells(names: Sequence[str], weather_kt: Sequence[float], plans: Sequence[str]) -> Iterator[Cell]:
     """All cells; calm air is left out where a world differs by its gusts alone."""
     for world, weather, plan in itertools.product(names, weather_kt, plans):
         by_gusts = any(name.startswith("gust") for name in load_world(world).air)
@@ -148,78 +149,92 @@ def cells(names: list[str], weather_kt: list[float], plans: list[str]) -> Iterat
             yield Cell(world, weather, plan)
 
 
-def tables(lines: list[dict[str, Any]]) -> str:
-    """Markdown: one row a cell."""
-    speed_names = " / ".join(f"{x:g}" for x in OVER_STALL)
-    out = [
-        f"Speeds: {speed_names} times the stalling speed. Coverage of the 95 % interval over all speeds, and at each;"
-        " 95 % of errors below; median half width; % of the truth. Warnings a flight; share with a cross-check alarm;"
-        " flights that are trusted, doubtful, and not to be trusted, and the evidence.",
-        "",
-        "| world | W20, kt | plan | flights | coverage, % | at each speed | error | half width | warnings"
-        " | alarms, % | verdicts | evidence |",
-        "|---|---|---|---|---|---|---|---|---|---|---|---|",
-    ]
-    by_cell: dict[Cell, list[dict[str, Any]]] = {}
+def by_cell(lines: list[dict[str, Any]]) -> dict[Cell, list[dict[str, Any]]]:
+    found: dict[Cell, list[dict[str, Any]]] = {}
     for line in lines:
-        by_cell.setdefault(Cell(line["world"], line["weather_kt"], line["plan"]), []).append(line)
-    for cell, members in by_cell.items():
+        found.setdefault(Cell(line["world"], line["weather_kt"], line["plan"]), []).append(line)
+    return found
+
+
+def cell_records(lines: list[dict[str, Any]]) -> list[Record]:
+    """One row a cell: errors, coverage, warnings, alarms and verdicts."""
+    records = []
+    for cell, members in by_cell(lines).items():
         done = [line for line in members if "error" in line]
-        refused = f" ({len(members) - len(done)} refused)" if len(done) < len(members) else ""
-        head = f"| {cell.world} | {cell.weather_kt:g} | {cell.plan} | {len(done)}{refused} |"
-        if not done:
-            out.append(f"{head} - | - | - | - | - | - | - | - |")
-            continue
-        error, half = (np.array([line[name] for line in done], dtype=float) for name in ("error", "half"))
-        rows = {name: row for name, row, _ in error_rows(error, half)}
-
-        def listed(name: str, form: str, rows: dict[str, np.ndarray] = rows) -> str:
-            return " / ".join(form.format(x) if np.isfinite(x) else "-" for x in rows[name])
-
-        warnings = np.mean([len(line["warnings"]) for line in done])
-        alarms = 100 * np.mean([line["alarm"] for line in done])
-        verdicts = " / ".join(str(sum(line["trust"] == level for line in done)) for level in Trust)
-        evidence = ", ".join(dict.fromkeys(kind for line in done for kind in line["evidence"])) or "-"
-        out.append(
-            f"{head} {coverage(error, half):.0f} | {listed('coverage, %', '{:.0f}')}"
-            f" | {listed('95 % of errors below', '{:.1f}')} | {listed('half width of intervals', '{:.1f}')}"
-            f" | {warnings:.1f} | {alarms:.0f} | {verdicts} | {evidence} |"
-        )
-    for plan in dict.fromkeys(cell.plan for cell in by_cell):
-        flights: dict[str, dict[float, list[Points]]] = {}
-        for cell, members in by_cell.items():
-            done = [(line["error"], line["half"]) for line in members if "error" in line]
-            if cell.plan == plan and done:
-                flights.setdefault(cell.world, {})[cell.weather_kt] = done
-        out += ["", f"Plan {plan}.", *world_table(flights)]
-    return "\n".join(out)
+        record: Record = {"world": cell.world, "W20, kt": f"{cell.weather_kt:g}", "plan": cell.plan}
+        record |= {"flights": len(done), "refused": len(members) - len(done)}
+        if done:
+            record |= _figures([(line["error"], line["half"]) for line in done])
+            record |= {
+                "warnings": rounded(np.mean([len(line["warnings"]) for line in done]), 1),
+                "alarms, %": rounded(100 * np.mean([line["alarm"] for line in done])),
+                "verdicts": [sum(line["trust"] == level for line in done) for level in Trust],
+                "evidence": ", ".join(dict.fromkeys(kind for line in done for kind in line["evidence"])) or "-",
+            }
+        records.append(record)
+    return records
 
 
-def world_table(flights: Mapping[str, Mapping[float, Sequence[Points]]]) -> list[str]:
-    """Markdown lines, one a world. flights: of each world, by W20 [kt]."""
+def world_records(flights: Mapping[str, Mapping[float, Sequence[Points]]]) -> list[Record]:
+    """One row a world, all weathers together. flights: of each world, by W20 [kt]."""
     weathers = sorted({weather for by_weather in flights.values() for weather in by_weather})
-    speed_names = " / ".join(f"{x:g}" for x in OVER_STALL)
     names = " / ".join(f"{weather:g}" for weather in weathers)
-    out = [
-        f"All weathers together. Speeds: {speed_names} times the stalling speed. 95 % of errors below; median half"
-        " width; % of the true power.",
-        "",
-        f"| world | flights | coverage, % | at {names} kt | at each speed | error | half width |",
-        "|---|---|---|---|---|---|---|",
-    ]
+    records = []
     for world, by_weather in flights.items():
-        error, half = (
-            np.array([points[i] for of_weather in by_weather.values() for points in of_weather], dtype=float)
-            for i in (0, 1)
-        )
-        rows = {name: values for name, values, _ in error_rows(error, half)}
-        of_weather = " / ".join(_covered(by_weather.get(weather, ())) for weather in weathers)
-        listed = " | ".join(
-            " / ".join("-" if np.isnan(x) else f"{x:.{digits}f}" for x in rows[name])
-            for name, digits in (("coverage, %", 0), ("95 % of errors below", 1), ("half width of intervals", 1))
-        )
-        out.append(f"| {world} | {len(error)} | {coverage(error, half):.0f} | {of_weather} | {listed} |")
-    return out
+        points = [one for of_weather in by_weather.values() for one in of_weather]
+        found = _figures(points)
+        at = [_covered(by_weather.get(weather, ())) for weather in weathers]
+        records.append({"world": world, "flights": len(points), "coverage, %": found.pop("coverage, %"),
+                        "±": found.pop("±"), f"at {names} kt": at, **found})  # fmt: skip
+    return records
+
+
+def verdict_records(lines: list[dict[str, Any]]) -> list[Record]:
+    """One row a world, its weathers beside each other: coverage, the largest of the errors that 95 % are below at a
+    speed, half widths from the narrowest speed to the widest, and how many flights are trusted, doubtful, or not to be
+    trusted."""
+    weathers = sorted({line["weather_kt"] for line in lines})
+    at = " / ".join(f"{weather:g}" for weather in weathers)
+    records = []
+    for world in dict.fromkeys(line["world"] for line in lines):
+        of_world = [line for line in lines if line["world"] == world and "error" in line]
+        by_weather = [[line for line in of_world if line["weather_kt"] == weather] for weather in weathers]
+        figures = [_figures([(line["error"], line["half"]) for line in some]) if some else {} for some in by_weather]
+        errors, halves = ([[x for x in one.get(name, []) if x is not None] for one in figures]
+                          for name in ("error", "half width"))  # fmt: skip
+        record: Record = {"world": world, "flights": len(of_world)}
+        record[f"coverage at {at} kt, %"] = [one.get("coverage, %") for one in figures]
+        record["error"] = [max(some, default=None) for some in errors]
+        record["half width"] = [f"{min(some):.1f} to {max(some):.1f}" if some else None for some in halves]
+        for weather, some in zip(weathers, by_weather, strict=True):
+            record[f"verdicts, {weather:g} kt"] = [sum(line["trust"] == level for line in some) for level in Trust]
+        kinds = dict.fromkeys(kind for line in of_world for kind in line["evidence"])
+        records.append(record | {"evidence": ", ".join(kinds) or None})
+    return records
+
+
+def points_by_world(lines: list[dict[str, Any]], plan: str) -> dict[str, dict[float, list[Points]]]:
+    """Errors and half widths of the flights of a plan, by world and W20 [kt]."""
+    found: dict[str, dict[float, list[Points]]] = {}
+    for line in lines:
+        if line["plan"] == plan and "error" in line:
+            of_world = found.setdefault(line["world"], {})
+            of_world.setdefault(line["weather_kt"], []).append((line["error"], line["half"]))
+    return found
+
+
+def _figures(points: Sequence[Points]) -> Record:
+    error, half = (np.array([one[i] for one in points], dtype=float) for i in (0, 1))
+    rows = {name: values for name, values, _ in error_rows(error, half)}
+    by_flight = zip(np.abs(error) < half, np.isfinite(error), strict=True)
+    _, counting = counted([np.mean(inside[known]) for inside, known in by_flight if known.any()])
+    return {
+        "coverage, %": rounded(coverage(error, half)),
+        "±": rounded(counting, 1),
+        "at each speed": rounded(rows["coverage, %"]),
+        "error": rounded(rows["95 % of errors below"], 1),
+        "half width": rounded(rows["half width of intervals"], 1),
+    }
 
 
 def coverage(error: NDArray[np.float64], half: NDArray[np.float64]) -> float:
@@ -228,11 +243,42 @@ def coverage(error: NDArray[np.float64], half: NDArray[np.float64]) -> float:
     return float(100 * np.mean(np.abs(error[known]) < half[known]))
 
 
-def _covered(flights: Sequence[Points]) -> str:
+def _covered(flights: Sequence[Points]) -> int | None:
     if not flights:
-        return "-"
+        return None
     error, half = (np.array([points[i] for points in flights], dtype=float) for i in (0, 1))
-    return f"{coverage(error, half):.0f}"
+    return rounded(coverage(error, half))
+
+
+class Study(NamedTuple):
+    """What is flown: every world in every weather with every plan."""
+
+    worlds: Sequence[str]
+    weather_kt: Sequence[float] = WEATHER_KT
+    plans: Sequence[str] = PLANS
+    flights: int | None = None  # a cell; None: FLIGHTS, and STUDY_FLIGHTS of STUDY
+    first_seed: int = 1000
+    calibrated: bool = False
+
+
+def flown(study: Study, file: Path, jobs: int) -> list[dict[str, Any]]:
+    """The lines of all flights of a study; those that the file lacks are flown, seed by seed over all cells: an
+    interrupted study has a few flights of everything."""
+    code, probe = version(), msgspec.json.encode(tunnel_probe()).decode()
+    of_cell = {cell: study.flights or (STUDY_FLIGHTS if cell.world == STUDY else FLIGHTS)
+               for cell in cells(study.worlds, study.weather_kt, study.plans)}  # fmt: skip
+    versions = {name: world_version(code, name) for name in study.worlds}
+    todo = [Job(cell, study.first_seed + i, versions[cell.world], probe, study.calibrated)
+            for i in range(max(of_cell.values())) for cell, n in of_cell.items() if i < n]  # fmt: skip
+    wanted = {(*job.cell, job.seed, job.version, job.calibrated): job for job in todo}
+    done = fly_missing(file, wanted, one_flight, key, jobs=jobs, told=summary)
+    return [done[identity] for identity in wanted]
+
+
+def chosen(*, defects: bool) -> list[str]:
+    """The worlds of one defect each, or all others but `none`."""
+    of_defects = worlds_with_defects()
+    return [name for name in worlds() if name != WITHOUT_ERRORS and (name in of_defects) == defects]
 
 
 def main(
@@ -248,26 +294,21 @@ def main(
         int, typer.Option("--seed", help="The first seed; development uses those below 1000.")
     ] = 1000,
     defects: Annotated[
-        bool, typer.Option("--defects", help="The worlds of one defect each, docs/understand/trust.md.")
+        bool, typer.Option("--defects", help="The worlds of one defect each, docs/evidence/trust.md.")
     ] = False,
     calibrated: Annotated[bool, typer.Option("--calibrated", help="Calibrate the transducers first.")] = False,
     jobs: Annotated[int, typer.Option(help="Processes.")] = 2,
     file: Annotated[Path, typer.Option(help="Where flights are kept, one a line.")] = Path("out/study.jsonl"),
 ) -> None:
     """Fly what is missing and print the table."""
-    code, probe = version(), msgspec.json.encode(tunnel_probe()).decode()
-    of_defects = worlds_with_defects()
-    chosen = names or [name for name in worlds() if name != WITHOUT_ERRORS and (name in of_defects) == defects]
-    todo = []
-    # Seed by seed over all cells: an interrupted study has a few flights of everything.
-    of_cell = {cell: flights or (STUDY_FLIGHTS if cell.world == STUDY else FLIGHTS)
-               for cell in cells(chosen, weather_kt or list(WEATHER_KT), plans or list(PLANS))}  # fmt: skip
-    versions = {name: world_version(code, name) for name in chosen}
-    for i in range(max(of_cell.values())):
-        todo += [Job(c, first_seed + i, versions[c.world], probe, calibrated) for c, n in of_cell.items() if i < n]
-    wanted = {(*job.cell, job.seed, job.version, job.calibrated): job for job in todo}
-    done = fly_missing(file, wanted, one_flight, key, jobs=jobs, told=summary)
-    print(tables([done[identity] for identity in wanted]))
+    study = Study(names or chosen(defects=defects), weather_kt or WEATHER_KT, plans or PLANS, flights, first_seed,
+                  calibrated)  # fmt: skip
+    lines = flown(study, file, jobs)
+    print(f"Speeds: {', '.join(f'{x:g}' for x in OVER_STALL)} times the stalling speed; % of the true power; error: 95"
+          " % are below; half width: median; verdicts: trusted, doubtful, not to be trusted.\n")  # fmt: skip
+    print(markdown(verdict_records(lines) if defects else cell_records(lines)))
+    for plan in study.plans:
+        print(f"\n{plan}, all weathers together.\n\n{markdown(world_records(points_by_world(lines, plan)))}")
 
 
 def summary(line: dict[str, Any]) -> str:

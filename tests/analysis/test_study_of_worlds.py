@@ -4,7 +4,7 @@ import json
 
 import pytest
 from flights import known_lines
-from worlds import Cell, cells, key, tables, world_table
+from worlds import Cell, cell_records, cells, key, points_by_world, verdict_records, world_records
 
 from analysis.schema import Trust
 
@@ -16,25 +16,36 @@ def line(seed: int, error: list[float | None], half: list[float | None], alarm: 
 
 
 def test_coverage_is_counted_at_each_speed_and_over_all():
-    """Five points covered of seven; the fastest speed was reached by one flight alone."""
+    """Five points covered of seven; the fastest speed was reached by one flight alone. Of flights that are covered at
+    2/3 and 3/4 of the speeds the mean is known to what one flight in two leaves open: sqrt(1/2 * 1/2 / 2)."""
     lines = [line(0, [1.0, -3.0, 0.5, None], [2.0] * 3 + [None], True), line(1, [1.0, 1.0, -2.5, 0.1], [2.0] * 4)]
-    (row, of_world) = (one for one in tables(lines).splitlines() if one.startswith("| weight |"))
-    assert row.startswith("| weight | 3 | two-pairs | 2 | 71 | 100 / 50 / 50 / 100 |")
-    assert row.endswith("| 1.0 | 50 | 1 / 1 / 0 | x |")
-    assert of_world.startswith("| weight | 2 | 71 | 71 | 100 / 50 / 50 / 100 |")
+    (row,), (of_world,) = cell_records(lines), world_records(points_by_world(lines, "two-pairs"))
+    for one in (row, of_world):
+        assert (one["flights"], one["coverage, %"], one["at each speed"]) == (2, 71, [100, 50, 50, 100])
+        assert one["±"] == 35.4
+    assert (row["alarms, %"], row["verdicts"], row["evidence"]) == (50, [1, 1, 0], "x")
 
 
 def test_coverage_by_world_is_over_all_weathers_and_in_each():
     found = {"weight": {0.0: [([1.0, 3.0], [2.0, 2.0])], 15.0: [([1.0, 1.0], [2.0, 2.0]), ([3.0, None], [2.0, None])]}}
-    header, _, row = world_table(found)[-3:]
-    assert "at 0 / 15 kt" in header
-    assert row == "| weight | 3 | 60 | 50 / 67 | 67 / 50 | 2.8 / 2.9 | 2.0 / 2.0 |"
+    (row,) = world_records(found)
+    assert (row["flights"], row["coverage, %"], row["at 0 / 15 kt"]) == (3, 60, [50, 67])
+    assert (row["at each speed"], row["error"], row["half width"]) == ([67, 50], [2.8, 2.9], [2.0, 2.0])
+
+
+def test_verdicts_of_a_world_stand_beside_its_coverage_at_each_weather():
+    calm = line(0, [1.0, -3.0], [2.0, 2.5]) | {"weather_kt": 0.0}
+    gusty = [line(0, [1.0, 1.0], [2.0, 4.0]), line(1, [5.0, None], [2.0, None], True)]
+    (row,) = verdict_records([calm, *gusty])
+    assert row["coverage at 0 / 3 kt, %"] == [50, 67] and row["error"] == [3.0, 4.8]
+    assert row["half width"] == ["2.0 to 2.5", "2.0 to 4.0"]
+    assert row["verdicts, 0 kt"] == [1, 0, 0] and row["verdicts, 3 kt"] == [1, 1, 0]
 
 
 def test_refused_flights_are_counted_and_not_averaged():
     refused = {name: value for name, value in line(1, [], []).items() if name not in ("error", "half")}
-    text = tables([line(0, [1.0], [2.0]), refused | {"refused": "too rough"}])
-    assert "| 1 (1 refused) | 100 |" in text
+    (row,) = cell_records([line(0, [1.0], [2.0]), refused | {"refused": "too rough"}])
+    assert (row["flights"], row["refused"], row["coverage, %"]) == (1, 1, 100)
 
 
 def test_a_line_cut_off_by_an_interruption_is_flown_again(tmp_path):

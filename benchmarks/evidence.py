@@ -1,0 +1,385 @@
+"""Every figure that README and docs/evidence quote, from one version: runs the studies, and renders the pages.
+
+    python benchmarks/evidence.py                   # what this version has not run yet; 90 minutes on two cores
+    python benchmarks/evidence.py --only worlds     # one part of PARTS; may be repeated
+    python benchmarks/evidence.py --quick           # tiny counts, into out/evidence/quick: shows that all of it works
+    python benchmarks/evidence.py --render          # the pages alone, from the files in docs/evidence/data
+
+Each part writes docs/evidence/data/PART.json: its tables, command, commit, date, machine and duration. A part whose
+file is of the present commit is not run again; an interrupted part goes on from the flights in out/evidence. A page has
+marks, `<!-- begin PART.TABLE -->` and `<!-- end -->`, between which its table is written, or with PART alone what was
+run. Seeds begin at SEED: nothing was chosen on them.
+"""
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import json
+import platform
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from datetime import date
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import campaign_figures
+import campaigns
+import daemon
+import dissertation
+import plans
+import routes
+import speed
+import study
+import typer
+import worlds
+from flights import Setup
+from records import Record, markdown, rounded, text, with_lead
+
+from sim.world import load_world
+
+ROOT = Path(__file__).parents[1]
+PAGES, KEPT = ROOT / "docs" / "evidence", ROOT / "out" / "evidence"
+SEED = 20000
+WEATHER_KT = (0.0, 3.0, 15.0)
+WHOLE, SHORT = "full-test-flight", "two-pairs"
+AIRCRAFT_OF_OTHER_SIZE = ("light-1kg", "survey-6kg")
+# Coverage asked for, %: where the world is as assumed, in every other, and where errors are twice as large as stated.
+ASKED: Mapping[str, tuple[int, int]] = {"study": (93, 97), "twice": (88, 100)}
+ASKED_ELSEWHERE = (90, 98)
+MARK = re.compile(r"(<!-- begin ([\w.-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
+
+Tables = dict[str, list[Record]]
+
+
+class Run(NamedTuple):
+    """How a part is run. n: flights a cell, or what the part counts; folder: where it keeps what may be continued."""
+
+    n: int
+    jobs: int
+    folder: Path
+    quick: bool
+
+
+class Part(NamedTuple):
+    """One study. n, quick: its counts; what: what they count."""
+
+    tables: Callable[[Run], Tables]
+    n: int
+    quick: int
+    what: str
+
+
+def judged(record: Record, low: int, high: int) -> Record:
+    """The record with what was asked of its coverage, and whether it is met."""
+    covered = record["coverage, %"]
+    met = "yes" if low <= covered <= high else "too seldom" if covered < low else "too often"
+    return record | {"asked": f"{low} to {high}", "met": met}
+
+
+def accuracy(run: Run) -> Tables:
+    """The curve of whole and short flights from their logs, all methods, and aircraft of other sizes."""
+    asked = worlds.Study(["study"], WEATHER_KT, (WHOLE, SHORT), run.n, SEED)
+    cells = worlds.cell_records(worlds.flown(asked, run.folder / "worlds.jsonl", run.jobs))
+    left_out = ("world", "refused", "warnings", "alarms, %", "verdicts", "evidence")
+    curves = [{name: value for name, value in judged(one, *ASKED["study"]).items() if name not in left_out}
+              for one in cells]  # fmt: skip
+    fewer = max(run.n // 2, 1)
+    methods, sizes = [], []
+    for kt in WEATHER_KT:
+        todo = [Setup("nexstar", "study", WHOLE, kt, SEED + i) for i in range(fewer)]
+        found = study.figures("methods", todo, {}, run.jobs).curves
+        methods += with_lead({"W20, kt": f"{kt:g}"}, [_short(one, "method") for one in found])
+    for aircraft in AIRCRAFT_OF_OTHER_SIZE[: 1 if run.quick else 2]:
+        for kt in (0.0, 3.0):
+            todo = [Setup(aircraft, "study", WHOLE, kt, SEED + i) for i in range(fewer)]
+            found = [one for one in study.figures("estimators", todo, {}, run.jobs).curves if one["of"] == "all runs"]
+            sizes += with_lead({"aircraft": aircraft, "W20, kt": f"{kt:g}"}, [_short(one, "runs") for one in found])
+    return {"curves": curves, "methods": methods, "sizes": sizes}
+
+
+def _short(record: Record, title: str) -> Record:
+    """The columns of a curve that a page shows."""
+    renamed = {"error": record["95 % of errors below"], "half width": record["half width"], "mean": record["mean"]}
+    return {title: record["of"]} | {name: record[name] for name in ("flights", "coverage, %", "±")} | renamed
+
+
+def unassumed(run: Run) -> Tables:
+    """Coverage in every world without a defect."""
+    names = worlds.chosen(defects=False)
+    tables = {}
+    for name, plan, n in (("short", SHORT, 2 * run.n), ("whole", WHOLE, run.n)):
+        asked = worlds.Study(names[:2] if run.quick else names, WEATHER_KT, (plan,), n, SEED)
+        lines = worlds.flown(asked, run.folder / "worlds.jsonl", run.jobs)
+        found = worlds.world_records(worlds.points_by_world(lines, plan))
+        tables[name] = [judged(one, *ASKED.get(one["world"], ASKED_ELSEWHERE)) for one in found]
+    tables["what"] = [{"world": name, "differs from what the analysis assumes by": _title(name)} for name in names]
+    return tables
+
+
+def defects(run: Run) -> Tables:
+    """What the verdict says of each world with one defect."""
+    names = worlds.chosen(defects=True)
+    asked = worlds.Study(names[:1] if run.quick else names, (0.0, 3.0), (SHORT,), run.n, SEED)
+    lines = worlds.flown(asked, run.folder / "worlds.jsonl", run.jobs)
+    return {"verdicts": worlds.verdict_records(lines)}
+
+
+def _title(world: str) -> str:
+    return load_world(world).title
+
+
+def flown_by_others(run: Run) -> Tables:
+    """Logs of real flights, where their files are; the dissertation's own are not among them."""
+    found = _alone("real_flights", "records", *([["Daredevil, 5 July"]] if run.quick else []))
+    return {"flights": found or [{"flight": "not run: the files are not here"}]}
+
+
+def autopilots(run: Run) -> Tables:
+    """Electrical power from logs of an autopilot, and pools of such flights."""
+    options = {"of": "electrical" if run.quick else "electrical,blind,torn,rpm"}
+    logs, pools = [], []
+    for kt in WEATHER_KT[: 1 if run.quick else 3]:
+        todo = [Setup("nexstar", "study", "ordinary-flight", kt, SEED + i) for i in range(run.n)]
+        found = study.figures("autopilot-logs", todo, options, run.jobs)
+        logs += with_lead({"W20, kt": f"{kt:g}"}, [_short(one, "log, quantity") for one in found.curves])
+        logs += [
+            {"W20, kt": f"{kt:g}", "log, quantity": one["found"], "flights": one["flights"]} for one in found.counts
+        ]
+    sizes = {"sizes": "1,2" if run.quick else "1,3,10"}
+    for kt in WEATHER_KT[1:2]:
+        todo = [Setup("nexstar", "study", "ordinary-flight", kt, SEED + i) for i in range(max(run.n // 5, 1))]
+        found = study.figures("autopilot-pools", todo, sizes, run.jobs)
+        pools += with_lead({"W20, kt": f"{kt:g}"}, [_short(one, "of") for one in found.curves])
+    return {"logs": logs, "pools": pools}
+
+
+def pooled(run: Run) -> Tables:
+    """Pools of flights of one installation, differences of configurations, and changes over a fleet's life."""
+    most = {"A": 2, "B": 1} if run.quick else {"A": 10, "B": 5}
+    asked = campaigns.Asked(["study"], [3.0], range(SEED // 100, SEED // 100 + run.n), most)
+    found = campaign_figures.by_campaign(campaigns.flown(asked, run.folder / "campaigns.jsonl", run.jobs))
+    pools = [one for one in campaign_figures.pools_records(found) if one["pools"] != "promised"]
+    noise = [1.0] if run.quick else [1.0, 0.3]
+    changes = _alone("fleet", "change_records", 1 if run.quick else 4 * run.n, SEED, noise)
+    sizes = _alone("fleet", "size_records", [100] if run.quick else [100, 1000, 10000], 10 if run.quick else 50, SEED)
+    return {"pools": pools, "differences": campaign_figures.comparison_records(found), "changes": changes,
+            "sizes": sizes}  # fmt: skip
+
+
+def planned(run: Run) -> Tables:
+    """Missions against their prediction, and planned flights against the shipped one of the same length."""
+    seeds = range(SEED, SEED + run.n)
+    missions = [
+        routes.missions("nexstar", "study", seeds, curve, run.jobs) for curve in ((1,) if run.quick else (1, 5))
+    ]
+    cells = [(0.0, 8.0)] if run.quick else [(0.0, 8.0), (3.0, 8.0), (3.0, 21.0)]
+    asked = plans.Asked("nexstar", "curve", cells, range(SEED, SEED + max(run.n // 3, 1)))
+    return {"missions": missions, "plans": plans.records(plans.flown(asked, run.folder / "plans.jsonl", run.jobs))}
+
+
+def performance(run: Run) -> Tables:
+    """Time and memory of an analysis, of a long log, and of the simulator. n: rounds."""
+    now = speed.records(None, [], 0.0, run.n)
+    if not run.quick:
+        longer = {one["step"]: one["now"] for one in speed.records(None, [], 2.0, 1)}
+        now = [{"step": one["step"], "21 minutes": one["now"], "2 hours": longer.get(one["step"])} for one in now]
+    return {"analysis": now, "simulator": _alone("simulator", "records", log=not run.quick)}
+
+
+def reliability(run: Run) -> Tables:
+    """The daemon in real time, in every fault of the schedule, over hours, and after a power cut. n: minutes."""
+    rates = [25.0] if run.quick else [25.0, 100.0]
+    seconds = 5.0 if run.quick else 60.0 * run.n
+    with ProcessPoolExecutor(len(rates)) as pool:  # both at once: they mostly wait
+        soaks = list(pool.map(_soaked, rates, [seconds] * len(rates))) if os.geteuid() == 0 else []
+    faults = [] if run.quick else _alone("daemon", "fault_records")
+    lost = {"faults": len(faults), "ticks missed": sum(one["missed"] for one in faults),
+            "readings lost by other sensors": sum(one["lost by others"] for one in faults),
+            "longest until back, s": max([one["back after, s"] for one in faults], default=None)}  # fmt: skip
+    return {
+        "soaks": soaks or [{"min": "not run: needs root"}],
+        "faults": [lost],
+        "day": [_alone("daemon", "day_record", 25.0, 0.2 if run.quick else 8.0, 6.0 if run.quick else 60.0)],
+        "mend": [_alone("daemon", "mend_record", 0.1 if run.quick else 1.0)],
+    }
+
+
+def _soaked(rate: float, seconds: float) -> Record:
+    return daemon.soaked(seconds, rate, fifo=True)
+
+
+def source(run: Run) -> Tables:
+    """The dissertation's results from simulated flights; `make dissertation` draws their figures."""
+    if run.quick:
+        return {"curves": [], "significance": [], "channels": [], "estimates": [], "limits": [], "by_noise": []}
+    return dissertation.tables(*dissertation.analyzed(run.folder / version() / "dissertation"))
+
+
+def _alone(module: str, function: str, *arguments: Any, **options: Any) -> Any:
+    """The result of a benchmark's function in a process of its own: its memory, and what it sets, are its own."""
+    called = f"{module}.{function}(*json.loads(sys.argv[1]), **json.loads(sys.argv[2]))"
+    code = f"import json, sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); import {module}; found = {called}"
+    ran = subprocess.run(
+        [sys.executable, "-c", f"{code}; print(json.dumps(found))", json.dumps(arguments), json.dumps(options)],
+        cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    return json.loads(ran.stdout.splitlines()[-1])
+
+
+PARTS: Mapping[str, Part] = {
+    "accuracy": Part(accuracy, 30, 1, "flights a cell"),
+    "worlds": Part(unassumed, 2, 1, "whole flights a cell, twice as many short ones"),
+    "defects": Part(defects, 3, 1, "flights a cell"),
+    "real-flights": Part(flown_by_others, 1, 1, "analysis of each flight"),
+    "autopilots": Part(autopilots, 40, 1, "flights a weather"),
+    "pools": Part(pooled, 10, 1, "campaigns"),
+    "planned": Part(planned, 60, 1, "missions"),
+    "performance": Part(performance, 3, 1, "rounds"),
+    "reliability": Part(reliability, 5, 1, "minutes"),
+    "dissertation": Part(source, 1, 1, "flight of each kind"),
+}
+
+
+def version() -> str:
+    """The last commit that changed anything but the documentation, marked where files differ from it."""
+    inside = ("--", ".", ":!docs", ":!README.md", ":!CHANGELOG.md")
+
+    def git(*words: str) -> str:
+        return subprocess.run(["git", *words, *inside], cwd=ROOT, check=True, capture_output=True, text=True).stdout
+
+    changed = "-changed" if git("status", "--porcelain", "--untracked-files=no").strip() else ""
+    return git("log", "-1", "--format=%h").strip() + changed
+
+
+def machine() -> str:
+    """Cores, Python and kind of processor."""
+    found = re.search(r"model name\s*:\s*(.+)", Path("/proc/cpuinfo").read_text()) if sys.platform == "linux" else None
+    python = ".".join(platform.python_version_tuple()[:2])
+    return f"{os.cpu_count()} cores, Python {python}, {found[1] if found else platform.machine()}"
+
+
+def run_part(name: str, data: Path, jobs: int, *, quick: bool) -> None:
+    """Run a part, unless its file is of this version, and write the file."""
+    part, path, commit = PARTS[name], data / f"{name}.json", version()
+    if not quick and path.exists() and json.loads(path.read_text("utf-8"))["commit"] == commit:
+        print(f"{name}: {commit} has run", file=sys.stderr)
+        return
+    began, used = time.monotonic(), _processor_s()
+    n = part.quick if quick else part.n
+    tables = part.tables(Run(n, jobs, KEPT / "quick" if quick else KEPT, quick))
+    found = {
+        "command": f"python benchmarks/evidence.py --only {name}" + (" --quick" if quick else ""),
+        "commit": commit,
+        "date": date.today().isoformat(),
+        "machine": machine(),
+        "minutes": rounded((time.monotonic() - began) / 60, 1),
+        "processor_minutes": rounded((_processor_s() - used) / 60, 1),
+        "count": n,
+        "of": part.what,
+        "tables": tables,
+    }
+    data.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(found, indent=1, ensure_ascii=False) + "\n", "utf-8")
+    print(f"{name}: {found['minutes']} min, {found['processor_minutes']} of a processor", file=sys.stderr, flush=True)
+
+
+def _processor_s() -> float:
+    """Of this process and its children that have ended."""
+    return sum(os.times()[:4])
+
+
+def rendered(page: str, data: Path) -> str:
+    """The text of a page with its tables from the data files. Raises KeyError for a table that a file lacks."""
+
+    def between(mark: re.Match[str]) -> str:
+        name, _, table = mark[2].partition(".")
+        path = data / f"{name}.json"
+        if not path.exists():
+            return f"{mark[1]}Not run yet: `python benchmarks/evidence.py --only {name}`.\n{mark[3]}"
+        found = json.loads(path.read_text("utf-8"))
+        return f"{mark[1]}{_told(found) if not table else _table(found['tables'], table)}\n{mark[3]}"
+
+    return MARK.sub(between, page)
+
+
+def _table(tables: Tables, name: str) -> str:
+    """A table; or, as NAME-not-met, the rows of it whose coverage is not what was asked."""
+    if not name.endswith("-not-met"):
+        return markdown(tables[name])
+    rows = [one for one in tables[name.removesuffix("-not-met")] if one["met"] != "yes"]
+    items = [f"`{one['world']}` {text(one['coverage, %'])} ± {text(one['±'])} %, {one['met']}" for one in rows]
+    return f"Not met: {'; '.join(items)}." if items else "All are met."
+
+
+def _told(found: Mapping[str, Any]) -> str:
+    """How the tables of a file came about."""
+    return (f"`{found['command']}`: {found['count']} {found['of']}; commit {found['commit']}, {found['date']},"
+            f" {found['minutes']} minutes on {found['machine']}.")  # fmt: skip
+
+
+def coverage_figure(records: Sequence[Record]) -> str:
+    """SVG: coverage of each world with twice its counting error, and the band that is asked."""
+    rows = sorted(records, key=lambda one: one["coverage, %"])
+    left, step, width = 150, 18, 640
+    height = step * len(rows) + 40
+
+    def x(share: float) -> float:
+        return left + (width - left - 20) * (min(max(share, 40.0), 100.0) - 40.0) / 60.0
+
+    def parts() -> Iterator[str]:
+        low, high = ASKED_ELSEWHERE
+        band = f'x="{x(low):.0f}" y="8" width="{x(high) - x(low):.0f}" height="{height - 36}"'
+        size = f'viewBox="0 0 {width} {height}" font-family="sans-serif" font-size="12"'
+        yield f'<svg xmlns="http://www.w3.org/2000/svg" {size}><rect width="{width}" height="{height}" fill="white"/>'
+        yield f'<rect {band} fill="#d7ead7"/>'
+        for i, one in enumerate(rows):
+            y, share, error = 20 + step * i, one["coverage, %"], 2 * one["±"]
+            color = "#1f77b4" if one["met"] == "yes" else "#d62728"
+            yield f'<text x="{left - 10}" y="{y + 4}" text-anchor="end">{one["world"]}</text>'
+            yield f'<path d="M{x(share - error):.0f} {y}H{x(share + error):.0f}" stroke="#555"/>'
+            yield f'<circle cx="{x(share):.0f}" cy="{y}" r="4" fill="{color}"/>'
+        for share in range(40, 101, 10):
+            yield f'<text x="{x(share):.0f}" y="{height - 8}" text-anchor="middle">{share} %</text>'
+        yield "</svg>\n"
+
+    return "\n".join(parts())
+
+
+def render(pages: Path, figures: Path) -> None:
+    """Write tables and figures of the data files into the pages."""
+    data = pages / "data"
+    for path in sorted(pages.glob("*.md")):
+        path.write_text(rendered(path.read_text("utf-8"), data), "utf-8")
+    if (data / "worlds.json").exists():
+        tables = json.loads((data / "worlds.json").read_text("utf-8"))["tables"]
+        (figures / "coverage-by-world.svg").write_text(coverage_figure(tables["short"]), "utf-8")
+
+
+def main(
+    only: Annotated[list[str] | None, typer.Option(help=", ".join(PARTS))] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Tiny counts, into out/evidence/quick.")] = False,
+    render_only: Annotated[bool, typer.Option("--render", help="Run nothing.")] = False,
+    jobs: Annotated[int, typer.Option(help="Processes.")] = 2,
+) -> None:
+    """Run what this version has not run, and render the pages."""
+    pages = PAGES
+    if quick:
+        pages = KEPT / "quick" / "pages"
+        pages.mkdir(parents=True, exist_ok=True)
+        for path in PAGES.glob("*.md"):
+            (pages / path.name).write_text(path.read_text("utf-8"), "utf-8")
+    for name in [] if render_only else only or PARTS:
+        if name not in PARTS:
+            raise typer.BadParameter(f"{name} is none of {', '.join(PARTS)}")
+        run_part(name, pages / "data", jobs, quick=quick)
+    render(pages, pages if quick else ROOT / "docs" / "figures")
+    print(f"{pages.relative_to(ROOT)}: rendered")
+
+
+if __name__ == "__main__":
+    typer.run(main)

@@ -1,0 +1,51 @@
+"""Rows of figures as records: what a benchmark prints as a table, and `benchmarks/evidence.py` keeps in files."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+# By column title: a text, a number, a list of numbers (one a speed), or None for what is not known.
+Record = dict[str, Any]
+
+
+def rounded(values: ArrayLike, digits: int = 0) -> Any:
+    """A number, or a list of them, as it is shown; None for NaN and infinity."""
+    if np.ndim(values):
+        return [rounded(value, digits) for value in np.asarray(values)]
+    value = float(np.asarray(values))
+    if not np.isfinite(value):
+        return None
+    return round(value, digits) + 0.0 if digits else round(value)
+
+
+def counted(covered: ArrayLike) -> tuple[float, float]:
+    """Mean of the flights' shares (n,) [%] and its counting error, one standard deviation.
+
+    The error is that of a share of n flights, but not below that of one flight in n: what was always seen is not sure.
+    """
+    share = np.asarray(covered, dtype=float)
+    p, n = float(np.mean(share)), len(share)
+    at_least = np.sqrt(max(n - 1, 1)) / n / np.sqrt(n)
+    return 100 * p, 100 * max(float(np.std(share)) / np.sqrt(n), at_least)
+
+
+def text(value: Any) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, list | tuple):
+        return " / ".join(text(one) for one in value)
+    return f"{value:,}" if isinstance(value, int) else str(value)
+
+
+def markdown(records: Sequence[Record]) -> str:
+    """A table with the columns of all records, in the order in which they occur."""
+    columns = list(dict.fromkeys(name for record in records for name in record))
+    lines = [columns, ["---"] * len(columns), *([text(one.get(name, "")) for name in columns] for one in records)]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def with_lead(lead: Record, records: Iterable[Record]) -> list[Record]:
+    """The records with columns that all of them share before their own."""
+    return [{**lead, **record} for record in records]

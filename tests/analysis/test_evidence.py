@@ -1,0 +1,68 @@
+"""The pages of docs/evidence show what their data files contain, and a part is run once a version."""
+
+import json
+from pathlib import Path
+
+import evidence
+import pytest
+from records import counted, markdown, rounded
+
+PAGE = "Claim.\n<!-- begin one -->\n<!-- end -->\n<!-- begin one.rows -->\nold\n<!-- end -->\nEnd.\n"
+
+
+def part(rows: list[dict]) -> evidence.Part:
+    return evidence.Part(lambda run: {"rows": [{"n": run.n}, *rows]}, 30, 1, "flights")
+
+
+def test_every_page_shows_the_tables_of_its_data_files() -> None:
+    """`python benchmarks/evidence.py --render` renews them."""
+    for page in evidence.PAGES.glob("*.md"):
+        text = page.read_text("utf-8")
+        assert evidence.rendered(text, evidence.PAGES / "data") == text, page.name
+
+
+def test_the_data_files_are_of_parts_and_name_no_place() -> None:
+    for path in (evidence.PAGES / "data").glob("*.json"):
+        found = json.loads(path.read_text("utf-8"))
+        assert path.stem in evidence.PARTS and not found["commit"].endswith("-changed")
+        assert "/home" not in path.read_text("utf-8") and "/tmp" not in path.read_text("utf-8")
+
+
+def test_a_part_runs_again_only_by_another_version(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(evidence, "version", lambda: "abc")
+    shown = {}
+    for version, rows in (("abc", [{"n": 1}]), ("abc", [{"n": 2}]), ("def", [{"n": 3}])):
+        monkeypatch.setattr(evidence, "version", lambda version=version: version)
+        monkeypatch.setattr(evidence, "PARTS", {"one": part(rows)})
+        evidence.run_part("one", tmp_path, 1, quick=False)
+        shown[version] = json.loads((tmp_path / "one.json").read_text("utf-8"))["tables"]["rows"][1]["n"]
+    assert shown == {"abc": 1, "def": 3}
+
+
+def test_tables_are_written_between_the_marks_and_nothing_else_changes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert "Not run yet" in evidence.rendered(PAGE, tmp_path)
+    monkeypatch.setattr(evidence, "PARTS", {"one": part([{"n": 7, "each": [1.0, None]}])})
+    evidence.run_part("one", tmp_path, 1, quick=True)
+    text = evidence.rendered(PAGE, tmp_path)
+    assert "| 7 | 1.0 / - |" in text and "1 flights; commit" in text and "old" not in text
+    assert text.startswith("Claim.\n") and text.endswith("End.\n") and evidence.rendered(text, tmp_path) == text
+    with pytest.raises(KeyError):
+        evidence.rendered(PAGE.replace("one.rows", "one.columns"), tmp_path)
+
+
+def test_coverage_is_judged_by_what_is_asked() -> None:
+    met = [evidence.judged({"coverage, %": share}, 90, 98)["met"] for share in (89, 90, 98, 99)]
+    assert met == ["too seldom", "yes", "yes", "too often"]
+
+
+def test_the_counting_error_of_what_was_always_seen_is_that_of_one_flight_less() -> None:
+    """100 % of 25 flights: sqrt(0.04 * 0.96 / 25), 3.9 %."""
+    assert counted([1.0] * 25)[1] == pytest.approx(3.9, abs=0.05)
+    assert counted([1.0, 0.0] * 50) == pytest.approx((50.0, 5.0))
+
+
+def test_numbers_are_shown_as_rounded() -> None:
+    row = {"a": rounded([1.04, float("nan")], 1), "b": rounded(-0.04, 1), "c": 12000}
+    assert markdown([row, {"a": None}]).splitlines()[2:] == ["| 1.0 / - | 0.0 | 12,000 |", "| - |  |  |"]
