@@ -64,6 +64,16 @@ class Run(NamedTuple):
     folder: Path
     quick: bool
 
+    @property
+    def weather_kt(self) -> tuple[float, ...]:
+        """W20 of every weather, or one of them."""
+        return WEATHER_KT[:1] if self.quick else WEATHER_KT
+
+    @property
+    def whole(self) -> str:
+        """The plan of a whole flight, or a short one in its place."""
+        return SHORT if self.quick else WHOLE
+
 
 class Part(NamedTuple):
     """One study. n, quick: its counts; what: what they count."""
@@ -83,23 +93,42 @@ def judged(record: Record, low: int, high: int) -> Record:
 
 def accuracy(run: Run) -> Tables:
     """The curve of whole and short flights from their logs, all methods, and aircraft of other sizes."""
-    asked = worlds.Study(["study"], WEATHER_KT, (WHOLE, SHORT), run.n, SEED)
+    asked = worlds.Study(["study"], run.weather_kt, tuple({run.whole, SHORT}), run.n, SEED)
     cells = worlds.cell_records(worlds.flown(asked, run.folder / "worlds.jsonl", run.jobs))
     left_out = ("world", "refused", "warnings", "alarms, %", "verdicts", "evidence")
     curves = [{name: value for name, value in judged(one, *ASKED["study"]).items() if name not in left_out}
               for one in cells]  # fmt: skip
     fewer = max(run.n // 2, 1)
     methods, sizes = [], []
-    for kt in WEATHER_KT:
-        todo = [Setup("nexstar", "study", WHOLE, kt, SEED + i) for i in range(fewer)]
+    for kt in run.weather_kt:
+        todo = [Setup("nexstar", "study", run.whole, kt, SEED + i) for i in range(fewer)]
         found = study.figures("methods", todo, {}, run.jobs).curves
         methods += with_lead({"W20, kt": f"{kt:g}"}, [_short(one, "method") for one in found])
-    for aircraft in AIRCRAFT_OF_OTHER_SIZE[: 1 if run.quick else 2]:
-        for kt in (0.0, 3.0):
-            todo = [Setup(aircraft, "study", WHOLE, kt, SEED + i) for i in range(fewer)]
+    for aircraft in AIRCRAFT_OF_OTHER_SIZE:
+        for kt in run.weather_kt[:2]:
+            todo = [Setup(aircraft, "study", run.whole, kt, SEED + i) for i in range(fewer)]
             found = [one for one in study.figures("estimators", todo, {}, run.jobs).curves if one["of"] == "all runs"]
             sizes += with_lead({"aircraft": aircraft, "W20, kt": f"{kt:g}"}, [_short(one, "runs") for one in found])
-    return {"curves": curves, "methods": methods, "sizes": sizes}
+    return {"curves": curves, "by_method": _by_weather(methods), "methods": methods, "sizes": sizes}
+
+
+def _by_weather(methods: Sequence[Record]) -> list[Record]:
+    """One row a method: its coverage, and error and half width at the middle speed, in each weather."""
+    weathers = list(dict.fromkeys(one["W20, kt"] for one in methods))
+    cells = {(one["method"], one["W20, kt"]): one for one in methods}
+
+    def of(method: str, get: Callable[[Record], Any]) -> list[Any]:
+        return [get(cells[method, kt]) if (method, kt) in cells else None for kt in weathers]
+
+    return [
+        {
+            "method": method,
+            f"coverage at {' / '.join(weathers)} kt, %": of(method, lambda one: one["coverage, %"]),
+            "error": of(method, lambda one: one["error"][len(one["error"]) // 2]),
+            "half width": of(method, lambda one: one["half width"] and one["half width"][len(one["half width"]) // 2]),
+        }
+        for method in dict.fromkeys(one["method"] for one in methods)
+    ]
 
 
 def _short(record: Record, title: str) -> Record:
@@ -112,25 +141,32 @@ def unassumed(run: Run) -> Tables:
     """Coverage in every world without a defect."""
     names = worlds.chosen(defects=False)
     tables = {}
-    for name, plan, n in (("short", SHORT, 2 * run.n), ("whole", WHOLE, run.n)):
-        asked = worlds.Study(names[:2] if run.quick else names, WEATHER_KT, (plan,), n, SEED)
+    for name, plan, n in (("short", SHORT, 2 * run.n), ("whole", run.whole, run.n)):
+        asked = worlds.Study(names[:1] if run.quick else names, run.weather_kt, (plan,), n, SEED)
         lines = worlds.flown(asked, run.folder / "worlds.jsonl", run.jobs)
         found = worlds.world_records(worlds.points_by_world(lines, plan))
         tables[name] = [judged(one, *ASKED.get(one["world"], ASKED_ELSEWHERE)) for one in found]
-    tables["what"] = [{"world": name, "differs from what the analysis assumes by": _title(name)} for name in names]
-    return tables
+    return {"coverage": _beside(tables), **tables}
+
+
+def _beside(tables: Mapping[str, Sequence[Record]]) -> list[Record]:
+    """One row a world: short and whole flights beside each other, at the speed where each is worst."""
+    rows: dict[str, Record] = {}
+    for name, found in tables.items():
+        for one in found:
+            row = rows.setdefault(one["world"], {"world": f"`{one['world']}`", "": load_world(one["world"]).title})
+            row[f"{name} flights"] = one["flights"]
+            row[f"{name}, coverage, %"] = f"{one['coverage, %']} ± {one['±']:.0f}"
+            row[f"{name}, error"], row[f"{name}, half width"] = max(one["error"]), max(one["half width"])
+    return list(rows.values())
 
 
 def defects(run: Run) -> Tables:
     """What the verdict says of each world with one defect."""
     names = worlds.chosen(defects=True)
-    asked = worlds.Study(names[:1] if run.quick else names, (0.0, 3.0), (SHORT,), run.n, SEED)
+    asked = worlds.Study(names[:1] if run.quick else names, run.weather_kt[:2], (SHORT,), run.n, SEED)
     lines = worlds.flown(asked, run.folder / "worlds.jsonl", run.jobs)
     return {"verdicts": worlds.verdict_records(lines)}
-
-
-def _title(world: str) -> str:
-    return load_world(world).title
 
 
 def flown_by_others(run: Run) -> Tables:
@@ -143,7 +179,7 @@ def autopilots(run: Run) -> Tables:
     """Electrical power from logs of an autopilot, and pools of such flights."""
     options = {"of": "electrical" if run.quick else "electrical,blind,torn,rpm"}
     logs, pools = [], []
-    for kt in WEATHER_KT[: 1 if run.quick else 3]:
+    for kt in run.weather_kt:
         todo = [Setup("nexstar", "study", "ordinary-flight", kt, SEED + i) for i in range(run.n)]
         found = study.figures("autopilot-logs", todo, options, run.jobs)
         logs += with_lead({"W20, kt": f"{kt:g}"}, [_short(one, "log, quantity") for one in found.curves])
@@ -216,8 +252,25 @@ def _soaked(rate: float, seconds: float) -> Record:
 def source(run: Run) -> Tables:
     """The dissertation's results from simulated flights; `make dissertation` draws their figures."""
     if run.quick:
-        return {"curves": [], "significance": [], "channels": [], "estimates": [], "limits": [], "by_noise": []}
-    return dissertation.tables(*dissertation.analyzed(run.folder / version() / "dissertation"))
+        return {name: [] for name in ("cases", "curves", "estimates", "limits", "by_noise")}
+    found = dissertation.tables(*dissertation.analyzed(run.folder / version() / "dissertation"))
+    middle, largest = "in the middle half of the speeds, W", "largest error, %"
+    of_cases = [one for one in found["curves"] if one["plan"].startswith("case")]
+    pairs = [one for one in found["curves"] if one["plan"] == "two-pairs" and one["noise"] == 1]
+    return {
+        "cases": _by_method(of_cases, middle),
+        "curves": _by_method(pairs, largest),
+        **{name: found[name] for name in ("estimates", "limits", "by_noise")},
+    }
+
+
+def _by_method(curves: Sequence[Record], value: str) -> list[Record]:
+    """A row a flight, a column a method: a value, and the share of the speeds that are covered [%]."""
+    rows: dict[tuple[str, str], Record] = {}
+    for one in curves:
+        row = rows.setdefault((one["plan"], one["aircraft"]), {"plan": one["plan"], "aircraft": one["aircraft"]})
+        row[one["method"]] = f"{one[value]} ({one['speeds covered, %']})" if value in one else None
+    return list(rows.values())
 
 
 def _alone(module: str, function: str, *arguments: Any, **options: Any) -> Any:
@@ -318,8 +371,9 @@ def _table(tables: Tables, name: str) -> str:
 
 def _told(found: Mapping[str, Any]) -> str:
     """How the tables of a file came about."""
-    return (f"`{found['command']}`: {found['count']} {found['of']}; commit {found['commit']}, {found['date']},"
-            f" {found['minutes']} minutes on {found['machine']}.")  # fmt: skip
+    took = f", {found['minutes']} minutes" if found["minutes"] is not None else ""
+    what = f"{found['count']} {found['of']}; commit {found['commit']}, {found['date']}{took}, {found['machine']}"
+    return f"`{found['command']}`: {what}."
 
 
 def coverage_figure(records: Sequence[Record]) -> str:
