@@ -206,7 +206,7 @@ KEYS: dict[str, Key] = {
         "Under clouds, over a slope (wind times slope), or where the log has no time and place by satellites.",
         "analysis",
         "by the sun's height, the wind and the runs of the log: 0.004 m/s before sunrise on a plain in twenty minutes,"
-        " 0.02 m/s in four, 0.05 to 0.15 m/s at noon; intervals contain it",
+        " 0.03 m/s in four, 0.05 to 0.15 m/s at noon; intervals contain it",
     ),
     "uncertainty.air_density": Key(
         '"0.2 %"',

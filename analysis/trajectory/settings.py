@@ -199,7 +199,7 @@ class UpdraftSettings(Settings):
         0.0008, "1", "of the ground under the runs, 1 sigma: 0.8 m in a kilometer, as on a plain; wind rises along it"
     )
     displacement_m: float = setting(
-        3.0, "m", "of air before sunrise from its level of rest, 1 sigma: waves of 0.03 m/s; 0.004 m/s over 18 minutes"
+        3.0, "m", "of air before sunrise from its level of rest, 1 sigma: waves of 0.06 m/s; 0.004 m/s over 18 minutes"
     )
     mixed_layer_m: float = setting(
         1000.0, "m", "depth in fair weather at noon; with half or twice that the mean updraft is a quarter more or less"

@@ -100,11 +100,13 @@ def convective_velocity(sun_rad: float) -> float:
 def by_waves(duration_s: float) -> float:
     """Standard deviation [m/s] of the mean updraft over a time, before sunrise.
 
-    Air that lies in layers swings about its level with the buoyancy frequency at most, 0.01 rad/s in weak layers
-    (Stull 1988, sec. 12.2), and its mean updraft is how much higher it is at the end than at the beginning, over the
-    time. Heights that far apart in time are normal with the correlation exp(-(N t)^2 / 2).
+    Air that lies in layers swings about its level with the buoyancy frequency N at most. Where temperature rises by
+    0.2 K over 100 m, N^2 = g/T (dT/dz + g/c_p) (Stull 1988, sec. 12.2) gives 0.02 rad/s, a period of 310 s; on a mast
+    periods were 200 to 300 s at night (Byzova et al. 1998, Izv. Atmos. Ocean. Phys. 34, 799). The mean updraft is how
+    much higher the air is at the end than at the beginning, over the time. Heights that far apart in time are normal
+    with the correlation exp(-(N t)^2 / 2).
     """
-    buoyancy_radps = 0.01
+    buoyancy_radps = 0.02
     phase = buoyancy_radps * max(duration_s, 1.0)
     return UPDRAFT.displacement_m * buoyancy_radps * math.sqrt(-2 * math.expm1(-(phase**2) / 2)) / phase
 

@@ -64,9 +64,9 @@ def test_before_sunrise_in_little_wind_it_is_that_of_the_aircraft_file():
 
 
 def test_air_in_layers_swings_about_its_level():
-    """In an instant it moves with the displacement times the buoyancy frequency, 0.01 rad/s; over a long time its mean
+    """In an instant it moves with the displacement times the buoyancy frequency, 0.02 rad/s; over a long time its mean
     updraft is the difference of two independent displacements over the time."""
-    assert updraft.by_waves(1.0) == pytest.approx(0.01 * UPDRAFT.displacement_m, rel=1e-4)
+    assert updraft.by_waves(1.0) == pytest.approx(0.02 * UPDRAFT.displacement_m, rel=1e-4)
     assert updraft.by_waves(2000.0) == pytest.approx(math.sqrt(2) * UPDRAFT.displacement_m / 2000.0, rel=1e-4)
     assert sigma(3, DAWN) == updraft.by_waves(5 * RUN_S)
     assert updraft.by_waves(1110.0) < Uncertainty().updraft_mps, "the runs of the whole test flight"
