@@ -40,7 +40,6 @@ from analysis.report.figures.style import (
 )
 from analysis.report.html_page import HtmlTable, html_figure, render_page
 from analysis.report.wording import every, meaning, verdict
-from analysis.results.settings import TRUST
 from analysis.schema import ConditionResult, ElectricalFlight, Trust
 from analysis.settings import EVIDENCE
 from flight.units import GRAVITY_MPS2
@@ -184,7 +183,7 @@ def pooled_answers(pooled: PooledResults) -> list[HeadlineAnswer]:
     if pooled.agreement and polars and installations:
         outliers = ", ".join(one.log for one in pooled.outliers)
         named = f"Outliers: {outliers}. " if outliers else ""
-        all_but = outliers and polars.p >= TRUST.false_alarm_rate and pooled.agreement is Agreement.NOT_THE_CURVES
+        all_but = outliers and pooled.agreement is Agreement.NOT_THE_CURVES
         answers.append(
             HeadlineAnswer(
                 "Agreement of the flights",
