@@ -7,8 +7,10 @@ from math import degrees, pi
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from analysis.electrical.settings import PRIOR
+from analysis.flown import thrust_known
 from analysis.performance.settings import ASKED
 from analysis.planning.pieces import (
     Hold,
@@ -102,17 +104,19 @@ def margin(plan: FlightPlan) -> str:
 def warnings(plan: FlightPlan) -> list[str]:
     """What is to be mended before the day in the field: propeller's table, battery, height."""
     found = []
-    table, propeller = plan.history.table, plan.aircraft.propeller
-    flown = table[table["height_m"] > 0.9 * plan.request.space.height_m]
-    rpm = 60 * flown["n_revps"].to_numpy()
-    J = 60 * flown["V_mps"].to_numpy() / (rpm * propeller.diameter_m)
-    share, last = float(np.mean(propeller.covers(J, rpm))), propeller.rows[-1]
-    if share < 0.9:  # decelerations and porpoising leave the table for moments
+    runs, propeller = _runs(plan), plan.aircraft.propeller
+    rpm, V = 60 * runs["n_revps"].to_numpy(), runs["V_mps"].to_numpy()
+    J = 60 * V / (rpm * propeller.diameter_m)
+    covered = pd.DataFrame({"V_mps": V, "propeller_covered": propeller.covers(J, rpm)})
+    speeds = np.array(plan.question.speeds)
+    dashed = speeds[~thrust_known(covered, speeds)]
+    if len(dashed):
+        last = propeller.rows[-1]
         found.append(
-            f"Only {100 * share:.0f} % of this flight lies in the table of {propeller.name}, which has"
-            f" {propeller.rows[0].rpm:.0f} to {last.rpm:.0f} rpm and J to {last.J[-1]:.2f}. It takes"
-            f" {np.quantile(rpm, 0.05):.0f} to {np.quantile(rpm, 0.95):.0f} rpm and J to {np.quantile(J, 0.95):.2f}:"
-            " get a table that has them, or the interval below will not hold."
+            f"At {' and '.join(f'{speed:.1f}' for speed in dashed)} m/s most of the runs lie outside the table of"
+            f" {propeller.name}, which has {propeller.rows[0].rpm:.0f} to {last.rpm:.0f} rpm and J to {last.J[-1]:.2f}."
+            f" They take {np.quantile(rpm, 0.05):.0f} to {np.quantile(rpm, 0.95):.0f} rpm and J to"
+            f" {np.quantile(J, 0.95):.2f}: get a table that has them, or the interval below will not hold."
         )
     battery_Wh, needed_Wh = plan.aircraft.aircraft.propulsion.battery_energy_Wh, energy_Wh(plan)
     usable = ASKED.usable
@@ -127,6 +131,14 @@ def warnings(plan: FlightPlan) -> list[str]:
             f"{plan.request.space.height_m:.0f} m is above {highest_m:.0f} m (400 ft), the limit in many countries."
         )
     return found
+
+
+def _runs(plan: FlightPlan) -> pd.DataFrame:
+    """The rows of the history in which a run is flown."""
+    table = plan.history.table
+    maneuver = np.searchsorted(plan.history.starts_s, table.index.to_numpy(), side="right") - 1
+    in_run = np.array([isinstance(one, Run) for one in plan.maneuvers])
+    return table[in_run[np.minimum(maneuver, len(in_run) - 1)]]
 
 
 def energy_Wh(plan: FlightPlan) -> float:

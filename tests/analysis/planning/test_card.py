@@ -10,7 +10,7 @@ import pytest
 
 from analysis.planning import card
 from analysis.planning.expected_aircraft import ExpectedAircraft, expected_aircraft
-from analysis.planning.pieces import Space
+from analysis.planning.pieces import Run, Space
 from analysis.planning.settings import PATH
 from flight.aircraft import load_aircraft
 from flight.propeller import Propeller
@@ -28,13 +28,13 @@ def plan(aircraft: ExpectedAircraft, *, minutes: float = 10.0, height_m: float =
     table = pd.DataFrame({
         "height_m": height_m, "V_mps": V, "thrust_N": drag_N,
         "n_revps": aircraft.revps_of_thrust(np.array([V]), np.array([drag_N]))[0],
-    }, index=range(n))  # fmt: skip
+    }, index=np.arange(n) * PATH.step_s)  # fmt: skip
     angle = np.linspace(0.0, 2 * np.pi, n)
     position = 200 * np.column_stack([np.sin(angle), 1 - np.cos(angle)])
     request = SimpleNamespace(space=Space(500.0, height_m), wind_kt=8.0)
-    return SimpleNamespace(
-        history=SimpleNamespace(table=table, position_m=position), aircraft=aircraft, request=request
-    )
+    history = SimpleNamespace(table=table, position_m=position, starts_s=np.array([0.0, n * PATH.step_s]))
+    maneuvers, question = (Run(0.5, 1.0, V),), SimpleNamespace(speeds=np.array([V, 2 * V]))
+    return SimpleNamespace(history=history, aircraft=aircraft, request=request, maneuvers=maneuvers, question=question)
 
 
 def test_a_flight_inside_table_battery_and_height_has_no_warning(nexstar: ExpectedAircraft) -> None:
