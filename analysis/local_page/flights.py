@@ -68,6 +68,7 @@ class Values(msgspec.Struct, forbid_unknown_fields=True):
     runs : None where they are to be found in the data     aircraft : keys of the aircraft file, by name, as typed
     propeller : the name of a shipped one; "" for that of the log
     at : mass [kg] and air density [kg/m^3] of the curve, of another flight to compare with; None for those flown
+    method : name of one whose curve is asked for beside that of the report; "" for none
     """
 
     file: str
@@ -75,6 +76,7 @@ class Values(msgspec.Struct, forbid_unknown_fields=True):
     aircraft: dict[str, str] = {}
     propeller: str = ""
     at: tuple[float, float] | None = None
+    method: str = ""
 
 
 class Limits(NamedTuple):
@@ -209,6 +211,7 @@ class OpenedFlight:
         """The curve by the dynamic method, or by the best other one, as the report will have it. Raises InputError."""
         from analysis.drag.estimate import estimate, estimate_by_runs  # the first picture does not wait for these
         from analysis.drag.interval_sources import variance_by_source
+        from analysis.local_page.methods import listed, method_curve
         from analysis.results.flight_found import track
         from analysis.results.power_curves import optimum, power_curve
 
@@ -217,18 +220,28 @@ class OpenedFlight:
         path = self._path(values, measured)
         runs_file = self._runs_file(values, self.workspace / "runs.toml")
         flight = reconstructed(with_runs(measured, runs_file), path)
-        main, _, _ = estimate_by_runs(flight)
+        main, headline, _ = estimate_by_runs(flight)
         flown_CL = flight.flown_CL
         if main is None:
             drag = estimate(flight)
-            main, flown_CL = drag.main, drag.flown_CL
+            main, flown_CL, headline = drag.main, drag.flown_CL, drag.ladder[-1]
         condition = _at(flight.condition, values.at)
         points = power_curve(main.polar, condition, flown_CL, (flight.rows_flown, flight.condition))
         at = points[len(points) // 2].speed_mps
         variances = variance_by_source(main, flight.aircraft, condition, np.array([at]))
         whole = sum(float(variance[0]) for variance in variances.values())
+        other = method_curve(flight, values.method, condition, flown_CL[1]) if values.method else None
         return {
             "curve": _columns(points),
+            "headline": headline.title,
+            "methods": listed(flight.maneuvers.maneuvers, headline.name),
+            "method": other
+            and {
+                "name": other.name,
+                "title": other.title,
+                "curve": _columns(other.power_required),
+                "notes": other.notes,
+            },
             "least_power": _speed(optimum(minimum_power_lift, main.polar, condition, flown_CL)),
             "mass_kg": condition.weight_N / GRAVITY_MPS2,
             "density_kgpm3": condition.rho,
@@ -247,7 +260,7 @@ class OpenedFlight:
 
         folder = report_folder(self.path)
         if self.kind is Kind.DRAG:
-            self.curve(values)  # what is wrong is said before anything is written
+            self.curve(msgspec.structs.replace(values, method=""))  # what is wrong is said before anything is written
         options = self._options(values, folder)
         kept = [path.name for path in self._write_inputs(values, folder) if path]
         done = analyze_log(self.path, folder, options, lambda _: None, self.command(values))
@@ -266,6 +279,8 @@ class OpenedFlight:
             words += ["--propeller", values.propeller]
         if values.runs is not None and self.kind is Kind.DRAG:
             words += ["--runs", str(folder / "runs.toml")]
+        if _by_likelihood(values.method):
+            words += ["--likelihood"]
         return shlex.join(words)
 
     def aircraft_text(self, values: Values) -> str:
@@ -319,6 +334,7 @@ class OpenedFlight:
             aircraft=folder / "aircraft.toml" if values.aircraft else None,
             propeller=values.propeller or None,
             runs=folder / "runs.toml" if edited else None,
+            likelihood=_by_likelihood(values.method),
         )
 
     def _write_inputs(self, values: Values, folder: Path) -> Iterator[Path | None]:
@@ -417,6 +433,14 @@ def _at(flown: Condition, asked: tuple[float, float] | None) -> Condition:
     if not (0 < mass_kg < 1000 and 0 < rho < 2):
         raise InputError(f"mass {mass_kg:g} kg in air of {rho:g} kg/m³: no flight to compare at")
     return flown._replace(weight_N=mass_kg * GRAVITY_MPS2, rho=rho)
+
+
+def _by_likelihood(method: str) -> bool:
+    if not method:
+        return False
+    from analysis.local_page.methods import by_likelihood
+
+    return by_likelihood(method)
 
 
 def _columns(points: list[PowerPoint]) -> Json:

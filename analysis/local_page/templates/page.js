@@ -9,6 +9,7 @@ let flight = null;  // what the server says of the opened log
 let runs = [], edited = false, selected = -1, changed = {}, propeller = "";
 let last = null, first = null;  // the newest curve, and that of the flight as it was opened
 let other = null;  // another log to compare with, and its curve
+let method = "";  // another method than that of the report, by its name
 let pointed = NaN, asked = 0;  // time under the pointer; number of the newest question
 
 async function ask(path, body) {
@@ -65,7 +66,7 @@ function open(file) {
   return working(`reading ${file} …`, async () => {
     flight = await ask("open", {file});
     location.hash = file;
-    [runs, edited, selected, changed, propeller, last, first, other] = [flight.runs || [], false, -1, {}, "", null, null, null];
+    [runs, edited, selected, changed, propeller, last, first, other, method] = [flight.runs || [], false, -1, {}, "", null, null, null, ""];
     at("title").textContent = file;
     at("flight").hidden = flight.kind !== "drag";
     at("values").hidden = at("done").hidden = false;
@@ -99,7 +100,7 @@ async function drop(file) {
 
 function values() {
   return {file: flight.file, runs: edited ? runs.map(({kind, start_s, end_s, keep, why}) => ({kind, start_s, end_s, keep, why})) : null,
-          aircraft: changed, propeller};
+          aircraft: changed, propeller, method};
 }
 
 async function compute() {
@@ -116,6 +117,7 @@ async function compute() {
   }
   if (other) await compare(other.file);
   showRuns();
+  showMethods();
   drawCurve();
   drawTrack();
   const ul = at("notes").querySelector("ul");
@@ -133,14 +135,43 @@ async function compare(file) {
 }
 
 function comparison() {
-  const {speed_mps: V, power_W: P} = last.curve, {speed_mps: v, power_W: p} = other.curve;
+  const {speed_mps: V} = last.curve, {speed_mps: v} = other.curve;
   const from = Math.max(V[0], v[0]), to = Math.min(V[V.length - 1], v[v.length - 1]), middle = (from + to) / 2;
   if (from >= to) return "The flights have no speed in common.";
-  const value = (x, y) => { const k = Math.max(1, x.findIndex(one => one >= middle)); return y[k - 1] + (y[k] - y[k - 1]) * (middle - x[k - 1]) / (x[k] - x[k - 1]); };
-  const percent = 100 * (value(v, p) / value(V, P) - 1), reports = [flight.file, other.file].map(name => name.replace(/\.[^.]*$/, ".report"));
-  return `Dotted: ${other.file} at the same weight and air density, ${percent < 0 ? "" : "+"}${percent.toFixed(1)} % at ${middle.toFixed(1)} m/s. `
+  const share = valueAt(other.curve, middle) / valueAt(last.curve, middle) - 1, reports = [flight.file, other.file].map(name => name.replace(/\.[^.]*$/, ".report"));
+  return `Dotted: ${other.file} at the same weight and air density, ${percentText(share)} at ${middle.toFixed(1)} m/s. `
     + `Whether they differ: write both reports, then in their folder: analyze compare ${reports.join(" ")}`;
 }
+
+// ---- methods
+
+function showMethods() {
+  const choice = at("method");
+  choice.replaceChildren();
+  put(choice, "option", {value: ""}, `only that of the report: ${last.headline}`);
+  for (const {name, title, missing} of last.methods)
+    put(choice, "option", missing ? {value: name, disabled: ""} : {value: name}, title + (missing ? `: no ${missing} flown` : ""));
+  choice.value = last.method ? last.method.name : "";
+}
+
+function byMethod() {
+  const found = last.method;
+  if (!found) return "";
+  if (!found.curve.power_W.length) return `${found.title}: no curve. ${found.notes.join("; ")}`;
+  const {speed_mps: v, power_W: p, power_lo_W: lo, power_hi_W: hi} = found.curve, k = Math.floor(v.length / 2), report = valueAt(last.curve, v[k]);
+  const difference = report === null ? "" : `, ${percentText(p[k] / report - 1)} against the curve of the report`;
+  return `Green: ${found.title}, ${p[k].toFixed(1)} W (95 % interval ${lo[k].toFixed(1)} to ${hi[k].toFixed(1)}) at ${v[k].toFixed(1)} m/s${difference}. `
+    + [...found.notes, "The report has it under Comparison of methods."].join(" ");
+}
+
+// Power of a curve at a speed; null outside its speeds.
+function valueAt({speed_mps: v, power_W: p}, speed) {
+  if (speed < v[0] || speed > v[v.length - 1]) return null;
+  const k = Math.max(1, v.findIndex(one => one >= speed));
+  return p[k - 1] + (p[k] - p[k - 1]) * (speed - v[k - 1]) / (v[k] - v[k - 1]);
+}
+
+const percentText = share => `${share < 0 ? "" : "+"}${(100 * share).toFixed(1)} %`;
 
 let waiting = 0;
 function recompute() {
@@ -189,25 +220,26 @@ function emptied(id) {
 
 function drawCurve() {
   const [svg, width, height] = emptied("curve"), {speed_mps: V, power_W: P, power_lo_W: lo, power_hi_W: hi} = last.curve;
-  const beside = other ? other.curve : {speed_mps: [], power_hi_W: []};
-  const xRange = extent([...V, ...first.speed_mps, ...beside.speed_mps]);
-  const yRange = [0, 1.08 * extent([...hi, ...first.power_W, ...beside.power_hi_W])[1]];
+  const beside = [[other && other.curve, "other"], [last.method && last.method.curve, "method"]].filter(([curve]) => curve && curve.power_W.length);
+  const xRange = extent([...V, ...first.speed_mps, ...beside.flatMap(([curve]) => curve.speed_mps)]);
+  const yRange = [0, 1.08 * extent([...hi, ...first.power_W, ...beside.flatMap(([curve]) => curve.power_hi_W)])[1]];
   const box = [56, width - 8, 10, height - 44], x = scale(xRange, box.slice(0, 2)), y = scale(yRange, [box[3], box[2]]);
   axes(svg, x, y, [xRange, yRange], box, ["true airspeed, m/s", "power required, W"]);
   const band = (speeds, upper, lower) => path(x, y, speeds, upper) + path(x, y, [...speeds].reverse(), [...lower].reverse()).replace("M", "L") + "Z";
   put(svg, "path", {class: "area", d: band(V, hi, lo)});
-  if (other) {
-    put(svg, "path", {class: "area other", d: band(beside.speed_mps, beside.power_hi_W, beside.power_lo_W)});
-    put(svg, "path", {class: "line other", d: path(x, y, beside.speed_mps, beside.power_W)});
+  for (const [{speed_mps, power_W, power_lo_W, power_hi_W}, name] of beside) {
+    put(svg, "path", {class: `area ${name}`, d: band(speed_mps, power_hi_W, power_lo_W)});
+    put(svg, "path", {class: `line ${name}`, d: path(x, y, speed_mps, power_W)});
   }
   at("compared").textContent = other ? comparison() : "";
+  at("by-method").textContent = byMethod();
   if (first !== last.curve) put(svg, "path", {class: "line before", d: path(x, y, first.speed_mps, first.power_W)});
   put(svg, "path", {class: "line now", d: path(x, y, V, P)});
   const k = last.least_power === null ? 0 : V.reduce((best, v, i) => Math.abs(v - last.least_power) < Math.abs(V[best] - last.least_power) ? i : best, 0);
   const where = last.least_power === null ? "the slowest flown; power still decreases there" : "the speed of least power";
   at("number").textContent = `${P[k].toFixed(1)} W (95 % interval ${lo[k].toFixed(1)} to ${hi[k].toFixed(1)}) at ${V[k].toFixed(1)} m/s, ${where}, `
     + `for ${last.mass_kg.toFixed(2)} kg in air of ${last.density_kgpm3.toFixed(3)} kg/m³. ` + (first !== last.curve ? "Dashed: as opened. " : "")
-    + "The verdict and other methods are in the report.";
+    + "The verdict is in the report.";
   const sources = at("sources");
   sources.replaceChildren();
   for (const [name, share] of last.sources) {
@@ -334,6 +366,7 @@ function listen() {
     else if (key === "x" || key === "delete") { runs[selected].keep = !runs[selected].keep; changedRuns(); }
     else if (key === "escape") select(-1);
   });
+  at("method").addEventListener("change", () => { method = at("method").value; recompute(); });
   at("other").addEventListener("change", () => working("reading the other flight …", async () => {
     const file = at("other").value;
     if (file) await compare(file); else other = null;

@@ -155,6 +155,32 @@ def test_another_weight_changes_the_curve_and_back(page: Browser) -> None:
     assert page.value_of("document.getElementById('wrong').hidden")
 
 
+def test_the_method_is_switched_with_the_keyboard_beside_the_headline(page: Browser) -> None:
+    """A method that no run allows cannot be chosen; one that only --likelihood applies is in the command."""
+    said, command = (
+        "document.getElementById('by-method').textContent",
+        "document.getElementById('command').textContent",
+    )
+    lines = "document.querySelectorAll('#curve .line.method').length"
+    before, plain = page.value_of("String(last.curve.power_W)"), page.value_of(command)
+    assert page.value_of("at('method').options[0].textContent").endswith("of the report: dynamic method")
+    assert page.value_of("at('method').querySelector('[value=varied-lift]').disabled")
+    page.value_of("at('method').focus()")
+    page.value_of("window.before = last")
+    for _ in range(20):
+        if page.value_of("at('method').value") == "direct":
+            break
+        page.press("ArrowDown", 40)
+    page.wait_for(f"last !== window.before && last.method && last.method.name === 'direct' && {QUIET}")
+    assert page.value_of(said).startswith("Green: direct drag") and page.value_of(lines) == 1
+    assert page.value_of("String(last.curve.power_W)") == before and page.value_of(command) == plain
+    page.value_of("at('method').value = 'two-state'; at('method').dispatchEvent(new Event('change'))")
+    page.wait_for(f"last.method && last.method.name === 'two-state' && {QUIET}", 60)
+    assert page.value_of(command) == plain + " --likelihood"
+    changed_curve(page, "at('method').value = ''; at('method').dispatchEvent(new Event('change'))")
+    assert page.value_of(lines) == 0 and page.value_of(said) == "" and page.value_of(command) == plain
+
+
 def test_another_flight_is_compared_at_the_weight_of_this_one(
     page: Browser, served: tuple[str, Path], flown: bytes
 ) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from analysis.cli.options import Options
 from analysis.local_page import flights
 from analysis.local_page.flights import Folder, Kind, OpenedFlight, Run, Values, runs_text
 from analysis.local_page.server import LocalPage
@@ -123,6 +124,41 @@ def test_other_runs_keep_the_trajectory_and_other_values_do_not(
     assert np.mean(heavier["curve"]["power_W"]) > np.mean(after["curve"]["power_W"])
     log.curve(Values("log.mcap"))
     assert computed == ["synchronized", "flight_path"] * 2, "as recorded stays"
+
+
+def test_another_method_has_its_curve_of_the_report(log: OpenedFlight) -> None:
+    shown = {name: log.curve(Values("log.mcap", method=name)) for name in ("", "direct", "whole-flight")}
+    names = {one["name"]: one["missing"] for one in shown[""]["methods"]}
+    assert "dynamic" not in names and names["energy"] == "" and "roller coaster" in names["varied-lift"]
+    assert shown[""]["method"] is None and len({str(one["curve"]) for one in shown.values()}) == 1
+    log.write(Values("log.mcap"))
+    results = json.loads((log.path.parent / "log.report" / "results.json").read_text("utf-8"))
+    of_report = {method["name"]: method["power_required"] for method in results["methods"]}
+    assert of_report["direct"]
+    for name in ("direct", "whole-flight"):
+        drawn = shown[name]["method"]["curve"]["power_W"]
+        assert drawn == pytest.approx([point["power_W"] for point in of_report[name]], rel=1e-9)
+    with pytest.raises(InputError):
+        log.curve(Values("log.mcap", method="the best"))
+
+
+def test_maximum_likelihood_is_in_the_command_and_in_the_report_once_it_was_looked_at(
+    log: OpenedFlight, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[tuple[bool, str]] = []
+
+    def analyze_log(path: Path, folder: Path, options: Options, progress: object, command_line: str) -> None:
+        asked.append((options.likelihood, command_line))
+        raise InputError("enough")
+
+    monkeypatch.setattr("analysis.cli.one_log.analyze_log", analyze_log)
+    for name in ("energy", "force-models"):
+        with pytest.raises(InputError):
+            log.write(Values("log.mcap", method=name))
+    assert [(likelihood, shlex.split(told)[2:]) for likelihood, told in asked] == [
+        (False, []),
+        (True, ["--likelihood"]),
+    ]
 
 
 def test_a_log_that_changed_is_read_again(opened: Folder, log: OpenedFlight) -> None:
