@@ -7,12 +7,15 @@ file is a pattern (`*` and `?`) for "test id: reason"; empty lines and lines wit
 import os
 import re
 from collections import Counter
+from collections.abc import Iterator
 from fnmatch import fnmatchcase
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from tests.browser import Browser, started
 
 # Before the first test imports NumPy: as `make test` sets it, and as the commands do for themselves.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -63,6 +66,13 @@ def group_of(module: Path) -> str:
     """
     named = re.search(r'xdist_group\("(\w+)"\)', module.read_text("utf-8"))
     return named[1] if named else str(module)
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    """One for all tests of a process; each opens its own page."""
+    with started() as browser:
+        yield browser
 
 
 class SkipWatch:

@@ -80,12 +80,14 @@ class Values(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class Limits(NamedTuple):
-    """Of what the page may ask: bytes of a dropped log and of a request; runs and keys in it; points of a strip."""
+    """Of what the page may ask: bytes of a dropped log and of a request; runs and keys in it; points of a strip; curves
+    that are kept of a flight, for who goes back to what was there before."""
 
     log_bytes: int = 500_000_000
     request_bytes: int = 200_000
     entries: int = 500
     points: int = 1500
+    curves: int = 10
 
 
 LIMITS = Limits()
@@ -165,6 +167,7 @@ class OpenedFlight:
         self.path, self.workspace = path, workspace
         self._stat = _stat(path)
         self._prepared: dict[tuple[str, str], _Prepared] = {}
+        self._curves: dict[bytes, Json] = {}  # by what was asked
 
     def changed(self) -> bool:
         return _stat(self.path) != self._stat
@@ -209,6 +212,15 @@ class OpenedFlight:
 
     def curve(self, values: Values) -> Json:
         """The curve by the dynamic method, or by the best other one, as the report will have it. Raises InputError."""
+        asked = msgspec.json.encode(values)
+        if asked not in self._curves:
+            found = self._curve(values)
+            while len(self._curves) >= LIMITS.curves:
+                self._curves.pop(next(iter(self._curves)))
+            self._curves[asked] = found
+        return self._curves[asked]
+
+    def _curve(self, values: Values) -> Json:
         from analysis.drag.estimate import estimate, estimate_by_runs  # the first picture does not wait for these
         from analysis.drag.interval_sources import variance_by_source
         from analysis.local_page.methods import listed, method_curve

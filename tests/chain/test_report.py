@@ -3,7 +3,6 @@
 import csv
 import html
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
@@ -11,7 +10,7 @@ import numpy as np
 import pytest
 
 from analysis.schema import Results
-from tests.browser import AXE, CHROMIUM, NO_AXE, Browser, started
+from tests.browser import AXE, CHROMIUM, NO_AXE, Browser
 
 pytestmark = pytest.mark.xdist_group("chain")
 
@@ -38,12 +37,6 @@ CUT = """[...document.querySelectorAll('.plot')].flatMap(plot => {
                                            || box.top < whole.top - 1 || box.bottom > whole.bottom + 1))
     .map(([part, box]) => `${plot.id}: ${part.textContent.slice(0, 30)}`);
 })"""
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with started() as browser:
-        yield browser
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here (Debian: apt-get install chromium)")

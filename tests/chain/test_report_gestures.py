@@ -9,7 +9,7 @@ import pytest
 
 from analysis.schema import Results
 from flightpower import Options, analyze
-from tests.browser import CHROMIUM, Browser, started
+from tests.browser import CHROMIUM, Browser
 
 pytestmark = [
     pytest.mark.xdist_group("chain"),
@@ -18,12 +18,6 @@ pytestmark = [
 
 WIDTHS = (1280, 400)
 DRAWN = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"  # and what is drawn in a frame
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with started() as browser:
-        yield browser
 
 
 @pytest.fixture(params=WIDTHS, ids="{} px".format)

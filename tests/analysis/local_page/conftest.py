@@ -13,6 +13,12 @@ def flown() -> bytes:
     return flight("demo", "--seed", "11")
 
 
+@pytest.fixture(scope="module")
+def shared(flown: bytes, tmp_path_factory: pytest.TempPathFactory) -> Folder:
+    """The same folder for all tests of a module: what was computed of the flight stays."""
+    return folder_with(flown, tmp_path_factory.mktemp("shared"))
+
+
 @pytest.fixture
 def opened(flown: bytes, tmp_path: Path) -> Folder:
     return folder_with(flown, tmp_path)

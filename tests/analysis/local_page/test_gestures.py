@@ -10,37 +10,24 @@ import waitress
 
 from analysis.local_page.flights import Folder
 from analysis.local_page.server import LocalPage
-from tests.browser import AXE, CHROMIUM, NO_AXE, Browser, started
+from tests.browser import AXE, CHROMIUM, NO_AXE, Browser
 
-pytestmark = [
-    pytest.mark.xdist_group("local page"),
-    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here (Debian: apt-get install chromium)"),
-]
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here (Debian: apt-get install chromium)")
 QUIET = "!document.body.classList.contains('busy')"
 CURVE_DONE = f"last !== null && {QUIET}"
 TOO_WIDE = "document.documentElement.scrollWidth"
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with started() as browser:
-        yield browser
-
-
-@pytest.fixture(scope="module")
-def served(flown: bytes, tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, Path]]:
+def served(shared: Folder) -> Iterator[tuple[str, Path]]:
     """Address of the page of a folder with one log, and the folder."""
-    at = tmp_path_factory.mktemp("served")
-    for name in ("flights", "workspace"):
-        (at / name).mkdir()
-    (at / "flights" / "log.mcap").write_bytes(flown)
-    application = LocalPage(Folder(at / "flights", at / "workspace"), set(), "secret")
+    application = LocalPage(shared, set(), "secret")
     server = waitress.create_server(application, host="127.0.0.1", port=0)
     host = f"127.0.0.1:{server.effective_port}"
     application.hosts = {host}
     serving = Thread(target=server.run, daemon=True)
     serving.start()
-    yield f"http://{host}/secret/#log.mcap", at / "flights"
+    yield f"http://{host}/secret/#log.mcap", shared.path
     server.close()
     serving.join(5)
 

@@ -5,12 +5,13 @@ import shlex
 from collections.abc import Callable
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
 from analysis.cli.options import Options
 from analysis.local_page import flights
-from analysis.local_page.flights import Folder, Kind, OpenedFlight, Run, Values, runs_text
+from analysis.local_page.flights import LIMITS, Folder, Kind, OpenedFlight, Run, Values, runs_text
 from analysis.local_page.server import LocalPage
 from analysis.maneuvers.runs_file import load
 from flight.errors import InputError
@@ -18,7 +19,13 @@ from tests.unchanged.commands import flight, run
 
 
 @pytest.fixture
-def log(opened: Folder) -> OpenedFlight:
+def log(shared: Folder) -> OpenedFlight:
+    return shared.flight("log.mcap")
+
+
+@pytest.fixture
+def new_log(opened: Folder) -> OpenedFlight:
+    """Of which nothing was computed yet."""
     return opened.flight("log.mcap")
 
 
@@ -70,6 +77,13 @@ def test_the_page_s_curve_is_that_of_the_files_and_of_the_command_that_it_shows(
     results = json.loads((written / "results.json").read_text("utf-8"))
     for name, drawn in curve.items():
         assert drawn == pytest.approx([point[name] for point in results["power_required"]], rel=1e-12)
+    of_report = {method["name"]: method["power_required"] for method in results["methods"]}
+    assert of_report["direct"]
+    for method in ("direct", "whole-flight"):
+        beside = log.curve(msgspec.structs.replace(values, method=method))
+        assert beside["curve"] == curve
+        drawn = beside["method"]["curve"]["power_W"]
+        assert drawn == pytest.approx([point["power_W"] for point in of_report[method]], rel=1e-9)
     assert results["test"]["weight_N"] == pytest.approx(4.2 * 9.80665)
     _, *words = shlex.split(told)
     assert run("analyze", *words, "-o", tmp_path / "again")["exit code"] == 0
@@ -101,7 +115,7 @@ def test_two_flights_stay_in_memory_to_be_compared(opened: Folder, flown: bytes)
 
 
 def test_other_runs_keep_the_trajectory_and_other_values_do_not(
-    log: OpenedFlight, monkeypatch: pytest.MonkeyPatch
+    new_log: OpenedFlight, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     computed = []
 
@@ -110,34 +124,28 @@ def test_other_runs_keep_the_trajectory_and_other_values_do_not(
 
     for name in ("synchronized", "flight_path"):
         monkeypatch.setattr(flights, name, counted(getattr(flights, name)))
-    before = log.curve(Values("log.mcap"))
+    before = new_log.curve(Values("log.mcap"))
     assert computed == ["synchronized", "flight_path"]
     runs = [Run(**one) for one in before["runs"]]
     run = next(one for one in runs if one.kind == "deceleration" and one.keep)
     run.start_s += 2.0
-    after = log.curve(Values("log.mcap", runs=runs))
+    after = new_log.curve(Values("log.mcap", runs=runs))
     assert computed == ["synchronized", "flight_path"]
     assert after["curve"]["speed_mps"] != before["curve"]["speed_mps"]
-    heavier = log.curve(Values("log.mcap", runs=runs, aircraft={"mass.weight": "4.5 kg"}))
+    heavier = new_log.curve(Values("log.mcap", runs=runs, aircraft={"mass.weight": "4.5 kg"}))
     assert computed == ["synchronized", "flight_path"] * 2
     assert heavier["mass_kg"] == pytest.approx(4.5)
     assert np.mean(heavier["curve"]["power_W"]) > np.mean(after["curve"]["power_W"])
-    log.curve(Values("log.mcap"))
+    assert new_log.curve(Values("log.mcap")) is before
+    new_log.curve(Values("log.mcap", at=(4.0, 1.2)))
     assert computed == ["synchronized", "flight_path"] * 2, "as recorded stays"
 
 
-def test_another_method_has_its_curve_of_the_report(log: OpenedFlight) -> None:
-    shown = {name: log.curve(Values("log.mcap", method=name)) for name in ("", "direct", "whole-flight")}
-    names = {one["name"]: one["missing"] for one in shown[""]["methods"]}
-    assert "dynamic" not in names and names["energy"] == "" and "roller coaster" in names["varied-lift"]
-    assert shown[""]["method"] is None and len({str(one["curve"]) for one in shown.values()}) == 1
-    log.write(Values("log.mcap"))
-    results = json.loads((log.path.parent / "log.report" / "results.json").read_text("utf-8"))
-    of_report = {method["name"]: method["power_required"] for method in results["methods"]}
-    assert of_report["direct"]
-    for name in ("direct", "whole-flight"):
-        drawn = shown[name]["method"]["curve"]["power_W"]
-        assert drawn == pytest.approx([point["power_W"] for point in of_report[name]], rel=1e-9)
+def test_other_methods_are_listed_as_far_as_runs_were_flown_for_them(log: OpenedFlight) -> None:
+    shown = log.curve(Values("log.mcap"))
+    names = {one["name"]: one["missing"] for one in shown["methods"]}
+    assert shown["method"] is None and "dynamic" not in names
+    assert names["energy"] == "" and "roller coaster" in names["varied-lift"]
     with pytest.raises(InputError):
         log.curve(Values("log.mcap", method="the best"))
 
@@ -161,10 +169,21 @@ def test_maximum_likelihood_is_in_the_command_and_in_the_report_once_it_was_look
     ]
 
 
-def test_a_log_that_changed_is_read_again(opened: Folder, log: OpenedFlight) -> None:
-    assert opened.flight("log.mcap") is log
-    log.path.write_bytes(log.path.read_bytes() + b"\0")
-    assert opened.flight("log.mcap") is not log
+def test_the_last_curves_are_kept(new_log: OpenedFlight, monkeypatch: pytest.MonkeyPatch) -> None:
+    computed: list[Values] = []
+    monkeypatch.setattr(OpenedFlight, "_curve", lambda _, values: computed.append(values) or {})
+    asked = [Values("log.mcap", at=(4.0, 1 + k / 100)) for k in range(LIMITS.curves + 1)]
+    for values in [*asked, *asked[1:]]:
+        new_log.curve(values)
+    assert computed == asked
+    new_log.curve(asked[0])
+    assert computed == [*asked, asked[0]], "that of longest ago was dropped"
+
+
+def test_a_log_that_changed_is_read_again(opened: Folder, new_log: OpenedFlight) -> None:
+    assert opened.flight("log.mcap") is new_log
+    new_log.path.write_bytes(new_log.path.read_bytes() + b"\0")
+    assert opened.flight("log.mcap") is not new_log
 
 
 @pytest.mark.parametrize("plan, as_, kind", [("ordinary-flight", "ardupilot", Kind.AUTOPILOT)])

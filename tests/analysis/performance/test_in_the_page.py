@@ -1,7 +1,6 @@
 """The page computes performance itself (`performance.js`): the same numbers as Python, at any weight, in any air."""
 
 import json
-from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
 
@@ -21,12 +20,9 @@ from analysis.report.html_page import to_json
 from analysis.report.other_conditions import embedded_model
 from analysis.schema import Interval
 from flight.propeller import FOLD, WINDMILL, Propeller
-from tests.browser import CHROMIUM, Browser, started
+from tests.browser import CHROMIUM, Browser
 
-pytestmark = [
-    pytest.mark.xdist_group("chain"),
-    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here (Debian: apt-get install chromium)"),
-]
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here (Debian: apt-get install chromium)")
 
 VALUES = POLAR | {
     "thrust_scale": 0.01, "thrust_slope": -0.03, "alpha_0": -0.07, "alpha_CL": 0.23, "shaft_scale": 1.04,
@@ -36,13 +32,12 @@ ENERGY_J = 3600 * 74 * 0.8
 
 
 @pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+def browser(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Browser:
     script = resources.files("analysis.report").joinpath("templates", "performance.js").read_text("utf-8")
     page: Path = tmp_path_factory.mktemp("page") / "page.html"
     page.write_text(f"<!doctype html><script>{script}</script>")
-    with started() as browser:
-        browser.show(page, 800)
-        yield browser
+    browser.show(page, 800)
+    return browser
 
 
 def model(propeller: Propeller, *, full_throttle: bool = True) -> PerformanceModel:

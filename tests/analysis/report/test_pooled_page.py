@@ -19,7 +19,7 @@ from analysis.report.pooled_page import (
     render_pooled,
 )
 from analysis.schema import ElectricalFlight
-from tests.browser import AXE, CHROMIUM, NO_AXE, started
+from tests.browser import AXE, CHROMIUM, NO_AXE, Browser
 
 V = [12.0, 14.0, 16.0, 18.0, 20.0, 22.0, 24.0]
 CONDITION = {"weight_N": 37.7, "air_density_kgpm3": 1.2}
@@ -171,16 +171,15 @@ def test_both_configurations_are_drawn_above_their_difference() -> None:
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here (Debian: apt-get install chromium)")
 @pytest.mark.skipif(not AXE.is_file(), reason=NO_AXE)
-def test_a_program_finds_no_barrier_in_pools_and_comparisons(tmp_path: Path) -> None:
+def test_a_program_finds_no_barrier_in_pools_and_comparisons(browser: Browser, tmp_path: Path) -> None:
     for name, page in (("pooled", render_pooled(pooled(12))), ("compared", render_comparison(comparison()))):
         (tmp_path / name).with_suffix(".html").write_text(page, "utf-8")
-    with started() as browser:
-        for file in sorted(tmp_path.iterdir()):
-            for width, dark in ((1280, False), (400, True)):
-                browser.show(file, width, dark=dark)
-                browser.value_of("drawAll()")
-                assert browser.barriers() == [] and browser.complaints == []
-                assert browser.value_of("document.documentElement.scrollWidth") <= width
+    for file in sorted(tmp_path.iterdir()):
+        for width, dark in ((1280, False), (400, True)):
+            browser.show(file, width, dark=dark)
+            browser.value_of("drawAll()")
+            assert browser.barriers() == [] and browser.complaints == []
+            assert browser.value_of("document.documentElement.scrollWidth") <= width
 
 
 def test_electrical_flights_stand_side_by_side() -> None:
