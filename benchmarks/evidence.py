@@ -51,6 +51,7 @@ AIRCRAFT_OF_OTHER_SIZE = ("light-1kg", "survey-6kg")
 # Coverage asked for, %: where the world is as assumed, in every other, and where errors are twice as large as stated.
 ASKED: Mapping[str, tuple[int, int]] = {"study": (93, 97), "twice": (88, 100)}
 ASKED_ELSEWHERE = (90, 98)
+LEAST = 50  # % of the figure's axis
 MARK = re.compile(r"(<!-- begin ([\w.-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 Tables = dict[str, list[Record]]
@@ -97,9 +98,8 @@ def accuracy(run: Run) -> Tables:
     """The curve of whole and short flights from their logs, all methods, and aircraft of other sizes."""
     asked = worlds.Study(["study"], run.weather_kt, tuple({run.whole, SHORT}), run.n, SEED)
     cells = worlds.cell_records(worlds.flown(asked, run.folder / "worlds.jsonl", run.jobs))
-    left_out = ("world", "refused", "warnings", "alarms, %", "verdicts", "evidence")
-    curves = [{name: value for name, value in judged(one, *ASKED["study"]).items() if name not in left_out}
-              for one in cells]  # fmt: skip
+    curves = without([judged(one, *ASKED["study"]) for one in cells], "world", "refused", "warnings", "alarms, %",
+                     "verdicts", "evidence", "asked")  # fmt: skip
     fewer = max(2 * run.n // 3, 1)
     methods, sizes = [], []
     for kt in run.weather_kt:
@@ -110,7 +110,9 @@ def accuracy(run: Run) -> Tables:
         for kt in run.weather_kt[:2]:
             todo = [Setup(aircraft, "study", run.whole, kt, SEED + i) for i in range(fewer)]
             found = [one for one in study.figures("estimators", todo, {}, run.jobs).curves if one["of"] == "all runs"]
-            sizes += with_lead({"aircraft": aircraft, "W20, kt": f"{kt:g}"}, [_short(one, "runs") for one in found])
+            sizes += with_lead(
+                {"aircraft": aircraft, "W20, kt": f"{kt:g}"}, without([_short(one, "runs") for one in found], "runs")
+            )
     return {"curves": curves, "by_method": _by_weather(methods), "methods": methods, "sizes": sizes}
 
 
@@ -148,7 +150,8 @@ def unassumed(run: Run) -> Tables:
         lines = worlds.flown(asked, run.folder / "worlds.jsonl", run.jobs)
         found = worlds.world_records(worlds.points_by_world(lines, plan))
         tables[name] = [judged(one, *ASKED.get(one["world"], ASKED_ELSEWHERE)) for one in found]
-    return {"coverage": _beside(tables), **tables}
+    what = [{"world": name, "differs from the assumptions by": load_world(name).title} for name in names]
+    return {"what": what, "coverage": _beside(tables), **tables}
 
 
 def _beside(tables: Mapping[str, Sequence[Record]]) -> list[Record]:
@@ -156,10 +159,11 @@ def _beside(tables: Mapping[str, Sequence[Record]]) -> list[Record]:
     rows: dict[str, Record] = {}
     for name, found in tables.items():
         for one in found:
-            row = rows.setdefault(one["world"], {"world": f"`{one['world']}`", "": load_world(one["world"]).title})
-            row[f"{name} flights"] = one["flights"]
-            row[f"{name}, coverage, %"] = f"{one['coverage, %']} ± {one['±']:.0f}"
-            row[f"{name}, error"], row[f"{name}, half width"] = max(one["error"]), max(one["half width"])
+            row = rows.setdefault(one["world"], {"world": one["world"], "flights": []})
+            row["flights"] = [*row["flights"], one["flights"]]
+            row[f"{name}: coverage, %"] = f"{one['coverage, %']} ± {one['±']:.0f}"
+            row["error" if name == "short" else "error "] = max(one["error"])
+            row["half width" if name == "short" else "half width "] = max(one["half width"])
     return list(rows.values())
 
 
@@ -202,14 +206,13 @@ def pooled(run: Run) -> Tables:
     asked = campaigns.Asked(["study"], [3.0], range(SEED // 100, SEED // 100 + run.n), most)
     found = campaign_figures.by_campaign(campaigns.flown(asked, run.folder / "campaigns.jsonl", run.jobs))
     pools = [one for one in campaign_figures.pools_records(found) if one["pools"] != "promised"]
-    noise = [1.0] if run.quick else [1.0, 0.3]
-    changes = _alone("fleet", "change_records", 1 if run.quick else 2 * run.n, SEED, noise)
+    changes = _alone("fleet", "change_records", 1 if run.quick else 2 * run.n, SEED, [1.0])
     sizes = _alone("fleet", "size_records", [100] if run.quick else [100, 1000, 10000], 10 if run.quick else 50, SEED)
     return {
         "singles": campaign_figures.singles_records(found),
-        "pools": pools,
-        "differences": campaign_figures.comparison_records(found),
-        "changes": changes,
+        "pools": without(pools, "world", "W20, kt"),
+        "differences": without(campaign_figures.comparison_records(found), "world", "W20, kt"),
+        "changes": without(changes, "noise"),
         "sizes": sizes,
     }
 
@@ -222,7 +225,8 @@ def planned(run: Run) -> Tables:
     ]
     cells = [(0.0, 8.0)] if run.quick else [(0.0, 8.0), (3.0, 8.0), (3.0, 21.0)]
     asked = plans.Asked("nexstar", "curve", cells, range(SEED, SEED + max(run.n // 2, 1)))
-    return {"missions": missions, "plans": plans.records(plans.flown(asked, run.folder / "plans.jsonl", run.jobs))}
+    found = plans.records(plans.flown(asked, run.folder / "plans.jsonl", run.jobs))
+    return {"missions": missions, "plans": without(found, "aircraft, question", "lost")}
 
 
 def performance(run: Run) -> Tables:
@@ -372,7 +376,7 @@ def _table(tables: Tables, name: str) -> str:
     if name.endswith("-in-words"):
         return _in_words(tables[name.removesuffix("-in-words")][0])
     if not name.endswith("-not-met"):
-        return markdown(tables[name])
+        return markdown([_with_counting_error(one) for one in tables[name]])
     by_met: dict[str, list[str]] = {}
     for one in tables[name.removesuffix("-not-met")]:
         by_met.setdefault(one["met"], []).append(f"`{one['world']}` {text(one['coverage, %'])} %")
@@ -383,6 +387,23 @@ def _table(tables: Tables, name: str) -> str:
     )
     lines = [f"- {title}: {', '.join(by_met[met])}." for met, title in told if met in by_met]
     return "\n".join(lines) or "- All are met."
+
+
+def _with_counting_error(record: Record) -> Record:
+    """The counting error behind what it belongs to, instead of in a column of its own."""
+    shown, before = dict(record), ""
+    for name, value in record.items():
+        if name == "±":
+            del shown[name]
+            if value is not None:
+                shown[before] = f"{text(record[before])} ± {text(value)}"
+        before = name
+    return shown
+
+
+def without(records: Sequence[Record], *names: str) -> list[Record]:
+    """The records without these columns, which are the same in all."""
+    return [{name: value for name, value in one.items() if name not in names} for one in records]
 
 
 def _in_words(one: Record) -> str:
@@ -410,7 +431,7 @@ def coverage_figure(records: Sequence[Record]) -> str:
     height = step * len(rows) + 40
 
     def x(share: float) -> float:
-        return left + (width - left - 20) * (min(max(share, 40.0), 100.0) - 40.0) / 60.0
+        return left + (width - left - 20) * (min(max(share, LEAST), 100.0) - LEAST) / (100.0 - LEAST)
 
     def parts() -> Iterator[str]:
         low, high = ASKED_ELSEWHERE
@@ -420,11 +441,11 @@ def coverage_figure(records: Sequence[Record]) -> str:
         yield f'<rect {band} fill="#d7ead7"/>'
         for i, one in enumerate(rows):
             y, share, error = 20 + step * i, one["coverage, %"], 2 * one["±"]
-            color = "#1f77b4" if one["met"] == "yes" else "#d62728"
+            color = {"yes": "#1f77b4", "open": "#ff9d2e"}.get(one["met"], "#d62728")
             yield f'<text x="{left - 10}" y="{y + 4}" text-anchor="end">{one["world"]}</text>'
             yield f'<path d="M{x(share - error):.0f} {y}H{x(share + error):.0f}" stroke="#555"/>'
             yield f'<circle cx="{x(share):.0f}" cy="{y}" r="4" fill="{color}"/>'
-        for share in range(40, 101, 10):
+        for share in range(LEAST, 101, 10):
             yield f'<text x="{x(share):.0f}" y="{height - 8}" text-anchor="middle">{share} %</text>'
         yield "</svg>\n"
 
