@@ -21,7 +21,7 @@ import re
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from datetime import date
 from pathlib import Path
@@ -37,6 +37,7 @@ import speed
 import study
 import typer
 import worlds
+from evidence_figures import coverage_by_world, error_by_speed
 from flights import Setup
 from records import Record, markdown, rounded, text, with_lead
 
@@ -51,7 +52,6 @@ AIRCRAFT_OF_OTHER_SIZE = ("light-1kg", "survey-6kg")
 # Coverage asked for, %: where the world is as assumed, in every other, and where errors are twice as large as stated.
 ASKED: Mapping[str, tuple[int, int]] = {"study": (93, 97), "twice": (88, 100)}
 ASKED_ELSEWHERE = (90, 98)
-LEAST = 50  # % of the figure's axis
 MARK = re.compile(r"(<!-- begin ([\w.-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 Tables = dict[str, list[Record]]
@@ -424,42 +424,19 @@ def _told(found: Mapping[str, Any]) -> str:
     return f"`{found['command']}`: {what}."
 
 
-def coverage_figure(records: Sequence[Record]) -> str:
-    """SVG: coverage of each world with twice its counting error, and the band that is asked."""
-    rows = sorted(records, key=lambda one: one["coverage, %"])
-    left, step, width = 150, 18, 640
-    height = step * len(rows) + 40
-
-    def x(share: float) -> float:
-        return left + (width - left - 20) * (min(max(share, LEAST), 100.0) - LEAST) / (100.0 - LEAST)
-
-    def parts() -> Iterator[str]:
-        low, high = ASKED_ELSEWHERE
-        band = f'x="{x(low):.0f}" y="8" width="{x(high) - x(low):.0f}" height="{height - 36}"'
-        size = f'viewBox="0 0 {width} {height}" font-family="sans-serif" font-size="12"'
-        yield f'<svg xmlns="http://www.w3.org/2000/svg" {size}><rect width="{width}" height="{height}" fill="white"/>'
-        yield f'<rect {band} fill="#d7ead7"/>'
-        for i, one in enumerate(rows):
-            y, share, error = 20 + step * i, one["coverage, %"], 2 * one["±"]
-            color = {"yes": "#1f77b4", "open": "#ff9d2e"}.get(one["met"], "#d62728")
-            yield f'<text x="{left - 10}" y="{y + 4}" text-anchor="end">{one["world"]}</text>'
-            yield f'<path d="M{x(share - error):.0f} {y}H{x(share + error):.0f}" stroke="#555"/>'
-            yield f'<circle cx="{x(share):.0f}" cy="{y}" r="4" fill="{color}"/>'
-        for share in range(LEAST, 101, 10):
-            yield f'<text x="{x(share):.0f}" y="{height - 8}" text-anchor="middle">{share} %</text>'
-        yield "</svg>\n"
-
-    return "\n".join(parts())
-
-
 def render(pages: Path, figures: Path) -> None:
     """Write tables and figures of the data files into the pages."""
     data = pages / "data"
     for path in (*sorted(pages.glob("*.md")), *((ROOT / "README.md",) if pages == PAGES else ())):
         path.write_text(rendered(path.read_text("utf-8"), data), "utf-8")
-    if (data / "worlds.json").exists():
-        tables = json.loads((data / "worlds.json").read_text("utf-8"))["tables"]
-        (figures / "coverage-by-world.svg").write_text(coverage_figure(tables["short"]), "utf-8")
+    drawn = {
+        "worlds": ("coverage-by-world.svg", lambda tables: coverage_by_world(tables["short"], ASKED_ELSEWHERE)),
+        "accuracy": ("error-by-speed.svg", lambda tables: error_by_speed(tables["curves"], WHOLE)),
+    }
+    for part, (name, draw) in drawn.items():
+        if (data / f"{part}.json").exists():
+            tables = json.loads((data / f"{part}.json").read_text("utf-8"))["tables"]
+            (figures / name).write_text(draw(tables), "utf-8")
 
 
 def main(

@@ -2,9 +2,11 @@
 
 import json
 from pathlib import Path
+from xml.etree import ElementTree
 
 import evidence
 import pytest
+from evidence_figures import BLUE, RED, coverage_by_world, error_by_speed
 from records import counted, markdown, rounded
 
 PAGE = "Claim.\n<!-- begin one -->\n<!-- end -->\n<!-- begin one.rows -->\nold\n<!-- end -->\nEnd.\n"
@@ -67,8 +69,18 @@ def test_the_counting_error_of_what_was_always_seen_is_that_of_one_flight_less()
 
 def test_the_readme_says_how_many_flights_were_covered() -> None:
     one = {"flights": 100, "error": [2.4, 1.8], "coverage, %": 97, "±": 1.2}
-    told = evidence._table({"singles": [one]}, "singles-in-words")
+    told = " ".join(evidence._table({"singles": [one]}, "singles-in-words").split())
     assert "In 100 simulated flights" in told and "1.8 to 2.4 percent" in told and "97 ± 1.2 percent" in told
+
+
+def test_a_figure_shows_what_was_not_met_in_another_color_and_every_known_point() -> None:
+    worlds = [{"world": name, "coverage, %": share, "±": 1.0, "met": met}
+              for name, share, met in (("a", 95, "yes"), ("b", 60, "too seldom"))]  # fmt: skip
+    drawn = coverage_by_world(worlds, (90, 98))
+    assert drawn.count(BLUE) == 1 and drawn.count(RED) == 1 and ElementTree.fromstring(drawn) is not None
+    curve = {"plan": "whole", "W20, kt": "3", "error": [2.0, 1.0, 1.0, 1.0, None], "half width": [2.5, 2, 2, 2, None]}
+    drawn = error_by_speed([curve, {**curve, "plan": "another"}], "whole")
+    assert drawn.count("<circle") == 4 and ElementTree.fromstring(drawn) is not None
 
 
 def test_numbers_are_shown_as_rounded() -> None:
