@@ -4,6 +4,7 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 BIN := $(VENV)/bin
 JOBS ?= 2
+ARCHITECTURE ?= $(shell dpkg --print-architecture 2>/dev/null)
 # .ready: what the demonstration needs is installed; .dev: tests and tools are, too.
 READY := $(VENV)/.ready
 INSTALL := $(BIN)/pip install --quiet --disable-pip-version-check --no-compile --constraint constraints.txt --editable
@@ -18,7 +19,7 @@ IN_NAMESPACE = $(shell [ "$$(id -u)" = 0 ] || { unshare -Urm true 2>/dev/null &&
 WORKERS := $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo picture test bench site evidence study dissertation soak fuzz crash-points vm packages lint types check constraints clean
+.PHONY: help demo picture test bench site evidence study dissertation soak fuzz crash-points vm packages deb lint types check constraints clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -98,6 +99,9 @@ crash-points: $(VENV)/.dev ## cut the daemon's power at 500 writes of each of th
 packages: $(VENV)/.dev ## build sdist and wheel, and try the wheel alone on Python 3.11 to 3.14 (10 min for each)
 	$(BIN)/python benchmarks/packages.py
 
+deb: $(READY) ## the recorder as a Debian package in dist; ARCHITECTURE=arm64 for a Raspberry Pi (3 min)
+	$(BIN)/python debian/build.py --architecture $(ARCHITECTURE)
+
 vm: $(VENV)/.dev ## the service in a virtual Debian computer: installed, power pulled, unplugged, upgraded (needs root; 1 h)
 	$(BIN)/python benchmarks/vm
 
@@ -111,12 +115,17 @@ types: $(VENV)/.dev ## mypy
 
 check: lint types test ## lint, types, test
 
-constraints: ## renew constraints.txt: the newest versions that pyproject.toml allows, then run `make check`
+constraints: ## renew constraints.txt and hashes.txt: the newest versions that pyproject.toml allows, then run `make check`
 	rm -rf build/constraints && $(PYTHON) -m venv build/constraints
 	build/constraints/bin/pip install --quiet --disable-pip-version-check --editable '.[dev,docs]'
 	sed -n '/^#/p' constraints.txt > build/constraints.txt
 	build/constraints/bin/pip freeze --exclude-editable --exclude pip --exclude setuptools >> build/constraints.txt
-	mv build/constraints.txt constraints.txt && rm -rf build/constraints
+	mv build/constraints.txt constraints.txt
+	build/constraints/bin/pip install --quiet --disable-pip-version-check uv
+	sed -n '/^#/p' hashes.txt > build/hashes.txt
+	build/constraints/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header --no-annotate \
+		$(addprefix --extra ,page fleet sim plot status) --constraint constraints.txt pyproject.toml >> build/hashes.txt
+	mv build/hashes.txt hashes.txt && rm -rf build/constraints
 
 clean: ## remove generated files, except recordings in out/
 	rm -rf $(VENV) build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis

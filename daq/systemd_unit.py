@@ -20,7 +20,7 @@ def unit_drop_in(tray: Tray) -> str:
     devices = sorted({device for name in names for device in _devices(name)})
     hosts = sorted({parse_port(name)[0] for name in names if name.startswith("udp:")})
     lines = [
-        "# Made by install.sh from the tray file. Run install.sh again when the tray file has changed.",
+        "# Made from the tray file. Run flightpower-tray (or install.sh --tray) when that has changed.",
         "[Service]",
     ]
     lines += ["DeviceAllow=", *(f"DeviceAllow={device} rw" for device in devices)]

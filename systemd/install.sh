@@ -12,7 +12,6 @@ here=$(cd "$(dirname "$0")" && pwd)
 root=${DESTDIR:-}
 prefix=/opt/flightpower
 units=$root/etc/systemd/system
-tray=$root/etc/flightpower/tray.toml
 
 usage() {
     echo "install.sh: $1; usage: install.sh [--tray | --wheels FOLDER]" >&2
@@ -62,18 +61,7 @@ install -D -m 0644 "$here/flightpower-daq.service" "$units/flightpower-daq.servi
 install -D -m 0644 "$here/flightpower-status.service" "$units/flightpower-status.service" # not enabled
 install -D -m 0644 "$here/60-flightpower.rules" "$root/etc/udev/rules.d/60-flightpower.rules"
 install -D -m 0644 "$here/flightpower.sysusers" "$root/usr/lib/sysusers.d/flightpower.conf"
-install -d -m 0755 "$root/etc/flightpower"
-
-if [ ! -e "$tray" ]; then
-    "$daq" config --example | sed 's|^directory = "logs"|directory = "/var/lib/flightpower"|' > "$tray.new"
-    mv "$tray.new" "$tray"
-    echo "install.sh: $tray is the example tray: edit it, then run this script again"
-fi
-
-# The sandbox permits only the devices of this tray.
-install -d -m 0755 "$units/flightpower-daq.service.d"
-"$daq" config --unit "$tray" > "$units/flightpower-daq.service.d/tray.conf.new"
-mv "$units/flightpower-daq.service.d/tray.conf.new" "$units/flightpower-daq.service.d/tray.conf"
+AGAIN="install.sh --tray" DAQ=$daq sh "$here/tray.sh" --files-only
 
 if [ -z "$root" ]; then
     systemd-sysusers

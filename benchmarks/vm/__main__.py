@@ -6,9 +6,10 @@
 Installed as a user would, by systemd/README.md without a network. Its I2C parts are a character device in the machine
 (CUSE), its serial parts are at the other end of two USB adapters and a serial line. Then its power is pulled while it
 boots and while it records (QEMU is killed; the card's image is kept), its USB receiver unplugged, its clock stepped
-from 1970, and a newer version installed while it records. After each, the logs on the card are read. At last the daemon
-records eight hours of simulated time on this computer. Exit code 1 if one is unreadable,
-changed or gone, if more than a second before a power cut is lost, or if a step of the installation fails.
+from 1970, and a newer version installed while it records. The Debian package is installed on another card, upgraded
+while it records, and removed. After each, the logs on the card are read. At last the daemon records eight hours of
+simulated time on this computer. Exit code 1 if one is unreadable, changed or gone, if more than a second before a power
+cut is lost, or if a step of the installation fails.
 """
 
 import os
@@ -28,7 +29,7 @@ import image  # noqa: E402
 import trials  # noqa: E402
 from machine import Machine  # noqa: E402
 
-TRIALS = ("install", "figures", "pulls", "usb", "clock", "upgrade", "hours")
+TRIALS = ("install", "figures", "pulls", "usb", "clock", "upgrade", "package", "hours")
 
 
 def main(
@@ -37,7 +38,7 @@ def main(
     seed: int = 1003,
     only: str = "",
 ) -> None:
-    """--only NAME: one of install, figures, pulls, usb, clock, upgrade, hours, on the card that the last run left."""
+    """--only NAME: one of TRIALS, on the card that the last run left; package: on a card without this software."""
     begin_s = time.monotonic()
     missing = [package for command, package in image.COMMANDS.items() if shutil.which(command) is None]
     if missing:
@@ -67,6 +68,11 @@ def main(
                 rows += trial(folder, disk)
             except TimeoutError as error:
                 rows.append(trials.Row(name, str(error), False))
+    if "package" in chosen:
+        if only or not (folder / "base.img").exists():
+            image.build(folder)
+        image.run("cp", "--sparse=always", folder / "base.img", folder / "package.img")
+        rows += trials.package(folder, folder / "package.img")
     if "hours" in chosen:
         rows += trials.eight_hours()
     print_table(rows)

@@ -52,11 +52,12 @@ def build(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     debian = _debian(folder)
     _wheels(folder)
+    _packages(folder)
     home = debian / "home" / "pi"
-    for name in ("flightpower", "wheels", "wheels-upgrade"):
+    for name in ("flightpower", "wheels", "wheels-upgrade", "debs"):
         shutil.rmtree(home / name, ignore_errors=True)
     _checkout(home / "flightpower")
-    for name in ("wheels", "wheels-upgrade"):
+    for name in ("wheels", "wheels-upgrade", "debs"):
         shutil.copytree(folder / name, home / name)
     run("chroot", debian, "chown", "-R", "pi:", "/home/pi")
     _fakes(folder, debian)
@@ -110,6 +111,20 @@ def _wheels(folder: Path) -> None:
         stated = os.environ | {"SETUPTOOLS_SCM_PRETEND_VERSION_FOR_FLIGHTPOWER": version}
         run(*pip, wheels, "--find-links", wheels, *options, cwd=source, env=stated)
     shutil.rmtree(source)
+
+
+def _packages(folder: Path) -> None:
+    """debs: the Debian package; debs/upgrade: the same with a later version."""
+    debs, opened = folder / "debs", folder / "opened"
+    for used in (debs, opened):
+        shutil.rmtree(used, ignore_errors=True)
+    (debs / "upgrade").mkdir(parents=True)
+    run(sys.executable, ROOT / "debian/build.py", "--version", "1.0.0", "--output", debs)
+    (package,) = debs.glob("*.deb")
+    run("dpkg-deb", "--raw-extract", package, opened)
+    control = opened / "DEBIAN/control"
+    control.write_text(control.read_text().replace("Version: 1.0.0\n", f"Version: {UPGRADE}\n"))
+    run("dpkg-deb", "-Zgzip", "--root-owner-group", "--build", opened, debs / "upgrade")
 
 
 def _fakes(folder: Path, debian: Path) -> None:

@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -23,6 +24,7 @@ RECORDED_S = (4.0, 20.0)  # how long a recording lasts before its power is pulle
 DAQ = "/opt/flightpower/bin/daq"
 TRAY = "/etc/flightpower/tray.toml"
 LOGS = "/var/lib/flightpower"
+DEBS = "/home/pi/debs"
 STOP, START = "sudo systemctl stop flightpower-daq", "sudo systemctl start flightpower-daq"
 # The edit of the tray file: the adapters by their permanent names, the autopilot on a serial line. Few ticks, and
 # single readings of the IMU: an emulated processor is some twenty times slower, and its FIFO overflows in a reading.
@@ -40,12 +42,13 @@ class Row(NamedTuple):
     good: bool
 
 
-def install(machine: Machine) -> list[Row]:
-    """systemd/README.md from step 4, as it is written, by a user with sudo and no network."""
-    machine.log_in()
-    rows: list[Row] = []
+Step = Callable[..., str]
 
-    def step(what: str, command: str, wanted: str = "") -> None:
+
+def steps_of(machine: Machine, rows: list[Row]) -> Step:
+    """A function that runs a command of the user, and adds its row: wanted is a pattern of what it prints."""
+
+    def step(what: str, command: str, wanted: str = "") -> str:
         begin_s = time.monotonic()
         code, said = machine.run(command, 3600.0)
         good = code == 0 and re.search(wanted, said) is not None
@@ -53,6 +56,15 @@ def install(machine: Machine) -> list[Row]:
             Row(what, f"{time.monotonic() - begin_s:.0f} s" if good else f"exit code {code}: {said[-300:]}", good)
         )
         return said
+
+    return step
+
+
+def install(machine: Machine) -> list[Row]:
+    """systemd/README.md from step 4, as it is written, by a user with sudo and no network."""
+    machine.log_in()
+    rows: list[Row] = []
+    step = steps_of(machine, rows)
 
     step("install.sh --wheels", "(cd ~/flightpower && sudo systemd/install.sh --wheels ~/wheels)")
     step("tray edited, install.sh --tray", f"{EDIT_TRAY} && (cd ~/flightpower && sudo systemd/install.sh --tray)")
@@ -217,30 +229,71 @@ def clock_stepped(folder: Path, disk: Path) -> list[Row]:
 
 def upgraded(folder: Path, disk: Path) -> list[Row]:
     """A newer version is installed while the service records."""
+    known, rows = logs_on(folder, disk), []
+    with Machine(folder, disk) as machine:
+        machine.log_in()
+        upgrade_while_recording(
+            machine, steps_of(machine, rows), len(known),
+            "(cd ~/flightpower && sudo systemd/install.sh --wheels ~/wheels-upgrade)",
+            "/opt/flightpower/bin/pip show flightpower | grep ^Version",
+        )  # fmt: skip
+        machine.run(STOP)
+        machine.switch_off()
+    return [*_judge("upgrade while recording", folder, disk, known), *rows, _pause(folder, disk)]
+
+
+def upgrade_while_recording(machine: Machine, step: Step, logs: int, command: str, version: str) -> None:
+    """From a recording to the next, which has `UPGRADE` in what `version` prints."""
+    machine.wait_for_recording(logs)
+    step("upgrade", command)
+    machine.wait_for_recording(logs + 1)
+    machine.wait(5.0)
+    step("its version", version, re.escape(UPGRADE))
+
+
+def package(folder: Path, disk: Path) -> list[Row]:
+    """The Debian package on a computer that has nothing of this: first log, next start, upgrade, removal."""
+    rows: list[Row] = []
+    with Machine(folder, disk) as machine:
+        machine.log_in()
+        step = steps_of(machine, rows)
+        step("dpkg -i", f"sudo dpkg -i {DEBS}/flightpower_*.deb", "Setting up flightpower")
+        step("tray edited, flightpower-tray", f"{EDIT_TRAY} && sudo flightpower-tray")
+        step("installed", "du -sm /usr/lib/flightpower")
+        machine.wait_for_recording(0)
+        step("daq list", "daq list", "log-0001")
+        rows += exposure(machine, "by the package")
+        machine.run(STOP)
+        machine.switch_off()
     known = logs_on(folder, disk)
     with Machine(folder, disk) as machine:
         machine.log_in()
-        machine.wait_for_recording(len(known))
-        begin_s = time.monotonic()
-        code, said = machine.run("(cd ~/flightpower && sudo systemd/install.sh --wheels ~/wheels-upgrade)", 900.0)
-        took_s = time.monotonic() - begin_s
-        machine.wait_for_recording(len(known) + 1)
-        machine.wait(5.0)
-        _, version = machine.run("/opt/flightpower/bin/pip show flightpower | grep ^Version")
-        machine.run(STOP)
+        step = steps_of(machine, rows)
+        upgrade = f"sudo dpkg -i {DEBS}/upgrade/flightpower_*.deb"
+        upgrade_while_recording(machine, step, len(known), upgrade, "dpkg-query -W flightpower")
+        listed = "dpkg -L flightpower | while read -r path; do [ -d $path ] || echo $path; done"
+        step("files listed", f"{listed} > files && wc -l < files", r"\d{3}")
+        step("purge", "sudo dpkg --purge flightpower", "Purging configuration files")
+        gone = "/usr/lib/flightpower /etc/flightpower /etc/systemd/system/flightpower-daq.service.d /opt/flightpower"
+        step("nothing is left", f"for path in $(cat files) {gone}; do [ ! -e $path ] || exit 1; done")
+        step("no service is left", "! systemctl cat flightpower-daq flightpower-status")
         machine.switch_off()
-    rows = _judge("upgrade while recording", folder, disk, known)
-    with mounted(folder, disk) as root:
-        before, after = sorted((root / LOGS[1:]).glob("log-*.mcap"))[-2:]
-        last, first = (read_log(path) for path in (before, after))
-    pause_s = _monotonic_s(first)[0] - _monotonic_s(last)[-1]
-    good = code == 0 and UPGRADE in version
-    seen = f"{took_s:.0f} s, {version}" if good else f"exit code {code}: {said[-300:]}; {version}"
+    logs = logs_on(folder, disk)
+    first_s = next(log.state.first_s for name, log in logs.items() if name not in known)
     return [
         *rows,
-        Row("install.sh", seen, good),
-        Row("pause between the two logs", f"{pause_s:.1f} s", True),
+        *_judge("by the package", folder, disk, known),
+        Row("first message, after the kernel's start", f"{first_s:.1f} s", True),
+        _pause(folder, disk),
     ]
+
+
+def _pause(folder: Path, disk: Path) -> Row:
+    """Between the last two logs."""
+    with mounted(folder, disk) as root:
+        last, first = (read_log(path) for path in sorted((root / LOGS[1:]).glob("log-*.mcap"))[-2:])
+    pause_s = _monotonic_s(first)[0] - _monotonic_s(last)[-1]
+    return Row("pause between the two logs", f"{pause_s:.1f} s", True)
 
 
 def _judge(what: str, folder: Path, disk: Path, known: dict) -> list[Row]:

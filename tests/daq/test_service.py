@@ -275,7 +275,7 @@ def test_a_wrong_use_of_install_changes_nothing(tmp_path, arguments, cause):
 def test_the_scripts_are_sound():
     shellcheck = shutil.which("shellcheck", path=f"{DAQ.parent}{os.pathsep}{os.environ['PATH']}")
     assert shellcheck, "shellcheck is missing: install the developer's extra, flightpower[dev]"
-    subprocess.run([shellcheck, *map(str, (ROOT / "systemd").glob("*.sh"))], check=True)
+    subprocess.run([shellcheck, *(ROOT / "systemd").glob("*.sh"), *(ROOT / "debian").glob("*.p[or]*")], check=True)
 
 
 def test_the_udev_rules_are_understood():

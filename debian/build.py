@@ -1,0 +1,231 @@
+"""The Debian package of the recorder: service, udev rules, program of the motor speed counter, and all it needs.
+
+    make deb                                                        # for this computer's processor, into dist/
+    .venv/bin/python debian/build.py --architecture arm64           # for a Raspberry Pi, on any computer with Debian
+
+/usr/lib/flightpower is a virtual environment whose libraries come from wheels, with the versions of constraints.txt:
+compiled modules for each Python of PYTHONS lie side by side, so that one package fits Debian 12 and 13, and nothing is
+compiled for another processor. Needs Debian's packages debhelper, gcc-avr, avr-libc and help2man, and for another
+processor its binutils (binutils-aarch64-linux-gnu); with lintian, an error that it finds is an error here.
+"""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import time
+from email.message import Message
+from email.parser import HeaderParser
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+ROOT = Path(__file__).resolve().parent.parent
+SYSTEMD = ROOT / "systemd"
+PYTHONS = ("3.11", "3.13")  # of Debian 12 and 13, and of Raspberry Pi OS; `control` depends on them
+COMMANDS = ("daq", "flightpower")
+PAGES = ("daq", "daq run", "daq zero", "daq check", "daq info", "daq list", "daq status", "daq config", "flightpower")
+NEEDED = {
+    "dpkg-buildpackage": "dpkg-dev", "dh": "debhelper", "help2man": "help2man", "avr-gcc": "gcc-avr avr-libc",
+}  # fmt: skip
+# What the recorder never loads, as in install.sh: other dialects of MAVLink, zstandard's second implementation, the
+# parser of pymavlink's generator; and what only other programs read.
+NEVER_LOADED = (
+    "bin", "share", "lxml", "lxml-*.dist-info", "zstandard/_cffi*.so", "**/*.pyi", "**/*.h", "**/*.c", "**/*.pyx",
+)  # fmt: skip
+DIALECT = "v20/ardupilotmega"
+# What is in /usr/bin, and the program that it starts, whose name is that of the command.
+COMMAND = '#!/bin/sh\nexec /usr/lib/flightpower/bin/python3 -I /usr/lib/flightpower/bin/{0} "$@"\n'
+PROGRAM = "from flightpower.scripts import {0}\n\n{0}()\n"
+
+
+class Architecture(StrEnum):
+    AMD64 = "amd64"
+    ARM64 = "arm64"
+
+    @property
+    def of_wheels(self) -> str:
+        """The processor in the names of wheels, and of GNU tools."""
+        return {"amd64": "x86_64", "arm64": "aarch64"}[self]
+
+
+def main(
+    architecture: Annotated[Architecture, typer.Option(help="The processor of the aircraft's computer.")] = (
+        Architecture.ARM64 if os.uname().machine == "aarch64" else Architecture.AMD64
+    ),
+    output: Annotated[Path, typer.Option(help="The folder for the package.")] = ROOT / "dist",
+    version: Annotated[str, typer.Option(help="In place of that of the commit.")] = "",
+) -> None:
+    """Build the package, and have lintian look at it."""
+    missing = [packages for command, packages in NEEDED.items() if shutil.which(command) is None]
+    if missing:
+        sys.exit(f"build.py needs packages: sudo apt-get install --no-install-recommends {' '.join(missing)}")
+    source = ROOT / "build" / f"deb-{architecture}" / "source"
+    shutil.rmtree(source.parent, ignore_errors=True)
+    shutil.copytree(ROOT / "debian", source / "debian", ignore=shutil.ignore_patterns("*.py"))
+    committed_s = run("git", "log", "-1", "--format=%ct", cwd=ROOT) or str(int(time.time()))
+    stated = {"SETUPTOOLS_SCM_PRETEND_VERSION_FOR_FLIGHTPOWER": version} if version else {}
+    os.environ.update(stated, SOURCE_DATE_EPOCH=committed_s)
+    run(sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", source.parent, ROOT)
+    (wheel,) = source.parent.glob("flightpower-*.whl")
+    root = source / "root"
+    packages = root / "usr/lib/flightpower/site-packages"
+    environment(packages, wheel, architecture)
+    files_of_the_system(root)
+    program_of_the_counter(root / "usr/share/flightpower")
+    strip(packages, architecture)
+    python_version = wheel.name.split("-")[1]
+    pages(root / "usr/share/man", python_version)
+    copyright_of(packages, source / "debian" / "copyright")
+    changelog(source / "debian" / "changelog", debian_version(python_version), float(committed_s))
+    run("dpkg-buildpackage", "--build=binary", "--no-sign", "-d", f"--host-arch={architecture}", cwd=source)
+    output.mkdir(exist_ok=True)
+    (package,) = source.parent.glob("*.deb")
+    target = shutil.move(package, output / package.name)
+    print(f"{target}: {target.stat().st_size / 1e6:.1f} MB")
+    if shutil.which("lintian"):
+        sys.exit(subprocess.run(["lintian", "--fail-on", "error", target]).returncode)
+
+
+def run(*command: object, cwd: Path | None = None) -> str:
+    """What the command prints; ends the program with its error if it fails."""
+    done = subprocess.run([str(word) for word in command], cwd=cwd, capture_output=True, text=True)
+    if done.returncode:
+        sys.exit(f"{' '.join(map(str, command))[:200]}: {(done.stderr or done.stdout).strip()[-1000:]}")
+    return done.stdout.strip()
+
+
+def debian_version(python_version: str) -> str:
+    """The same order as that of Python's versions: a development version comes before its release."""
+    public, *local = python_version.split("+")
+    return "+".join([re.sub(r"\.?(dev|a|b|rc)(?=\d)", r"~\1", public), *local])
+
+
+def environment(packages: Path, wheel: Path, architecture: Architecture) -> None:
+    """A virtual environment for each of PYTHONS, which share one folder of libraries."""
+    home = packages.parent
+    for python in PYTHONS:
+        folder = packages if python == PYTHONS[0] else home / python
+        platforms = [f"--platform=manylinux{tag}_{architecture.of_wheels}" for tag in ("2014", "_2_17", "_2_28")]
+        run(
+            sys.executable, "-m", "pip", "install", "--quiet", "--no-compile", "--only-binary=:all:", *platforms,
+            "--implementation=cp", f"--python-version={python}", "--constraint", ROOT / "constraints.txt",
+            "--target", folder, f"{wheel}[status]",
+        )  # fmt: skip
+        if folder != packages:
+            for module in folder.rglob("*.so"):
+                shutil.copy(module, packages / module.relative_to(folder))
+            shutil.rmtree(folder)
+        (home / f"lib/python{python}").mkdir(parents=True)
+        (home / f"lib/python{python}/site-packages").symlink_to("../../site-packages")
+    for pattern in NEVER_LOADED:
+        for path in list(packages.glob(pattern)):
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+    for path in (packages / "pymavlink/dialects").rglob("*"):
+        if path.is_file() and path.name != "__init__.py" and DIALECT not in path.as_posix():
+            path.unlink()
+    (home / "pyvenv.cfg").write_text("home = /usr/bin\ninclude-system-site-packages = false\n")
+    (home / "bin").mkdir()
+    (home / "bin/python3").symlink_to("/usr/bin/python3")
+
+
+def strip(packages: Path, architecture: Architecture) -> None:
+    """Compiled modules without what only a debugger reads: a third of the package."""
+    for module in packages.rglob("*.so"):
+        run(f"{architecture.of_wheels}-linux-gnu-strip", "--strip-unneeded", module)
+        module.chmod(0o644)
+
+
+def files_of_the_system(root: Path) -> None:
+    """Units, rules, commands, examples."""
+    units = root / "lib/systemd/system"  # where debhelper of Debian 12 looks
+    for folder in (units, root / "usr/bin"):
+        folder.mkdir(parents=True)
+    for unit in SYSTEMD.glob("*.service"):
+        (units / unit.name).write_text(unit.read_text().replace("/opt/flightpower/bin/daq", "/usr/bin/daq"))
+    for name in COMMANDS:
+        (root / "usr/lib/flightpower/bin" / name).write_text(PROGRAM.format(name))
+        (root / "usr/bin" / name).write_text(COMMAND.format(name))
+        (root / "usr/bin" / name).chmod(0o755)
+    for source, target in (
+        ("systemd/60-flightpower.rules", "lib/udev/rules.d/60-flightpower.rules"),
+        ("systemd/flightpower.sysusers", "usr/lib/sysusers.d/flightpower.conf"),
+        ("systemd/tray.sh", "usr/sbin/flightpower-tray"),
+        ("systemd/README.md", "usr/share/doc/flightpower/README.md"),
+        ("CHANGELOG.md", "usr/share/doc/flightpower/changelog"),
+        ("daq/tray.example.toml", "usr/share/doc/flightpower/examples/tray.toml"),
+        ("firmware/esc_counter/README.md", "usr/share/doc/flightpower/esc_counter.md"),
+    ):
+        (root / target).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / source, root / target)
+
+
+def program_of_the_counter(folder: Path) -> None:
+    """What avrdude writes to the board."""
+    folder.mkdir(parents=True)
+    run("make", "-C", ROOT / "firmware/esc_counter", f"OUT={folder}")
+    (folder / "esc_counter.elf").unlink()
+
+
+def pages(folder: Path, version: str) -> None:
+    """A page of the manual for each command, from its help."""
+    programs = [(Path(sys.executable).parent / page, page.replace(" ", "-"), 1) for page in PAGES]
+    for program, page, section in [*programs, (SYSTEMD / "tray.sh", "flightpower-tray", 8)]:
+        target = folder / f"man{section}/{page}.{section}"
+        target.parent.mkdir(parents=True, exist_ok=True)
+        asked = subprocess.run(f"{program} --help", shell=True, capture_output=True, text=True, check=True).stdout
+        purpose = re.search(r"\n\n +(\S(?:.|\n)*?)(?:\.\s|\n\n)", asked)
+        assert purpose, asked
+        # help2man takes the page's name from the program's, and an indented line for an example.
+        text, options, rest = asked.partition("Options:\n")
+        stub = folder / page
+        stub.write_text(f"#!/bin/sh\ncat <<'EOF'\n{text.replace(chr(10) + '  ', chr(10))}{options}{rest}EOF\n")
+        stub.chmod(0o755)
+        made = run(
+            "help2man", "--no-info", f"--section={section}", f"--name={' '.join(purpose[1].split())}",
+            f"--version-string={version}", "--source=flightpower", stub,
+        )  # fmt: skip
+        target.write_text(re.sub(r"(?m)^\.IP\n((?:[^.].*\n)+)", r".IP\n.nf\n\1.fi\n", made + "\n"), "utf-8")
+        stub.unlink()
+
+
+def copyright_of(packages: Path, path: Path) -> None:
+    """Whose the package's parts are, from what their distributions state."""
+    _, _, notice, *terms = (ROOT / "LICENSE").read_text().splitlines()
+    stanzas = [
+        "Format: https://www.debian.org/doc/packaging-manuals/copyright-format/1.0/\nUpstream-Name: flightpower",
+        f"Files: *\nCopyright: {notice[len('Copyright (c) ') :]}\nLicense: Expat",
+    ]
+    for info in sorted(packages.glob("*.dist-info")):
+        about = HeaderParser().parsestr((info / "METADATA").read_text("utf-8"))
+        if about["Name"] != "flightpower":
+            stated = (about["Author"], about["Author-email"], about["Maintainer-email"])
+            author = next(filter(None, stated), f"the authors of {about['Name']}")
+            files = f"usr/lib/flightpower/site-packages/{info.name.split('-')[0]}*"
+            stanzas.append(f"Files: {files}\nCopyright: {author}\nLicense: {license_of(about)}")
+    mit = "".join(f" {line}\n" if line else " .\n" for line in terms[1:])
+    path.write_text("\n\n".join([*stanzas, f"License: Expat\n{mit}"]), "utf-8")
+
+
+def license_of(about: Message) -> str:
+    """The license that a distribution states: expression, text in one line, or classifier."""
+    stated = about["License-Expression"] or about["License"] or ""
+    classified = [line.rsplit(" :: ", 1)[1] for line in about.get_all("Classifier", []) if line.startswith("License")]
+    return stated if stated and "\n" not in stated else ", ".join(classified) or "see its dist-info"
+
+
+def changelog(path: Path, version: str, time_s: float) -> None:
+    when = time.strftime("%a, %d %b %Y %H:%M:%S +0000", time.gmtime(time_s))
+    maintainer = re.search(r"^Maintainer: (.*)$", (path.parent / "control").read_text(), re.MULTILINE)
+    assert maintainer
+    path.write_text(
+        f"flightpower ({version}) unstable; urgency=medium\n\n  * See /usr/share/doc/flightpower/changelog.gz.\n\n"
+        f" -- {maintainer[1]}  {when}\n"
+    )
+
+
+if __name__ == "__main__":
+    typer.run(main)

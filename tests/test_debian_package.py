@@ -1,0 +1,70 @@
+"""The Debian package, short of building it: `make deb` and `make vm` do that."""
+
+import importlib.util
+import itertools
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+SPEC = importlib.util.spec_from_file_location("debian_package", ROOT / "debian" / "build.py")
+assert SPEC and SPEC.loader
+build = importlib.util.module_from_spec(SPEC)
+SPEC.loader.exec_module(build)
+
+
+def text(name: str) -> str:
+    return (ROOT / "debian" / name).read_text("utf-8")
+
+
+@pytest.mark.skipif(not shutil.which("dpkg"), reason="dpkg is not here")
+def test_a_later_version_of_python_s_is_a_later_one_of_debian_s():
+    versions = ["1.0.0.dev3+gb2bb9085e", "1.0.0rc1", "1.0.0", "1.0.1.dev2+g0123456", "1.0.1", "1.1.0"]
+    for older, newer in itertools.pairwise(map(build.debian_version, versions)):
+        assert subprocess.run(["dpkg", "--compare-versions", older, "lt", newer]).returncode == 0, (older, newer)
+
+
+def test_the_package_has_every_file_of_the_service(tmp_path):
+    """The units with the package's command in place of the one in /opt."""
+    (tmp_path / "usr/lib/flightpower/bin").mkdir(parents=True)
+    build.files_of_the_system(tmp_path)
+    packed = {path.name: path for path in tmp_path.rglob("*") if path.is_file()}
+    names = {"flightpower.sysusers": "flightpower.conf", "tray.sh": "flightpower-tray"}
+    needed = {names.get(path.name, path.name) for path in (ROOT / "systemd").iterdir()}
+    assert needed - {"install.sh", "uninstall.sh"} <= packed.keys()
+    for unit in (path for name, path in packed.items() if name.endswith(".service")):
+        (command,) = re.findall(r"^ExecStart=(\S+)", unit.read_text(), re.MULTILINE)
+        assert (tmp_path / command[1:]).stat().st_mode & 0o111 and "/opt/" not in unit.read_text()
+
+
+def test_a_command_of_the_package_starts_this_program_and_no_other(tmp_path):
+    """With its own name, and not what lies in the folder where it is started."""
+    program = tmp_path / "daq"
+    program.write_text(build.PROGRAM.format("daq"))
+    (tmp_path / "flight.py").write_text("raise SystemExit(77)")
+    command = build.COMMAND.format("daq").replace("/usr/lib/flightpower/bin/python3", sys.executable)
+    command = command.replace("/usr/lib/flightpower/bin/daq", str(program))
+    where = f"import sys; sys.path.insert(0, {str(ROOT)!r})\n"
+    program.write_text(where + program.read_text())
+    done = subprocess.run(["sh", "-c", command, "daq", "--help"], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0 and "Usage: daq " in done.stdout
+
+
+def test_the_package_asks_for_a_python_that_its_modules_are_built_for():
+    """Debian's relations are alternatives of comparisons; those of the newest and oldest, and the gap between."""
+    (relations,) = re.findall(r"^Depends: ((?:.*\n)(?: .*\n)*)", text("control"), re.MULTILINE)
+    asked = [part for part in relations.replace("\n", "").split(",") if "python3 " in part]
+
+    def fits(version: tuple[int, ...]) -> bool:
+        holds = {"<<": lambda limit: version < limit, ">=": lambda limit: version >= limit}
+        return all(
+            any(holds[sign](tuple(map(int, at.split(".")))) for sign, at in re.findall(r"\((\S+) ([\d.]+)\)", part))
+            for part in asked
+        )
+
+    fitting = [f"3.{minor}" for minor in range(9, 16) if fits((3, minor))]
+    assert fitting == list(build.PYTHONS)
