@@ -7,10 +7,12 @@
 With each Python, from the wheel alone, in an empty folder: the demonstration, an aircraft file of one's own, ten
 flights pooled, the page in the browser, and with the extra [autopilot] only, without CasADi, a log of PX4. Packages
 come from pip's index, the newest that pyproject.toml allows. Exit code 1 if a command fails, if the wheels differ in a
-byte, or if twine, check-wheel-contents or pyroma find a fault.
+byte, if twine, check-wheel-contents or pyroma find a fault, or if a license is unknown or the GPL. The packages, a bill
+of materials (CycloneDX) and the licenses are in build/packages/dist.
 """
 
 import hashlib
+import json
 import os
 import re
 import shutil
@@ -26,7 +28,7 @@ import typer
 
 ROOT = Path(__file__).resolve().parent.parent
 PYTHONS = ("python3.11", "python3.12", "python3.13", "python3.14")
-TOOLS = ("build", "check-wheel-contents", "pyroma", "twine")
+TOOLS = ("build", "check-wheel-contents", "cyclonedx-bom", "pip-licenses", "pyroma", "twine")
 LEAST_RATING = (
     8  # of pyroma's 10: two are for addresses of a home page and of authors, which pyproject.toml has not yet
 )
@@ -39,6 +41,7 @@ weight = "3.84 kg"
 """
 OF_THE_AIRCRAFT = ("--mass", "3.84 kg", "--wing-area", "0.464 m^2", "--span", "1.75 m")
 FLIGHTS = 10
+REFUSED = re.compile(r"UNKNOWN|Affero|AGPL|(?<!Lesser )General Public|(?<!L)GPL-")
 
 
 class Row(NamedTuple):
@@ -95,6 +98,9 @@ def main(
             bench.add(f"{name}", False, "is not here; give its path with --python")
         else:
             tried(bench, Path(path), wheel.resolve())
+    installed = sorted(bench.folder.glob("3.*/venv/bin/python"))
+    if sdist is not None and installed:
+        supply(bench, installed[0])
     if tests and sdist is not None:
         test_sdist(bench, sdist)
     failed = [row for row in bench.rows if not row.good]
@@ -185,6 +191,18 @@ def tried(bench: Bench, python: Path, wheel: Path) -> None:
     for name, used in (("[page,sim]", place / "venv"), ("[autopilot]", place / "light")):
         bytes_ = sum(path.lstat().st_size for path in used.rglob("*") if path.is_file())
         bench.add(f"{version} {name}", True, f"{bytes_ / 1e6:.0f} MB")
+
+
+def supply(bench: Bench, python: Path) -> None:
+    """What is installed with the wheel: a bill of materials and the licenses, into dist."""
+    tools, dist = bench.folder / "tools" / "bin", bench.folder / "dist"
+    bill = ("--output-reproducible", "--output-format", "JSON", "--output-file", dist / "bom.json")
+    bench.run("bill of materials", tools / "cyclonedx-py", "environment", *bill, python)
+    licenses = ("--format=json", "--output-file", dist / "licenses.json")
+    bench.run("licenses", tools / "pip-licenses", "--python", python, *licenses)
+    stated = {row["Name"]: row["License"] for row in json.loads((dist / "licenses.json").read_text())}
+    refused = [f"{name}: {text}" for name, text in stated.items() if REFUSED.search(text)]
+    bench.add("licenses are known, none is the GPL", not refused, ", ".join(refused) or f"{len(stated)} packages")
 
 
 def page(bench: Bench, version: str, commands: Path, work: Path) -> None:

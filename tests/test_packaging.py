@@ -83,6 +83,17 @@ def test_the_extra_for_autopilots_has_no_casadi() -> None:
     assert "casadi" in declared("analysis") and not declared("autopilot") & {"casadi", "plotly", "pyarrow"}
 
 
+def test_the_hashed_versions_are_those_tested_together() -> None:
+    """hashes.txt has what the extras for users need, and each with a hash."""
+    pinned = re.findall(r"^([\w.-]+)==(\S+)(.*(?:\n    .*)*)", (ROOT / "hashes.txt").read_text("utf-8"), re.MULTILINE)
+    tested = dict(re.findall(r"^([\w.-]+)==(\S+)", (ROOT / "constraints.txt").read_text("utf-8"), re.MULTILINE))
+    tested = {re.sub(r"[-_.]+", "-", name).lower(): version for name, version in tested.items()}
+    assert all("--hash=sha256:" in rest for _, _, rest in pinned)
+    assert {name: tested.get(name, version) for name, version, _ in pinned} == {name: v for name, v, _ in pinned}
+    users = declared("fleet", "page", "plot", "sim", "status")
+    assert {IMPORTED_AS.get(name, name.replace("-", "_")) for name, _, _ in pinned} >= users - {"flightpower"}
+
+
 def test_every_version_of_python_that_is_tried_is_a_classifier() -> None:
     workflow = (ROOT / ".github" / "workflows" / "tests.yml").read_text("utf-8")
     (matrix,) = re.findall(r"matrix: \{python: \[(.*)\]\}", workflow)
