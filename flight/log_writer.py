@@ -78,11 +78,6 @@ class LogWriter:
         """Size of what was written to the stream."""
         return self._written
 
-    @property
-    def pending_bytes(self) -> int:
-        """Size of the open chunk, before compression."""
-        return len(self._chunk)
-
     def attach(self, name: str, data: bytes, media_type: str, time_ns: int) -> None:
         """Add an attachment."""
         self.flush()

@@ -11,6 +11,7 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from analysis.autopilot_logs.recording import Channel
@@ -152,23 +153,26 @@ def relation(first: Array, second: Array) -> Relation | None:
     if np.std(x[known]) == 0 or np.std(y[known]) == 0:
         return None
     reach = round(6.0 / FLIGHT.step_s)
-    lags = np.arange(-reach, reach + 1)
-    found = np.array([_correlation(x, y, known, int(lag)) for lag in lags])
+    found = _correlations(x, y, known, reach)
     best = int(np.argmax(np.abs(found)))
     ratio = float(np.std(x[known]) / np.std(y[known]))
-    return Relation(float(found[reach]), float(found[best]), float(lags[best] * FLIGHT.step_s), ratio)
+    return Relation(float(found[reach]), float(found[best]), (best - reach) * FLIGHT.step_s, ratio)
 
 
-def _correlation(x: Array, y: Array, known: NDArray[np.bool_], lag: int) -> float:
-    """Of x, which is late by `lag` samples, and y."""
-    n = len(x)
-    a, b = slice(max(lag, 0), n + min(lag, 0)), slice(max(-lag, 0), n + min(-lag, 0))
-    both = known[a] & known[b]
-    if both.sum() < 50:
-        return 0.0
-    u, v = x[a][both], y[b][both]
-    spread = float(np.std(u) * np.std(v))
-    return float(np.mean((u - u.mean()) * (v - v.mean())) / spread) if spread else 0.0
+def _correlations(x: Array, y: Array, known: NDArray[np.bool_], reach: int) -> Array:
+    """Of x, which is late by -reach to reach samples, and y; zero where too few are known. Both are zero where unknown."""
+
+    def sums(first: Array, second: Array) -> Array:
+        late = sliding_window_view(np.pad(second, reach), len(second))[::-1]
+        return np.asarray(late @ first)
+
+    k = known.astype(float)
+    n = np.maximum(sums(k, k), 1)
+    mean_x, mean_y = sums(x, k) / n, sums(k, y) / n
+    variance_x, variance_y = sums(x * x, k) / n - mean_x**2, sums(k, y * y) / n - mean_y**2
+    spread = np.sqrt(np.maximum(variance_x, 0.0) * np.maximum(variance_y, 0.0))
+    useful = (n >= 50) & (spread > 1e-9 * np.std(x) * np.std(y))
+    return np.where(useful, (sums(x, y) / n - mean_x * mean_y) / np.where(useful, spread, 1.0), 0.0)
 
 
 def findings(channels: Channels, name: Callable[[Quantity], str]) -> list[Finding]:
