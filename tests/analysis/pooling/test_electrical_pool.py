@@ -109,7 +109,7 @@ def test_a_change_of_drag_is_seen_because_shared_errors_cancel() -> None:
     """8 %, by five flights each; equal configurations are found different in about 5 % of comparisons."""
     rng = np.random.default_rng(7)
     seen, false, inside = [], [], []
-    for _ in range(200):
+    for _ in range(100):
         common = SHARED * rng.standard_normal()
         a, b, c = (drawn(rng, 5, common, drag=drag) for drag in (1.0, 1.0, 1.08))
         changed = compare_electrical(a, c, ("old", "new"))
