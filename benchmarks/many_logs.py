@@ -30,6 +30,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment
 from rich.console import Console
 
+from analysis.campaign.addresses import FoundLogs
 from analysis.campaign.campaign import Work, run
 from analysis.campaign.folders import exclusive
 from analysis.campaign.processes import Outcome
@@ -272,7 +273,7 @@ def hundred(folder: Path, whole: Path, count: int = 100) -> None:
         lambda log: files_used(log, options),
     )
     with exclusive(out):
-        run(names, out, done, Silent(), jobs=2)
+        run(FoundLogs([*names]), out, done, Silent(), jobs=2)
     before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
     analyze(names, out)
     elapsed, used = time.monotonic() - start, resource.getrusage(resource.RUSAGE_CHILDREN)

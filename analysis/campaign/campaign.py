@@ -2,6 +2,7 @@
 
 import contextlib
 import shutil
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any, NamedTuple, Protocol
 
 import msgspec
 
+from analysis.campaign.addresses import FoundLogs, Log, RemoteLog, place
 from analysis.campaign.cluster import cluster
 from analysis.campaign.folders import (
     RESULTS,
@@ -17,6 +19,7 @@ from analysis.campaign.folders import (
     complete,
     digests,
     edited_runs,
+    inputs_digest,
     intact,
     key,
     names,
@@ -33,13 +36,13 @@ from flight.errors import InputError
 class Work:
     """What is done with each log. settings: the values that results depend on, as text.
 
-    files: by log, (option, file) of every other file that its analysis reads; raises InputError. preload: modules that
-    all need.
+    files: by log, (option, file) of every other file that its analysis reads; of a log at an address, only those that
+    options name. Raises InputError. preload: modules that all need.
     """
 
     analyze: Analyze
     settings: str = ""
-    files: Callable[[Path], Sequence[tuple[str, Path]]] = lambda log: ()
+    files: Callable[[Log], Sequence[tuple[str, Path]]] = lambda log: ()
     preload: Sequence[str] = ()
 
 
@@ -69,12 +72,12 @@ class Campaign:
 
 class Planned(NamedTuple):
     job: Job
-    key: str
+    inputs: str  # digest of what the results depend on beside the log
     log: LogFile  # as it was before the analysis
 
 
 def run(
-    logs: Sequence[Path], output: Path, work: Work, monitor: Monitor, *, jobs: int, scheduler: str | None = None
+    found: FoundLogs, output: Path, work: Work, monitor: Monitor, *, jobs: int, scheduler: str | None = None
 ) -> Campaign:
     """Analyze logs into folders below `output`, `jobs` at a time, or on the cluster of a scheduler.
 
@@ -82,8 +85,8 @@ def run(
     """
     if scheduler is None:
         load_ahead(work.preload)
-    campaign = Campaign()
-    planned = {one.job.name: one for one in _plan(logs, output, work, jobs, campaign)}
+    campaign = Campaign(failures=list(found.failures))
+    planned = {one.job.name: one for one in _plan(found.logs, output, work, jobs, campaign)}
     campaign.kept = len(campaign.folders)
     for failure in campaign.failures:
         monitor.failed(failure)
@@ -102,8 +105,9 @@ def run(
                 shutil.rmtree(partial, ignore_errors=True)
                 campaign.failures.append(outcome.error)
             else:
-                _, wanted, log = planned[job.name]
-                complete(partial, output / job.name, key=wanted, log=log, runs=job.runs)
+                _, inputs, log = planned[job.name]
+                log = msgspec.structs.replace(log, digest=outcome.digest or log.digest)
+                complete(partial, output / job.name, key=key(log.digest, inputs), log=log, runs=job.runs)
                 campaign.folders.append(output / job.name)
             campaign.processor_seconds += outcome.processor_seconds
             campaign.peak_bytes = max(campaign.peak_bytes, outcome.peak_bytes)
@@ -113,18 +117,19 @@ def run(
     return campaign
 
 
-def _plan(logs: Sequence[Path], output: Path, work: Work, jobs: int, campaign: Campaign) -> list[Planned]:
+def _plan(logs: Sequence[Log], output: Path, work: Work, jobs: int, campaign: Campaign) -> list[Planned]:
     """The jobs that are left. Folders that are complete, unreadable logs and repeated ones go into `campaign`."""
-    by_digest: dict[str, Path] = {}
+    by_digest: dict[str, Log] = {}
     earlier = records(output)
-    for log, found in zip(logs, digests(logs, _known_digest(earlier.values()), jobs), strict=True):
+    known = _known_digest(logs, earlier.values())
+    for log, found in zip(logs, digests(logs, known, jobs), strict=True):
         if isinstance(found, InputError):
             campaign.failures.append(str(found))
         elif found in by_digest:
             campaign.notes.append(f"{log}: has the same content as {by_digest[found]}; used once")
         else:
             by_digest[found] = log
-    named = list(zip(by_digest.items(), names(list(by_digest.values())), strict=True))
+    named = list(zip(by_digest.items(), names([place(log) for log in by_digest.values()]), strict=True))
     with contextlib.suppress(OSError, InputError):  # what cannot be renamed is refused below
         campaign.notes += _rename(output, {name: LogFile.of(log, found) for (found, log), name in named}, earlier)
     planned = []
@@ -137,15 +142,15 @@ def _plan(logs: Sequence[Path], output: Path, work: Work, jobs: int, campaign: C
                 raise InputError(f"{folder}: is of another log, {record.log.path}; move it")
             runs = edited_runs(folder, record)
             files = work.files(log)
-            wanted = key(found, work.settings, files, runs)
-            done = record is not None and record.key == wanted and intact(folder, record)
+            inputs = inputs_digest(work.settings, files, runs)
+            done = record is not None and record.key == key(found, inputs) and intact(folder, record)
         except (InputError, OSError) as error:
             campaign.failures.append(str(error))
             continue
         if done:
             campaign.folders.append(folder)
         else:
-            planned.append(Planned(Job(name, log, runs, tuple(path for _, path in files)), wanted, file))
+            planned.append(Planned(Job(name, log, runs, tuple(path for _, path in files)), inputs, file))
     return planned
 
 
@@ -157,17 +162,20 @@ def _rename(output: Path, logs: Mapping[str, LogFile], earlier: Mapping[Path, Re
     """
     notes = []
     records, wanted = dict(earlier), {log.digest for log in logs.values()}
+    of_digest = {record.log.digest: folder for folder, record in reversed(list(earlier.items()))}  # of copies the first
     for name, log in logs.items():
         folder = output / name
         if folder in records and not _belongs(folder, records[folder], log):
             aside = put_aside(folder)
             records[aside] = other = records.pop(folder)
+            if of_digest[other.log.digest] == folder:
+                of_digest[other.log.digest] = aside
             if other.log.digest not in wanted:
                 notes.append(f"{folder}: was of another log, {other.log.path}; is {aside} now")
-        own = next((found for found, record in records.items() if record.log.digest == log.digest), None)
+        own = of_digest.get(log.digest)
         if own and not folder.exists():
             own.rename(folder)
-            records[folder] = records.pop(own)
+            records[folder], of_digest[log.digest] = records.pop(own), folder
     return notes
 
 
@@ -177,16 +185,24 @@ def _belongs(folder: Path, record: Record, log: LogFile) -> bool:
     return record.log.digest == log.digest or same_file
 
 
-def _known_digest(records: Iterable[Record]) -> Callable[[Path], str | None]:
-    """By log, its digest where it was analyzed before and has the same path, size and time of change."""
-    by_path = {record.log.path: record.log for record in records}
+def _known_digest(logs: Iterable[Log], records: Iterable[Record]) -> Callable[[Log], str | None]:
+    """By log, its digest where it was analyzed before and has not changed since.
 
-    def known(log: Path) -> str | None:
-        found = by_path.get(str(log.absolute()))
+    A log at an address that differs from all others in its size is no copy of one, and need not be read for that: what
+    stands for its digest is unlike any until its analysis reads it.
+    """
+    by_path = {record.log.path: record.log for record in records}
+    sizes = Counter(one.size for one in by_path.values())
+    for log in logs:
         with contextlib.suppress(OSError):
-            if found and found == LogFile.of(log, found.digest):
+            sizes[log.stat().st_size if isinstance(log, Path) else log.size or 0] += 1
+
+    def known(log: Log) -> str | None:
+        found = by_path.get(str(log.absolute() if isinstance(log, Path) else log))
+        with contextlib.suppress(OSError):
+            if found and (found.changed_ns or found.version) and found == LogFile.of(log, found.digest):
                 return found.digest
-        return None
+        return f"unread {log}" if isinstance(log, RemoteLog) and log.size and sizes[log.size] == 1 else None
 
     return known
 

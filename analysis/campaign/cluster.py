@@ -1,4 +1,7 @@
-"""Jobs on a Dask cluster. Logs and files travel with them: its computers need the software, but no common folder."""
+"""Jobs on a Dask cluster. Logs and files travel with them: its computers need the software, but no common folder.
+
+A log at an address does not travel: the worker reads it, with its own credentials.
+"""
 
 import os
 import tempfile
@@ -60,7 +63,7 @@ def _client(client: Callable[..., Any], address: str) -> Any:
 
 
 def _parcel(analyze: Analyze, job: Job) -> Parcel:
-    paths = [job.log, *job.files, *([job.runs] if job.runs else [])]
+    paths = [one for one in (job.log, *job.files, job.runs) if isinstance(one, Path)]
     return Parcel(analyze, job, Path.cwd(), {_absolute(path): path.read_bytes() for path in paths}, software())
 
 
@@ -87,7 +90,8 @@ def analyze_parcel(parcel: Parcel) -> Returned:
         for folder in (working, results):
             folder.mkdir(parents=True, exist_ok=True)
         job, runs = parcel.job, parcel.job.runs
-        job = replace(job, log=below(root, job.log), runs=below(root, runs) if runs else None)
+        log = below(root, job.log) if isinstance(job.log, Path) else job.log
+        job = replace(job, log=log, runs=below(root, runs) if runs else None)
         outcome = run_apart(parcel.analyze.under(root), job, working, results)
         files = {
             path.relative_to(results).as_posix(): path.read_bytes().replace(str(root).encode(), b"")

@@ -14,11 +14,12 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
-from pathlib import Path
+from pathlib import Path, PurePath
 from tempfile import mkdtemp
 
 import msgspec
 
+from analysis.campaign.addresses import Log, content_digest
 from analysis.files import write_file
 from flight.errors import InputError
 
@@ -37,27 +38,31 @@ def digest(path: Path) -> str:
         raise InputError(f"{path}: cannot be read ({cause})") from None
 
 
-def digests(paths: Iterable[Path], known: Callable[[Path], str | None], jobs: int) -> list[str | InputError]:
-    """`digest` of each path, `jobs` at a time, where it is not known; the error where a file cannot be read."""
+def digests(logs: Iterable[Log], known: Callable[[Log], str | None], jobs: int) -> list[str | InputError]:
+    """`digest` of each log, `jobs` at a time, where it is not known; the error where one cannot be read."""
 
-    def one(path: Path) -> str | InputError:
+    def one(log: Log) -> str | InputError:
         try:
-            return known(path) or digest(path)
+            return known(log) or (digest(log) if isinstance(log, Path) else content_digest(log))
         except InputError as error:
             return error
 
     with ThreadPoolExecutor(jobs) as pool:
-        return list(pool.map(one, paths))
+        return list(pool.map(one, logs))
 
 
-def key(log_digest: str, settings: str, files: Iterable[tuple[str, Path]], runs: Path | None) -> str:
-    """Digest of everything that the results of one flight depend on.
+def key(log_digest: str, inputs: str) -> str:
+    """Digest of everything that the results of one flight depend on: its log, and `inputs_digest`."""
+    return hashlib.sha256(f"{log_digest} {inputs}".encode()).hexdigest()
+
+
+def inputs_digest(settings: str, files: Iterable[tuple[str, Path]], runs: Path | None) -> str:
+    """Digest of what the results depend on beside the log.
 
     settings: the options' values. files: (option, file that it names). runs: the edited list of runs, if there is one.
     Raises InputError when a file cannot be read.
     """
     content = {
-        "log": log_digest,
         "settings": settings,
         "files": [(option, digest(path)) for option, path in files],
         "runs": digest(runs) if runs else None,
@@ -94,16 +99,19 @@ PARTIAL, REPLACED = ".partial", ".replaced"  # ends of the names of folders that
 
 
 class LogFile(msgspec.Struct, frozen=True, kw_only=True):
-    """A log when it was analyzed. While path, size and time of change are the same, its content is not read again."""
+    """A log when it was analyzed. While all but the digest are the same, its content is not read again."""
 
-    path: str  # absolute
+    path: str  # absolute, or the address
     size: int
-    changed_ns: int
+    changed_ns: int  # 0 at an address
+    version: str = ""  # at an address, its ETag or what the store has in place of one
     digest: str
 
     @classmethod
-    def of(cls, log: Path, log_digest: str) -> "LogFile":
+    def of(cls, log: Log, log_digest: str) -> "LogFile":
         """Raises OSError."""
+        if not isinstance(log, Path):
+            return cls(path=str(log), size=log.size or 0, changed_ns=0, version=log.version, digest=log_digest)
         status = log.stat()
         return cls(path=str(log.absolute()), size=status.st_size, changed_ns=status.st_mtime_ns, digest=log_digest)
 
@@ -119,9 +127,8 @@ class Record(msgspec.Struct, frozen=True, kw_only=True):
     files: list[str]  # that the analysis wrote
 
 
-def names(logs: Sequence[Path]) -> list[str]:
+def names(absolute: Sequence[PurePath]) -> list[str]:
     """A folder's name for each log: its own without suffix, with as many parents before it as tell the logs apart."""
-    absolute = [log.absolute() for log in logs]
     repeated = _repeated([str(log.with_suffix("")) for log in absolute])  # one flight in two formats
     own = [log.name if str(log.with_suffix("")).casefold() in repeated else log.stem for log in absolute]
     found = own

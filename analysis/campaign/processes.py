@@ -17,6 +17,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
+from analysis.campaign.addresses import Log, as_file, name_by_address
 from analysis.campaign.settings import CAMPAIGN
 from flight.errors import InputError
 
@@ -41,27 +42,33 @@ class Job:
     """An analysis to be run. name: of its folder. runs: an edited list of runs. files: others that it reads."""
 
     name: str
-    log: Path
+    log: Log
     runs: Path | None = None
     files: tuple[Path, ...] = ()
 
 
 class Outcome(NamedTuple):
-    """How a job ended: elapsed and processor time, the most memory of its process, and one line where it failed."""
+    """How a job ended: elapsed and processor time, the most memory of its process, and one line where it failed.
+
+    digest: SHA-256 of a log that was at an address.
+    """
 
     error: str = ""
     seconds: float = 0.0
     processor_seconds: float = 0.0
     peak_bytes: int = 0
+    digest: str = ""
 
 
 def run_job(analyze: Analyze, job: Job, folder: Path, progress: Progress) -> Outcome:
     """Run one job in this process, which is its own: the memory of the process is limited. Never raises."""
     start, processor_start = time.monotonic(), time.process_time()
     limit_memory(round(CAMPAIGN.memory_GB * 2**30))
-    error = ""
+    error, found = "", ""
     try:
-        analyze(job.log, folder, job.runs, progress)
+        with as_file(job.log, folder) as (log, found):
+            analyze(log, folder, job.runs, progress)
+            name_by_address(folder, log, job.log)
     except InputError as cause:
         error = str(cause)
     except MemoryError:
@@ -73,7 +80,7 @@ def run_job(analyze: Analyze, job: Job, folder: Path, progress: Progress) -> Out
             " software; analyze it alone for the details, and report it"
         )
     seconds, processor_seconds = time.monotonic() - start, time.process_time() - processor_start
-    return Outcome(" ".join(error.splitlines()), seconds, processor_seconds, peak_bytes())
+    return Outcome(" ".join(error.splitlines()), seconds, processor_seconds, peak_bytes(), found)
 
 
 def below(root: Path, path: Path) -> Path:

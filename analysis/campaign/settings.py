@@ -12,7 +12,9 @@ class CampaignLimits(Settings):
     memory_GB: float = setting(
         4.0, "GB", "of one analysis (2^30 bytes each): a flight of two hours takes a quarter of it"
     )
-    connect_s: float = setting(10.0, "s", "a scheduler that does not answer within this is not there")
+    connect_s: float = setting(
+        10.0, "s", "a scheduler or a store of logs that does not answer within this is not there"
+    )
     queued_per_thread: int = setting(
         2, "jobs", "at the scheduler for each thread of a worker: the next one is there when one ends"
     )

@@ -2,16 +2,19 @@
 
 import shlex
 import sys
+import tempfile
 from pathlib import Path
 from typing import Annotated, Any
 
+import msgspec
 import typer
 from rich.console import Console
 from typer.core import TyperCommand
 
+from analysis.campaign.addresses import as_file, find_logs, is_address, name_by_address, place, shown
 from analysis.cli.compare import app as compare_app
 from analysis.cli.electrical import Done
-from analysis.cli.one_log import analyze_log
+from analysis.cli.one_log import analyze_log, refuse_folder
 from analysis.cli.options import Options, QuietOption
 from analysis.cli.verdict import tell
 from flight.command_line import ExitCode, application, run, takes_options
@@ -42,12 +45,12 @@ def analyze(
     *,
     context: typer.Context,
     logs: Annotated[
-        list[Path],
+        list[str],
         typer.Argument(
             metavar="LOG",
             help="A log that the daemon recorded, one of other software (docs/understand/log-format.md), one of PX4"
-            " (.ulg), ArduPilot (.BIN, .log, .tlog) or Paparazzi (.data). Several: each is analyzed, and the flights"
-            " of one aircraft are pooled.",
+            " (.ulg), ArduPilot (.BIN, .log, .tlog) or Paparazzi (.data); a folder of logs; an address of either, such"
+            " as s3://bucket/flights/. Several: each is analyzed, and the flights of one aircraft are pooled.",
         ),
     ],
     output: Annotated[
@@ -56,7 +59,8 @@ def analyze(
             "-o",
             "--output",
             metavar="FOLDER",
-            help="Folder for the results; default: LOG without .mcap, plus .report. Needed with several logs.",
+            help="Folder for the results; default: LOG without .mcap, plus .report, for an address in this folder."
+            " Needed with several logs.",
         ),
     ] = None,
     options: Options = Options(),
@@ -100,6 +104,7 @@ def analyze(
       analyze log.mcap --runs log.report/runs.toml   after editing that file
       analyze log.ulg --mass 9.4 --wing-area 1.5 --span 4
       analyze flights/*.mcap -o out                  many flights as one
+      analyze s3://bucket/flights/ -o out            as many, from where they lie
       analyze compare old/ new/ -o difference
 
     Exit code 0: done; a doubtful result is named first. 1: done, but the result is not to be trusted, and lines on
@@ -107,20 +112,29 @@ def analyze(
     line on stderr says why, and nothing was written but, where no maneuver gives a curve, runs.toml with candidates;
     of several logs, the folders of flights that could be analyzed stay.
     """
-    if len(logs) > 1 or scheduler is not None:
+    stderr = Console(stderr=True, quiet=quiet)
+    if output is None:
+        refuse_folder(Path(logs[0]))
+    with stderr.status("looking for logs …"):
+        found = find_logs(logs)
+    if len(logs) == 1 and found.failures:
+        raise InputError(found.failures[0])
+    if len(logs) > 1 or found.in_folders or scheduler is not None:
         if json:
             raise InputError("--json: only for one log; several write their results into FOLDER")
         from analysis.cli.several_logs import analyze_logs
 
-        raise typer.Exit(analyze_logs(logs, output, options, jobs=jobs, scheduler=scheduler, quiet=quiet))
-    log = logs[0]
-    folder = output or log.parent / f"{log.stem}.report"
+        raise typer.Exit(analyze_logs(found, output, options, jobs=jobs, scheduler=scheduler, quiet=quiet))
+    log = found.logs[0]
+    folder = output or (log.parent if isinstance(log, Path) else Path()) / f"{place(log).stem}.report"
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file; give the folder for the results with -o")
-    stderr = Console(stderr=True, quiet=quiet)
-    command_line = shlex.join([str(context.find_root().info_name), *sys.argv[1:]])
-    with stderr.status("reading the log …") as status:
-        done = analyze_log(log, folder, options, lambda step: status.update(f"{step} …"), command_line)
+    words = [shown(word) if is_address(word) else word for word in sys.argv[1:]]
+    command_line = shlex.join([str(context.find_root().info_name), *words])
+    with stderr.status("reading the log …") as status, as_file(log, Path(tempfile.gettempdir())) as (file, _):
+        done = analyze_log(file, folder, options, lambda step: status.update(f"{step} …"), command_line)
+        name_by_address(folder, file, log)
+        done = done._replace(results=msgspec.structs.replace(done.results, log=str(log)))
     if done.previous_runs:
         note = f"note: {folder / 'runs.toml'} was written; the previous file is now {done.previous_runs.name}"
         stderr.print(note, highlight=False, markup=False)

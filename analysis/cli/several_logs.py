@@ -4,7 +4,7 @@ import importlib
 import io
 import os
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from types import TracebackType
@@ -18,6 +18,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from analysis.autopilot_logs.recognize import autopilot_of
+from analysis.campaign.addresses import FoundLogs, Log, RemoteLog, file_system
 from analysis.campaign.campaign import Campaign, Work, run
 from analysis.campaign.folders import exclusive
 from analysis.campaign.processes import Outcome, below
@@ -59,7 +60,7 @@ def settings(options: Options) -> str:
 
 
 def analyze_logs(
-    logs: Sequence[Path], output: Path | None, options: Options, *, jobs: int | None, scheduler: str | None, quiet: bool
+    found: FoundLogs, output: Path | None, options: Options, *, jobs: int | None, scheduler: str | None, quiet: bool
 ) -> ExitCode:
     """Analyze logs and pool the flights. Returns `ExitCode.FAILURE` when some of the logs cannot be used, or the
     results of one are not to be trusted.
@@ -74,20 +75,22 @@ def analyze_logs(
             " the same command again"
         )
     options.replacements()  # a wrong file is refused once, not for each log
-    work = Work(FlightAnalysis(options), settings(options), lambda log: files_used(log, options), PRELOAD)
+    modules = {type(file_system(log.address)[0]).__module__ for log in found.logs if isinstance(log, RemoteLog)}
+    preload = (*PRELOAD, *sorted(modules))
+    work = Work(FlightAnalysis(options), settings(options), lambda log: files_used(log, options), preload)
     stderr = Console(stderr=True)
     # Meanwhile this process has nothing else to do: what the report needs is loaded before the last flight has ended.
     threading.Thread(target=_load_report, daemon=True).start()
     with exclusive(output):
         with ProgressOnConsole(stderr, quiet) as monitor:
-            campaign = run(logs, output, work, monitor, jobs=jobs or _processors(), scheduler=scheduler)
+            campaign = run(found, output, work, monitor, jobs=jobs or _processors(), scheduler=scheduler)
             monitor.finished(campaign)
         for note in campaign.notes:
             stderr.print(f"note: {note}", highlight=False, markup=False, soft_wrap=True)
         if not campaign.folders:
-            raise InputError(f"{output}: none of the {len(logs)} logs can be used")
-        found = _pool(campaign, output, quiet)
-    return ExitCode.FAILURE if campaign.failures else found
+            raise InputError(f"{output}: none of the {len(campaign.failures)} logs can be used")
+        verdict = _pool(campaign, output, quiet)
+    return ExitCode.FAILURE if campaign.failures else verdict
 
 
 def _load_report() -> None:
@@ -205,23 +208,24 @@ class ProgressOnConsole:
             self.console.print(text, highlight=False, markup=False, soft_wrap=True)
 
 
-def files_used(log: Path, options: Options) -> list[tuple[str, Path]]:
-    """(option, file) of every file that the analysis of `log` reads.
+def files_used(log: Log, options: Options) -> list[tuple[str, Path]]:
+    """(option, file) of every file that the analysis of `log` reads; of a log at an address, that options name.
 
     Raises InputError when the aircraft file cannot be used.
     """
     given = ((option_name(field), getattr(options, field)) for field in ATTACHMENTS)
     files = [(option, path) for option, path in given if isinstance(path, Path) and path.is_file()]
     propeller = options.propeller or _named_propeller(log, options.aircraft)
-    files += [(option_name("columns"), path) for path in map_files(log, options.columns)]
+    maps = map_files(log, options.columns) if isinstance(log, Path) else [options.columns] if options.columns else []
+    files += [(option_name("columns"), path) for path in maps]
     return files + [(option_name("propeller"), path) for path in _propeller_files(propeller)]
 
 
-def _named_propeller(log: Path, aircraft: Path | None) -> str | None:
+def _named_propeller(log: Log, aircraft: Path | None) -> str | None:
     """The propeller in the aircraft file given, or in the log's where the log has no table of it."""
     if aircraft is not None:
         return load_aircraft(aircraft).propulsion.propeller
-    if autopilot_of(log):
+    if not isinstance(log, Path) or autopilot_of(log):
         return None
     attached = _attachments(log)
     if "propeller.csv" in attached or "aircraft.toml" not in attached:

@@ -14,13 +14,13 @@ from urllib.parse import quote, unquote
 
 import msgspec
 
+from analysis.campaign.addresses import file_system
 from analysis.pooling.flight_statistics import FlightContent, FlightStatistics, of_content, read_statistics
 from analysis.schema import POOLING_FORMAT
 from flight.errors import InputError
 
 if TYPE_CHECKING:
     import pyarrow as pa
-    from fsspec import AbstractFileSystem
 
 
 class Added(NamedTuple):
@@ -67,7 +67,7 @@ class Dataset:
     @property
     def airframes(self) -> list[str]:
         """Names, in order."""
-        fs, root = _reached(self.address)
+        fs, root = file_system(self.address)
         if not fs.exists(root):
             raise InputError(f"{self.address}: no flights there; add some with `flightpower fleet add`")
         return sorted(unquote(path.rsplit("=", 1)[1]) for path in fs.glob(f"{root}/airframe=*"))
@@ -95,7 +95,7 @@ class Dataset:
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-        fs, root = _reached(self.address)
+        fs, root = file_system(self.address)
         for path in sorted(fs.glob(f"{_folder(root, airframe)}/*.parquet")):
             try:
                 with fs.open(path, "rb") as stream:
@@ -135,7 +135,7 @@ class Dataset:
             for one in flights
         ]
         name = hashlib.sha256("".join(one.flight for one in flights).encode()).hexdigest()[:24]
-        fs, root = _reached(self.address)
+        fs, root = file_system(self.address)
         folder = _folder(root, airframe)
         fs.makedirs(folder, exist_ok=True)
         with fs.transaction, fs.open(f"{folder}/{name}.parquet", "wb") as stream:  # whole, or not at all
@@ -162,13 +162,3 @@ def _fingerprint(value: Any) -> str:
 
 def _folder(root: str, airframe: str) -> str:
     return f"{root}/airframe={quote(airframe, safe='')}"
-
-
-def _reached(address: str) -> tuple["AbstractFileSystem", str]:
-    from fsspec.core import url_to_fs
-
-    try:
-        fs, root = url_to_fs(address)
-    except (ImportError, ValueError) as error:
-        raise InputError(f"{address}: cannot be reached ({error})") from None
-    return fs, root.rstrip("/")

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from stub_analysis import Stub
 
+from analysis.campaign.addresses import FoundLogs
 from analysis.campaign.campaign import Campaign, Work, run
 from analysis.campaign.cluster import Parcel, analyze_parcel
 from analysis.campaign.folders import exclusive, names, software
@@ -58,7 +59,7 @@ def logs(folder: Path, **words: str) -> list[Path]:
 
 def run_in(folder: Path, paths: list[Path], work: Work) -> Campaign:
     with exclusive(folder):
-        return run(paths, folder, work, Silent(), jobs=2)
+        return run(FoundLogs([*paths]), folder, work, Silent(), jobs=2)
 
 
 def test_a_log_that_fails_costs_its_own_flight_and_is_one_line(tmp_path: Path, work: Work) -> None:
@@ -128,24 +129,9 @@ def test_ctrl_c_ends_the_analyses_that_run_at_once(tmp_path: Path, work: Work) -
 
     out, begun = tmp_path / "out", time.monotonic()
     with exclusive(out), pytest.raises(KeyboardInterrupt):
-        run(logs(tmp_path / "in", a="1", b="slow"), out, work, Interrupted(), jobs=2)
+        run(FoundLogs([*logs(tmp_path / "in", a="1", b="slow")]), out, work, Interrupted(), jobs=2)
     assert time.monotonic() - begun < 30  # the slow one takes 60 s
     assert [path.name for path in out.iterdir() if path.name != ".lock"] == ["a"]
-
-
-@pytest.mark.slow
-def test_a_cluster_gives_the_same_and_a_job_that_fails_there_costs_its_own_flight(tmp_path: Path, work: Work) -> None:
-    distributed = pytest.importorskip("distributed")
-    paths = logs(tmp_path / "in", a="1", b="killed", c="3")
-    options = {"n_workers": 1, "threads_per_worker": 2, "processes": False, "dashboard_address": None}
-    with distributed.LocalCluster(**options) as local, exclusive(tmp_path / "out"):
-        found = run(paths, tmp_path / "out", work, Silent(), jobs=2, scheduler=local.scheduler_address)
-    assert [folder.name for folder in found.folders] == ["a", "c"]
-    assert len(found.failures) == 1 and "b.mcap" in found.failures[0]
-    run_in(tmp_path / "here", paths, work)
-    for name in ("a", "c"):
-        results = [(tmp_path / where / name / "results.json").read_bytes() for where in ("out", "here")]
-        assert results[0] == results[1]
 
 
 def test_an_edited_list_of_runs_stays_with_its_log(tmp_path: Path, work: Work, analyzed) -> None:
