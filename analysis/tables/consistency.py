@@ -160,7 +160,7 @@ def relation(first: Array, second: Array) -> Relation | None:
 
 
 def _correlations(x: Array, y: Array, known: NDArray[np.bool_], reach: int) -> Array:
-    """Of x, which is late by -reach to reach samples, and y; zero where too few are known. Both are zero where unknown."""
+    """Of x, which is late by -reach to reach samples, and y; zero where too few are known. Unknown ones are zero."""
 
     def sums(first: Array, second: Array) -> Array:
         late = sliding_window_view(np.pad(second, reach), len(second))[::-1]
