@@ -5,7 +5,7 @@
 
 Flies Astraeus LS, HS and Nexstar (seed 1001), writes their logs, analyses these with `--likelihood`, and draws. Flights
 and analyses are kept in out/dissertation/flights and are not repeated; remove the folder to begin anew. The tables
-that docs/evidence/dissertation.md quotes are printed and written to out/dissertation/tables.md.
+are printed and written to out/dissertation/tables.md.
 """
 
 import json

@@ -5,7 +5,7 @@
     python benchmarks/estimation.py statistics --seeds 240
     python benchmarks/estimation.py significance
 
-docs/understand/estimation.md quotes the output.
+docs/evidence/accuracy.md quotes the output.
 """
 
 import subprocess

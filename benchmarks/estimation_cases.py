@@ -5,7 +5,7 @@
     python benchmarks/estimation_cases.py cases
     python benchmarks/estimation_cases.py agreement
 
-docs/understand/estimation.md quotes the output. Seeds are from 1000 on; nothing was chosen on them.
+docs/evidence/accuracy.md quotes the output. Seeds are from 1000 on; nothing was chosen on them.
 """
 
 import sys

@@ -3,7 +3,7 @@
     python benchmarks/estimation_scaling.py growth
     python benchmarks/estimation_scaling.py ratios
 
-docs/understand/estimation.md quotes the output. `aeroid` takes part where it is installed (`pip install aeroid`).
+`aeroid` takes part where it is installed (`pip install aeroid`).
 """
 
 import importlib.util

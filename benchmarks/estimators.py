@@ -1,8 +1,7 @@
 """How well each estimator does: error of power required, width and coverage of intervals, and sensor errors.
 
 Flies, simulates the sensors (no buses, no counts: this compares estimators, not drivers), analyzes, and compares with
-the simulator's true curve at five speeds. `python benchmarks/study.py estimators` repeats it; estimators.md quotes
-what that prints.
+the simulator's true curve at five speeds. `python benchmarks/study.py estimators` prints what it gives.
 """
 
 from dataclasses import replace

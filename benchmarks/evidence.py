@@ -374,7 +374,8 @@ def rendered(page: str, data: Path) -> str:
 def _table(tables: Tables, name: str) -> str:
     """A table; as NAME-in-words its first row, and as NAME-not-met the rows whose coverage is not what was asked."""
     if name.endswith("-in-words"):
-        return _in_words(tables[name.removesuffix("-in-words")][0])
+        records = tables[name.removesuffix("-in-words")]
+        return _flights_in_words(records) if "flight" in records[0] else _in_words(records[0])
     if not name.endswith("-not-met"):
         return markdown([_with_counting_error(one) for one in tables[name]])
     by_met: dict[str, list[str]] = {}
@@ -414,6 +415,20 @@ def _in_words(one: Record) -> str:
         f"installations with errors of their own, 95 percent of the errors of power required were below {low} to\n"
         f"{high} percent, by speed, and {one['coverage, %']} ± {one['±']} percent of the true powers lay\n"
         "in the 95 % interval"
+    )
+
+
+def _flights_in_words(records: Sequence[Record]) -> str:
+    """What the README says of real flights."""
+    errors = {one["flight"]: one["error, %"].split(" to ") for one in records if "error, %" in one}
+    citation, wing = errors.get("its decelerations alone"), errors.get("Daredevil, 10 July")
+    if citation is None or wing is None:
+        return "of other aircraft (not run by this version)"
+    least, most = (max(abs(float(end)) for end in ends) for ends in (citation, wing))
+    return (
+        f"of a Cessna Citation II, whose power required by its decelerations is within {least} percent of that by its\n"
+        f"steady flight, thrust given; of a small flying wing, whose battery power is within {most} percent of that\n"
+        "in level flight"
     )
 
 

@@ -1,7 +1,7 @@
 """Every method over many simulated flights: error, width and coverage of its interval, and causes of disagreements.
 
 Simulates flights and sensors (no buses, no counts), analyzes, and compares with the simulator's true curve within each
-method's range of speeds. `python benchmarks/study.py methods` repeats it; methods.md quotes what that prints.
+method's range of speeds. `python benchmarks/study.py methods` prints what it gives.
 """
 
 import dataclasses

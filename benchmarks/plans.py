@@ -4,7 +4,7 @@
     python benchmarks/plans.py --cells 15:21 --flights 4 --seed 0
 
 A cell is a turbulence W20 [kt] and a length [min]. Each flight is one line of the output file, flights that are already
-there are not flown again, so a run that was stopped continues. docs/use/flying.md quotes what this prints.
+there are not flown again, so a run that was stopped continues.
 """
 
 import json

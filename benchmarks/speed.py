@@ -5,7 +5,7 @@
     python benchmarks/speed.py --hours 2            the same plan with more runs, until it lasts so long
 
 Processor seconds of one process with one thread; the least of the rounds, since other load only adds. A run before them
-is not measured: it leaves the compiled modules that later ones find. docs/evidence/speed.md quotes the output.
+is not measured: it leaves the compiled modules that later ones find.
 """
 
 import io

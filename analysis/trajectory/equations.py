@@ -5,7 +5,7 @@ filter states of the lateral and vertical gusts. Sensor errors are constant over
 them is the mean updraft. The functions are written with NumPy; `linearized_equations` has CasADi derive them.
 
 The aircraft responds to gusts: it heaves within a second and yaws into them within two; only its speed responds slowly.
-If this response multiplied a free sensor error, gusts would be attributed to the sensor (figures: estimators.md).
+If this response multiplied a free sensor error, gusts would be attributed to the sensor (estimators.md).
 Therefore gusts are taken along the body axes, their effect on the flow depends on the predicted flow only, each scale
 multiplies a value predicted from past data, and the measurement equations are differentiated at predicted states.
 Residuals are exact; their derivatives are uncorrelated with the current gust (instrumental variables).

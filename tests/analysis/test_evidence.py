@@ -73,6 +73,15 @@ def test_the_readme_says_how_many_flights_were_covered() -> None:
     assert "In 100 simulated flights" in told and "1.8 to 2.4 percent" in told and "97 ± 1.2 percent" in told
 
 
+def test_the_readme_says_how_far_real_flights_were_off() -> None:
+    """The larger end counts, whatever its sign; a flight that was refused has none."""
+    rows = [{"flight": "Daredevil, 10 July", "error, %": "-1.8 to +3.5"}, {"flight": "another", "curve by": "refused"},
+            {"flight": "its decelerations alone", "error, %": "-1.0 to +0.4"}]  # fmt: skip
+    told = " ".join(evidence._table({"flights": rows}, "flights-in-words").split())
+    assert "within 1.0 percent of that by its steady flight" in told and "within 3.5 percent" in told
+    assert "not run" in evidence._table({"flights": rows[:2]}, "flights-in-words")
+
+
 def test_a_figure_shows_what_was_not_met_in_another_color_and_every_known_point() -> None:
     worlds = [{"world": name, "coverage, %": share, "±": 1.0, "met": met}
               for name, share, met in (("a", 95, "yes"), ("b", 60, "too seldom"))]  # fmt: skip
