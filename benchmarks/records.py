@@ -23,12 +23,11 @@ def rounded(values: ArrayLike, digits: int = 0) -> Any:
 def counted(covered: ArrayLike) -> tuple[float, float]:
     """Mean of the flights' shares (n,) [%] and its counting error, one standard deviation.
 
-    The error is that of a share of n flights, but not below that of one flight in n: what was always seen is not sure.
+    The error is that of the scatter of these flights and one that is half covered: what was always seen is not sure.
     """
     share = np.asarray(covered, dtype=float)
-    p, n = float(np.mean(share)), len(share)
-    at_least = np.sqrt(max(n - 1, 1)) / n / np.sqrt(n)
-    return 100 * p, 100 * max(float(np.std(share)) / np.sqrt(n), at_least)
+    with_one_more = np.append(share, 0.5)
+    return 100 * float(np.mean(share)), 100 * float(np.std(with_one_more) / np.sqrt(len(with_one_more)))
 
 
 def text(value: Any) -> str:
