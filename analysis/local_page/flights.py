@@ -42,6 +42,7 @@ from flight.units import GRAVITY_MPS2
 
 Json = dict[str, Any]
 LOGS = (".mcap", ".ulg", ".bin", ".log", ".tlog")
+POLARS = (".txt", ".csv", ".dat")
 
 
 class Kind(StrEnum):
@@ -69,6 +70,7 @@ class Values(msgspec.Struct, forbid_unknown_fields=True):
     propeller : the name of a shipped one; "" for that of the log
     at : mass [kg] and air density [kg/m^3] of the curve, of another flight to compare with; None for those flown
     method : name of one whose curve is asked for beside that of the report; "" for none
+    polar : name of a file with a predicted polar, to draw beside it; "" for none
     """
 
     file: str
@@ -77,11 +79,12 @@ class Values(msgspec.Struct, forbid_unknown_fields=True):
     propeller: str = ""
     at: tuple[float, float] | None = None
     method: str = ""
+    polar: str = ""
 
 
 class Limits(NamedTuple):
-    """Of what the page may ask: bytes of a dropped log and of a request; runs and keys in it; points of a strip; curves
-    that are kept of a flight, for who goes back to what was there before."""
+    """Of what the page may ask: bytes of a dropped log, and of a request or a polar; runs and keys in it; points of a
+    strip; curves that are kept of a flight, for who goes back to what was there before."""
 
     log_bytes: int = 500_000_000
     request_bytes: int = 200_000
@@ -105,9 +108,11 @@ class Folder:
 
     def logs(self) -> dict[str, Path]:
         """The logs in the folder by name; links that lead out of it are left out."""
-        inside = self.path.resolve()
-        found = (path for path in sorted(self.path.iterdir()) if path.suffix.lower() in LOGS and path.is_file())
-        return {path.name: path for path in found if path.resolve().parent == inside}
+        return _files(self.path, LOGS)
+
+    def polars(self) -> list[str]:
+        """Names of the files in the folder that hold a predicted polar."""
+        return [name for name, path in _files(self.path, POLARS).items() if _is_polar(path)]
 
     def flight(self, name: str) -> "OpenedFlight":
         """Raises InputError where there is no such log in the folder, or it cannot be read."""
@@ -139,13 +144,33 @@ class Folder:
             for path in logs
         ]  # fmt: skip
 
-    def new_log(self, name: str) -> Path:
-        """Where a dropped log of this name goes. Raises InputError for a name that is not one of a log, or in use."""
-        if not NAME.fullmatch(name) or Path(name).suffix.lower() not in LOGS:
-            raise InputError(f"{name[:80]!r}: is not the name of a log ({', '.join(LOGS)})")
+    def new_file(self, name: str) -> Path:
+        """Where a dropped file goes. Raises InputError for a name in use, or of neither a log nor a polar."""
+        if not NAME.fullmatch(name) or Path(name).suffix.lower() not in (*LOGS, *POLARS):
+            raise InputError(
+                f"{name[:80]!r}: is not the name of a log ({', '.join(LOGS)}) or of a polar ({', '.join(POLARS)})"
+            )
         if (self.path / name).exists():
             raise InputError(f"{name}: is in the folder already; rename the file that you drop")
         return self.path / name
+
+
+def _files(folder: Path, suffixes: Collection[str]) -> dict[str, Path]:
+    """The files with such a suffix in a folder, by name; links that lead out of it are left out."""
+    inside = folder.resolve()
+    found = (path for path in sorted(folder.iterdir()) if path.suffix.lower() in suffixes and path.is_file())
+    return {path.name: path for path in found if path.resolve().parent == inside}
+
+
+def _is_polar(path: Path) -> bool:
+    from analysis.report.predicted_polar import read_predicted_polar
+
+    if path.stat().st_size > LIMITS.request_bytes:
+        return False
+    try:
+        return bool(read_predicted_polar(path))
+    except InputError:
+        return False
 
 
 def report_folder(log: Path) -> Path:
@@ -259,6 +284,7 @@ class OpenedFlight:
             "density_kgpm3": condition.rho,
             "sources": [[source, float(variance[0]) / whole] for source, variance in variances.items()],
             "sources_at_mps": at,
+            "predicted": self._predicted(values, condition, points),
             "runs": _runs(flight.maneuvers),
             "track": msgspec.to_builtins(track(flight.trajectory)),
             "notes": [*flight.notes, *main.warnings],
@@ -291,6 +317,8 @@ class OpenedFlight:
             words += ["--propeller", values.propeller]
         if values.runs is not None and self.kind is Kind.DRAG:
             words += ["--runs", str(folder / "runs.toml")]
+        if values.polar:
+            words += ["--polar", os.path.relpath(self.path.parent / values.polar)]
         if _by_likelihood(values.method):
             words += ["--likelihood"]
         return shlex.join(words)
@@ -338,6 +366,22 @@ class OpenedFlight:
         write_file(path, runs_text(values.runs, self.path.name).encode())
         return path
 
+    def _polar_file(self, name: str) -> Path:
+        path = _files(self.path.parent, POLARS).get(name)
+        if path is None:
+            raise InputError(f"{name[:80]}: no such file with a polar in {self.path.parent}")
+        return path
+
+    def _predicted(self, values: Values, condition: Condition, points: list[PowerPoint]) -> Json | None:
+        """The curve by a predicted polar, a tenth of speed beyond the measured one on both sides. Raises InputError."""
+        from analysis.report.predicted_polar import read_predicted_polar
+
+        if not values.polar:
+            return None
+        predicted = read_predicted_polar(self._polar_file(values.polar))
+        V = np.linspace(0.9 * points[0].speed_mps, 1.1 * points[-1].speed_mps, len(points))
+        return {"name": predicted.name, "speed_mps": V, "power_W": predicted.power_W(V, condition)}
+
     def _options(self, values: Values, folder: Path) -> Options:
         if self.kind is Kind.AUTOPILOT:
             return Options(**_autopilot_options(values.aircraft))
@@ -347,6 +391,7 @@ class OpenedFlight:
             propeller=values.propeller or None,
             runs=folder / "runs.toml" if edited else None,
             likelihood=_by_likelihood(values.method),
+            polar=self._polar_file(values.polar) if values.polar else None,
         )
 
     def _write_inputs(self, values: Values, folder: Path) -> Iterator[Path | None]:

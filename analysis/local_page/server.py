@@ -19,7 +19,8 @@ import msgspec
 import numpy as np
 
 from analysis.autopilot_logs.recognize import autopilot_of
-from analysis.local_page.flights import LIMITS, Folder, Values
+from analysis.local_page.flights import LIMITS, POLARS, Folder, Values
+from analysis.report.predicted_polar import read_predicted_polar
 from flight.errors import InputError
 from flight.log_reader import read_log
 
@@ -107,10 +108,12 @@ class LocalPage:
             case "GET", ["report", name]:
                 return Answer(HTML, self.folder.report(name), REPORT_POLICY)
             case "GET", ["logs"]:
-                return _json({"folder": str(self.folder.path), "logs": self.folder.listed()})
+                return _json(
+                    {"folder": str(self.folder.path), "logs": self.folder.listed(), "polars": self.folder.polars()}
+                )
             case "POST", ["open" | "curve" | "write" as action]:
                 return self._computed(action, _values(environ))
-            case "PUT", ["log", name]:
+            case "PUT", ["file", name]:
                 return self._kept(name, environ)
         raise RefusedError(HTTPStatus.NOT_FOUND, "there is no such page")
 
@@ -127,14 +130,18 @@ class LocalPage:
             _ = self.folder.flight(name).shown
 
     def _kept(self, name: str, environ: Environ) -> Answer:
-        """A log that was dropped on the page, written into the folder if it is one."""
-        path, length = self.folder.new_log(name), _length(environ, LIMITS.log_bytes)
+        """A log or predicted polar that was dropped on the page, written into the folder if it is one."""
+        path = self.folder.new_file(name)
+        polar = path.suffix.lower() in POLARS
+        length = _length(environ, LIMITS.request_bytes if polar else LIMITS.log_bytes)
         partly = path.with_name(f".{path.name}.part")
         try:
             with partly.open("xb") as stream:
                 _copy(environ["wsgi.input"], stream, length)
             try:
-                if not autopilot_of(partly):
+                if polar:
+                    read_predicted_polar(partly)
+                elif not autopilot_of(partly):
                     read_log(partly)
             except InputError as error:
                 raise InputError(str(error).replace(str(partly), name)) from None

@@ -9,6 +9,7 @@ let flight = null;  // what the server says of the opened log
 let runs = [], edited = false, selected = -1, changed = {}, propeller = "";
 let last = null, first = null;  // the newest curve, and that of the flight as it was opened
 let other = null;  // another log to compare with, and its curve
+let polar = "";  // the file of a predicted polar
 let method = "";  // another method than that of the report, by its name
 let pointed = NaN, asked = 0;  // time under the pointer; number of the newest question
 
@@ -45,7 +46,7 @@ function put(parent, name, attributes = {}, text = "") {
 // ---- logs
 
 async function list() {
-  const {folder, logs} = await ask("logs"), ul = at("logs").querySelector("ul");
+  const {folder, logs, polars} = await ask("logs"), ul = at("logs").querySelector("ul");
   at("folder").textContent = folder;
   ul.replaceChildren();
   for (const log of logs) {
@@ -58,6 +59,9 @@ async function list() {
   for (const name of ["", ...others.map(log => log.name)]) put(choice, "option", {value: name}, name || "no other flight");
   choice.value = other ? other.file : "";
   at("comparing").hidden = !others.length;
+  at("predicted").replaceChildren();
+  for (const name of ["", ...polars]) put(at("predicted"), "option", {value: name}, name || "none");
+  at("predicted").value = polar;
   if (!logs.length) put(ul, "li", {}, "No log in this folder yet.");
   return logs;
 }
@@ -66,7 +70,7 @@ function open(file) {
   return working(`reading ${file} …`, async () => {
     flight = await ask("open", {file});
     location.hash = file;
-    [runs, edited, selected, changed, propeller, last, first, other, method] = [flight.runs || [], false, -1, {}, "", null, null, null, ""];
+    [runs, edited, selected, changed, propeller, last, first, other, method, polar] = [flight.runs || [], false, -1, {}, "", null, null, null, "", ""];
     at("title").textContent = file;
     at("flight").hidden = flight.kind !== "drag";
     at("values").hidden = at("done").hidden = false;
@@ -84,15 +88,18 @@ function open(file) {
 
 function showReport(there) {
   const frame = at("report");
-  frame.hidden = !there;
-  if (there) frame.src = `report/${encodeURIComponent(flight.file)}?${Date.now()}`;
+  frame.hidden = at("apart").hidden = !there;
+  if (there) at("apart").querySelector("a").href = frame.src = `report/${encodeURIComponent(flight.file)}?${Date.now()}`;
 }
 
 async function drop(file) {
   await working(`adding ${file.name} …`, async () => {
-    const answer = await fetch(`log/${encodeURIComponent(file.name)}`, {method: "PUT", body: file});
+    const answer = await fetch(`file/${encodeURIComponent(file.name)}`, {method: "PUT", body: file});
     if (!answer.ok) throw new Error(await answer.text());
-    await open(file.name);
+    if (!/\.(txt|csv|dat)$/i.test(file.name)) return open(file.name);
+    polar = file.name;
+    await list();
+    if (flight && flight.kind === "drag") recompute();
   });
 }
 
@@ -100,7 +107,7 @@ async function drop(file) {
 
 function values() {
   return {file: flight.file, runs: edited ? runs.map(({kind, start_s, end_s, keep, why}) => ({kind, start_s, end_s, keep, why})) : null,
-          aircraft: changed, propeller, method};
+          aircraft: changed, propeller, method, polar};
 }
 
 async function compute() {
@@ -220,9 +227,9 @@ function emptied(id) {
 
 function drawCurve() {
   const [svg, width, height] = emptied("curve"), {speed_mps: V, power_W: P, power_lo_W: lo, power_hi_W: hi} = last.curve;
-  const beside = [[other && other.curve, "other"], [last.method && last.method.curve, "method"]].filter(([curve]) => curve && curve.power_W.length);
-  const xRange = extent([...V, ...first.speed_mps, ...beside.flatMap(([curve]) => curve.speed_mps)]);
-  const yRange = [0, 1.08 * extent([...hi, ...first.power_W, ...beside.flatMap(([curve]) => curve.power_hi_W)])[1]];
+  const beside = [[other && other.curve, "other"], [last.method && last.method.curve, "method"]].filter(([curve]) => curve && curve.power_W.length), predicted = last.predicted;
+  const xRange = extent([...V, ...first.speed_mps, ...(predicted ? predicted.speed_mps : []), ...beside.flatMap(([curve]) => curve.speed_mps)]);
+  const yRange = [0, 1.08 * extent([...hi, ...first.power_W, ...(predicted ? predicted.power_W : []), ...beside.flatMap(([curve]) => curve.power_hi_W)])[1]];
   const box = [56, width - 8, 10, height - 44], x = scale(xRange, box.slice(0, 2)), y = scale(yRange, [box[3], box[2]]);
   axes(svg, x, y, [xRange, yRange], box, ["true airspeed, m/s", "power required, W"]);
   const band = (speeds, upper, lower) => path(x, y, speeds, upper) + path(x, y, [...speeds].reverse(), [...lower].reverse()).replace("M", "L") + "Z";
@@ -231,14 +238,17 @@ function drawCurve() {
     put(svg, "path", {class: `area ${name}`, d: band(speed_mps, power_hi_W, power_lo_W)});
     put(svg, "path", {class: `line ${name}`, d: path(x, y, speed_mps, power_W)});
   }
+  if (predicted) put(svg, "path", {class: "line predicted", d: path(x, y, predicted.speed_mps, predicted.power_W)});
+  at("by-polar").textContent = predicted ? `Thin: predicted by ${predicted.name}.` : "Drop a file of XFLR5, AVL or AeroSandbox on this page.";
   at("compared").textContent = other ? comparison() : "";
   at("by-method").textContent = byMethod();
-  if (first !== last.curve) put(svg, "path", {class: "line before", d: path(x, y, first.speed_mps, first.power_W)});
+  const moved = String(first.power_W) !== String(P);
+  if (moved) put(svg, "path", {class: "line before", d: path(x, y, first.speed_mps, first.power_W)});
   put(svg, "path", {class: "line now", d: path(x, y, V, P)});
   const k = last.least_power === null ? 0 : V.reduce((best, v, i) => Math.abs(v - last.least_power) < Math.abs(V[best] - last.least_power) ? i : best, 0);
   const where = last.least_power === null ? "the slowest flown; power still decreases there" : "the speed of least power";
   at("number").textContent = `${P[k].toFixed(1)} W (95 % interval ${lo[k].toFixed(1)} to ${hi[k].toFixed(1)}) at ${V[k].toFixed(1)} m/s, ${where}, `
-    + `for ${last.mass_kg.toFixed(2)} kg in air of ${last.density_kgpm3.toFixed(3)} kg/m³. ` + (first !== last.curve ? "Dashed: as opened. " : "")
+    + `for ${last.mass_kg.toFixed(2)} kg in air of ${last.density_kgpm3.toFixed(3)} kg/m³. ` + (moved ? "Dashed: as opened. " : "")
     + "The verdict is in the report.";
   const sources = at("sources");
   sources.replaceChildren();
@@ -367,6 +377,7 @@ function listen() {
     else if (key === "escape") select(-1);
   });
   at("method").addEventListener("change", () => { method = at("method").value; recompute(); });
+  at("predicted").addEventListener("change", () => { polar = at("predicted").value; recompute(); });
   at("other").addEventListener("change", () => working("reading the other flight …", async () => {
     const file = at("other").value;
     if (file) await compare(file); else other = null;

@@ -81,7 +81,7 @@ ATTACKS: dict[str, tuple[str, str, bytes, dict[str, Any]]] = {
     "a plain form": ("POST", of("write"), values(), {"CONTENT_TYPE": "application/x-www-form-urlencoded"}),
     "text as JSON": ("POST", of("write"), values(), {"CONTENT_TYPE": "text/plain"}),
     "writing by GET": ("GET", of("write"), b"", {}),
-    "deleting": ("DELETE", of("log/log.mcap"), b"", {}),
+    "deleting": ("DELETE", of("file/log.mcap"), b"", {}),
     "options": ("OPTIONS", of("write"), b"", {}),
     "no such page": ("GET", of("etc/passwd"), b"", {}),
     "a template by path": ("GET", of("../server.py"), b"", {}),
@@ -106,18 +106,25 @@ ATTACKS: dict[str, tuple[str, str, bytes, dict[str, Any]]] = {
     "a list of nothing": ("POST", of("write"), values(runs=[]), {}),
     "a propeller by path": ("POST", of("write"), values(propeller=OUTSIDE), {}),
     "a key that is a section": ("POST", of("write"), values(aircraft={"mass]\nweight": "1"}), {}),
-    "a log that is none": ("PUT", of("log/new.mcap"), b"not a log", {}),
-    "an empty log": ("PUT", of("log/new.mcap"), b"", {}),
-    "a log cut short": ("PUT", of("log/new.mcap"), b"\x89MCAP0\r\n", {"CONTENT_LENGTH": "1000"}),
-    "a log beyond the limit": ("PUT", of("log/new.mcap"), b"", {"CONTENT_LENGTH": str(LIMITS.log_bytes + 1)}),
-    "a log over another": ("PUT", of("log/log.mcap"), b"x", {}),
-    "a log with a path": ("PUT", of("log/../new.mcap"), b"x", {}),
-    "a log outside by backslash": ("PUT", of("log/..\\new.mcap"), b"x", {}),
-    "a hidden log": ("PUT", of("log/.new.mcap"), b"x", {}),
-    "a program": ("PUT", of("log/run.sh"), b"x", {}),
-    "a log with a device's name": ("PUT", of("log/new.mcap:stream"), b"x", {}),
-    "a log whose name is too long": ("PUT", of(f"log/{'n' * 300}.mcap"), b"x", {}),
-    "a log from another page": ("PUT", of("log/new.mcap"), b"x", {"HTTP_ORIGIN": "http://evil.example"}),
+    "a log that is none": ("PUT", of("file/new.mcap"), b"not a log", {}),
+    "an empty log": ("PUT", of("file/new.mcap"), b"", {}),
+    "a log cut short": ("PUT", of("file/new.mcap"), b"\x89MCAP0\r\n", {"CONTENT_LENGTH": "1000"}),
+    "a log beyond the limit": ("PUT", of("file/new.mcap"), b"", {"CONTENT_LENGTH": str(LIMITS.log_bytes + 1)}),
+    "a log over another": ("PUT", of("file/log.mcap"), b"x", {}),
+    "a log with a path": ("PUT", of("file/../new.mcap"), b"x", {}),
+    "a log outside by backslash": ("PUT", of("file/..\\new.mcap"), b"x", {}),
+    "a hidden log": ("PUT", of("file/.new.mcap"), b"x", {}),
+    "a polar that is none": ("PUT", of("file/polar.csv"), b"name,value\na,1\n", {}),
+    "a polar beyond the limit": (
+        "PUT", of("file/polar.txt"), b"", {"CONTENT_LENGTH": str(LIMITS.request_bytes + 1)}
+    ),
+    "a polar outside": ("POST", of("curve"), values(polar=OUTSIDE), {}),
+    "a polar by an absolute path": ("POST", of("write"), values(polar="/etc/passwd"), {}),
+    "a log as a polar": ("POST", of("curve"), values(polar="log.mcap"), {}),
+    "a program": ("PUT", of("file/run.sh"), b"x", {}),
+    "a log with a device's name": ("PUT", of("file/new.mcap:stream"), b"x", {}),
+    "a log whose name is too long": ("PUT", of(f"file/{'n' * 300}.mcap"), b"x", {}),
+    "a log from another page": ("PUT", of("file/new.mcap"), b"x", {"HTTP_ORIGIN": "http://evil.example"}),
 }  # fmt: skip
 
 
@@ -144,7 +151,7 @@ def test_an_attack_is_refused_in_words_and_leaves_everything_as_it_was(page: Loc
 
 
 def test_a_dropped_log_is_kept_and_opens(page: LocalPage, flown: bytes) -> None:
-    answer = asked(page, "PUT", of("log/dropped flight (2).mcap"), flown)
+    answer = asked(page, "PUT", of("file/dropped flight (2).mcap"), flown)
     assert answer.status == 200
     assert json.loads(asked(page, "POST", of("open"), values(file="dropped flight (2).mcap")).body)["kind"] == "drag"
 

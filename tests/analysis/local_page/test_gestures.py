@@ -5,11 +5,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from threading import Thread
 
+import numpy as np
 import pytest
 import waitress
 
 from analysis.local_page.flights import Folder
 from analysis.local_page.server import LocalPage
+from flight.aircraft import load_aircraft
 from tests.browser import AXE, CHROMIUM, NO_AXE, Browser
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here (Debian: apt-get install chromium)")
@@ -168,6 +170,27 @@ def test_the_method_is_switched_with_the_keyboard_beside_the_headline(page: Brow
     assert page.value_of(lines) == 0 and page.value_of(said) == "" and page.value_of(command) == plain
 
 
+def test_a_predicted_polar_is_dropped_and_drawn(page: Browser, served: tuple[str, Path]) -> None:
+
+    name, command = f"half-{page.value_of('innerWidth')}.txt", "document.getElementById('command').textContent"
+    text = "CL CD\\n" + "\\n".join(f"{CL / 100} {0.02 + 0.03 * (CL / 100) ** 2}" for CL in range(2, 160, 2))
+    page.value_of(f"window.before = last; drop(new File(['{text}'], '{name}'))")
+    page.wait_for(f"last !== window.before && last.predicted && {QUIET}")
+    assert (served[1] / name).is_file() and page.value_of("at('predicted').value") == name
+    assert page.value_of("document.querySelectorAll('#curve .line.predicted').length") == 1
+    assert name in page.value_of("at('by-polar').textContent")
+    assert f"/{name}" in page.value_of(command).partition("--polar ")[2]
+    V, P = np.array(page.value_of("[last.predicted.speed_mps, last.predicted.power_W]"))
+    W, rho, S = (
+        *page.value_of("[9.80665 * last.mass_kg, last.density_kgpm3]"),
+        load_aircraft("nexstar").geometry.wing_area_m2,
+    )
+    CL = 2 * W / (rho * V**2 * S)
+    assert P == pytest.approx(rho / 2 * V**3 * S * (0.02 + 0.03 * CL**2), rel=2e-3)
+    changed_curve(page, "at('predicted').value = ''; at('predicted').dispatchEvent(new Event('change'))")
+    assert page.value_of("last.predicted") is None and "--polar" not in page.value_of(command)
+
+
 def test_another_flight_is_compared_at_the_weight_of_this_one(
     page: Browser, served: tuple[str, Path], flown: bytes
 ) -> None:
@@ -196,6 +219,7 @@ def test_the_report_is_written_and_shown_and_a_log_is_added(
     page.wait_for(f"!document.getElementById('report').hidden && {QUIET}", 60)
     results = json.loads((folder / "log.report" / "results.json").read_text("utf-8"))
     assert page.value_of("last.curve.power_W") == pytest.approx([one["power_W"] for one in results["power_required"]])
+    assert page.value_of("at('apart').querySelector('a').href") == page.value_of("at('report').src") != ""
     name = f"other-{page.value_of('innerWidth')}.mcap"
     (tmp_path / name).write_bytes(flown)
     document = page.command("DOM.getDocument")["root"]["nodeId"]

@@ -150,23 +150,25 @@ def test_other_methods_are_listed_as_far_as_runs_were_flown_for_them(log: Opened
         log.curve(Values("log.mcap", method="the best"))
 
 
-def test_maximum_likelihood_is_in_the_command_and_in_the_report_once_it_was_looked_at(
+def test_what_is_drawn_beside_the_curve_is_in_the_command_and_in_the_report(
     log: OpenedFlight, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked: list[tuple[bool, str]] = []
+    """The methods of maximum likelihood are only applied where they are asked for."""
+    asked: list[tuple[bool, Path | None, list[str]]] = []
 
     def analyze_log(path: Path, folder: Path, options: Options, progress: object, command_line: str) -> None:
-        asked.append((options.likelihood, command_line))
+        asked.append((options.likelihood, options.polar, shlex.split(command_line)[2:]))
         raise InputError("enough")
 
     monkeypatch.setattr("analysis.cli.one_log.analyze_log", analyze_log)
-    for name in ("energy", "force-models"):
-        with pytest.raises(InputError):
-            log.write(Values("log.mcap", method=name))
-    assert [(likelihood, shlex.split(told)[2:]) for likelihood, told in asked] == [
-        (False, []),
-        (True, ["--likelihood"]),
-    ]
+    monkeypatch.chdir(log.path.parent)
+    Path("polar.csv").write_text("CL,CD\n0.2,0.03\n0.6,0.04\n1.0,0.08\n", "utf-8")
+    for values in (Values("", method="energy"), Values("", method="force-models"), Values("", polar="polar.csv")):
+        with pytest.raises(InputError, match="enough"):
+            log.write(values)
+    polar = log.path.parent / "polar.csv"
+    assert asked == [(False, None, []), (True, None, ["--likelihood"]), (False, polar, ["--polar", "polar.csv"])]
+    polar.unlink()
 
 
 def test_the_last_curves_are_kept(new_log: OpenedFlight, monkeypatch: pytest.MonkeyPatch) -> None:
