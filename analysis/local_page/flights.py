@@ -10,7 +10,9 @@ import re
 import shlex
 import time
 import tomllib
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
+from concurrent.futures import BrokenExecutor, Future
+from contextlib import suppress
 from enum import StrEnum
 from functools import cached_property
 from pathlib import Path
@@ -100,10 +102,14 @@ NAME = re.compile(r"[\w(+-][\w .()+-]{0,120}", re.ASCII)
 
 
 class Folder:
-    """The folder that was opened. workspace : for files that the analysis reads while the user edits"""
+    """The folder that was opened.
 
-    def __init__(self, path: Path, workspace: Path):
+    workspace : for files that the analysis reads while the user edits     reading : logs that are being read, by name
+    """
+
+    def __init__(self, path: Path, workspace: Path, reading: Mapping[str, Future[Log]] = {}):
         self.path, self.workspace = path, workspace
+        self._reading = dict(reading)
         self._opened: dict[str, OpenedFlight] = {}
 
     def logs(self) -> dict[str, Path]:
@@ -124,7 +130,7 @@ class Folder:
             self._opened.pop(name, None)
             while len(self._opened) > 1:  # in memory are the last two, which may be compared
                 self._opened.pop(next(iter(self._opened)))
-            opened = self._opened[name] = OpenedFlight(path, self.workspace)
+            opened = self._opened[name] = OpenedFlight(path, self.workspace, self._reading.pop(name, None))
         return opened
 
     def report(self, name: str) -> bytes:
@@ -186,10 +192,13 @@ class _Prepared(NamedTuple):
 
 
 class OpenedFlight:
-    """One log, with what was computed of it so far. workspace : a folder for the list of runs while it is edited"""
+    """One log, with what was computed of it so far.
 
-    def __init__(self, path: Path, workspace: Path):
-        self.path, self.workspace = path, workspace
+    workspace : a folder for the list of runs while it is edited     reading : the log, if another process reads it
+    """
+
+    def __init__(self, path: Path, workspace: Path, reading: Future[Log] | None = None):
+        self.path, self.workspace, self._reading = path, workspace, reading
         self._stat = _stat(path)
         self._prepared: dict[tuple[str, str], _Prepared] = {}
         self._curves: dict[bytes, Json] = {}  # by what was asked
@@ -205,6 +214,10 @@ class OpenedFlight:
 
     @cached_property
     def log(self) -> Log:
+        reading, self._reading = self._reading, None
+        with suppress(BrokenExecutor):
+            if reading:
+                return reading.result()
         return read_log(self.path)
 
     @cached_property

@@ -7,6 +7,7 @@ that was opened. The page may run no script but its own; a report is shown in a 
 """
 
 import hmac
+import logging
 from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
 from http import HTTPStatus
@@ -207,6 +208,7 @@ def serve(folder: Folder, listening: socket, token: str, first: str) -> None:
     """Serve the page until the process is stopped. first : a log to read ahead, or ''"""
     import waitress  # type: ignore[import-untyped]
 
+    logging.getLogger("waitress.queue").setLevel(logging.ERROR)  # a request that waits for a curve is nothing to report
     port = listening.getsockname()[1]
     page = LocalPage(folder, hosts={f"127.0.0.1:{port}", f"localhost:{port}"}, token=token)
     server = waitress.create_server(

@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+from concurrent.futures import BrokenExecutor, Future
 from contextlib import ExitStack
 from pathlib import Path
 from urllib.error import HTTPError, URLError
@@ -11,8 +12,10 @@ from urllib.request import urlopen
 
 import pytest
 
-from analysis.local_page.command import opened_folder
+from analysis.local_page.command import _read_apart, opened_folder
+from analysis.local_page.flights import OpenedFlight
 from flight.errors import InputError
+from flight.log_reader import Log
 
 
 def test_logs_of_one_folder_are_opened_and_others_refused(tmp_path: Path) -> None:
@@ -27,11 +30,34 @@ def test_logs_of_one_folder_are_opened_and_others_refused(tmp_path: Path) -> Non
             opened_folder(wrong)
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="no process is forked elsewhere")
+def test_a_log_is_read_in_another_process_and_here_if_that_ends(flown: bytes, tmp_path: Path) -> None:
+    log = tmp_path / "log.mcap"
+    log.write_bytes(flown)
+    reading = _read_apart(log)
+    assert reading is not None
+    apart, ended = reading.result(20), Future[Log]()
+    ended.set_exception(BrokenExecutor("killed"))
+    assert OpenedFlight(log, tmp_path, reading).log is apart
+    here = OpenedFlight(log, tmp_path, ended).log
+    for topic, entries in here.entries.items():
+        assert list(apart.entries[topic]) == list(entries)
+    assert apart.attachments == here.attachments
+    log.write_bytes(b"no log")
+    refused = _read_apart(log)
+    with pytest.raises(InputError, match="not an MCAP file"):
+        _ = OpenedFlight(log, tmp_path, refused).log
+
+
 @pytest.mark.parametrize("closing", [signal.SIGHUP, signal.SIGINT])
-def test_the_page_closes_with_the_terminal_and_leaves_nothing(tmp_path: Path, closing: signal.Signals) -> None:
+def test_the_page_closes_with_the_terminal_and_leaves_nothing(
+    flown: bytes, tmp_path: Path, closing: signal.Signals
+) -> None:
+    """Also of the process that reads the log."""
     for name in ("flights", "temporary"):
         (tmp_path / name).mkdir()
-    command = [sys.executable, "-m", "flightpower", "open", str(tmp_path / "flights"), "--no-browser"]
+    (tmp_path / "flights" / "log.mcap").write_bytes(flown)
+    command = [sys.executable, "-m", "flightpower", "open", str(tmp_path / "flights" / "log.mcap"), "--no-browser"]
     environment = os.environ | {"TMPDIR": str(tmp_path / "temporary")}
     with (
         subprocess.Popen(
