@@ -221,6 +221,11 @@ def flight_path(flight: Measured) -> FlightPath:
     return FlightPath(trajectory, conflict, (*notes, *misfit_notes))
 
 
+def as_measured(flight: Flown, trajectory: Trajectory) -> Reconstructed:
+    """The record with the path as measured, in place of a trajectory in misfit."""
+    return reconstructed(flight, _as_measured(flight, f"the trajectory does not fit{misfit_in_words(trajectory)}"))
+
+
 def _with_updraft(flight: Flown, trajectory: Trajectory) -> tuple[Flown, Trajectory, list[str]]:
     """Both with the prior of the mean updraft by duration, hour, sun and wind, where the aircraft file does not state
     it; and notes on it. It depends on the runs, and the rest of the path does not."""

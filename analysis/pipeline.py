@@ -5,17 +5,18 @@ from pathlib import Path
 
 from msgspec import structs
 
-from analysis.drag.estimate import Estimated, estimated
+from analysis.drag.estimate import Estimated, by_simpler_method, estimated
 from analysis.electrical.daemon_log import WholeFlight, whole_flight
-from analysis.flight import Progress, reconstructed, recorded, synchronized, with_runs
+from analysis.flight import Progress, as_measured, reconstructed, recorded, synchronized, with_runs
 from analysis.log_contents import Replacements
 from analysis.performance.analysis import Performance, compute
 from analysis.performance.request import Request
 from analysis.planning.next_flight import next_flight
 from analysis.results.assemble import assemble
 from analysis.results.trust import with_trust
-from analysis.schema import Results
+from analysis.schema import Results, Trust
 from analysis.trajectory.consistency import Consistency, consistency
+from analysis.trajectory.observability import misfit
 from flight.log_reader import Log
 
 
@@ -44,6 +45,8 @@ def analyze(
 ) -> Analysis:
     """Power required and performance from a log.
 
+    The curve is by the best method that gives one; where that is not to be trusted because the flight path does not fit
+    the measurements, by a simpler one that is.
     replacements: files used instead of parts of the log, such as another aircraft file. request: battery, weights and
     density altitudes to compute performance for. runs_file: an edited list of runs (`maneuvers.runs_file`).
     command_line: that started the analysis, for the report. by_likelihood: with the two maximum-likelihood methods.
@@ -55,23 +58,29 @@ def analyze(
     flown = with_runs(measured, runs_file)
     path = reconstructed(flown)
     flight = estimated(path, by_likelihood=by_likelihood)
-    flight, whole_flight_energy = _with_energy_of_whole_flight(flight)
+    flight.progress("balancing the energy of the whole flight")
+    whole = whole_flight(log, path.aircraft, path.propeller)
+    analysis = _analysis(flight, whole, request, command_line)
+    if analysis.results.trust is not Trust.NOT_TO_BE_TRUSTED or not misfit(path.trajectory):
+        return analysis
+    simpler = by_simpler_method(as_measured(flown, path.trajectory), flight.drag)
+    if simpler is None:
+        return analysis
+    other = _analysis(simpler, whole, request, command_line)
+    return analysis if other.results.trust is Trust.NOT_TO_BE_TRUSTED else other
+
+
+def _analysis(flight: Estimated, whole: WholeFlight, request: Request, command_line: str) -> Analysis:
+    """What follows from the curve, with the verdict. whole: one more method, which needs neither runs nor flow angles,
+    but voltage and current."""
+    flight = replace(flight, drag=replace(flight.drag, methods=[*flight.drag.methods, whole.method]))
     performance = _performance(flight, request)
     flight = replace(flight, notes=(*flight.notes, *request.notes(flight.aircraft)))
     consistent = consistency(flight.trajectory)
-    written = performance.result if performance else None
-    results = assemble(flight, consistent, written, whole_flight_energy.electrical, command_line)
+    results = assemble(flight, consistent, performance.result if performance else None, whole.electrical, command_line)
     advice = next_flight(flight.trajectory, flight.drag.main, flight.condition, flight.drag.flown_CL)
     with_advice = structs.replace(results, next_flight=list(advice.sentences), next_flight_lowers=advice.lowers)
     return Analysis(**flight.known(), consistency=consistent, performance=performance, results=with_trust(with_advice))
-
-
-def _with_energy_of_whole_flight(flight: Estimated) -> tuple[Estimated, WholeFlight]:
-    """One more method: it needs neither runs nor flow angles, but voltage and current."""
-    flight.progress("balancing the energy of the whole flight")
-    whole = whole_flight(flight.log, flight.aircraft, flight.propeller)
-    drag = replace(flight.drag, methods=[*flight.drag.methods, whole.method])
-    return replace(flight, drag=drag), whole
 
 
 def _performance(flight: Estimated, request: Request) -> Performance | None:

@@ -72,6 +72,7 @@ class WhyNot(StrEnum):
     NONE = ""  # it gives the curve
     NOT_FLOWN = "no maneuver that it needs was flown"
     NO_TRAJECTORY = "no flight path explains the measurements"
+    MISFIT = "its flight path does not fit the measurements, and its curve is not to be trusted"
     NO_ESTIMATE = "the data do not suffice"
     UNPHYSICAL = "its drag polar is unphysical"
     NO_INFORMATION = "its 95 % interval is as large as the power itself"
@@ -678,6 +679,8 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     methods: list[MethodResult] = []
     one_by_one: list[MethodResult] = []  # each acceleration and deceleration alone, named by `title`
     runs_against_others: list[RunAgainstOthers] = []
+    # By energy, where the curve is by it and both were flown.
+    accelerations_against_decelerations: RunAgainstOthers | msgspec.UnsetType = msgspec.UNSET
     disagreements: list[DisagreementResult] = []
     interval_parts: list[IntervalPart] = []  # of `power_required`
     path: PathResult | None = None

@@ -237,7 +237,7 @@ def read_results(folders: Sequence[Path]) -> FlightResults:
         elif content.get("electrical") is not None:
             found.electrical.append(content)
         else:
-            found.left_out.append(f"{folder.name}: has no accelerations and decelerations, and is not pooled")
+            found.left_out.append(f"{folder.name}: its curve is not by the dynamic method, and is not pooled")
     if found.to_pool:
         only = "gives electrical power only, which is not pooled with drag"
         found.left_out.extend(f"{one['log']}: {only}" for one in found.electrical)

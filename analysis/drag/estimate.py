@@ -1,6 +1,7 @@
 """All estimates of drag from one flight: by the best method that it allows, by all others, and the cross-check."""
 
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -17,13 +18,14 @@ from analysis.drag.cross_check import CrossCheck
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.drag.likelihood import LikelihoodEstimates
 from analysis.drag.method import MethodEstimate
-from analysis.drag.methods import every_method, fallback, tried, why_not
+from analysis.drag.methods import energy_of_runs, every_method, fallback, narrower, tried, why_not
+from analysis.drag.methods_from_runs import ENERGY
 from analysis.drag.rerun import EstimateRerun
-from analysis.drag.run_agreement import runs_against_others
+from analysis.drag.run_agreement import one_kind_against_another, runs_against_others
 from analysis.flight import Reconstructed
 from analysis.maneuvers.runs_file import NoCurve
 from analysis.polar import unphysical
-from analysis.schema import CurveStatus, DisagreementResult, MethodTried, RunAgainstOthers, WhyNot
+from analysis.schema import DisagreementResult, MethodTried, RunAgainstOthers, WhyNot
 from analysis.trajectory.equations import vibration
 from analysis.trajectory.reconstruction import Trajectory
 from flight.errors import InputError
@@ -39,7 +41,8 @@ class DragEstimates:
     methods, one_by_one : by all other methods; from each acceleration and deceleration alone
     cross_check : None where the flight has no run for it, in gusts, and where it failed
     cross_check_differs : it leaves the simultaneous 95 % band of the difference from the power curve
-    runs_against_others : each run against the others of its kind
+    runs_against_others : each run against the others of its kind, by the method of the curve
+    accelerations_against_decelerations : by energy, where the curve is by it
     likelihood : the maximum-likelihood methods, where these were asked for
     ladder : the methods that were tried for the curve, the best first, down to the one that gives it
     """
@@ -53,8 +56,22 @@ class DragEstimates:
     warnings: list[str]
     cross_check_differs: bool = False
     runs_against_others: list[RunAgainstOthers] = field(default_factory=list)
+    accelerations_against_decelerations: RunAgainstOthers | None = None
     likelihood: LikelihoodEstimates = field(default_factory=lambda: LikelihoodEstimates([], None, {}))
     ladder: list[MethodTried] = field(default_factory=list)
+
+
+class _Curve(NamedTuple):
+    """What depends on the method that gives the power curve: fields of DragEstimates."""
+
+    main: DynamicEstimate
+    flown_CL: tuple[float, float]
+    ladder: list[MethodTried]
+    warnings: list[str]
+    runs_against_others: list[RunAgainstOthers]
+    accelerations_against_decelerations: RunAgainstOthers | None = None
+    cross_check: CrossCheck | None = None
+    cross_check_differs: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,39 +106,66 @@ def estimate(flight: Reconstructed, *, by_likelihood: bool = False) -> DragEstim
     if by_likelihood:
         flight.progress("applying the maximum-likelihood methods")
         by_source = likelihood.estimate(flight)
-    main, flown_CL = by_runs, flight.flown_CL
-    ladder = [first]
-    if main is None:
+    if by_runs is None:
         try:
-            other, flown_CL, lower = fallback(others.by_method, trajectory, aircraft, flight.name)
+            curve = _by_another_method(flight, others.by_method, first)
         except InputError as error:
             by_dynamic = f"; {first.title}: {first.text}" if flight.maneuvers.level_runs else ""
             advice = "fly or keep more runs, longer, over more speeds; or weight, wing area, propeller table, a unit or"
             raise NoCurve(f"{error}{by_dynamic}; {advice} delay in the log is wrong", flight.maneuvers) from None
-        ladder += lower
-        assumptions = _uncertainty_by_assumptions(flight, lower[-1].name)
-        main = with_assumption_uncertainty(other, assumptions)
-        reasons = "; ".join(f"{one.title}: {one.text}" for one in ladder[:-1])
-        main = replace(main, warnings=[f"{main.warnings[0]} Not by better ones: {reasons}.", *main.warnings[1:]])
-    check, differs, check_warnings = _cross_checked(flight, main)
+    else:
+        agreement = runs_against_others(others.one_by_one, flight.condition, aircraft.uncertainty)
+        check, differs, notes = _cross_checked(flight, by_runs)
+        notes = [*(assumptions.notes if assumptions else []), *by_runs.warnings, *notes]
+        curve = _Curve(by_runs, flight.flown_CL, [first], notes, agreement, None, check, differs)
     return DragEstimates(
-        main=main,
-        flown_CL=flown_CL,
         methods=[*others.by_method, *by_source.methods],
         one_by_one=others.one_by_one,
         disagreements=others.disagreements,
-        cross_check=check,
-        warnings=[
-            *(assumptions.notes if assumptions else []),
-            *main.warnings,
-            *check_warnings,
-        ],
-        cross_check_differs=differs,
-        runs_against_others=[]
-        if trajectory.as_measured
-        else runs_against_others(others.one_by_one, flight.condition, aircraft.uncertainty),
-        ladder=ladder,
         likelihood=by_source,
+        **curve._asdict(),
+    )
+
+
+def by_simpler_method(flight: Reconstructed, dynamic: DragEstimates) -> Estimated | None:
+    """The record with the curve of a simpler method, where the flight path of the dynamic one is in misfit.
+
+    Such a path is wrong in something that no residual locates, and the dynamic method takes attitude and angle of
+    attack from it; the simpler ones do without. None where these give no curve, or one with a wider interval.
+    flight : with the path as measured     dynamic : the estimates along the path in misfit
+    """
+    try:
+        drag = estimate(flight)
+    except NoCurve:
+        return None
+    if not narrower((drag.main.polar, drag.flown_CL), (dynamic.main.polar, dynamic.flown_CL)):
+        return None
+    ladder = [tried(DYNAMIC, DYNAMIC_TITLE, WhyNot.MISFIT), *drag.ladder[1:]]
+    likelihood = dynamic.likelihood
+    drag = replace(drag, ladder=ladder, methods=[*drag.methods, *likelihood.methods], likelihood=likelihood)
+    return Estimated(**flight.known() | {"drag": drag, "notes": (*flight.notes, *drag.warnings)})
+
+
+def _by_another_method(flight: Reconstructed, methods: list[MethodEstimate], first: MethodTried) -> _Curve:
+    """The curve of the best method below the dynamic one, which does not give it: `first`. Raises InputError."""
+    other, flown_CL, lower = fallback(methods, flight.trajectory, flight.aircraft, flight.name)
+    by, ladder = lower[-1], [first, *lower]
+    assumptions = _uncertainty_by_assumptions(flight, by.name)
+    main = with_assumption_uncertainty(other, assumptions)
+    reasons = "; ".join(f"{one.title}: {one.text}" for one in ladder[:-1])
+    warnings = [f"{main.warnings[0]} Not by better ones: {reasons}.", *main.warnings[1:]]
+    notes = [*(assumptions.notes if assumptions else []), *warnings]
+    if by.name != ENERGY.name:
+        return _Curve(replace(main, warnings=warnings), flown_CL, ladder, notes, [])
+    runs = energy_of_runs(flight.trajectory, flight.maneuvers.level_runs, flight.aircraft, flight.propeller)
+    condition, uncertainty = flight.condition, flight.aircraft.uncertainty
+    return _Curve(
+        replace(main, warnings=warnings),
+        flown_CL,
+        ladder,
+        notes,
+        runs_against_others(runs.one_by_one, condition, uncertainty),
+        one_kind_against_another(runs.accelerations, runs.decelerations, condition, uncertainty),
     )
 
 
@@ -164,8 +208,6 @@ def without_model_errors(table: pd.DataFrame, trajectory: Trajectory) -> pd.Data
 
 def _cross_checked(flight: Reconstructed, main: DynamicEstimate) -> tuple[CrossCheck | None, bool, list[str]]:
     """The cross-check on the runs alone, whether it differs from the power curve, and warnings."""
-    if not flight.maneuvers.level_runs or main.status is CurveStatus.BY_ANOTHER_METHOD:
-        return None, False, []
     flight.progress("cross-checking on the runs alone")
     try:
         check = cross_check.on_runs_alone(

@@ -4,12 +4,13 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.drag.comparison import disagreements
 from analysis.drag.dynamic import TRAJECTORY_DID_NOT_CONVERGE, DynamicEstimate, parameter_list
 from analysis.drag.forces import FlightForces
 from analysis.drag.method import Method, MethodEstimate, estimate_with
-from analysis.drag.method_inputs import method_inputs
+from analysis.drag.method_inputs import MethodInputs, method_inputs
 from analysis.drag.methods_from_runs import (
     ACCELERATIONS,
     DECELERATIONS,
@@ -19,7 +20,7 @@ from analysis.drag.methods_from_runs import (
     ONE_RUN,
     VARIED_LIFT,
 )
-from analysis.drag.sensor_errors import estimate_errors
+from analysis.drag.sensor_errors import ErrorEstimate, estimate_errors
 from analysis.drag.steady_points import PIW_VIW_THREE, PIW_VIW_TWO, W_DELTA, W_DELTA_SLOW
 from analysis.estimation.noise import NORMAL_95
 from analysis.ground.thrust_prior import THRUST, thrust_prior
@@ -31,6 +32,9 @@ from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
 from flight.errors import InputError
 from flight.propeller import Propeller
+from flight.runs import ACCELERATION, DECELERATION
+
+Array = NDArray[np.float64]
 
 ALL_METHODS: tuple[Method, ...] = (
     PIW_VIW_THREE, PIW_VIW_TWO, W_DELTA, W_DELTA_SLOW, DIRECT, FROM_SPEED, VARIED_LIFT, ENERGY, ACCELERATIONS,
@@ -60,19 +64,47 @@ def every_method(
 
     dynamic: None where the flight has no run for it, or it is not compared. dynamic_CL: its lift coefficients.
     """
-    flight_forces = FlightForces(trajectory, aircraft, propeller)
-    t = flight_forces.t_s
-    level = [run for run in runs if run.kind in LEVEL_RUNS]
-    in_level_runs = np.zeros(len(t), dtype=bool)
-    for run in level:
-        in_level_runs |= (t >= run.start_s) & (t <= run.end_s)
-    errors = estimate_errors(flight_forces, trajectory, in_level_runs)
-    inputs = method_inputs(flight_forces, trajectory, runs, errors)
+    inputs, errors = _inputs(FlightForces(trajectory, aircraft, propeller), runs)
     by_method = [estimate_with(method, inputs) for method in ALL_METHODS]
-    one_by_one = [
-        estimate_with(replace(ONE_RUN, title=run.name, kinds=(run.kind,)), replace(inputs, runs=[run])) for run in level
+    differ = disagreements(dynamic, dynamic_CL, by_method, errors, condition)
+    return MethodEstimates(by_method, _one_by_one(ONE_RUN, inputs), differ)
+
+
+def _inputs(flight_forces: FlightForces, runs: list[Maneuver]) -> tuple[MethodInputs, dict[str, ErrorEstimate]]:
+    t, trajectory = flight_forces.t_s, flight_forces.trajectory
+    in_level_runs = np.zeros(len(t), dtype=bool)
+    for run in runs:
+        in_level_runs |= (run.kind in LEVEL_RUNS) & (t >= run.start_s) & (t <= run.end_s)
+    errors = estimate_errors(flight_forces, trajectory, in_level_runs)
+    return method_inputs(flight_forces, trajectory, runs, errors), errors
+
+
+def _one_by_one(method: Method, inputs: MethodInputs) -> list[MethodEstimate]:
+    """By each acceleration and deceleration alone."""
+    return [
+        estimate_with(replace(method, title=run.name, kinds=(run.kind,)), replace(inputs, runs=[run]))
+        for run in inputs.runs
+        if run.kind in LEVEL_RUNS
     ]
-    return MethodEstimates(by_method, one_by_one, disagreements(dynamic, dynamic_CL, by_method, errors, condition))
+
+
+class EnergyOfRuns(NamedTuple):
+    """Estimates by energy: of each run alone, of the accelerations, of the decelerations."""
+
+    one_by_one: list[MethodEstimate]
+    accelerations: MethodEstimate
+    decelerations: MethodEstimate
+
+
+def energy_of_runs(
+    trajectory: Trajectory, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller
+) -> EnergyOfRuns:
+    """What tells whether runs agree by their energy. runs: accelerations and decelerations."""
+    inputs, _ = _inputs(FlightForces(trajectory, aircraft, propeller), runs)
+    accelerations, decelerations = (
+        estimate_with(replace(ENERGY, title=f"{kind}s", kinds=(kind,)), inputs) for kind in (ACCELERATION, DECELERATION)
+    )
+    return EnergyOfRuns(_one_by_one(ENERGY, inputs), accelerations, decelerations)
 
 
 # The ladder below the dynamic method: the energy of runs takes speed and height alone, the others other maneuvers.
@@ -90,10 +122,24 @@ def why_not(polar: Polar | None, flown_CL: tuple[float, float]) -> WhyNot:
 
 def informative(polar: Polar, flown_CL: tuple[float, float]) -> bool:
     """Whether the 95 % interval of drag stays above zero over most of these lift coefficients."""
+    drag, sigma = _drag_and_error(polar, flown_CL)
+    return bool(np.mean(drag > NORMAL_95 * sigma) > 0.5)
+
+
+def narrower(one: tuple[Polar, tuple[float, float]], other: tuple[Polar, tuple[float, float]]) -> bool:
+    """Whether the interval of drag of one polar is narrower than that of another, in the mean over the lift
+    coefficients of both. Each with its own range."""
+    (a, of_a), (b, of_b) = one, other
+    common = max(of_a[0], of_b[0]), min(of_a[1], of_b[1])
+    (drag_a, error_a), (drag_b, error_b) = (_drag_and_error(polar, common) for polar in (a, b))
+    return bool(common[0] < common[1] and np.mean(error_a / drag_a) < np.mean(error_b / drag_b))
+
+
+def _drag_and_error(polar: Polar, flown_CL: tuple[float, float]) -> tuple[Array, Array]:
+    """Drag coefficient and its standard error at lift coefficients over this range."""
     CL = np.linspace(*flown_CL, CURVES.points)
     terms = np.stack([np.ones_like(CL), CL, CL**2], axis=1)
-    sigma = np.sqrt(np.einsum("ni,ij,nj->n", terms, polar.covariance, terms))
-    return bool(np.mean(terms @ polar.A > NORMAL_95 * sigma) > 0.5)
+    return terms @ polar.A, np.sqrt(np.einsum("ni,ij,nj->n", terms, polar.covariance, terms))
 
 
 def tried(name: str, title: str, reason: WhyNot, details: str = "") -> MethodTried:
@@ -149,7 +195,7 @@ def fallback(
     systematic[3:, :3] = systematic[:3, 3:].T
     polar = Polar(best.polar.A + sensitivity @ prior.mean, best.polar.covariance + by_stand)
     values = np.concatenate([polar.A, prior.mean])
-    warning = f"The curve is from another method, {best.method.title}."
+    warning = f"The curve is from another method, {best.method.title}; it is not pooled with those of other flights."
     known = trajectory.converged or trajectory.as_measured
     estimate = DynamicEstimate(
         polar=polar,

@@ -17,6 +17,7 @@ from analysis.drag.sensor_errors import error_prior_sigma
 from analysis.drag.settings import COMPARISON
 from analysis.polar import Condition, speed_at
 from analysis.schema import RunAgainstOthers
+from analysis.settings import CURVES
 from flight.aircraft import Uncertainty
 
 Array = NDArray[np.float64]
@@ -39,28 +40,44 @@ def runs_against_others(
     compared = []
     for run in known:
         others = [other for other in known if other is not run and other.method.kinds == run.method.kinds]
-        differences = [
-            _difference(run, covering, CL, uncertainty)
-            for CL in np.linspace(*run.flown_CL, 2 * len(known) + 1)  # finer than the ends of the others' ranges
-            if (covering := [one for one in others if one.flown_CL[0] <= CL <= one.flown_CL[1]])
-        ]
-        if not differences:
-            continue
-        best = min(differences, key=lambda one: one.standard_error / abs(one.CD))
-        V = float(speed_at(best.CL, condition))
-        power_by_CD = condition.rho * V**3 * condition.wing_area_m2 / 2  # (3.45)
-        compared.append(
-            RunAgainstOthers(
-                run=run.method.title,
-                kind=run.method.kinds[0],
-                speed_mps=V,
-                power_W=power_by_CD * best.CD,
-                others_W=power_by_CD * best.CD_others,
-                standard_error_W=power_by_CD * best.standard_error,
-                z=(best.CD - best.CD_others) / best.standard_error,
-            )
-        )
+        lift = np.linspace(*run.flown_CL, 2 * len(known) + 1)  # finer than the ends of the others' ranges
+        if found := _compared(run, others, lift, condition, uncertainty):
+            compared.append(found)
     return compared
+
+
+def one_kind_against_another(
+    one: MethodEstimate, other: MethodEstimate, condition: Condition, uncertainty: Uncertainty
+) -> RunAgainstOthers | None:
+    """The accelerations against the decelerations, or the like: what differs by thrust or lag. None without both."""
+    if one.polar is None or other.polar is None:
+        return None
+    return _compared(one, [other], np.linspace(*one.flown_CL, CURVES.points), condition, uncertainty)
+
+
+def _compared(
+    run: MethodEstimate, others: list[MethodEstimate], lift: Array, condition: Condition, uncertainty: Uncertainty
+) -> RunAgainstOthers | None:
+    """At the lift coefficient, of `lift`, where their difference is known best; None where they share none."""
+    differences = [
+        _difference(run, covering, CL, uncertainty)
+        for CL in lift
+        if (covering := [one for one in others if one.flown_CL[0] <= CL <= one.flown_CL[1]])
+    ]
+    if not differences:
+        return None
+    best = min(differences, key=lambda one: one.standard_error / abs(one.CD))
+    V = float(speed_at(best.CL, condition))
+    power_by_CD = condition.rho * V**3 * condition.wing_area_m2 / 2  # (3.45)
+    return RunAgainstOthers(
+        run=run.method.title,
+        kind=run.method.kinds[0],
+        speed_mps=V,
+        power_W=power_by_CD * best.CD,
+        others_W=power_by_CD * best.CD_others,
+        standard_error_W=power_by_CD * best.standard_error,
+        z=(best.CD - best.CD_others) / best.standard_error,
+    )
 
 
 def _difference(run: MethodEstimate, others: list[MethodEstimate], CL: float, uncertainty: Uncertainty) -> _Difference:

@@ -133,7 +133,7 @@ def read_statistics(results: Path | Mapping[str, Any]) -> FlightStatistics:
     if found is None:
         raise InputError(
             f"{where}: no statistics for pooling; analyze the log again with this version, or leave this flight out if"
-            " it has no accelerations and decelerations"
+            " its curve is not by the dynamic method (`methods_tried`)"
         )
     if found.get("format") != FORMAT:
         raise InputError(

@@ -83,6 +83,7 @@ def assemble(
         methods=[methods.method_result(estimate, condition, flown_CL[1]) for estimate in drag.methods],
         one_by_one=[methods.method_result(estimate, condition, flown_CL[1]) for estimate in drag.one_by_one],
         runs_against_others=drag.runs_against_others,
+        accelerations_against_decelerations=drag.accelerations_against_decelerations or msgspec.UNSET,
         disagreements=drag.disagreements,
         interval_parts=power_curves.interval_parts(
             drag.main, aircraft, condition, np.array([point.speed_mps for point in power_required])

@@ -26,6 +26,7 @@ from analysis.schema import (
     PoolingStatistics,
     PowerPoint,
     Results,
+    RunAgainstOthers,
     Trust,
 )
 from analysis.settings import FLOWN
@@ -63,6 +64,7 @@ def evidence_against(results: Results) -> list[Evidence]:
         *_estimation(results),
         *_counted_speed(results.pooling),
         *_thrust(results.pooling),
+        *_kinds_of_runs(results.accelerations_against_decelerations),
         *_motor_speed(results),
         *_efficiencies(results),
         *_implausible(results),
@@ -191,6 +193,29 @@ def _thrust_deviations(statistics: PoolingStatistics) -> list[_Deviation]:
             _Deviation(THRUST_TITLES[STAND], measured.name, (estimated - measured.value) / measured.sigma)
         )
     return deviations
+
+
+def _kinds_of_runs(compared: RunAgainstOthers | msgspec.UnsetType) -> Iterator[Evidence]:
+    """Accelerations against decelerations of a curve by energy, which has no corrections of thrust."""
+    limit = noise_limit(1)
+    if compared is msgspec.UNSET or abs(compared.z) <= limit:
+        return
+    yield Evidence(
+        kind=EvidenceKind.THRUST_TABLE,
+        level=Trust.NOT_TO_BE_TRUSTED if abs(compared.z) > TRUST.beyond_doubt * limit else Trust.DOUBTFUL,
+        part=PartOfResult.CURVE,
+        subject=compared.run,
+        figure=compared.z,
+        unit="standard errors",
+        limit=limit,
+        false_alarm_rate=TRUST.false_alarm_rate,
+        text=(
+            f"By energy the {compared.run} give {100 * (compared.power_W / compared.others_W - 1):+.0f} % of power"
+            f" against the decelerations at {compared.speed_mps:.1f} m/s, {abs(compared.z):.1f} standard errors (limit"
+            f" {limit:.1f}): thrust or the lag of the airspeed differs by more than assumed. Check motor speed,"
+            " propeller and table."
+        ),
+    )
 
 
 def _counted_speed(statistics: PoolingStatistics | None) -> Iterator[Evidence]:

@@ -1,23 +1,29 @@
 """The best method that a flight allows gives its curve; what fails takes none of the simpler ones with it."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from methods import drawn, fly
 
-from analysis import flight
-from analysis.drag.estimate import estimate
+from analysis import flight, pipeline
+from analysis.drag.comparison import DYNAMIC
+from analysis.drag.estimate import by_simpler_method, estimate
 from analysis.drag.method import MethodEstimate
-from analysis.drag.methods import DIRECT, LADDER, fallback, informative, why_not
+from analysis.drag.methods import DIRECT, LADDER, fallback, informative, narrower, why_not
 from analysis.drag.methods_from_runs import ENERGY, VARIED_LIFT
 from analysis.drag.steady_points import PIW_VIW_THREE
 from analysis.flown import flown_lift
 from analysis.ground.thrust_prior import THRUST
 from analysis.maneuvers.find import find
 from analysis.polar import Polar, power_required, speed_at
-from analysis.schema import CurveStatus, WhyNot
+from analysis.results.trust import noise_limit
+from analysis.schema import CurveStatus, Trust, WhyNot
 from analysis.trajectory.as_measured import path_as_measured
+from analysis.trajectory.observability import misfit, with_misfit
+from analysis.trajectory.reconstruction import reconstruct
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from flight.propeller_files import load_propeller
@@ -82,20 +88,90 @@ def test_where_no_method_gives_a_curve_each_has_a_reason(path) -> None:
 def test_without_a_trajectory_the_energy_of_the_runs_still_gives_the_truth(flown, path) -> None:
     """The path as measured says that it explains nothing, and the curve is as far from the truth as its interval."""
     assert path.as_measured and not path.converged
-    maneuvers = find(flown.table, flown.still)
-    rows = np.r_[tuple(run.rows for run in maneuvers.level_runs)]
-    flown_CL = flown_lift(flown.table.iloc[rows], AIRCRAFT)
-    propeller = load_propeller(AIRCRAFT.propulsion.propeller)
-    record = flight_record(flown.table, path, maneuvers.maneuvers, AIRCRAFT, propeller, flown_CL=flown_CL)
-    everything_known = replace(AIRCRAFT, keys=frozenset({"probe.upwash_per_CL", "probe.position", "imu_position"}))
-    record = replace(record, contents=record.contents._replace(aircraft=everything_known))
+    record = record_of(flown, flown.table, path)
     drag = estimate(record)
     assert [one.reason for one in drag.ladder] == [WhyNot.NO_TRAJECTORY, WhyNot.NONE]
     assert drag.ladder[-1].name == ENERGY.name and drag.cross_check is None
+    assert np.all(half_widths(drag, record, flown) < 0.5)
+
+
+def record_of(flown, table, trajectory):
+    """Of a flight whose aircraft file lacks nothing."""
+    maneuvers = find(table, flown.still)
+    rows = np.r_[tuple(run.rows for run in maneuvers.level_runs)]
+    flown_CL = flown_lift(table.iloc[rows], AIRCRAFT)
+    propeller = load_propeller(AIRCRAFT.propulsion.propeller)
+    record = flight_record(table, trajectory, maneuvers.maneuvers, AIRCRAFT, propeller, flown_CL=flown_CL)
+    everything_known = replace(AIRCRAFT, keys=frozenset({"probe.upwash_per_CL", "probe.position", "imu_position"}))
+    return replace(record, contents=record.contents._replace(aircraft=everything_known))
+
+
+def half_widths(drag, record, flown) -> np.ndarray:
+    """Of the 95 % interval, as shares of power, in which the truth lies at nine speeds."""
     V = speed_at(np.linspace(drag.flown_CL[0] * 1.1, drag.flown_CL[1] / 1.1, 9), record.condition)
     power, error = power_required(V, drag.main.polar, record.condition)
     truth = np.interp(V, flown.truth["speed_mps"], flown.truth["power_W"])
-    assert np.all(np.abs(power - truth) < 1.96 * error) and np.all(1.96 * error < 0.5 * power)
+    assert np.all(np.abs(power - truth) < 1.96 * error)
+    return np.asarray(1.96 * error / power)
+
+
+def test_where_the_path_does_not_fit_a_late_altimeter_energy_gives_a_narrower_curve(flown) -> None:
+    """Heights of two seconds ago: no path follows both IMU and altimeter; the energy of level runs hardly changes."""
+    late = flown.table.assign(height_m=flown.table["height_m"].shift(50).bfill())
+    trajectory, _ = with_misfit(reconstruct(late, flown.still))
+    assert misfit(trajectory).keys() == {"height"}
+    dynamic = estimate(record := record_of(flown, late, trajectory))
+    simpler = by_simpler_method(record_of(flown, late, path_as_measured(late, flown.still)), dynamic)
+    assert [one.reason for one in dynamic.ladder] == [WhyNot.NONE] and simpler is not None
+    assert [(one.name, one.reason) for one in simpler.drag.ladder] == [
+        (DYNAMIC, WhyNot.MISFIT), (ENERGY.name, WhyNot.NONE),
+    ]  # fmt: skip
+    assert simpler.drag.main.status is CurveStatus.BY_ANOTHER_METHOD and simpler.drag.cross_check is None
+    assert np.mean(half_widths(simpler.drag, record, flown)) < np.mean(half_widths(dynamic, record, flown))
+    limit = noise_limit(1 + len(simpler.drag.runs_against_others))
+    agreement = [*simpler.drag.runs_against_others, simpler.drag.accelerations_against_decelerations]
+    assert len(agreement) > 1 and all(abs(one.z) < limit for one in agreement)
+
+
+N, D = Trust.NOT_TO_BE_TRUSTED, Trust.DOUBTFUL
+
+
+@pytest.mark.parametrize(
+    ("dynamic", "in_misfit", "simpler", "chosen"),
+    [(N, True, D, "simpler"), (N, True, N, "dynamic"), (N, True, None, "dynamic"), (N, False, D, "dynamic"),
+     (D, True, D, "dynamic")],
+)  # fmt: skip
+def test_only_a_curve_not_to_be_trusted_on_a_path_in_misfit_gives_way(
+    monkeypatch, dynamic: Trust, in_misfit: bool, simpler: Trust | None, chosen: str
+) -> None:
+    """Without misfit the table of thrust is to blame, or the number of poles, which the simpler methods share."""
+    given = {"dynamic": dynamic, "simpler": simpler}
+    flight = SimpleNamespace(
+        aircraft=None, propeller=None, trajectory=None, drag=None, progress=lambda _: None, method="dynamic"
+    )
+    for step in ("recorded", "synchronized", "with_runs", "reconstructed", "estimated"):
+        monkeypatch.setattr(pipeline, step, lambda *_, **__: flight)
+    monkeypatch.setattr(pipeline, "whole_flight", lambda *_: None)
+    monkeypatch.setattr(pipeline, "misfit", lambda _: {"height": 2.7} if in_misfit else {})
+    monkeypatch.setattr(pipeline, "as_measured", lambda *_: flight)
+    other = None if simpler is None else SimpleNamespace(method="simpler")
+    monkeypatch.setattr(pipeline, "by_simpler_method", lambda *_: other)
+    monkeypatch.setattr(
+        pipeline, "_analysis",
+        lambda one, *_: SimpleNamespace(method=one.method, results=SimpleNamespace(trust=given[one.method])),
+    )  # fmt: skip
+    nothing: Any = None
+    assert pipeline.analyze(nothing).method == chosen  # type: ignore[attr-defined]
+
+
+def test_an_interval_is_compared_over_the_lift_coefficients_of_both_curves() -> None:
+    """The wider one at small lift coefficients is the narrower one where the other was flown, too."""
+    other = Polar(GOOD, np.diag([1e-4, 0, 0])), (0.5, 1.5)
+    assert narrower((Polar(GOOD, np.diag([0.25e-4, 0, 0])), (0.2, 1.0)), other)
+    assert not narrower((Polar(GOOD, np.diag([4e-4, 0, 0])), (0.2, 1.0)), other)
+    by_lift = Polar(GOOD, np.array([[4e-4, -4e-4, 0], [-4e-4, 4.04e-4, 0], [0, 0, 0]]))  # least error near CL = 1
+    assert narrower((by_lift, (0.2, 1.0)), (Polar(GOOD, np.diag([1.2e-4, 0, 0])), (0.5, 1.5)))
+    assert not narrower((by_lift, (0.2, 0.4)), other), "no lift coefficient in common"
 
 
 def test_at_noon_the_updraft_is_larger_without_a_trajectory_too(flown, path, monkeypatch) -> None:

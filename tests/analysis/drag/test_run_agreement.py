@@ -6,7 +6,7 @@ import numpy as np
 
 from analysis.drag.method import MethodEstimate
 from analysis.drag.methods_from_runs import ONE_RUN
-from analysis.drag.run_agreement import runs_against_others
+from analysis.drag.run_agreement import one_kind_against_another, runs_against_others
 from analysis.drag.settings import COMPARISON
 from analysis.polar import Condition, Polar
 from analysis.results.trust import noise_limit
@@ -76,3 +76,22 @@ def test_a_run_is_compared_with_others_of_its_kind_that_share_lift_coefficients(
     apart = [replace(slow, flown_CL=(0.8, 1.0)), replace(fast, flown_CL=(0.3, 0.5)), other_kind]
     assert runs_against_others(apart, AT, STATED) == []
     assert len(runs_against_others([slow, fast], AT, STATED)) == 2
+
+
+def test_thrust_twelve_percent_off_shows_between_accelerations_and_decelerations_and_one_stated_does_not() -> None:
+    """Thrust is 1.5 times drag in an acceleration and half of it in a deceleration."""
+    rng = np.random.default_rng(8)
+    more = -TRUTH  # change of drag by all of it as thrust
+    kinds = [
+        replace(
+            runs(rng, kind, 1)[0],
+            polar=Polar(TRUTH - 0.12 * share * more, NOISE),
+            sensitivities={"thrust_scale": share * more},
+        )
+        for kind, share in (("acceleration", 1.5), ("deceleration", 0.5))
+    ]
+    wrong = one_kind_against_another(*kinds, AT, replace(STATED, thrust_scale_fraction=0.01))
+    stated = one_kind_against_another(*kinds, AT, replace(STATED, thrust_scale_fraction=0.12))
+    assert wrong is not None and stated is not None
+    assert wrong.z > noise_limit(1) > abs(stated.z) and wrong.power_W > wrong.others_W
+    assert one_kind_against_another(kinds[0], replace(kinds[1], polar=None), AT, STATED) is None

@@ -129,6 +129,19 @@ def test_a_doubtful_result_says_so_first_and_ends_with_exit_code_0(
     assert printed.err.startswith(f"doubtful: {changed.evidence[0].part}.")
 
 
+@pytest.mark.parametrize(
+    ("z", "trust"),
+    [(2.9, Trust.TRUSTED), (-3.1, Trust.DOUBTFUL), (5.8, Trust.DOUBTFUL), (-6.1, Trust.NOT_TO_BE_TRUSTED)],
+)
+def test_accelerations_against_decelerations_doubt_the_thrust_of_a_curve_by_energy(
+    results: Results, z: float, trust: Trust
+) -> None:
+    """One test at 0.3 %: 2.97 standard errors, beyond doubt at twice as many."""
+    changed = with_trust(replace(results, accelerations_against_decelerations=compared(z)))
+    assert changed.trust is trust
+    assert [one.kind for one in changed.evidence] == [EvidenceKind.THRUST_TABLE] * (trust is not Trust.TRUSTED)
+
+
 def test_a_page_says_what_is_in_doubt_where_it_changes() -> None:
     doubts = [
         Evidence(kind=EvidenceKind.CROSS_CHECK, level=Trust.DOUBTFUL, part=part, log="1.mcap", text=f"{i}")
