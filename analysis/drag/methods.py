@@ -107,6 +107,15 @@ def energy_of_runs(
     return EnergyOfRuns(_one_by_one(ENERGY, inputs), accelerations, decelerations)
 
 
+def one_method(
+    name: str, trajectory: Trajectory, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller
+) -> MethodEstimate:
+    """By one of ALL_METHODS alone, without comparisons."""
+    inputs, _ = _inputs(FlightForces(trajectory, aircraft, propeller), runs)
+    (method,) = (one for one in ALL_METHODS if one.name == name)
+    return estimate_with(method, inputs)
+
+
 # The ladder below the dynamic method: the energy of runs takes speed and height alone, the others other maneuvers.
 LADDER = (ENERGY.name, PIW_VIW_THREE.name, VARIED_LIFT.name)
 
@@ -159,16 +168,14 @@ class Fallback(NamedTuple):
     tried: list[MethodTried]
 
 
-def fallback(
-    estimates: list[MethodEstimate], trajectory: Trajectory, aircraft: Aircraft, log: str, *, only: str = ""
-) -> Fallback:
-    """The power curve of a flight by the best of the LADDER that gives one; only: by the method of that name.
+def fallback(estimates: list[MethodEstimate], trajectory: Trajectory, aircraft: Aircraft, log: str) -> Fallback:
+    """The power curve of a flight by the best of the LADDER that gives one.
 
     It has the form of the dynamic method's estimate; the corrections of thrust are those of their prior.
     Raises InputError, beginning with `log`, with the reasons when none gives a polar.
     """
     by_method = {estimate.method.name: estimate for estimate in estimates}
-    candidates = [by_method[name] for name in LADDER if name in by_method and only in ("", name)]
+    candidates = [by_method[name] for name in LADDER if name in by_method]
     reasons: list[MethodTried] = []
     for best in candidates:
         reason = WhyNot.NOT_FLOWN if best.not_flown else why_not(best.polar, best.flown_CL)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from analysis.airdata.flight_data import FlightData, flight_data
 from analysis.drag import dynamic
 from analysis.drag.dynamic import DynamicEstimate
-from analysis.drag.methods import every_method, fallback
+from analysis.drag.methods import fallback, one_method
 from analysis.flight import Reconstructed, trajectory_with
 from analysis.trajectory.priors import upwash_slope_sigma
 from analysis.trajectory.reconstruction import Trajectory
@@ -39,10 +39,9 @@ class EstimateRerun(NamedTuple):
     def estimate(self, aircraft: Aircraft, propeller: Propeller, slope_sigma: float) -> DynamicEstimate:
         """The polar of the power curve with its covariance."""
         trajectory = self._trajectory(aircraft, slope_sigma)
-        runs = self.flight.maneuvers.level_runs
-        if runs and not self.method:
-            return dynamic.estimate_polar(trajectory, runs, aircraft, propeller)
-        return self._without_runs(trajectory, aircraft, propeller)
+        if self.method:
+            return self._by_another_method(trajectory, aircraft, propeller)
+        return dynamic.estimate_polar(trajectory, self.flight.maneuvers.level_runs, aircraft, propeller)
 
     def values(self, aircraft: Aircraft, propeller: Propeller, slope_sigma: float) -> Array:
         """A0, A1, A2 and the two corrections of thrust (5,), without their covariance."""
@@ -57,16 +56,15 @@ class EstimateRerun(NamedTuple):
         return self._values(trajectory, flight.aircraft, flight.propeller)
 
     def _values(self, trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) -> Array:
-        """Of a flight without runs the whole estimate is made all the same."""
-        runs = self.flight.maneuvers.level_runs
-        if runs and not self.method:
-            return dynamic.estimate_values(trajectory, runs, aircraft, propeller)
-        return self._without_runs(trajectory, aircraft, propeller).values
+        """By another method than the dynamic one the whole estimate is made all the same."""
+        if self.method:
+            return self._by_another_method(trajectory, aircraft, propeller).values
+        return dynamic.estimate_values(trajectory, self.flight.maneuvers.level_runs, aircraft, propeller)
 
-    def _without_runs(self, trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) -> DynamicEstimate:
+    def _by_another_method(self, trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) -> DynamicEstimate:
         flight = self.flight
-        others = every_method(trajectory, flight.maneuvers.maneuvers, aircraft, propeller, flight.condition)
-        return fallback(others.by_method, trajectory, aircraft, flight.name, only=self.method).estimate
+        found = one_method(self.method, trajectory, flight.maneuvers.maneuvers, aircraft, propeller)
+        return fallback([found], trajectory, aircraft, flight.name).estimate
 
     def _trajectory(self, aircraft: Aircraft, slope_sigma: float) -> Trajectory:
         """It does not depend on the propeller, and is the flight's own where nothing has changed."""
