@@ -50,8 +50,9 @@ demo: $(READY) ## fly, record and analyze a simulated Nexstar; the report lands 
 	$(BIN)/sim fly --replace --plan demo -o out/demo
 	$(BIN)/analyze out/demo/log.mcap
 
-picture: demo $(VENV)/.dev ## renew the README's picture: the demo's curve with the truth over it, drawn by Chromium
+picture: demo $(VENV)/.dev ## renew the pictures of README and pages: curve, report, card, route, by Chromium
 	$(BIN)/python benchmarks/picture.py out/demo docs/power-required.png
+	PYTHONPATH=. $(BIN)/python benchmarks/page_pictures.py out/demo docs/figures
 
 test: $(VENV)/.dev ## the whole test suite
 	$(IN_NAMESPACE) $(BIN)/pytest -n $(WORKERS) --dist loadgroup

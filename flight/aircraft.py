@@ -4,7 +4,7 @@
 `span = "5.73 ft"` becomes `span_m`. Only name, span, wing area and weight are required. Any other key is required by
 what uses it: `flight.complete_aircraft` has the classes of the simulator, which uses all of them. Where the analysis
 can do without a key, the default of its field is used, and `Aircraft.has` tells whether the file has the key.
-docs/use/aircraft.md describes every key.
+`flight.aircraft_keys` describes every key.
 """
 
 import math

@@ -1,6 +1,6 @@
 """Every key of the aircraft file: an example, its meaning, how to measure it, who needs it, what is assumed without it.
 
-Messages, the template of `flightpower new aircraft` and docs/use/aircraft.md are made of it;
+Messages, the template of `flightpower new aircraft` and a page of the site are made of it;
 `python -m flight.aircraft_keys` prints the tables of that page.
 """
 
@@ -364,7 +364,7 @@ EXAMPLES = _examples()
 
 
 def to_markdown() -> str:
-    """The table of all keys, as docs/use/aircraft.md has it."""
+    """The table of all keys, a page of the site."""
     rows = ["| key | such as | meaning | how to measure it | needed by | without it |", "|---|---|---|---|---|---|"]
     rows += [
         f"| `{key}` | `{k.example}` | {k.meaning} | {k.measure} | {k.needed_by} | {k.without or 'an error'} |"

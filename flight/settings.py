@@ -10,8 +10,8 @@ A package keeps its own in `settings.py`, one record a subject:
 
     LEVEL_RUNS = LevelRuns()
 
-assumptions.md is made from these records. A value that follows from another setting, from the noise or from the
-aircraft's size is computed, and is no setting.
+The site's page of assumed values is made from these records. A value that follows from another setting, from the noise
+or from the aircraft's size is computed, and is no setting.
 """
 
 from collections.abc import Iterator, Mapping

@@ -17,7 +17,7 @@ def blank() -> str:
     """Required keys to fill in; every other key as a comment."""
     lines = [
         "# An aircraft file. Fill in what is marked with ?. The rest is optional: to use a line, remove its #,",
-        "# and that of the section in brackets above it. docs/use/aircraft.md lists every key.",
+        "# and that of the section in brackets above it. docs/use/aircraft.md says which are worth the effort.",
     ]
     for section, keys in groupby(KEYS, key=lambda key: key.rpartition(".")[0]):
         entries = [(key, KEYS[key]) for key in keys if key != "aerodynamics"]
@@ -45,7 +45,7 @@ def like(name: str, output: Path | None) -> str:
     table["name"] = output.stem if output else "mine"
     table["title"] = table["name"]
     table["source"] = f"after {name}: change what differs"
-    lines = [f"# An aircraft file, filled in as {name}. docs/use/aircraft.md lists every key."]
+    lines = [f"# An aircraft file, filled in as {name}. docs/use/aircraft.md says what matters most."]
     return "\n".join([*lines, *_section(table, "")]) + "\n"
 
 

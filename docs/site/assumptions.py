@@ -1,6 +1,6 @@
-"""Writes docs/understand/assumptions.md from the settings of the code, or counts them.
+"""The page of assumed values, which the site has, made from the settings of the code; or their number.
 
-python docs/site/assumptions.py            # after a setting was changed
+python docs/site/assumptions.py            # prints the page
 python docs/site/assumptions.py --count    # settings, and numbers of modules that are none, by folder
 """
 
@@ -17,7 +17,6 @@ sys.path.insert(0, str(ROOT))
 
 from flight.settings import Settings  # noqa: E402
 
-PAGE = ROOT / "docs" / "understand" / "assumptions.md"
 FOLDERS = (
     "flight", "analysis/signals", "analysis/airdata", "analysis/log_checks", "analysis/maneuvers",
     "analysis/trajectory", "analysis/drag", "analysis/estimation", "analysis/performance", "analysis/results",
@@ -29,9 +28,8 @@ HEAD = """\
 # Assumed values and limits
 
 What the analysis assumes where a flight does not say, and limits of what it uses: each with its unit and the reason for
-its value, by folder and subject. Results depend on these numbers. The page is made from the code by
-`python docs/site/assumptions.py`; a value is changed in the file named, and the change log says what that does to the
-results. Unit 1: a ratio. Standard deviations are named `…_sigma`.
+its value, by folder and subject. Results depend on these numbers. The page is made from the code; a value is changed in
+the file named. Unit 1: a ratio. Standard deviations are named `…_sigma`.
 """
 
 
@@ -134,4 +132,4 @@ if __name__ == "__main__":
                 print(f"{folder:28}{settings[folder]:5} settings{numbers[folder]:5} other numbers")
         print(f"{'all':28}{settings.total():5} settings{numbers.total():5} other numbers")
     else:
-        PAGE.write_text(page(), "utf-8")
+        print(page())

@@ -1,4 +1,4 @@
-"""What MkDocs adds to the pages of docs/: the README as start page, pages of other folders, the reference.
+"""What MkDocs adds to the pages of docs/: the README as start page, pages of other folders, and pages made of the code.
 
 Links of pages that leave docs/ are those of the repository; here they lead to the pages added.
 """
@@ -7,8 +7,11 @@ import re
 from pathlib import Path
 from typing import Any
 
+import assumptions
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
+
+from flight.aircraft_keys import to_markdown
 
 ROOT = Path(__file__).parents[2]
 ADDED = (
@@ -24,12 +27,24 @@ REFERENCE = {
     "Aircraft file": "flight.aircraft",
     "Errors": "flight.errors",
 }
+KEYS = f"""\
+# Keys of the aircraft file
+
+`SURFACE` stands for `elevator`, `aileron` and `rudder`, `LINE` for `alpha`, `beta`, `airspeed` and `static`; the part
+before the dot is the section in brackets. `flightpower new aircraft` writes the same into a file to fill in.
+
+{to_markdown()}"""
 LINK = re.compile(r"\]\(([^)\s#]+)(#[^)\s]*)?\)")
 
 
 def on_files(files: Files, config: Any) -> Files:
     """Add the start page, the pages of other folders and the reference."""
-    texts = {"index.md": (ROOT / "README.md").read_text("utf-8"), "reference.md": _reference()}
+    texts = {"index.md": (ROOT / "README.md").read_text("utf-8")}
+    texts |= {
+        "reference.md": _reference(),
+        "understand/assumptions.md": assumptions.page(),
+        "use/aircraft-keys.md": KEYS,
+    }
     texts |= {_page(name): (ROOT / name).read_text("utf-8") for name in ADDED}
     for name, text in texts.items():
         files.append(File.generated(config, name, content=text))

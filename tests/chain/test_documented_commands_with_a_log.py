@@ -39,7 +39,6 @@ SURVEY = json.dumps(
 
 # With the log of the tutorial as log.mcap, and the file that the command writes.
 OF_A_FLIGHT = {
-    "flightpower export out/demo/log.mcap --to mat": "out/demo/log.mat",
     "flightpower export out/demo/log.mcap --to parquet -o tables": "tables/runs.parquet",
     "flightpower export log.mcap --to mcap -o derived.mcap": "derived.mcap",
     'analyze log.mcap --weights "3.8 kg, 9 lbf" --density-altitudes "0 m, 5000 ft"': "log.report/report.html",
@@ -49,10 +48,9 @@ OF_A_FLIGHT = {
 WIND = '--wind "5 m/s from 270 deg"'
 DROPPED = "3 km 045, 2 km 135 +50 m at 17 m/s, drop 0.5 kg, 3 km 250"
 OF_RESULTS = {
-    f'flightpower route --legs "3 km 045, 2 km 135" --results out/demo/log.report/results.json {WIND}': "",
+    f"flightpower route survey.plan --results log.report/results.json {WIND}": "",
     f'flightpower route --legs "{DROPPED}" --results results.json --wind 0': "",
     f"flightpower route survey.plan --results log.report/results.json {WIND} --map map.svg": "map.svg",
-    "flightpower parameters out/demo/log.report/results.json --for px4 -o my.params": "my.params",
     'flightpower parameters log.report/results.json --for px4 --stall "10 m/s" -o my.params': "my.params",
 }
 PX4_LOG = "sim fly --plan ordinary-flight --as px4 -o out/px4"

@@ -157,7 +157,7 @@ def test_a_few_seconds_are_no_measurement(nexstar, propeller) -> None:
     data = steady_points(nexstar, propeller, seconds=5.0).iloc[:20]
     train = fit_power_train(data, nexstar.propulsion, propeller, **NO_CORRECTION)
     assert not train.measured and "Only" in train.basis
-    assert "losses ±50 %, shaft power ±5 %" in train.basis, "as assumed in docs/understand/assumptions.md"
+    assert "losses ±50 %, shaft power ±5 %" in train.basis, "as the settings assume"
 
 
 def test_efficiencies_are_means_of_five_seconds_and_a_windmilling_propeller_has_none(nexstar, propeller) -> None:
