@@ -2,7 +2,7 @@
 
 Simulates flight and sensors (without buses and counts), analyzes, and compares with trimmed flight of the same
 simulated aircraft. The errors of propeller table, weight and battery meter are drawn from the budget. `python
-benchmarks/study.py answers` repeats it; docs/use/answers.md quotes the table.
+benchmarks/study.py answers` repeats it.
 """
 
 from typing import NamedTuple

@@ -1,6 +1,6 @@
 """Two sources of one propeller side by side: the APC 10x5E as UIUC measured it, and as APC computes it.
 
-    .venv/bin/python benchmarks/propellers.py            # the table of docs/use/propellers.md
+    .venv/bin/python benchmarks/propellers.py            # measured and computed, side by side
     .venv/bin/python benchmarks/propellers.py --draw     # and its figure, by Chromium
     .venv/bin/python benchmarks/propellers.py --distorted wrong.csv   # the 12x8E, wrong by as much as these two differ
 

@@ -3,7 +3,7 @@
     python benchmarks/run_monitor.py --flights 4 --seed 1000
 
 Simulated flights of `full-test-flight`, in calm air, 3 kt and 15 kt. A stretch is what the analysis lists as a run or
-rejects. docs/use/daemon.md quotes what this prints.
+rejects.
 """
 
 import time

@@ -3,7 +3,7 @@
 Before each flight the simulated propeller stands still on a load cell: ten readings at five motor speeds, up and down,
 1 % of noise each, and a scale wrong by 1 % (1 sigma). `calibrate thrust` compares them with the table that the analysis
 gets. No buses and no counts, as in benchmarks/estimators.py. `python
-benchmarks/study.py thrust-stand` repeats it; docs/use/calibration.md quotes what that prints.
+benchmarks/study.py thrust-stand` repeats it.
 """
 
 import math

@@ -52,6 +52,25 @@ def module_exists(dotted: str) -> bool:
     return source.exists() and bool(re.search(rf"\b{rest[0]}\b", source.read_text("utf-8")))
 
 
+# Words of each shelf: the documentation is to be read in an evening.
+MOST_WORDS = {
+    "README.md": 900,
+    "docs/use/*.md": 12_000,
+    "docs/understand/*.md": 11_000,
+    "docs/evidence/*.md": 5_000,
+    "systemd/README.md": 1_300,
+    "firmware/*/README.md": 250,
+}
+
+
+@pytest.mark.parametrize(("pages", "most"), MOST_WORDS.items(), ids=str)
+def test_a_shelf_has_no_more_words_than_it_may(pages: str, most: int) -> None:
+    """Words have a letter: neither the numbers of a table nor the targets of links are words."""
+    texts = [LINK.sub("]", page.read_text("utf-8")) for page in ROOT.glob(pages)]
+    words = [word for text in texts for word in text.split() if re.search(r"[^\W\d_]", word)]
+    assert 0 < len(words) <= most
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_paths_in_the_documentation_exist(page: Path) -> None:
     assert sorted(named for named in paths_named(page) if not exists(named, page)) == []

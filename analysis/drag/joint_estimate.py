@@ -1,7 +1,7 @@
 """Polar, thrust and sensor errors of one flight with their joint covariance: what several flights are pooled from.
 
 Other flights of the same aircraft share some of these. Their joint estimate needs how the polar changes with the sensor
-errors (`docs/use/pooling.md`).
+errors (`docs/understand/pooling.md`).
 """
 
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""The pool of flights that give electrical power only, and the comparison of two such pools (docs/use/pooling.md).
+"""The pool of flights that give electrical power only, and their comparison (docs/understand/pooling.md).
 
 At one lift coefficient power over V³ρ, and with it the efficiency's argument, are the same at every weight and
 density: curves are put together at one condition by V √(W0 ρ / (W ρ0)) and (P - idle) (W0/W)^1.5 √(ρ/ρ0).

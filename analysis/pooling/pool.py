@@ -1,4 +1,4 @@
-"""The pool of several flights, from their results, and the contents of its `results.json` (docs/use/pooling.md)."""
+"""The pool of several flights, from their results, and the contents of `results.json` (docs/understand/pooling.md)."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

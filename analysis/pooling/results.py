@@ -1,4 +1,4 @@
-"""The contents of `results.json` of several flights together, and of a comparison (docs/use/pooling.md).
+"""The contents of `results.json` of several flights together, and of a comparison (docs/understand/pooling.md).
 
 Percentages of a pool are of its power required; those of a comparison are of the power of A.
 """

@@ -1,4 +1,4 @@
-"""Settings of pools and comparisons of flights (docs/use/pooling.md)."""
+"""Settings of pools and comparisons of flights (docs/understand/pooling.md)."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What `results.json` holds of a flight for the joint estimate of several flights (docs/use/pooling.md)."""
+"""What `results.json` holds of a flight for the joint estimate of several flights (docs/understand/pooling.md)."""
 
 import hashlib
 

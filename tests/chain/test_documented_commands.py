@@ -36,10 +36,7 @@ from tests.documented_commands import (
 pytestmark = pytest.mark.xdist_group("chain")
 
 # The first words of commands that need no log and no sensor.
-QUICK = (
-    "sim tunnel", "sim trim", "sim modes", "flightpower new", "flightpower --version", "daq config", "daq list",
-    "calibrate weight-and-balance",
-)  # fmt: skip
+QUICK = ("sim tunnel", "sim trim", "sim modes", "flightpower new", "daq config", "calibrate weight-and-balance")
 BENCHMARK = re.compile(r"python ((?:benchmarks/|-m )[\w./]+)([^`\n]*)")
 
 

@@ -74,8 +74,6 @@ RUN_HERE = {PX4_LOG, *OF_A_FLIGHT, *OF_RESULTS, *OF_A_COLUMN, *OF_A_RUN_UP, *OF_
 # Patterns of commands that a test runs with files of other names, shorter input or one option less; and that test.
 RUN_ELSEWHERE = {
     "flightpower open.*": "analysis/local_page/test_open_command.py",
-    "calibrate tubing LOG": "chain/test_documented_commands.py",
-    "calibrate run-up LOG": "chain/test_documented_commands_with_a_log.py",
     "daq run --config tray.toml( .*)?": "chain/test_documented_daemon_commands.py",
     "daq (check|zero) --config .*": "chain/test_documented_daemon_commands.py",
     "daq list": "daq/test_daemon.py",
@@ -97,13 +95,12 @@ RUN_ELSEWHERE = {
     "make -C firmware/esc_counter": "firmware/test_esc_counter.py",
 }
 NOT_RUN = {
-    "python benchmarks/.*": "minutes to hours: many seeds of what single tests show; names and options are checked",
     "(sim fly --plan full-test-flight -o|analyze) out/full.*": "15 s: as the tutorial's demonstration, but longer",
     "make (demo|test)": "run by .ci/run; `make test` is the run that this test belongs to",
     "(python3|py) -m venv (.venv|/opt/flightpower)": "installs",
     "(pip|uv tool) install .*": "installs, from the network; test_packaging.py checks what is declared and contained",
     "(python3 -m )?pip wheel .*": "installs, from the network; test_packaging.py checks what is declared and contained",
-    "apt-get install .*": "installs, as root",
+    "apt-get (install|remove) .*": "installs, as root",
     "(un)?install.sh.*": "installs, as root",
     "(systemctl|journalctl) .*": "needs the service on the Raspberry Pi",
     "(i2cdetect|rsync) .*": "needs the Raspberry Pi",
