@@ -52,12 +52,12 @@ def module_exists(dotted: str) -> bool:
     return source.exists() and bool(re.search(rf"\b{rest[0]}\b", source.read_text("utf-8")))
 
 
-# Words of each shelf: the documentation is to be read in an evening.
+# Words of each shelf, 30,000 in all: the documentation is to be read in an evening.
 MOST_WORDS = {
-    "README.md": 900,
-    "docs/use/*.md": 12_000,
-    "docs/understand/*.md": 11_000,
-    "docs/evidence/*.md": 5_000,
+    "README.md": 700,
+    "docs/use/*.md": 11_000,
+    "docs/understand/*.md": 11_200,
+    "docs/evidence/*.md": 5_500,
     "systemd/README.md": 1_300,
     "firmware/*/README.md": 250,
 }
