@@ -9,6 +9,7 @@ import pytest
 from methods import drawn, fly
 
 from analysis import flight, pipeline
+from analysis.drag import estimate as estimate_module
 from analysis.drag.comparison import DYNAMIC
 from analysis.drag.estimate import by_simpler_method, estimate
 from analysis.drag.method import MethodEstimate
@@ -115,13 +116,14 @@ def half_widths(drag, record, flown) -> np.ndarray:
     return np.asarray(1.96 * error / power)
 
 
-def test_where_the_path_does_not_fit_a_late_altimeter_energy_gives_a_narrower_curve(flown) -> None:
+def test_where_the_path_does_not_fit_a_late_altimeter_energy_gives_a_narrower_curve(flown, monkeypatch) -> None:
     """Heights of two seconds ago: no path follows both IMU and altimeter; the energy of level runs hardly changes."""
     late = flown.table.assign(height_m=flown.table["height_m"].shift(50).bfill())
     trajectory, _ = with_misfit(reconstruct(late, flown.still))
     assert misfit(trajectory).keys() == {"height"}
     dynamic = estimate(record := record_of(flown, late, trajectory))
-    simpler = by_simpler_method(record_of(flown, late, path_as_measured(late, flown.still)), dynamic)
+    as_measured = record_of(flown, late, path_as_measured(late, flown.still))
+    simpler = by_simpler_method(as_measured, dynamic)
     assert [one.reason for one in dynamic.ladder] == [WhyNot.NONE] and simpler is not None
     assert [(one.name, one.reason) for one in simpler.drag.ladder] == [
         (DYNAMIC, WhyNot.MISFIT), (ENERGY.name, WhyNot.NONE),
@@ -131,6 +133,9 @@ def test_where_the_path_does_not_fit_a_late_altimeter_energy_gives_a_narrower_cu
     limit = noise_limit(1 + len(simpler.drag.runs_against_others))
     agreement = [*simpler.drag.runs_against_others, simpler.drag.accelerations_against_decelerations]
     assert len(agreement) > 1 and all(abs(one.z) < limit for one in agreement)
+    monkeypatch.setattr(estimate_module, "estimate", lambda _: simpler.drag)
+    certain = replace(dynamic, main=replace(dynamic.main, polar=Polar(dynamic.main.polar.A, np.zeros((3, 3)))))
+    assert by_simpler_method(as_measured, certain) is None, "a narrower interval stays"
 
 
 N, D = Trust.NOT_TO_BE_TRUSTED, Trust.DOUBTFUL
