@@ -2,6 +2,7 @@
 
 import importlib.util
 import itertools
+import os
 import re
 import shutil
 import subprocess
@@ -42,15 +43,18 @@ def test_the_package_has_every_file_of_the_service(tmp_path):
 
 
 def test_a_command_of_the_package_starts_this_program_and_no_other(tmp_path):
-    """With its own name, and not what lies in the folder where it is started."""
+    """With its own name, and not what lies where it is started or where PYTHONPATH points."""
     program = tmp_path / "daq"
     program.write_text(build.PROGRAM.format("daq"))
     (tmp_path / "flight.py").write_text("raise SystemExit(77)")
     command = build.COMMAND.format("daq").replace("/usr/lib/flightpower/bin/python3", sys.executable)
     command = command.replace("/usr/lib/flightpower/bin/daq", str(program))
-    where = f"import sys; sys.path.insert(0, {str(ROOT)!r})\n"
+    where = f"import sys; sys.path.append({str(ROOT)!r})\n"
     program.write_text(where + program.read_text())
-    done = subprocess.run(["sh", "-c", command, "daq", "--help"], cwd=tmp_path, capture_output=True, text=True)
+    done = subprocess.run(
+        ["sh", "-c", command, "daq", "--help"], cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(tmp_path)},
+        capture_output=True, text=True,
+    )  # fmt: skip
     assert done.returncode == 0 and "Usage: daq " in done.stdout
 
 
