@@ -3,6 +3,7 @@
 The first trajectory starts the iteration: attitude from angle of attack and climb, velocity from GPS or airspeed.
 """
 
+import math
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import NamedTuple
@@ -62,8 +63,10 @@ def stated_sigma(uncertainty: Uncertainty, wing_loading_Pa: float = 0.0) -> Mapp
     """Prior standard deviation of each sensor error, as [uncertainty] of the aircraft file states it.
 
     An error k C_L of airspeed is one of 2 k C_L of dynamic pressure. C_L times dynamic pressure is the wing loading in
-    level flight: the airspeed pressure has a constant error.
+    level flight: the airspeed pressure has a constant error. Hysteresis of a share h of a swing reads h/2 of it too low
+    on the way up and too high on the way down, as a lag of h/2 times the duration of the swing does: 20 s in a run.
     """
+    swing_s = 20.0
     accelerometer = uncertainty.accelerometer_offset_mps2
     return MappingProxyType({
         **{name: sigma for name, (_, sigma) in PRIORS.unstated.items()},
@@ -71,7 +74,7 @@ def stated_sigma(uncertainty: Uncertainty, wing_loading_Pa: float = 0.0) -> Mapp
         "alpha_bias": uncertainty.angle_of_attack_offset_rad,
         "alpha_scale": uncertainty.angle_of_attack_slope_fraction,
         "V_scale": uncertainty.airspeed_scale_fraction,
-        "air_data_lag": uncertainty.air_data_lag_s,
+        "air_data_lag": math.hypot(uncertainty.air_data_lag_s, uncertainty.hysteresis_fraction * swing_s / 2),
         "dp_alpha_zero": PRIORS.unmeasured_zero_Pa, "q_c_zero": PRIORS.unmeasured_zero_Pa,
         "ax_vibration": uncertainty.accelerometer_vibration_mps2,
         "az_vibration": uncertainty.accelerometer_vibration_mps2,

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from analysis.airdata.transducers import play
 from analysis.trajectory.equations import SENSOR_ERRORS, STATES
 from analysis.trajectory.priors import initial_sensor_errors, initial_state_sigma, initial_states, stated_sigma
 from flight.aircraft import Uncertainty
@@ -145,3 +146,14 @@ def test_sensor_errors_that_no_file_states_have_their_priors() -> None:
     assert [stated[f"{axis}_bias"] for axis in "pqr"] == [0.002] * 3
     assert (stated["beta_bias"], stated["heading_bias"]) == pytest.approx((np.radians(1), np.radians(10)))
     assert stated["gps_latency"] == 0.2
+
+
+def test_hysteresis_that_is_stated_may_look_like_a_lag_as_long_as_it_does_in_runs() -> None:
+    t = np.arange(0.0, 200.0, 0.04)
+    pressure = np.abs((t / 20.0 + 1) % 2 - 1)  # up in a run of 20 s and down in the next
+    rate = np.gradient(pressure, t)
+    late_s = float(rate @ (pressure - play(pressure, 0.01)) / (rate @ rate))
+    usual_s = Uncertainty().air_data_lag_s
+    assert stated_sigma(Uncertainty())["air_data_lag"] == usual_s
+    stated_s = stated_sigma(Uncertainty(hysteresis_fraction=0.01))["air_data_lag"]
+    assert stated_s == pytest.approx(np.hypot(usual_s, late_s), rel=0.05) and stated_s > 5 * usual_s
