@@ -16,6 +16,9 @@ COMMANDS = {
     "mke2fs": "e2fsprogs",
     "losetup": "mount",
     "git": "git",
+    "dh": "debhelper",
+    "avr-gcc": "gcc-avr avr-libc",
+    "help2man": "help2man",
 }
 PACKAGES = (
     "systemd,systemd-sysv,udev,dbus,kmod,sudo,linux-image-amd64,initramfs-tools,python3,python3-venv,i2c-tools,procps,"
