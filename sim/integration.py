@@ -9,7 +9,10 @@ import numpy as np
 from flight.atmosphere import GRAVITY_MPS2
 from flight.propeller import CellIndex, Propeller, TableCell, TableCells
 from sim.plant import MOTOR, AircraftState, Commands, FlightCondition, Plant
-from sim.propulsion import SLOWEST_REVPS
+from sim.propulsion import SLOWEST_REVPS, motor_time_constant
+
+# rk4 is stable up to a step of 2.8 times the shortest time constant; the propeller's torque shortens the motor's.
+LONGEST_STEP = 2.0
 
 
 class Observation(NamedTuple):
@@ -136,6 +139,7 @@ class Stepper:
 def compile_step(plant: Plant, dt: float, integrator: str = "rk4", *, cell: bool = False) -> Any:
     """A CasADi function (x, commands, white, numbers) -> (x after dt, seen there).
 
+    A motor that is faster than the step is integrated in equal parts of it; commands and noise are held over the whole.
     cell: the propeller is the cell of its table whose `numbers` (8,) are given; otherwise it is the whole table.
     """
     import casadi as ca
@@ -147,7 +151,10 @@ def compile_step(plant: Plant, dt: float, integrator: str = "rk4", *, cell: bool
         propeller = plant.propeller
         plant = replace(plant, propeller=TableCell(propeller.diameter_m, propeller.beyond_zero_thrust, numbers))
     commands = Commands(*c)
-    after = INTEGRATORS[integrator](lambda s: plant.derivative(s, commands, n), AircraftState(*x), dt)
+    after = AircraftState(*x)
+    parts = max(1, int(np.ceil(dt / (LONGEST_STEP * motor_time_constant(plant.aircraft.propulsion)))))
+    for _ in range(parts):
+        after = INTEGRATORS[integrator](lambda s: plant.derivative(s, commands, n), after, dt / parts)
     now, _ = plant.instant(after, commands)
     results = ca.cse([ca.vertcat(*after), ca.vertcat(*observation_of(after, now))])
     return ca.Function("step", inputs, results)

@@ -39,6 +39,12 @@ def torque_constant(propulsion: CompletePropulsion) -> float:
     return 60 / (2 * np.pi * propulsion.motor_kv_rpm_per_volt)
 
 
+def motor_time_constant(propulsion: CompletePropulsion) -> float:
+    """Of its speed after a change of throttle [s], without the propeller's damping and the battery's resistance."""
+    k = torque_constant(propulsion)
+    return propulsion.propeller_inertia_kgm2 * propulsion.motor_resistance_ohm / k**2
+
+
 def power_train(
     propulsion: CompletePropulsion,
     propeller: PropellerModel,

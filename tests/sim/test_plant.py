@@ -8,11 +8,12 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from flight.atmosphere import GRAVITY_MPS2 as g
+from flight.complete_aircraft import load_complete_aircraft
 from flight.propeller import Propeller, Row
 from sim.air import Air
 from sim.drag_shape import DragShape
 from sim.integration import Stepper, rk4
-from sim.plant import AircraftState, Commands, Plant, servo_rate
+from sim.plant import AircraftState, Commands, Plant, plant_of, servo_rate
 from sim.trim import Trimmer
 
 SPIN = 120.0  # rev/s
@@ -131,6 +132,19 @@ def test_the_compiled_step_is_the_plain_one(plant, trimmer):
     plain = rk4(lambda s: windy.derivative(s, commands, white), x, 0.02)
     assert np.allclose(stepper.x, [float(v) for v in plain], rtol=1e-12, atol=1e-12)
     assert seen == pytest.approx(stepper.start(AircraftState(*stepper.x.tolist()), commands), rel=1e-12)
+
+
+def test_a_motor_faster_than_the_step_settles():
+    """At a time constant of a third of the step the motor follows a change of throttle as in fine steps."""
+    survey = plant_of(load_complete_aircraft("survey-6kg"))
+    trim = Trimmer(survey, 100.0).solve(V=14.0, climb=0.0)
+    for change in (0.1, -0.3):
+        commands = trim.commands._replace(throttle=trim.throttle + change)
+        coarse, fine = (integrate(survey, trim.state(), commands, dt, round(0.06 / dt)) for dt in (0.02, 0.001))
+        changed = fine.motor - trim.unknowns.motor
+        assert abs(changed) > 4.0
+        assert coarse.motor == pytest.approx(fine.motor, abs=0.01 * abs(changed))
+        assert coarse.energy == pytest.approx(fine.energy, rel=0.03, abs=0.02)
 
 
 def test_a_servo_has_rate_travel_and_lag(nexstar):
