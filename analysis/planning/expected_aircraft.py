@@ -37,7 +37,7 @@ class ExpectedAircraft:
     full_throttle: bool
     basis: str
     stall_basis: str
-    _grid_V: Array = field(repr=False)
+    _grid_V: Array = field(repr=False)  # even steps
     _grid_thrust_N: Array = field(repr=False)  # (throttles, speeds)
 
     @property
@@ -61,10 +61,14 @@ class ExpectedAircraft:
 
     def thrust_N(self, throttle: float, V: float) -> float:
         """Thrust [N] at a throttle from 0 to 1."""
-        last = len(self._grid_thrust_N) - 1
-        row = throttle * last
-        i = min(int(row), last - 1)
-        below, above = (np.interp(V, self._grid_V, self._grid_thrust_N[k]) for k in (i, i + 1))
+        rows, columns = self._grid_thrust_N.shape
+        row = throttle * (rows - 1)
+        i = min(int(row), rows - 2)
+        column = (V - self._grid_V[0]) / (self._grid_V[1] - self._grid_V[0])
+        column = min(max(float(column), 0.0), columns - 1.0)
+        k = min(int(column), columns - 2)
+        (a, b), (c, d) = self._grid_thrust_N[i : i + 2, k : k + 2].tolist()
+        below, above = a + (column - k) * (b - a), c + (column - k) * (d - c)
         return float(below + (row - i) * (above - below))
 
     def revps_of_thrust(self, V: Array, thrust_N: Array) -> Array:
@@ -167,7 +171,7 @@ MOTOR = ("motor_kv_rpm_per_volt", "motor_resistance", "motor_no_load_current", "
 
 
 def _drag_N(aircraft: Aircraft, rho: float, A: Array, V: Array | float, load_factor: Array | float = 1.0) -> Array:
-    qS = rho * np.square(V) / 2 * aircraft.geometry.wing_area_m2
+    qS = rho * V**2 / 2 * aircraft.geometry.wing_area_m2
     CL = load_factor * aircraft.mass.weight_N / qS
     return np.asarray(qS * (A[0] + A[1] * CL + A[2] * CL**2))
 
