@@ -109,14 +109,18 @@ def shortened(expected: ExpectedAircraft, minutes: float) -> list[Maneuver]:
 
 
 def analyzed(aircraft: Aircraft, plan: str, kt: float, seed: int) -> tuple[Polar, flights.Flown, pd.DataFrame]:
-    """The drag polar of a simulated flight, the flight, and its table of air data."""
+    """The drag polar of a simulated flight, the flight, and its table of air data. Raises InputError where `analyze`
+    does not trust the curve, since its estimation has not converged."""
     probe = flights.tunnel_probe()
     flown = flights.flown(aircraft, flights.drawn(load_budget("study"), seed), plan, seed, kt)
     propeller = load_propeller(aircraft.propulsion.propeller or "")
     air, still, _ = flights.air_of(flown.table, aircraft, probe)
     runs, _ = find_runs(air)
     trajectory = reconstruct(air, still, SensorPriors(alpha_scale_sigma=probe.alpha_scale_sigma))
-    return dynamic.estimate_polar(trajectory, runs, aircraft, propeller).polar, flown, air
+    estimate = dynamic.estimate_polar(trajectory, runs, aircraft, propeller)
+    if not estimate.status.usable:
+        raise InputError(f"{estimate.status}: gusts of {trajectory.gust_mps:.1f} m/s")
+    return estimate.polar, flown, air
 
 
 class Job(NamedTuple):

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from analysis.electrical.settings import PRIOR
 from analysis.flown import thrust_known
@@ -27,8 +28,11 @@ from analysis.planning.pieces import (
 )
 from analysis.planning.search import FlightPlan
 from analysis.planning.settings import MARGINS, PATH
+from flight.propeller import Propeller
 from flight.runs import ACCELERATION, DECELERATION
 from flight.units import FOOT_M
+
+Array = NDArray[np.float64]
 
 
 class Row(NamedTuple):
@@ -104,13 +108,9 @@ def margin(plan: FlightPlan) -> str:
 def warnings(plan: FlightPlan) -> list[str]:
     """What is to be mended before the day in the field: propeller's table, battery, height."""
     found = []
-    runs, propeller = _runs(plan), plan.aircraft.propeller
-    rpm, V = 60 * runs["n_revps"].to_numpy(), runs["V_mps"].to_numpy()
-    J = 60 * V / (rpm * propeller.diameter_m)
-    covered = pd.DataFrame({"V_mps": V, "propeller_covered": propeller.covers(J, rpm)})
-    speeds = np.array(plan.question.speeds)
-    dashed = speeds[~thrust_known(covered, speeds)]
+    propeller, dashed = plan.aircraft.propeller, uncovered_mps(plan)
     if len(dashed):
+        J, rpm = _propeller_in(_runs(plan), propeller)
         last = propeller.rows[-1]
         found.append(
             f"At {' and '.join(f'{speed:.1f}' for speed in dashed)} m/s most of the runs lie outside the table of"
@@ -131,6 +131,20 @@ def warnings(plan: FlightPlan) -> list[str]:
             f"{plan.request.space.height_m:.0f} m is above {highest_m:.0f} m (400 ft), the limit in many countries."
         )
     return found
+
+
+def uncovered_mps(plan: FlightPlan) -> Array:
+    """The speeds asked for [m/s] at which most of the runs lie outside the propeller's table."""
+    runs, propeller, speeds = _runs(plan), plan.aircraft.propeller, np.array(plan.question.speeds)
+    inside = propeller.covers(*_propeller_in(runs, propeller))
+    known = thrust_known(pd.DataFrame({"V_mps": runs["V_mps"].to_numpy(), "propeller_covered": inside}), speeds)
+    return np.asarray(speeds[~known])
+
+
+def _propeller_in(history: pd.DataFrame, propeller: Propeller) -> tuple[Array, Array]:
+    """Advance ratio and rpm (n,)."""
+    rpm = 60 * history["n_revps"].to_numpy()
+    return 60 * history["V_mps"].to_numpy() / (rpm * propeller.diameter_m), rpm
 
 
 def _runs(plan: FlightPlan) -> pd.DataFrame:

@@ -41,6 +41,11 @@ class ExpectedAircraft:
     _grid_thrust_N: Array = field(repr=False)  # (throttles, speeds)
 
     @property
+    def cruise_mps(self) -> float:
+        """Speed between maneuvers, and of the turn after a run."""
+        return min(MARGINS.cruise * self.stall_mps, MARGINS.fastest * self.fastest_mps)
+
+    @property
     def lift_slope(self) -> float:
         """dC_L/dalpha of a straight wing (Helmbold's equation) [1/rad]."""
         AR = self.aircraft.aspect_ratio
@@ -136,15 +141,20 @@ def expected_aircraft(
 
 
 def _inside_the_table(expected: ExpectedAircraft) -> ExpectedAircraft:
-    """No faster, and in runs no more throttle, than the propeller's table covers. Where the table does not reach the
-    speed between maneuvers, nothing is limited: the card says what is not covered."""
-    V = np.linspace(expected.stall_mps, MARGINS.fastest * expected.fastest_mps, 41)
+    """No faster, and in runs no more throttle, than the propeller's table covers: in level flight, in turns, and in
+    porpoising by 1 g, whose mean drag is that of a turn. Where the table does not reach a speed that leaves room for
+    runs, nothing is limited: the card says what is not covered."""
+    slowest = MARGINS.slowest * expected.stall_mps
+    V = np.linspace(slowest, MARGINS.fastest * expected.fastest_mps, 41)
     level = expected.revps_of_thrust(V, expected.drag_N(V))
-    spare = np.minimum(level / MARGINS.fastest, _revps(expected, MANEUVERS.acceleration_throttle, V))  # to accelerate
+    load = np.minimum(1 / np.cos(MANEUVERS.banks_rad[0]), (V / slowest) ** 2)
+    turning = expected.revps_of_thrust(V, expected.drag_N(V, load))
+    spare = np.minimum(turning / MARGINS.fastest, _revps(expected, 1.0, V))  # to hold the speed in gusts
     covered = _covered(expected, V, level) & _covered(expected, V, spare)
+    first = int(np.argmax(covered))  # slower flight may turn the propeller slower than the table does
     full = bool(np.all(_covered(expected, V[-1:], _revps(expected, 1.0, V[-1:]))))
-    slower = V[: int(np.argmin(covered))] if not covered.all() else V
-    if not len(slower) or slower[-1] < MARGINS.cruise * expected.stall_mps:
+    slower = V[: first + int(np.argmin(covered[first:]))] if not covered[first:].all() else V
+    if not covered[first] or not V[first] < 1.3 * slowest <= slower[-1]:
         return replace(expected, full_throttle=full)
     throttles = np.linspace(0.0, 1.0, 101)
     throttles = throttles[throttles <= MANEUVERS.acceleration_throttle + 1e-9]

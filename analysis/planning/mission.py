@@ -82,13 +82,12 @@ def qgroundcontrol_plan(plan: FlightPlan, home: Home, firmware: str) -> str:
                 "type": "SimpleItem",
             }
         )
-    cruise_mps = MARGINS.cruise * plan.aircraft.stall_mps
     content = {
         "fileType": "Plan",
         "geoFence": {"circles": [], "polygons": [_fence(plan, home)], "version": 2},
         "groundStation": "QGroundControl",
         "mission": {
-            "cruiseSpeed": round(cruise_mps, 1),
+            "cruiseSpeed": round(plan.aircraft.cruise_mps, 1),
             "firmwareType": Autopilot[firmware],
             "globalPlanAltitudeMode": 1,
             "hoverSpeed": 5,

@@ -137,20 +137,20 @@ def slowest_mps(expected: ExpectedAircraft, wind_kt: float) -> float:
 
 def before(expected: ExpectedAircraft) -> tuple[Maneuver, ...]:
     """What every flight begins with."""
-    cruise_mps = MARGINS.cruise * expected.stall_mps
-    return Stand(MANEUVERS.stand_s[0]), TakeOff(cruise_mps), Turn(cruise_mps)
+    V = expected.cruise_mps
+    return Stand(MANEUVERS.stand_s[0]), TakeOff(V), Turn(V)
 
 
 def after(expected: ExpectedAircraft) -> tuple[Maneuver, ...]:
     """What every flight ends with."""
-    cruise_mps = MARGINS.cruise * expected.stall_mps
-    return Turn(cruise_mps), Land(cruise_mps), Stand(MANEUVERS.stand_s[1])
+    V = expected.cruise_mps
+    return Turn(V), Land(V), Stand(MANEUVERS.stand_s[1])
 
 
 def run_pairs(expected: ExpectedAircraft, space: Space, wind_kt: float) -> Iterator[Piece]:
     """An acceleration and a deceleration, with a turn at the end; on two legs where one is too short for both."""
     slow, fast = slowest_mps(expected, wind_kt), MARGINS.fastest * expected.fastest_mps
-    turn = Turn(MARGINS.cruise * expected.stall_mps, pi, BANK_RAD)
+    turn = Turn(expected.cruise_mps, pi, BANK_RAD)
     for ramp_s, settle_s, hold_s in ((13.0, 16.0, 5.0), (8.0, 10.0, 3.0)):
         up = Run(expected.acceleration_throttle, ramp_s, fast)
         down = Run(MANEUVERS.deceleration_throttle, MANEUVERS.deceleration_ramp_s, slow)
@@ -169,7 +169,10 @@ def run_pairs(expected: ExpectedAircraft, space: Space, wind_kt: float) -> Itera
 def circuits(expected: ExpectedAircraft, space: Space, wind_kt: float) -> Iterator[Piece]:
     """A leg at one speed and a turn back at the same speed."""
     slow, stall, fastest = slowest_mps(expected, wind_kt), expected.stall_mps, expected.fastest_mps
-    for V in (MARGINS.held * slow, 1.3 * stall, 1.6 * stall, 0.77 * fastest, 0.85 * fastest, MARGINS.fastest * fastest):
+    fast = MARGINS.fastest * fastest
+    for V in (MARGINS.held * slow, 1.3 * stall, 1.6 * stall, 0.77 * fastest, 0.85 * fastest, fast):
+        if not MARGINS.held * slow <= V <= fast:
+            continue
         turn = Turn(max(V, _turning_mps(expected, BANK_RAD, wind_kt)), pi, BANK_RAD)
         seconds = min(max(space.leg_m / V, 8.0), 60.0)
         yield Piece(f"level at {V:.1f} m/s, there and back", 2 * (Hold(seconds, V), turn), PieceKind.CIRCUIT)

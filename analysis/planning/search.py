@@ -9,12 +9,14 @@ cost. The result is computed once more as a whole.
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.drag.settings import COMPARISON
+from analysis.maneuvers.find_level import find_runs
 from analysis.planning.expected_aircraft import ExpectedAircraft
 from analysis.planning.information import (
     Covariances,
@@ -30,6 +32,7 @@ from analysis.planning.pieces import (
     Piece,
     PieceKind,
     Pilot,
+    Run,
     Space,
     catalog,
     full_throttle,
@@ -108,7 +111,7 @@ def plan_flight(aircraft: ExpectedAircraft, request: Request) -> FlightPlan:
     """The plan. Raises InputError where the time is too short for any."""
     slow, fast = slowest_mps(aircraft, request.wind_kt), MARGINS.fastest * aircraft.fastest_mps
     asked = question(request.question, aircraft, slow, fast)
-    found = catalog(aircraft, request.space, request.pilot, request.wind_kt)
+    found = _without_gentle_runs(catalog(aircraft, request.space, request.pilot, request.wind_kt), aircraft, request)
     pieces = [piece for piece in found if not (request.pilot.autopilot and piece.kind.by_hand)]
     pairs = [piece for piece in pieces if piece.kind is PieceKind.RUNS]
     last: tuple[Piece, ...] = (full_throttle(aircraft),) if aircraft.full_throttle else ()
@@ -164,6 +167,25 @@ def predicted(maneuvers: Sequence[Maneuver], aircraft: ExpectedAircraft, request
     history = fly(maneuvers, aircraft, request.space.height_m, request.wind_mps)
     found = expected(history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma)
     return _covariances(found, request)
+
+
+def _without_gentle_runs(found: list[Piece], aircraft: ExpectedAircraft, request: Request) -> list[Piece]:
+    """Without pairs of runs that the analysis would not take for runs: where motor or propeller's table leave little to
+    accelerate with, a slow throttle is too gentle. All, where it would take none."""
+    pairs = [piece for piece in found if piece.kind is PieceKind.RUNS]
+    taken = [piece for piece in pairs if _taken_for_runs(piece, aircraft, request)] or pairs
+    return [*taken, *(piece for piece in found if piece.kind is not PieceKind.RUNS)]
+
+
+def _taken_for_runs(piece: Piece, aircraft: ExpectedAircraft, request: Request) -> bool:
+    history = fly(piece.maneuvers, aircraft, request.space.height_m, request.wind_mps, airborne=True)
+    runs, _ = find_runs(history.table, noise_mps=inf)
+    middles_s = [
+        (start_s + end_s) / 2
+        for maneuver, start_s, end_s in zip(piece.maneuvers, history.starts_s, history.starts_s[1:], strict=False)
+        if isinstance(maneuver, Run)
+    ]
+    return all(any(run.start_s <= middle_s <= run.end_s for run in runs) for middle_s in middles_s)
 
 
 def _history(pieces: Sequence[Piece], aircraft: ExpectedAircraft, request: Request) -> TimeHistory:

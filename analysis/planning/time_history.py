@@ -170,12 +170,12 @@ def _porpoise(expected: ExpectedAircraft, V: float, porpoise: Porpoise) -> Path:
 def climb_rate_mps(expected: ExpectedAircraft) -> float:
     """Rate of climb and descent between the ground and the height of the flight [m/s]: with a margin to what the
     battery gives, at the speed between maneuvers. Raises InputError where that is none."""
-    V = MARGINS.cruise * expected.stall_mps
+    V = expected.cruise_mps
     most_mps = V * (expected.thrust_N(1.0, V) - float(expected.drag_N(V))) / expected.aircraft.mass.weight_N
     if most_mps <= 0:
         raise InputError(
-            f"{expected.aircraft.name}: full throttle does not climb at {V:.1f} m/s, {MARGINS.cruise:g} of the stall"
-            " speed; check propeller, motor and weight"
+            f"{expected.aircraft.name}: full throttle does not climb at {V:.1f} m/s, the speed between maneuvers;"
+            " check propeller, motor and weight"
         )
     return min(PATH.climb_over_stall * expected.stall_mps, MARGINS.fastest * most_mps)
 

@@ -164,6 +164,27 @@ def test_nothing_is_planned_beyond_the_propeller_s_table(nexstar: ExpectedAircra
     for thrust_N in (short.drag_N(fast), np.array([short.thrust_N(short.acceleration_throttle, fast[0])])):
         assert 60 * short.revps_of_thrust(fast, thrust_N)[0] <= 6500.0
     assert short.thrust_N(short.acceleration_throttle, fast[0]) > 1.05 * short.drag_N(fast)[0], "it still accelerates"
+    # A turn, and porpoising by 1 g: drag is a parabola of lift, and the mean of (1 + sin)^2 is 1.5, of 1.21^2 1.47.
+    in_turns = short.revps_of_thrust(fast, short.drag_N(fast, 1.21))[0]
+    assert 0.97 * 6500 < 60 * in_turns / 0.92 <= 6500, "with its margin, and no slower than that takes"
+
+
+def test_between_maneuvers_the_aircraft_is_no_faster_than_the_table(nexstar: ExpectedAircraft, monkeypatch) -> None:
+    assert nexstar.cruise_mps == pytest.approx(1.6 * nexstar.stall_mps)
+    short = with_table_to(nexstar, 5800.0, monkeypatch)
+    assert 1.4 * short.stall_mps < short.cruise_mps < 1.6 * short.stall_mps
+    assert short.cruise_mps == pytest.approx(0.92 * short.fastest_mps)
+
+
+def test_a_table_that_begins_with_fast_blades_still_has_an_end(nexstar: ExpectedAircraft, monkeypatch) -> None:
+    """Whatever slow flight lies outside, fast flight is limited."""
+    V = np.array([1.15 * nexstar.stall_mps])
+    begin = 60 * nexstar.revps_of_thrust(V, nexstar.drag_N(V))[0]
+    rows = [row for row in nexstar.propeller.rows if row.rpm in (4000.0, 6000.0)]
+    rows[0] = replace(rows[0], rpm=begin)
+    narrow = Propeller("narrow", nexstar.propeller.diameter_m, tuple(rows))
+    monkeypatch.setattr(of_module, "load_propeller", lambda _: narrow)
+    assert 1.4 < expected_aircraft(nexstar.aircraft, HEIGHT_M).fastest_mps / nexstar.stall_mps < 2.2
 
 
 def test_a_table_that_covers_hardly_any_speed_limits_nothing(nexstar: ExpectedAircraft, monkeypatch) -> None:

@@ -9,7 +9,7 @@ import pytest
 from analysis.planning import pieces
 from analysis.planning.pieces import Hold, Pilot, Porpoise, Run, Space, Turn
 
-AIRCRAFT: Any = SimpleNamespace(stall_mps=10.0, fastest_mps=30.0, acceleration_throttle=0.87)
+AIRCRAFT: Any = SimpleNamespace(stall_mps=10.0, fastest_mps=30.0, cruise_mps=16.0, acceleration_throttle=0.87)
 SLOW, FAST = 11.0, 27.6  # 1.08 and 0.002 for each of 10 kt; 92 %
 HELD = 1.04 * SLOW
 WIND_KT = 10.0
@@ -46,6 +46,12 @@ def test_circuits_are_at_six_speeds_for_8_to_60_seconds() -> None:
             hold, turn, *again = piece.maneuvers
             assert again == [hold, turn] and turn.angle_rad == pi and turn.bank_rad == 0.6
             assert turn.speed_mps == pytest.approx(max(hold.speed_mps, turning_mps(0.6)))
+
+
+def test_no_circuit_is_faster_than_the_fastest_planned() -> None:
+    slow: Any = SimpleNamespace(stall_mps=10.0, fastest_mps=15.0)
+    found = [piece.maneuvers[0].speed_mps for piece in pieces.circuits(slow, Space(400.0, 60.0), WIND_KT)]
+    assert found == pytest.approx([HELD, 13.0, 0.77 * 15, 0.85 * 15, 0.92 * 15])
 
 
 def test_circles_are_two_at_three_speeds_and_two_banks() -> None:

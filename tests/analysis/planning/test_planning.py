@@ -27,7 +27,7 @@ from analysis.planning.next_flight import next_flight
 from analysis.planning.pieces import Hold, Land, Pilot, Porpoise, Run, Space, Stand, TakeOff, Turn
 from analysis.planning.search import FlightPlan, Request, plan_flight
 from analysis.planning.settings import PATH, SEARCH
-from analysis.planning.time_history import TimeHistory, fly
+from analysis.planning.time_history import TimeHistory, fly, throttle_at
 from analysis.polar import Polar
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.priors import SensorPriors
@@ -62,6 +62,21 @@ def plan(nexstar: ExpectedAircraft) -> FlightPlan:
         return plan_flight(nexstar, Request(9.0, 10.0, Space(500.0, HEIGHT_M), Pilot(autopilot=False, load=0.8)))
     finally:
         search.catalog = few
+
+
+def test_no_acceleration_is_planned_that_the_analysis_finds_too_gentle(nexstar: ExpectedAircraft):
+    """A table that ends at half again the stall leaves little throttle: over 13 s it does not accelerate enough."""
+    request = Request(9.0, 0.0, Space(500.0, HEIGHT_M), Pilot(autopilot=False, load=0.8))
+    V = 1.5 * nexstar.stall_mps
+    narrow = replace(nexstar, fastest_mps=V / 0.92, acceleration_throttle=throttle_at(nexstar, V) + 0.1)
+
+    def ramps_s(aircraft: ExpectedAircraft) -> list[float]:
+        found = pieces.catalog(aircraft, request.space, request.pilot, request.wind_kt)
+        kept = [piece for piece in search._without_gentle_runs(found, aircraft, request) if piece.kind == "runs"]
+        return [next(one.ramp_s for one in piece.maneuvers if isinstance(one, Run)) for piece in kept]
+
+    assert ramps_s(nexstar) == [13.0, 8.0]
+    assert ramps_s(narrow) == [8.0]
 
 
 def test_a_level_turn_turns_by_the_bank_and_keeps_its_height(nexstar: ExpectedAircraft):
