@@ -296,13 +296,13 @@ def _alone(module: str, function: str, *arguments: Any, **options: Any) -> Any:
 
 
 PARTS: Mapping[str, Part] = {
-    "accuracy": Part(accuracy, 24, 1, "flights a cell"),
+    "accuracy": Part(accuracy, 20, 1, "flights a cell"),
     "worlds": Part(unassumed, 2, 1, "whole flights a cell, twice as many short ones"),
     "defects": Part(defects, 3, 1, "flights a cell"),
     "real-flights": Part(flown_by_others, 1, 1, "analysis of each flight"),
     "autopilots": Part(autopilots, 40, 1, "flights a weather"),
     "pools": Part(pooled, 10, 1, "campaigns"),
-    "planned": Part(planned, 30, 1, "missions"),
+    "planned": Part(planned, 24, 1, "missions"),
     "performance": Part(performance, 3, 1, "rounds"),
     "reliability": Part(reliability, 5, 1, "minutes"),
     "dissertation": Part(source, 1, 1, "flight of each kind"),
