@@ -190,7 +190,7 @@ def _run_fit(found: Analysis, run: Maneuver, at: Condition) -> RunFit:
         _estimates(fit),
         one.pitch_rate.CLq,
         one.pitch_rate.t,
-        one.pitch_rate.snr[run.name],
+        one.pitch_rate.signal_to_noise[run.name],
     )
 
 
