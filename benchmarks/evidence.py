@@ -20,6 +20,7 @@ import platform
 import re
 import subprocess
 import sys
+import textwrap
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -52,7 +53,8 @@ AIRCRAFT_OF_OTHER_SIZE = ("light-1kg", "survey-6kg")
 # Coverage asked for, %: where the world is as assumed, in every other, and where errors are twice as large as stated.
 ASKED: Mapping[str, tuple[int, int]] = {"study": (93, 97), "twice": (88, 100)}
 ASKED_ELSEWHERE = (90, 98)
-MARK = re.compile(r"(<!-- begin ([\w.-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
+WIDTH = 118  # of a line of a page
+MARK = re.compile(r"(<!-- begin ([\w.-]+) -->)(\n?).*?(<!-- end -->)", re.DOTALL)
 
 Tables = dict[str, list[Record]]
 
@@ -363,19 +365,20 @@ def rendered(page: str, data: Path) -> str:
     def between(mark: re.Match[str]) -> str:
         name, _, table = mark[2].partition(".")
         path = data / f"{name}.json"
-        if not path.exists():
-            return f"{mark[1]}Not run yet: `python benchmarks/evidence.py --only {name}`.\n{mark[3]}"
-        found = json.loads(path.read_text("utf-8"))
-        return f"{mark[1]}{_told(found) if not table else _table(found['tables'], table)}\n{mark[3]}"
+        content = f"Not run yet: `python benchmarks/evidence.py --only {name}`."
+        if path.exists():
+            found = json.loads(path.read_text("utf-8"))
+            content = _table(found["tables"], table) if table else _told(found)
+        return f"{mark[1]}{mark[3]}{content}{mark[3]}{mark[4]}"
 
     return MARK.sub(between, page)
 
 
 def _table(tables: Tables, name: str) -> str:
-    """A table; as NAME-in-words its first row, and as NAME-not-met the rows whose coverage is not what was asked."""
+    """A table; as NAME-in-words what the README says of it; as NAME-not-met what is not covered as asked."""
     if name.endswith("-in-words"):
         records = tables[name.removesuffix("-in-words")]
-        return _flights_in_words(records) if "flight" in records[0] else _in_words(records[0])
+        return _flights_in_words(records) if "flight" in records[0] else _in_words(records)
     if not name.endswith("-not-met"):
         return markdown([_with_counting_error(one) for one in tables[name]])
     by_met: dict[str, list[str]] = {}
@@ -407,28 +410,35 @@ def without(records: Sequence[Record], *names: str) -> list[Record]:
     return [{name: value for name, value in one.items() if name not in names} for one in records]
 
 
-def _in_words(one: Record) -> str:
-    """What the README says of single flights."""
-    low, high = min(one["error"]), max(one["error"])
-    return (
-        f"In {one['flights']} simulated flights of 21 minutes in light turbulence (3 kt of wind at 20 ft), of\n"
-        f"installations with errors of their own, 95 percent of the errors of power required were below {low} to\n"
-        f"{high} percent, by speed, and {one['coverage, %']} ± {one['±']} percent of the true powers lay\n"
-        "in the 95 % interval"
+def _in_words(curves: Sequence[Record]) -> str:
+    """What the README says of whole simulated flights in light and in strong turbulence."""
+    light, strong = (next(one for one in curves if (one["plan"], one["W20, kt"]) == (WHOLE, kt)) for kt in ("3", "15"))
+    (low, high), (least, most) = ((min(one["error"]), max(one["error"])) for one in (light, strong))
+    return textwrap.fill(
+        "In flights of 21 minutes, each with errors of sensors, installation and propeller of its own, 95 % of the"
+        f" errors of power required were below {low} to {high} %, depending on speed, in light turbulence (3 kt of wind"
+        f" at 20 ft), and below {least} to {most} % in strong turbulence (15 kt). The 95 % interval contained the truth"
+        f" at {light['coverage, %']} and {strong['coverage, %']} % of the speeds of {light['flights']} flights each",
+        WIDTH,
     )
 
 
 def _flights_in_words(records: Sequence[Record]) -> str:
     """What the README says of real flights."""
-    errors = {one["flight"]: one["error, %"].split(" to ") for one in records if "error, %" in one}
-    citation, wing = errors.get("its decelerations alone"), errors.get("Daredevil, 10 July")
-    if citation is None or wing is None:
-        return "of other aircraft (not run by this version)"
-    least, most = (max(abs(float(end)) for end in ends) for ends in (citation, wing))
-    return (
-        f"of a Cessna Citation II, whose power required by its decelerations is within {least} percent of that by its\n"
-        f"steady flight, thrust given; of a small flying wing, whose battery power is within {most} percent of that\n"
-        "in level flight"
+    errors = {one["flight"]: [abs(float(end)) for end in one["error, %"].split(" to ")]
+              for one in records if "error, %" in one}  # fmt: skip
+    titles = ("its decelerations alone", "Daredevil, 10 July", "Daredevil, 5 July", "Cyclone")
+    if not errors.keys() >= set(titles):
+        return "not run by this version"
+    citation, wing, again, tailsitter = (errors[title] for title in titles)
+    inside = next(one["inside"] for one in records if one["flight"] == "Cyclone")
+    least, most = min(tailsitter), max(tailsitter)
+    return textwrap.fill(
+        f"power required of a Cessna Citation II by its decelerations is within {max(citation):.1f} %, thrust given;"
+        f" battery power of a small flying wing within {max(wing):.0f} % in one flight and {max(again):.0f} % in"
+        f" another; that of a tailsitter is {least:.0f} to {most:.0f} % off, and inside its interval at"
+        f" {inside} speeds",
+        WIDTH,
     )
 
 

@@ -67,19 +67,27 @@ def test_the_counting_error_of_what_was_always_seen_is_that_of_one_flight_more()
     assert counted([1.0, 0.0] * 50) == pytest.approx((50.0, 5.0), abs=0.1)
 
 
-def test_the_readme_says_how_many_flights_were_covered() -> None:
-    one = {"flights": 100, "error": [2.4, 1.8], "coverage, %": 97, "±": 1.2}
-    told = " ".join(evidence._table({"singles": [one]}, "singles-in-words").split())
-    assert "In 100 simulated flights" in told and "1.8 to 2.4 percent" in told and "97 ± 1.2 percent" in told
+def told(records: list[dict]) -> str:
+    return " ".join(evidence._table({"rows": records}, "rows-in-words").split())
+
+
+def test_the_readme_says_how_well_whole_flights_were_covered() -> None:
+    rows = [{"plan": plan, "W20, kt": kt, "flights": 60, "error": [worst, 2.0, 1.8], "coverage, %": covered}
+            for plan, kt, worst, covered in (("two-pairs", "3", 9.9, 50), ("full-test-flight", "3", 2.4, 97),
+                                             ("full-test-flight", "15", 7.2, 96))]  # fmt: skip
+    assert "below 1.8 to 2.4 %" in told(rows) and "below 1.8 to 7.2 %" in told(rows)
+    assert "97 and 96 % of the speeds of 60 flights" in told(rows)
 
 
 def test_the_readme_says_how_far_real_flights_were_off() -> None:
     """The larger end counts, whatever its sign; a flight that was refused has none."""
     rows = [{"flight": "Daredevil, 10 July", "error, %": "-1.8 to +3.5"}, {"flight": "another", "curve by": "refused"},
+            {"flight": "Daredevil, 5 July", "error, %": "-10.6 to +1.6"},
+            {"flight": "Cyclone", "error, %": "-26.8 to -6.7", "inside": "2 of 4"},
             {"flight": "its decelerations alone", "error, %": "-1.0 to +0.4"}]  # fmt: skip
-    told = " ".join(evidence._table({"flights": rows}, "flights-in-words").split())
-    assert "within 1.0 percent of that by its steady flight" in told and "within 3.5 percent" in told
-    assert "not run" in evidence._table({"flights": rows[:2]}, "flights-in-words")
+    assert "within 1.0 %" in told(rows) and "within 4 % in one flight and 11 % in another" in told(rows)
+    assert "is 7 to 27 % off, and inside its interval at 2 of 4 speeds" in told(rows)
+    assert told(rows[:2]) == "not run by this version"
 
 
 def test_a_figure_shows_what_was_not_met_in_another_color_and_every_known_point() -> None:
