@@ -2,27 +2,42 @@
 
     python benchmarks/fleet.py size --flights 10000 --airframes 50
     python benchmarks/fleet.py changes --airframes 40 --seed 1000
+    python benchmarks/fleet.py generator --flights 30
+    python benchmarks/fleet.py cluster --flights 300 --logs 30
+    python benchmarks/fleet.py listing --keys 100000
 
 Flights are drawn from the model of the pool, with errors like those of short flights in 3 kt (`--noise 1`) or of long
-ones in calm air (0.3): `tests/analysis/pooling/synthetic_flights.py`.
+ones in calm air (0.3): `tests/analysis/pooling/synthetic_flights.py`. `generator` compares them with flights that were
+simulated and analyzed. `cluster` analyzes logs of simulated flights from a store that speaks S3, with Dask.
 """
 
+import os
 import resource
+import shutil
+import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
+import campaigns
+import flights as simulated_flights
+import many_logs
 import numpy as np
 import typer
+from numpy.typing import NDArray
 from records import Record, markdown, rounded
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "analysis" / "fleet"))
 
 from fleet_flights import POLAR, flights_of
 
+from analysis.campaign.addresses import find_logs, place
+from analysis.campaign.folders import names
 from analysis.fleet.airframes import airframes
 from analysis.fleet.changes import find_changes, series
 from analysis.fleet.dataset import Dataset
@@ -30,6 +45,7 @@ from analysis.fleet.results import What
 from analysis.fleet.summary import fleet_results
 from analysis.pooling.pool import pool_results
 from analysis.report.fleet_page import render_fleet
+from tests import s3_server
 
 A_YEAR, BEFORE = 200, 100  # flights; and before the change
 CASES = (
@@ -121,6 +137,127 @@ def change_records(airframes_: int, seed: int, noise: Sequence[float]) -> list[R
                                      "±": rounded(np.sqrt(max(false, 1)) * rate, 2)})  # fmt: skip
     columns = list(dict.fromkeys(name for record in records[::-1] for name in record))
     return [{name: record.get(name) for name in columns} for record in records]
+
+
+@app.command()
+def generator(
+    flights: int = 30,
+    first: Annotated[int, typer.Option("--seed", help="The first of three campaigns of benchmarks/campaigns.py.")] = 41,
+    noise: list[float] = [1.0, 0.3],  # noqa: B006
+    file: Annotated[Path, typer.Option(help="Where flights are kept.")] = Path("out/fleet-flights.jsonl"),
+    fly: Annotated[bool, typer.Option(help="Fly what is missing; or take what is in the file.")] = True,
+) -> None:
+    """Flights of three airframes, simulated and analyzed (21 minutes in 3 kt), against 30 airframes that are drawn."""
+    asked = campaigns.Asked(["study"], [3.0], range(first, first + 3), {"A": flights // 3})
+    flown = defaultdict[int, list[dict[str, Any]]](list)
+    for line in campaigns.flown(asked, file, 1) if fly else simulated_flights.known_lines(file):
+        if "results" in line:
+            flown[line["campaign"]].append(line["results"])
+    print(markdown(generator_records(list(flown.values()), noise)))
+
+
+def generator_records(flown: Sequence[list[dict[str, Any]]], noise: Sequence[float]) -> list[Record]:
+    """Mean and spread of each figure, and the difference of the means over its standard error."""
+    real, records = figures_of(flown), []
+    drawn = {factor: figures_of([flights_of("one", 1000 + i, 10, noise=factor) for i in range(30)]) for factor in noise}
+    for name, figure in real.items():
+        record: Record = {"figure": name, f"of {len(figure)} flights": _mean_and_spread(figure)}
+        for factor, figures in drawn.items():
+            other = figures[name]
+            error = np.sqrt(figure.var(ddof=1) / len(figure) + other.var(ddof=1) / len(other))
+            record[f"drawn, noise {factor:g}"] = _mean_and_spread(other)
+            record[f"z, {factor:g}"] = rounded((figure.mean() - other.mean()) / error, 1)
+        records.append(record)
+    return records
+
+
+def _mean_and_spread(figure: NDArray[np.float64]) -> str:
+    return f"{figure.mean():.2f} ± {figure.std(ddof=1):.2f}"
+
+
+def figures_of(fleet: Iterable[list[dict[str, Any]]]) -> dict[str, NDArray[np.float64]]:
+    """By figure, (flights,): what a flight of an airframe says of drag and thrust, and how its estimates scatter."""
+    found = defaultdict[str, list[float]](list)
+    for of_airframe in fleet:
+        values, by_truth, errors = series(pool_results(of_airframe))
+        n, sigma, weights = len(values), np.sqrt(np.einsum("fkk->fk", errors.own)), np.linalg.inv(errors.own)
+        mean = np.linalg.solve(weights.sum(axis=0), np.einsum("fij,fj->i", weights, values))
+        residual = (values - mean) * np.sqrt(n / (n - 1))
+        for k, name in enumerate(("drag", "thrust")):
+            found[f"stated error of {name}, %"] += (100 * sigma[:, k]).tolist()
+            found[f"share of a change of {name} that is seen"] += by_truth[:, k, k].tolist()
+            found[f"(scatter of {name} / its stated error)²"] += ((residual[:, k] / sigma[:, k]) ** 2).tolist()
+        found["correlation of both errors"] += (errors.own[:, 0, 1] / sigma.prod(axis=1)).tolist()
+        found["misfit of both: chi-square by degree"] += (
+            np.einsum("fi,fij,fj->f", residual, weights, residual) / 2
+        ).tolist()
+    return {name: np.array(of_flights) for name, of_flights in found.items()}
+
+
+@app.command()
+def cluster(
+    flights: int = 300,
+    logs: Annotated[int, typer.Option(help="Simulated flights that are copied, with other weights.")] = 30,
+    out: Annotated[Path, typer.Option(help="Folder to work in.")] = Path("out/fleet"),
+) -> None:
+    """Logs in a store that speaks S3, analyzed by two workers, one of which is killed and started again."""
+    out.mkdir(parents=True, exist_ok=True)
+    given = many_logs.copies(many_logs.simulated(out, logs), out / f"logs-{flights}", flights)
+    local, remote, address = out / "local", out / "cluster", f"tcp://127.0.0.1:{many_logs.PORT}"
+    for old in (local, remote):
+        shutil.rmtree(old, ignore_errors=True)
+    dask = [str(many_logs.SCRIPTS / "dask")]
+    scheduler = [*dask, "scheduler", "--port", str(many_logs.PORT), "--no-dashboard"]
+    worker = [*dask, "worker", address, "--nthreads", "1", "--no-dashboard", "--no-nanny"]
+    worker += ["--local-directory", str(out / "dask")]
+    with s3_server.running() as store, (out / "dask.log").open("w") as told:
+        store.objects |= {f"fleet/{path.name}": path.read_bytes() for path in given}
+        os.environ |= store.environment
+
+        def begin(words: list[str]) -> subprocess.Popen[bytes]:
+            return subprocess.Popen(words, stdout=told, stderr=told, start_new_session=True)
+
+        def done(share: float, process: subprocess.Popen[bytes]) -> None:
+            many_logs.wait_for(lambda: len(many_logs.written_at(remote)) >= share * flights, process)
+
+        seconds = many_logs.analyze(["s3://fleet/"], local)
+        started = [begin(scheduler)]
+        try:
+            time.sleep(10)
+            started += [begin(worker), begin(worker)]
+            words = many_logs.command(*many_logs.ANALYZE, "s3://fleet/", "-o", remote, "-q", "--scheduler", address)
+            with subprocess.Popen(words) as process:
+                done(1 / 3, process)
+                started[-1].kill()
+                done(1 / 2, process)
+                started.append(begin(worker))
+            print(
+                f"{flights} logs of {logs} simulated flights in a store: by this computer in {seconds:.0f} s; by two"
+                f" workers, one killed with a third done and started again with a half: exit code {process.returncode},"
+                f" {len(many_logs.contents(remote))} files {many_logs.equal(remote, local)}"
+            )
+        finally:
+            for one in started:
+                one.kill()
+                one.wait()
+
+
+@app.command()
+def listing(keys: int = 100_000) -> None:
+    """Time and memory of listing a bucket and naming the folders of its logs."""
+    with s3_server.running() as store:
+        store.objects |= {f"fleet/airframe-{i % 50:02d}/{i:06d}.mcap": b"1" for i in range(keys)}
+        os.environ |= store.environment
+        start = time.process_time()
+        found = find_logs(["s3://fleet/"])
+        listed = time.process_time() - start
+        count = len(set(names([place(log) for log in found.logs])))
+        named = time.process_time() - start - listed
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    print(
+        f"{count} logs: listed in {listed:.1f} s of processor time, the store's included, with"
+        f" {store.asked['fleet']} requests; named in {named:.1f} s; at most {memory:.0f} MB"
+    )
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ import subprocess
 import sys
 import sysconfig
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -50,7 +50,7 @@ def command(*words: object) -> list[str]:
     return [str(word) for word in words]
 
 
-def analyze(logs: list[Path], out: Path, *options: object) -> float:
+def analyze(logs: Sequence[Path | str], out: Path, *options: object) -> float:
     """Elapsed seconds of a campaign that has to succeed."""
     start = time.monotonic()
     subprocess.run(command(*ANALYZE, *logs, "-o", out, "-q", *options), check=True)

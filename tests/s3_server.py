@@ -44,6 +44,9 @@ class Store(ThreadingHTTPServer):
 
 @contextmanager
 def running() -> Iterator[Store]:
+    import s3fs
+
+    s3fs.S3FileSystem.clear_instance_cache()  # they know the variables of another store
     with Store() as store:
         threading.Thread(target=store.serve_forever, args=(0.05,), daemon=True).start()
         yield store

@@ -27,6 +27,23 @@ class What(StrEnum):
     BOTH = "drag and propulsion"
 
 
+class Contradiction(StrEnum):
+    """Why flights of one name cannot be of one airframe."""
+
+    SIZE = "wing area or span"
+    INSTALLATION = "installation that returns"  # the probe was mounted anew meanwhile: its errors are others
+
+
+class ContradictionResult(msgspec.Struct, frozen=True, kw_only=True):
+    """What two flights of one name say that cannot be true of one airframe."""
+
+    kind: Contradiction
+    airframe: str
+    log: str
+    earlier_log: str
+    text: str
+
+
 class ChangeResult(msgspec.Struct, frozen=True, kw_only=True):
     """A change from one flight on; percent of the airframe's own, with 95 % half widths."""
 
@@ -76,4 +93,5 @@ class FleetResults(msgspec.Struct, frozen=True, kw_only=True):
     flights: int
     airframes: list[AirframeResult]
     curves: list[FleetCurveResult]
+    contradictions: list[ContradictionResult] = []
     left_out: list[str]  # a line for each file of the dataset that could not be read

@@ -3,12 +3,23 @@
 from collections import defaultdict
 from collections.abc import Sequence
 from datetime import UTC, datetime
+from itertools import pairwise
 
 from analysis.estimation.noise import NORMAL_95
 from analysis.fleet.airframes import Airframe, fleet_curve
 from analysis.fleet.changes import Change
-from analysis.fleet.results import AirframeResult, ChangeResult, FleetCurveResult, FleetResults, Shape, What
+from analysis.fleet.results import (
+    AirframeResult,
+    ChangeResult,
+    Contradiction,
+    ContradictionResult,
+    FleetCurveResult,
+    FleetResults,
+    Shape,
+    What,
+)
 from analysis.polar import Polar, power_required
+from analysis.pooling.flight_statistics import FlightContent
 from analysis.pooling.joint_pool import JointPool
 from analysis.pooling.pool import power_points
 from analysis.results.trust import trust_by
@@ -26,8 +37,46 @@ def fleet_results(fleet: Sequence[Airframe], left_out: Sequence[str]) -> FleetRe
         flights=sum(len(one.flights) for one in fleet),
         airframes=[_airframe(one) for one in fleet],
         curves=[_curve(of_kind) for of_kind in kinds.values() if len(of_kind) > 2],
+        contradictions=_contradictions(fleet),
         left_out=list(left_out),
     )
+
+
+def _contradictions(fleet: Sequence[Airframe]) -> list[ContradictionResult]:
+    """By airframe, the first of each kind, in the order of the dates."""
+    found = []
+    by_name: dict[str, list[FlightContent]] = defaultdict(list)
+    for one in fleet:
+        by_name[one.name] += (flight.content for flight in one.flights)
+    for name, flights in by_name.items():
+        flights.sort(key=lambda one: (one.pooling.start_unix_s or 0.0, one.log))
+        first = flights[0]
+        size = first.aircraft.wing_area_m2, first.aircraft.span_m
+        other = next((one for one in flights if (one.aircraft.wing_area_m2, one.aircraft.span_m) != size), None)
+        if other:
+            said = f"{name}: {other.log} has another wing area or span than {first.log}: two aircraft of one name?"
+            found.append(_contradiction(Contradiction.SIZE, name, other, first, f"{said} Give each its own."))
+        left: dict[str, FlightContent] = {}
+        dated = [one for one in flights if one.pooling.start_unix_s is not None and one.pooling.installation]
+        for before, one in pairwise(dated):
+            if one.pooling.installation in left:
+                earlier = left[one.pooling.installation]
+                said = (
+                    f"{name}: {one.log} names the installation {one.pooling.installation!r} of {earlier.log} again,"
+                    f" after {before.log} with {before.pooling.installation!r}: give what was mounted anew a new name,"
+                    " or two airframes their own names."
+                )
+                found.append(_contradiction(Contradiction.INSTALLATION, name, one, earlier, said))
+                break
+            if one.pooling.installation != before.pooling.installation:
+                left[before.pooling.installation] = before
+    return found
+
+
+def _contradiction(
+    kind: Contradiction, airframe: str, later: FlightContent, earlier: FlightContent, text: str
+) -> ContradictionResult:
+    return ContradictionResult(kind=kind, airframe=airframe, log=later.log, earlier_log=earlier.log, text=text)
 
 
 def _airframe(one: Airframe) -> AirframeResult:

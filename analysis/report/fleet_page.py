@@ -100,7 +100,8 @@ def _row(one: AirframeResult) -> tuple[str, ...]:
 
 def doubts(fleet: FleetResults) -> list[str]:
     """What speaks against the curves, by airframe."""
-    return [f"{one.name}: {sentence(evidence)}" for one in fleet.airframes for evidence in one.evidence]
+    of_curves = [f"{one.name}: {sentence(evidence)}" for one in fleet.airframes for evidence in one.evidence]
+    return [*(one.text for one in fleet.contradictions), *of_curves]
 
 
 def _date(unix_s: float | None) -> str:

@@ -9,7 +9,7 @@ from fleet_flights import POLAR, flights_of
 from analysis.estimation.noise import NORMAL_95
 from analysis.fleet.airframes import airframes, fleet_curve, random_effects
 from analysis.fleet.dataset import Dataset
-from analysis.fleet.results import What
+from analysis.fleet.results import Contradiction, What
 from analysis.fleet.summary import fleet_results
 from analysis.report.fleet_page import doubts, render_fleet
 from analysis.schema import Trust
@@ -77,3 +77,24 @@ def test_flights_that_differ_make_the_curve_of_their_airframe_doubtful(tmp_path:
     one, two = results.airframes
     assert one.trust is not Trust.TRUSTED and two.trust is Trust.TRUSTED
     assert any("one-002" in text for text in doubts(results))
+
+
+@pytest.mark.parametrize(
+    ("installations", "spans", "told"),
+    [
+        ("aabb", (2, 2, 2, 2), []),
+        ("abab", (2, 2, 2, 2), [(Contradiction.INSTALLATION, "one-002.mcap", "one-000.mcap")]),
+        ("aaaa", (2, 2, 3, 2), [(Contradiction.SIZE, "one-002.mcap", "one-000.mcap")]),
+    ],
+)
+def test_flights_of_one_name_that_cannot_be_of_one_airframe_are_told(
+    tmp_path: Path, installations, spans, told
+) -> None:
+    dataset = Dataset(str(tmp_path / "fleet"))
+    flights = flights_of("one", 3, 4, noise=0.3)
+    for one, installation, span_m in zip(flights, installations, spans, strict=True):
+        one["pooling"]["installation"], one["aircraft"]["span_m"] = installation, float(span_m)
+    dataset.add(flights)
+    results = fleet_results(airframes(dataset, 1.0, []), [])
+    assert [(one.kind, one.log, one.earlier_log) for one in results.contradictions] == told
+    assert len(doubts(results)) >= len(told)
