@@ -87,6 +87,7 @@ RUN_ELSEWHERE = {
     "analyze 00000042.BIN .*": "analysis/electrical/test_formats.py",
     "(flightpower new columns|analyze) table.csv .*": "analysis/tables/test_tables.py",
     r"analyze flights/\*(/log)?.mcap -o out( --scheduler .*)?": "analysis/campaign/test_campaign.py",
+    "analyze (flights/|s3://.*) -o out( --scheduler .*)?": "analysis/campaign/test_addresses.py",
     "analyze compare old/ new/ -o difference": "analysis/pooling/test_pooled_comparison.py",
     "flightpower fleet (add|show) .*": "analysis/fleet/test_fleet_command.py",
     "calibrate thrust stand.csv .*": "analysis/ground/test_thrust_stand.py",
