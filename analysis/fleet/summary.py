@@ -44,10 +44,10 @@ def fleet_results(fleet: Sequence[Airframe], left_out: Sequence[str]) -> FleetRe
 
 def _contradictions(fleet: Sequence[Airframe]) -> list[ContradictionResult]:
     """By airframe, the first of each kind, in the order of the dates."""
-    found = []
+    found: list[ContradictionResult] = []
     by_name: dict[str, list[FlightContent]] = defaultdict(list)
-    for one in fleet:
-        by_name[one.name] += (flight.content for flight in one.flights)
+    for airframe in fleet:
+        by_name[airframe.name] += (flight.content for flight in airframe.flights)
     for name, flights in by_name.items():
         flights.sort(key=lambda one: (one.pooling.start_unix_s or 0.0, one.log))
         first = flights[0]
