@@ -192,3 +192,25 @@ def test_a_folder_of_this_computer_is_its_logs(tmp_path: Path) -> None:
 def test_the_same_content_at_another_address_is_another_place() -> None:
     one = RemoteLog("s3://fleet/may/log.mcap", 1, "x")
     assert one.place.parts == ("/", "fleet", "may", "log.mcap")
+
+
+@pytest.mark.parametrize(("failures", "asked", "answered"), [(3, 4, True), (9, 4, False)])
+def test_what_fails_for_a_while_is_asked_again(monkeypatch, failures: int, asked: int, answered: bool) -> None:
+    """Also by libraries that do not do so themselves; within ten seconds."""
+    pauses: list[float] = []
+    monkeypatch.setattr(addresses.time, "sleep", pauses.append)
+    calls = 0
+
+    def ask() -> str:
+        nonlocal calls
+        calls += 1
+        if calls <= failures:
+            raise OSError("busy")
+        return "there"
+
+    if answered:
+        assert addresses._asked("s3://fleet/", ask) == "there"
+    else:
+        with pytest.raises(InputError):
+            addresses._asked("s3://fleet/", ask)
+    assert calls == asked and sum(pauses) < 10
