@@ -156,8 +156,8 @@ class Options(LogOptions):
         bool,
         typer.Option(
             "--likelihood",
-            help="Also apply the two maximum-likelihood methods of the source (docs/understand/methods.md); takes"
-            " a second.",
+            help="Also apply the two maximum-likelihood methods of the source (docs/understand/methods.md); of"
+            " a flight of 20 minutes it takes half a minute.",
         ),
     ] = False
     battery_Wh: Annotated[

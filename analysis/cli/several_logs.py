@@ -149,7 +149,7 @@ class ProgressOnConsole:
 
     def __init__(self, console: Console, quiet: bool):
         self.console, self.quiet = console, quiet
-        self.jobs, self.done = 0, 0
+        self.jobs, self.done, self.refused = 0, 0, 0
         self.rows: dict[str, Any] = {}
         self.bars = Progress(
             TextColumn("{task.description}", markup=False),
@@ -192,6 +192,7 @@ class ProgressOnConsole:
             self.bars.remove_task(self.rows.pop(name))
         self.bars.advance(self.total)
         if outcome.error:
+            self.refused += 1
             self.failed(outcome.error)
         else:
             self._note(f"{name}: {outcome.seconds:.1f} s ({self.done} of {self.jobs})")
@@ -199,8 +200,8 @@ class ProgressOnConsole:
     def finished(self, campaign: Campaign) -> None:
         if self.done:
             self._note(
-                f"{self.done} analyzed in {campaign.processor_seconds:.0f} s of processor time, with at most"
-                f" {campaign.peak_bytes / 1e6:.0f} MB of memory each"
+                f"{self.done - self.refused} analyzed, {self.refused} refused in {campaign.processor_seconds:.0f} s of"
+                f" processor time, with at most {campaign.peak_bytes / 1e6:.0f} MB of memory each"
             )
 
     def _note(self, text: str) -> None:

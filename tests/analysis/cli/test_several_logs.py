@@ -122,9 +122,10 @@ def test_the_last_line_gives_seconds_and_megabytes() -> None:
     told.planned(3, kept=2)
     assert (told.bars.tasks[0].completed, told.bars.tasks[0].total) == (2, 5)
     told.ended("a", Outcome("", seconds=12.34))
+    told.ended("b", Outcome("b: torn", seconds=0.1))
     told.finished(Campaign(processor_seconds=61.7, peak_bytes=321_000_000))
     assert "a: 12.3 s (1 of 3)" in said.file.getvalue()
-    assert "1 analyzed in 62 s of processor time, with at most 321 MB of memory each" in said.file.getvalue()
+    assert "1 analyzed, 1 refused in 62 s of processor time, with at most 321 MB of memory each" in said.file.getvalue()
 
 
 def test_a_comparison_does_not_replace_the_results_of_a_flight(tmp_path: Path) -> None:
