@@ -107,6 +107,7 @@ NOT_RUN = {
     "(i2cdetect|rsync) .*": "needs the Raspberry Pi",
     "make -C firmware/esc_counter flash .*": "needs the microcontroller",
     "dask .*": "does not end",
+    "python benchmarks/worlds.py .*": "minutes; test_study_of_worlds.py runs it with fewer flights",
 }
 
 
