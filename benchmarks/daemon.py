@@ -266,6 +266,7 @@ def day_record(rate: float, hours: float, file_min: float) -> Record:
                 expected += 1
                 worst_ns = max(worst_ns, abs(entry.time_ns - 10**18 - entry.tick * period_ns))
                 count += 1
+    print("resident memory [KiB], file by file:", *(kib for _, kib in memory))
     later = [kib for _, kib in memory[1:]]
     return {
         "hours": hours, "Hz": rate, "ticks": count, "missed": done.missed, "files": len(done.paths),

@@ -11,11 +11,12 @@ from collections.abc import Iterator
 from fnmatch import fnmatchcase
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from tests.browser import Browser, started
+if TYPE_CHECKING:
+    from tests.browser import Browser
 
 # Before the first test imports NumPy: as `make test` sets it, and as the commands do for themselves.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -69,8 +70,10 @@ def group_of(module: Path) -> str:
 
 
 @pytest.fixture(scope="session")
-def browser() -> Iterator[Browser]:
+def browser() -> "Iterator[Browser]":
     """One for all tests of a process; each opens its own page."""
+    from tests.browser import started
+
     with started() as browser:
         yield browser
 
