@@ -2,7 +2,7 @@
 
 from analysis.drag import likelihood
 from analysis.drag.method import MethodDescription, MethodEstimate
-from analysis.drag.methods import ALL_METHODS, every_method
+from analysis.drag.methods import ALL_METHODS, one_method
 from analysis.electrical.daemon_log import WHOLE_FLIGHT, whole_flight
 from analysis.flight import Reconstructed
 from analysis.maneuvers.kinds import Maneuver
@@ -47,7 +47,5 @@ def _estimate(flight: Reconstructed, method: MethodDescription) -> MethodEstimat
         return whole_flight(flight.log, flight.aircraft, flight.propeller).method
     if by_likelihood(method.name):
         return likelihood.estimate(flight, (method,)).methods[0]
-    others = every_method(
-        flight.trajectory, flight.maneuvers.maneuvers, flight.aircraft, flight.propeller, flight.condition
-    )
-    return next(one for one in others.by_method if one.method.name == method.name)
+    maneuvers = flight.maneuvers.maneuvers
+    return one_method(method.name, flight.trajectory, maneuvers, flight.aircraft, flight.propeller)

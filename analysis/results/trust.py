@@ -163,21 +163,29 @@ def _thrust(statistics: PoolingStatistics | None) -> Iterator[Evidence]:
     limit = noise_limit(len(deviations))
     if worst is None or abs(worst.sigmas) <= limit:
         return
-    beyond_doubt = abs(worst.sigmas) > TRUST.beyond_doubt * limit
-    yield Evidence(
+    yield _off_the_table(
+        worst.subject,
+        (worst.sigmas, limit, "standard deviations"),
+        f"Thrust differs from the propeller's table by {worst.sigmas:+.1f} times the standard deviation assumed"
+        f" ({worst.title}; limit {limit:.1f}): check `propulsion.pole_pairs`, the pulses of the motor speed, the"
+        " propeller and its table, and analyze again.",
+    )
+
+
+def _off_the_table(subject: str, of: tuple[float, float, str], text: str) -> Evidence:
+    """Of thrust; beyond twice the limit a table twice as uncertain as stated would be rejected, too. of: figure beyond
+    its limit, and their unit."""
+    figure, limit, unit = of
+    return Evidence(
         kind=EvidenceKind.THRUST_TABLE,
-        level=Trust.NOT_TO_BE_TRUSTED if beyond_doubt else Trust.DOUBTFUL,
+        level=Trust.NOT_TO_BE_TRUSTED if abs(figure) > TRUST.beyond_doubt * limit else Trust.DOUBTFUL,
         part=PartOfResult.CURVE,
-        subject=worst.subject,
-        figure=worst.sigmas,
-        unit="standard deviations",
+        subject=subject,
+        figure=figure,
+        unit=unit,
         limit=limit,
         false_alarm_rate=TRUST.false_alarm_rate,
-        text=(
-            f"Thrust differs from the propeller's table by {worst.sigmas:+.1f} times the standard deviation assumed"
-            f" ({worst.title}; limit {limit:.1f}): check `propulsion.pole_pairs`, the pulses of the motor speed, the"
-            " propeller and its table, and analyze again."
-        ),
+        text=text,
     )
 
 
@@ -200,21 +208,13 @@ def _kinds_of_runs(compared: RunAgainstOthers | msgspec.UnsetType) -> Iterator[E
     limit = noise_limit(1)
     if compared is msgspec.UNSET or abs(compared.z) <= limit:
         return
-    yield Evidence(
-        kind=EvidenceKind.THRUST_TABLE,
-        level=Trust.NOT_TO_BE_TRUSTED if abs(compared.z) > TRUST.beyond_doubt * limit else Trust.DOUBTFUL,
-        part=PartOfResult.CURVE,
-        subject=compared.run,
-        figure=compared.z,
-        unit="standard errors",
-        limit=limit,
-        false_alarm_rate=TRUST.false_alarm_rate,
-        text=(
-            f"By energy the {compared.run} give {100 * (compared.power_W / compared.others_W - 1):+.0f} % of power"
-            f" against the decelerations at {compared.speed_mps:.1f} m/s, {abs(compared.z):.1f} standard errors (limit"
-            f" {limit:.1f}): thrust or the lag of the airspeed differs by more than assumed. Check motor speed,"
-            " propeller and table."
-        ),
+    yield _off_the_table(
+        compared.run,
+        (compared.z, limit, "standard errors"),
+        f"By energy the {compared.run} give {100 * (compared.power_W / compared.others_W - 1):+.0f} % of power"
+        f" against the decelerations at {compared.speed_mps:.1f} m/s, {abs(compared.z):.1f} standard errors (limit"
+        f" {limit:.1f}): thrust or the lag of the airspeed differs by more than assumed. Check motor speed,"
+        " propeller and table.",
     )
 
 
