@@ -221,10 +221,9 @@ def pooled(run: Run) -> Tables:
 
 def planned(run: Run) -> Tables:
     """Missions against their prediction, and planned flights against the shipped one of the same length."""
-    seeds = range(SEED, SEED + run.n)
-    missions = [
-        routes.missions("nexstar", "study", seeds, curve, run.jobs) for curve in ((1,) if run.quick else (1, 5))
-    ]
+    aircraft, curves = (routes.AIRCRAFT[:1], (1,)) if run.quick else (routes.AIRCRAFT, (1, 5))
+    seeds = range(SEED, SEED + max(run.n // len(aircraft), 1))
+    missions = [record for curve in curves for record in routes.records(aircraft, "study", seeds, curve, run.jobs)]
     cells = [(0.0, 8.0)] if run.quick else [(0.0, 8.0), (3.0, 8.0), (3.0, 21.0)]
     asked = plans.Asked("nexstar", "curve", cells, range(SEED, SEED + max(run.n // 2, 1)))
     found = plans.records(plans.flown(asked, run.folder / "plans.jsonl", run.jobs))

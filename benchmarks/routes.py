@@ -16,9 +16,11 @@ import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 from typing import Annotated, Any, NamedTuple
 
 import answers
@@ -197,22 +199,31 @@ def profile(height_m: float) -> float:
 
 
 def main(
-    seed: Annotated[int, typer.Option(help="Of the first flight.")] = 0,
+    seed: Annotated[int, typer.Option(help="Of the first flight; those of the next aircraft follow.")] = 0,
     flights: Annotated[int, typer.Option(help="Missions of each aircraft.")] = 5,
     aircraft: Annotated[list[str] | None, typer.Option(help="May be repeated.")] = None,
     world: Annotated[str, typer.Option(help="World or error budget of the analyzed flight.")] = "study",
     curve: Annotated[int, typer.Option(help="Flights that give the curve.")] = 1,
     jobs: Annotated[int, typer.Option(help="Processes.")] = 1,
 ) -> None:
-    print(markdown([missions(name, world, range(seed, seed + flights), curve, jobs)
-                    for name in aircraft or AIRCRAFT[:1]]))  # fmt: skip
+    print(markdown(records(aircraft or AIRCRAFT[:1], world, range(seed, seed + flights), curve, jobs)))
 
 
-def missions(aircraft: str, world: str, seeds: range, curve: int, jobs: int) -> Record:
-    """Errors, intervals and returns over the missions of an aircraft."""
+def records(aircraft: Sequence[str], world: str, seeds: range, curve: int, jobs: int) -> list[Record]:
+    """A record an aircraft, and one of all. Each aircraft has seeds of its own: those of one seed would fly in the same
+    wind, with the same errors."""
+    found: dict[str, list[Flown]] = {}
     with ProcessPoolExecutor(jobs) as pool:
-        found = pool.map(partial(one_mission, aircraft=aircraft, world=world, curve=curve), seeds)
-        lines = list(track(found, "missions", total=len(seeds), console=Console(stderr=True)))
+        for i, name in enumerate(aircraft):
+            own = range(seeds.start + i * len(seeds), seeds.start + (i + 1) * len(seeds))
+            lines = pool.map(partial(one_mission, aircraft=name, world=world, curve=curve), own)
+            found[name] = list(track(lines, f"missions of {name}", total=len(seeds), console=Console(stderr=True)))
+    every = {"all": [*chain.from_iterable(found.values())]} if len(found) > 1 else {}
+    return [_record(name, curve, lines) for name, lines in (found | every).items()]
+
+
+def _record(aircraft: str, curve: int, lines: Sequence[Flown]) -> Record:
+    """Errors, intervals and returns over missions."""
     below = np.array([one.share_below for one in lines])
     error = np.array([one.median_Wh / one.energy_Wh - 1 for one in lines])
     ends = np.array([(one.low_Wh, one.high_Wh) for one in lines])
