@@ -38,10 +38,10 @@ from flight.aircraft import parse_aircraft
 from flight.complete_aircraft import CompleteAircraft, load_complete_aircraft
 from flight.errors import InputError
 from flight.propeller_files import load_propeller
-from flight.shipped_propellers import shipped_propellers
 from flight.units import GRAVITY_MPS2
 from sim.like import scaled_from
 
+PROPELLERS = ("apc-10x5e", "apc-12x8e", "apc-12x8e-windmilling", "blade-11x5", "blade-16x10")
 MODEL, HEIGHT_M, LEG_M = "nexstar", 40.0, 500.0
 LIGHTEST_KG, HEAVIEST_KG, WINDIEST_KT = 0.7, 12.0, 15.0
 
@@ -55,7 +55,7 @@ def aircraft_of(rng: np.random.Generator, name: str) -> CompleteAircraft:
     area_m2 = mass_kg * GRAVITY_MPS2 / loading_Pa
     span_m = float(np.sqrt(area_m2 * rng.uniform(6.0, 10.0)))
     fit = 0.3048 * size
-    by_size = sorted(shipped_propellers(), key=lambda one: abs(np.log(load_propeller(one).diameter_m / fit)))
+    by_size = sorted(PROPELLERS, key=lambda one: abs(np.log(load_propeller(one).diameter_m / fit)))
     propeller = str(rng.choice(by_size[:3]))
     short = f"""name = "{name}"
 [geometry]

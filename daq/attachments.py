@@ -1,6 +1,5 @@
 """The files attached to a log beside its messages, so that `analyze log.mcap` needs nothing else."""
 
-from importlib import resources
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,6 +9,7 @@ from flight.aircraft import Aircraft, load_aircraft
 from flight.errors import InputError
 from flight.files import json_object_text, read_text
 from flight.log_writer import LogWriter
+from flight.shipped_propellers import FOLDER, shipped_propellers
 from flight.version import version
 
 
@@ -75,9 +75,8 @@ def write_attachments(
 
 def propeller_text(name_or_path: str) -> str:
     """The file of a propeller: one that is shipped, or a path, found as in `flight.propeller_files`, without NumPy."""
-    shipped = resources.files("flight") / "data" / "propellers" / f"{name_or_path}.csv"
-    if Path(name_or_path).suffix == "" and shipped.is_file():
-        return shipped.read_text("utf-8")
+    if name_or_path in shipped_propellers():
+        return FOLDER.joinpath(f"{name_or_path}.csv").read_text("utf-8")
     if not Path(name_or_path).is_file():
         raise InputError(f"propeller {name_or_path}: neither a shipped table nor a file")
     return read_text(Path(name_or_path))

@@ -77,7 +77,7 @@ KEYS: dict[str, Key] = {
     "mass.Ixz": Key('"0 kg m^2"', "Product of inertia.", "Small; leave it out.", SIMULATOR, "zero"),
     "propulsion.propeller": Key(
         '"apc-12x8e"',
-        "Propeller table: a shipped name, or a file (docs/use/propellers.md).",
+        "Propeller table: a name that `flightpower propellers` lists, or a file (docs/use/propellers.md).",
         "Printed on the blade; tables of UIUC and APC are read as downloaded.",
         "analysis, simulator",
         "the log's table, or `analyze --propeller`",

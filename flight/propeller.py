@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from flight.errors import InputError
 from flight.number import Number
 
+# The analysis corrects a table's thrust by the factor 1 + thrust_scale + thrust_slope (J - J_REFERENCE).
+J_REFERENCE = 0.5
 WINDMILL, FOLD = "windmill", "fold"
 BEYOND_ZERO_THRUST = (WINDMILL, FOLD)
 # Drag areas over the square of the diameter. Folded blades lie along the nacelle: two blades of 0.07 by 0.5 diameters,

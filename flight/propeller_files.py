@@ -30,12 +30,14 @@ def load_propeller(name_or_path: str | Path) -> Propeller:
     Raises InputError when there is no such propeller or a file cannot be read.
     """
     path = Path(name_or_path)
-    if path.suffix == "" and (FOLDER / f"{name_or_path}.csv").is_file():
+    if str(name_or_path) in shipped_propellers():
         return parse_propeller((FOLDER / f"{name_or_path}.csv").read_text("utf-8"), str(name_or_path))
     if path.is_dir():
         return _load_uiuc(path)
     if not path.is_file():
-        raise InputError(f"propeller {name_or_path}: neither a file nor one of {', '.join(shipped_propellers())}")
+        raise InputError(
+            f"propeller {name_or_path}: neither a file nor one of those that `flightpower propellers` lists"
+        )
     text = _text(path)
     named = UIUC_NAME.fullmatch(path.name)
     if named and _is_uiuc(text):

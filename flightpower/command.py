@@ -33,6 +33,7 @@ SIDES = {
     "calibrate": Side("analysis.cli.calibrate", "Probe, tubes, magnetometer, surfaces, airspeed.", LAPTOP, "analysis"),
     "sim": Side("sim.__main__", "Simulated flights and wind tunnel.", ("casadi", "numpy", "pandas", "pyarrow"), "sim"),
     "daq": Side("daq.__main__", "Record the sensors on the aircraft's computer.", ()),
+    "propellers": Side("flightpower.propellers", "Propeller tables by size and maker.", ("numpy",), "analysis"),
     "new": Side("flightpower.new", "Files to begin with: an aircraft, a tray, a map of columns.", ()),
 }
 

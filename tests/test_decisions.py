@@ -42,6 +42,7 @@ PARSERS = {
     "daq/thrust.py": "files of propellers",
     "flight/command_line.py": "what the user types",
     "flight/propeller_files.py": "files of propellers",
+    "flight/propeller_search.py": "what the user types, and files of propellers",
     "flight/undecodable.py": "messages of msgspec",
     "flight/units.py": "quantities that the user types",
     "sim/ulog_writer.py": "types of the fields of ULog",

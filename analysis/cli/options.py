@@ -14,7 +14,6 @@ import typer
 from analysis.performance.request import Request, parse_request, parse_weight
 from flight.aircraft import load_aircraft
 from flight.command_line import quantity
-from flight.shipped_propellers import shipped_propellers
 
 if TYPE_CHECKING:
     from analysis.log_contents import Replacements
@@ -29,8 +28,8 @@ PropellerOption = Annotated[
     typer.Option(
         "--propeller",
         metavar="NAME",
-        help="Propeller to use instead of the log's: one shipped with flightpower"
-        f" ({', '.join(shipped_propellers())}), a CSV file of its format, a PER3 file of APC, or tables of UIUC.",
+        help="Propeller to use instead of the log's: a name that `flightpower propellers` lists,"
+        " a CSV file of its format, a PER3 file of APC, or tables of UIUC.",
     ),
 ]
 ProbeOption = Annotated[

@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 from analysis.estimation.model import PriorMeasurement
 from analysis.settings import EVIDENCE
 from flight.aircraft import Aircraft, Uncertainty
+from flight.propeller import J_REFERENCE as J_REFERENCE
 
 Array = NDArray[np.float64]
 
-# A propeller table is corrected to T = T_table (1 + thrust_scale + thrust_slope (J - J_REFERENCE)).
-J_REFERENCE = 0.5
 THRUST = ("thrust_scale", "thrust_slope")  # thrust is the table's times 1 + scale + slope (J - J_REFERENCE)
 STAND = "thrust on the stand"
 

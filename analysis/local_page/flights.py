@@ -358,7 +358,7 @@ class OpenedFlight:
         if key not in self._prepared:
             aircraft = parse_aircraft(key[0], "aircraft file") if values.aircraft else None
             if values.propeller and values.propeller not in shipped_propellers():
-                raise InputError(f"propeller {values.propeller[:60]!r}: none of {', '.join(shipped_propellers())}")
+                raise InputError(f"propeller {values.propeller[:60]!r}: none that `flightpower propellers` lists")
             propeller = load_propeller(values.propeller) if values.propeller else None
             flight = recorded(self.log, Replacements(aircraft=aircraft, propeller=propeller))
             while len(self._prepared) > 2:  # as recorded, the last and this one

@@ -92,6 +92,7 @@ RUN_ELSEWHERE = {
     "flightpower fleet (add|show) .*": "analysis/fleet/test_fleet_command.py",
     "calibrate thrust stand.csv .*": "analysis/ground/test_thrust_stand.py",
     "analyze log.mcap --thrust-stand stand.json": "analysis/ground/test_thrust_stand.py",
+    "flightpower propellers .*": "flightpower/test_propellers.py",
     "flightpower plan nexstar .*": "analysis/planning/test_planning.py",
     "make -C firmware/esc_counter": "firmware/test_esc_counter.py",
 }

@@ -9,7 +9,6 @@ from analysis.cli.calibrate.runner import Calibrated, CalibrationFile, calibrati
 from flight.aircraft import Aircraft, Uncertainty, load_aircraft
 from flight.command_line import quantity
 from flight.errors import InputError
-from flight.shipped_propellers import shipped_propellers
 
 if TYPE_CHECKING:
     from analysis.ground.thrust_stand import StandReadings, ThrustStand
@@ -39,8 +38,8 @@ def thrust(
         typer.Option(
             "--propeller",
             metavar="NAME",
-            help="Table of the propeller: one shipped with flightpower"
-            f" ({', '.join(shipped_propellers())}), or a file (docs/use/propellers.md).",
+            help="Table of the propeller: a name that `flightpower propellers` lists,"
+            " or a file (docs/use/propellers.md).",
         ),
     ] = None,
     aircraft: Annotated[

@@ -1,0 +1,413 @@
+"""Propeller tables found by words and size, and what it may cost to take one of another size, or a computed one.
+
+The head of a table says what it is of: `# series = APC thin electric`, `# origin = measured`, `# published = …`,
+`# pitch_m = …`, `# blades = 2`. Both costs are found from the tables themselves, by comparing thrusts at the same
+airspeed and speed of rotation.
+"""
+
+import math
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from functools import cache
+from itertools import permutations
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flight.aircraft import Uncertainty
+from flight.errors import InputError
+from flight.propeller import J_REFERENCE, Propeller
+from flight.propeller_files import INCH_M, LARGEST_INCHES, UIUC_NAME, load_propeller
+from flight.shipped_propellers import shipped_propellers
+
+# Flights are looked at from the J at which the propeller's efficiency is this share of its best, up to the best: climbs
+# and level flight. Nearer to zero thrust a relative difference has no meaning.
+SHARE_OF_BEST_EFFICIENCY = 0.7
+# Tables are compared where their diameters and pitches differ by no more than this, as a logarithm: what is asked for
+# is rarely further from the nearest table, and there thrust is nearly a product of powers of the two.
+COMPARED_WITHIN = 0.3
+LEAST_RATIO = 0.05  # smaller thrust than this share is taken as this share: the logarithm would be all that counts
+FEWEST_TABLES = 8  # between which thrusts are compared: two elasticities and a scatter are estimated from them
+SAME_SIZE_IN = 0.05  # UIUC and APC round sizes to 0.1 in
+SIZE = re.compile(r"(\d+(?:\.\d+)?)x(\d+(?:\.\d+)?)(.*)", re.IGNORECASE)
+APC_SIZE = re.compile(r"\s*(\d+(?:\.\d+)?)x(\d+(?:\.\d+)?)\D*?(?:-([2-6]))?\s")
+
+Array = NDArray[np.float64]
+
+
+class Origin(StrEnum):
+    MEASURED = "measured"
+    COMPUTED = "computed"
+    ASSUMED = "assumed"  # for simulated aircraft: nobody's propeller
+    UNKNOWN = "not stated"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A propeller's table with what its head says. pitch_in [in], blades : None where it is not said."""
+
+    name: str
+    propeller: Propeller
+    series: str = ""
+    origin: Origin = Origin.UNKNOWN
+    published: str = ""
+    pitch_in: float | None = None
+    blades: int | None = None
+
+    @property
+    def diameter_in(self) -> float:
+        return float(self.propeller.diameter_m / INCH_M)
+
+    @property
+    def size(self) -> str:
+        return f"{self.diameter_in:.4g}x{'?' if self.pitch_in is None else f'{self.pitch_in:.4g}'}"
+
+    @property
+    def rpm(self) -> tuple[float, float]:
+        """The least and largest speed of rotation [1/min]."""
+        return self.propeller.rows[0].rpm, self.propeller.rows[-1].rpm
+
+    @property
+    def J(self) -> tuple[float, float]:
+        """The least and largest advance ratio of any speed of rotation."""
+        rows = self.propeller.rows
+        return min(row.J[0] for row in rows), max(row.J[-1] for row in rows)
+
+    @property
+    def said_of_it(self) -> str:
+        """In which words are looked for."""
+        return f"{self.name} {self.series} {self.published} {self.origin.value}".lower()
+
+    def to_csv(self) -> str:
+        """The table in our own format, with its head: what `flight.propeller_files` and this module read back."""
+        said = {"series": self.series, "published": self.published, "blades": self.blades}
+        pitch = {} if self.pitch_in is None else {"pitch_m": f"{self.pitch_in * INCH_M:.6g}"}
+        head = {"origin": self.origin.value, **{key: value for key, value in said.items() if value}, **pitch}
+        text = [line for line in self.propeller.source.splitlines() if line.partition(" = ")[0] not in head]
+        lines = [*text, *(f"{key} = {value}" for key, value in head.items())]
+        p = self.propeller
+        return Propeller(p.name, p.diameter_m, p.rows, "\n".join(lines)).to_csv()
+
+
+class Query(NamedTuple):
+    """What is asked for; words : all of them are in a table's name, series or publication."""
+
+    words: tuple[str, ...] = ()
+    diameter_in: float | None = None
+    pitch_in: float | None = None
+
+
+@dataclass(frozen=True)
+class Cost:
+    """How far thrust and power may be from those of a table, at the same airspeed and speed of rotation.
+
+    J : least and largest advance ratio looked at       compared : propellers whose tables say so
+    thrust, power : least and largest relative difference there (-0.2: 20 % less than the table's)
+    thrust_scale, thrust_slope : standard deviations for [uncertainty] of the aircraft file
+    per_inch : relative change of thrust with an inch of diameter and of pitch; None for a table of the size itself
+    """
+
+    table: str
+    J: tuple[float, float]
+    compared: int
+    thrust: tuple[float, float]
+    power: tuple[float, float]
+    thrust_scale: float
+    thrust_slope: float
+    per_inch: tuple[float, float] | None = None
+
+
+def parse_query(words: Iterable[str]) -> Query:
+    """The query of words such as 11x5.5, graupner, 11 (a diameter in inches). Raises InputError."""
+    found = Query()
+    for word in words:
+        sized = SIZE.fullmatch(word)
+        if sized or re.fullmatch(r"\d+(?:\.\d+)?", word):
+            if found.diameter_in is not None:
+                raise InputError(f"{word}: a size was given before; one size, such as 11x7, or one diameter")
+            diameter, pitch = (float(sized[1]), float(sized[2])) if sized else (float(word), None)
+            if not 0 < diameter <= LARGEST_INCHES or (pitch is not None and not 0 < pitch <= LARGEST_INCHES):
+                raise InputError(
+                    f"{word}: sizes are in inches, up to {LARGEST_INCHES:g}, such as 11x7; an inch is 25.4 mm"
+                )
+            found = found._replace(diameter_in=diameter, pitch_in=pitch)
+            if sized and sized[3]:  # 11x7E
+                found = found._replace(words=(*found.words, word))
+        else:
+            found = found._replace(words=(*found.words, word))
+    return found
+
+
+def shipped_tables() -> list[Table]:
+    """The tables that come with the package."""
+    return [described(name, load_propeller(name)) for name in shipped_propellers()]
+
+
+def described(name: str, propeller: Propeller) -> Table:
+    """A table with what the lines `key = value` of its head say. Raises InputError for one that is not understood."""
+    head = dict(line.split(" = ", 1) for line in propeller.source.splitlines() if " = " in line)
+    try:
+        return Table(
+            name,
+            propeller,
+            head.get("series", ""),
+            Origin(head.get("origin", Origin.UNKNOWN)),
+            head.get("published", ""),
+            float(head["pitch_m"]) / INCH_M if "pitch_m" in head else None,
+            int(head["blades"]) if "blades" in head else None,
+        )
+    except ValueError as error:
+        raise InputError(f"propeller {name}: its head is not understood ({error})") from None
+
+
+def tables_in(folder: Path) -> tuple[list[Table], list[str]]:
+    """The tables in a folder and below: UIUC's and APC's as downloaded, and our own; and what could not be read.
+
+    Raises InputError where there is no such folder, or no table in it.
+    """
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no folder")
+    tables, problems = [], []
+    seen = set()
+    for path in sorted(folder.rglob("*")):
+        named = UIUC_NAME.fullmatch(path.name)
+        if named and (path.parent, named["name"]) in seen:
+            continue
+        try:
+            if named and re.search(r"_\d{3,5}$", named["test"]):
+                seen.add((path.parent, named["name"]))
+                tables.append(_of_uiuc(named["name"], load_propeller(path)))
+            elif re.fullmatch(r"PER3_.+\.dat", path.name, re.IGNORECASE):
+                tables.append(_of_apc(path))
+            elif path.suffix == ".csv":
+                tables.append(described(str(path), load_propeller(path)))
+        except InputError as error:
+            problems.append(str(error))
+    if not tables:
+        why = f" ({problems[0]})" if problems else "; UIUC's are named apce_10x5_kt0821_5000.txt, APC's PER3_10x5E.dat"
+        raise InputError(f"{folder}: no propeller table that can be read{why}")
+    return tables, problems
+
+
+def _of_uiuc(name: str, propeller: Propeller) -> Table:
+    series, _, size = name.rpartition("_")
+    found = SIZE.match(size)
+    pitch_in = float(found[2]) if found else None
+    if pitch_in and pitch_in > LARGEST_INCHES:  # millimeters, as the diameter is then
+        pitch_in /= 1000 * INCH_M
+    return Table(name, propeller, series, Origin.MEASURED, f"UIUC, {name}", pitch_in)
+
+
+def _of_apc(path: Path) -> Table:
+    propeller = load_propeller(path)
+    size = APC_SIZE.match(path.read_text("utf-8-sig", errors="replace"))
+    table = Table(f"apc-{path.stem[5:].lower()}-computed", propeller, "APC", Origin.COMPUTED, f"APC, {path.name}")
+    return replace(table, pitch_in=float(size[2]), blades=int(size[3] or 2)) if size else table
+
+
+def matching(tables: Iterable[Table], query: Query) -> list[Table]:
+    """Those with all words and the size, by size, the measured ones of a size first."""
+    order = list(Origin)
+    found = [one for one in with_words(tables, query) if has_size(one, query)]
+    return sorted(
+        found, key=lambda one: (round(one.diameter_in, 2), one.pitch_in or 0.0, order.index(one.origin), one.name)
+    )
+
+
+def with_words(tables: Iterable[Table], query: Query) -> list[Table]:
+    """Those whose name, series or publication has all words of the query."""
+    words = [word.lower() for word in query.words]
+    return [one for one in tables if all(word in one.said_of_it for word in words)]
+
+
+def has_size(table: Table, query: Query) -> bool:
+    pairs = ((query.diameter_in, table.diameter_in), (query.pitch_in, table.pitch_in))
+    return all(asked is None or (is_ is not None and abs(asked - is_) < SAME_SIZE_IN) for asked, is_ in pairs)
+
+
+def nearest(tables: Iterable[Table], query: Query, count: int = 3) -> list[Table]:
+    """The tables nearest in diameter and pitch, as ratios, and the nearest measured one; those with the words first.
+
+    Computed tables count where the same propeller was not measured; assumed ones do not.
+    query : with diameter and pitch
+    """
+    sized = [one for one in tables if one.pitch_in is not None]
+    measured = {(one.series, one.size) for one in sized if one.origin is Origin.MEASURED}
+    usable = [
+        one
+        for one in sized
+        if one.origin is Origin.MEASURED or (one.origin is Origin.COMPUTED and (one.series, one.size) not in measured)
+    ]
+    found = with_words(usable, _without_sizes(query)) or usable
+    found.sort(key=lambda one: float(np.hypot(*_step(one, query))))
+    of_measured = [one for one in found if one.origin is Origin.MEASURED][:1]
+    return found[:count] + [one for one in of_measured if one not in found[:count]]
+
+
+def _without_sizes(query: Query) -> Query:
+    """The query without words that are sizes themselves (11x7E)."""
+    return query._replace(words=tuple(word for word in query.words if not SIZE.fullmatch(word)))
+
+
+def _log_size(table: Table | Query) -> Array:
+    return np.log([table.diameter_in or math.nan, table.pitch_in or math.nan])
+
+
+def _step(table: Table, query: Query) -> Array:
+    """(2,): logarithms of the query's diameter and pitch over those of the table."""
+    return _log_size(query) - _log_size(table)
+
+
+def cost_of(base: Table, query: Query, tables: Sequence[Table], J: tuple[float, float] | None = None) -> Cost:
+    """What it may cost to take `base` for the query's propeller: by its size or make, and by being computed.
+
+    query : with diameter and pitch      J : advance ratios of the flight; default: of a climb and level flight
+    Raises InputError when there are no tables to tell it from.
+    """
+    costs = []
+    if not has_size(base, query) or not with_words([base], query):
+        costs.append(_cost_of_size(base, query, tables, J))
+    if base.origin is not Origin.MEASURED:
+        costs.append(_cost_of_computed(base, tables, J))
+    usual = Uncertainty()  # what a table of the very propeller that is flown is off by
+    return Cost(
+        base.name,
+        J or flight_J(base),
+        min((one.compared for one in costs), default=0),
+        _together([one.thrust for one in costs]),
+        _together([one.power for one in costs]),
+        math.hypot(usual.thrust_scale_fraction, *(one.thrust_scale for one in costs)),
+        math.hypot(usual.thrust_slope, *(one.thrust_slope for one in costs)),
+        costs[0].per_inch if costs else None,
+    )
+
+
+def _together(ranges: list[tuple[float, float]]) -> tuple[float, float]:
+    """Relative differences of two causes, both at their ends."""
+    low, high = (math.prod(1 + one[end] for one in ranges) - 1 for end in (0, 1))
+    return low, high
+
+
+def _cost_of_size(base: Table, query: Query, tables: Sequence[Table], J: tuple[float, float] | None) -> Cost:
+    """Thrust over diameter and pitch, from all pairs of measured tables of nearly one size, as powers of the two.
+
+    What is left is the scatter between propellers of one size. Pairs of the series that the query's words name are
+    taken if there are enough.
+    """
+    measured = [one for one in tables if one.origin is Origin.MEASURED and one.pitch_in and one.blades in (None, 2)]
+    pairs = _pairs(with_words(measured, _without_sizes(query)), J)
+    if len({pair.one for pair in pairs}) < FEWEST_TABLES:
+        pairs = _pairs(measured, J)
+    compared = len({pair.one for pair in pairs})
+    if compared < FEWEST_TABLES:
+        raise InputError(f"{base.name}: too few measured tables to compare at these advance ratios")
+    steps, found = np.array([pair.step for pair in pairs]), np.array([pair.ratios for pair in pairs])
+    elasticities, *_ = np.linalg.lstsq(steps, found, rcond=None)
+    # Pairs share tables: there are as many independent differences as tables, less one, and two are used up.
+    scatter = np.sqrt(((found - steps @ elasticities) ** 2).mean(axis=0) * (compared - 1) / (compared - 3))
+    step = _step(base, query)
+    leverage = step @ np.linalg.solve(steps.T @ steps / len(pairs), step) / (compared - 1)
+    expected, sigma = step @ elasticities, scatter * math.sqrt(1 + leverage)
+    scale, slope = np.hypot(expected, sigma)[:2]  # of the error of a table that is not corrected
+    least, most = np.expm1(expected - 2 * sigma), np.expm1(expected + 2 * sigma)  # 95 %
+    per_inch = np.expm1(elasticities[:, 2] * np.log1p(1 / np.exp(_log_size(base))))
+    return Cost(
+        base.name,
+        J or flight_J(base),
+        compared,
+        (float(least[2]), float(most[2])),
+        (float(least[3]), float(most[3])),
+        math.expm1(scale),
+        float(slope),
+        (float(per_inch[0]), float(per_inch[1])),
+    )
+
+
+class Pair(NamedTuple):
+    """Two tables of nearly one size: the step of size between them, and how thrust and power differ (`_ratios`)."""
+
+    one: str
+    step: Array
+    ratios: Array
+
+
+def _pairs(tables: Iterable[Table], J: tuple[float, float] | None) -> list[Pair]:
+    """All pairs of tables of nearly one size, each both ways."""
+    found = []
+    for one, other in permutations(tables, 2):
+        step = _log_size(other) - _log_size(one)
+        if np.hypot(*step) <= COMPARED_WITHIN:
+            at = J or flight_J(one)
+            ratios = _ratios(*_log_ratios(one, other, at), at)
+            if ratios is not None:
+                found.append(Pair(one.name, step, ratios))
+    return found
+
+
+def _cost_of_computed(base: Table, tables: Sequence[Table], J: tuple[float, float] | None) -> Cost:
+    """How far measured tables are from those computed of the same propeller: all pairs, the widest range of them."""
+    found, thrust, power = [], [], []
+    for computed, measured in permutations(tables, 2):
+        same = computed.series == measured.series and computed.size == measured.size
+        if not same or computed.origin is not Origin.COMPUTED or measured.origin is not Origin.MEASURED:
+            continue
+        at = J or flight_J(computed)
+        of_thrust, of_power = _log_ratios(computed, measured, at)
+        ratios = _ratios(of_thrust, of_power, at)
+        if ratios is not None:
+            found.append(ratios)
+            thrust.append(of_thrust)
+            power.append(of_power)
+    if not found:
+        raise InputError(f"{base.name}: no propeller both measured and computed at these advance ratios")
+    scale, slope = np.sqrt(np.mean(np.square(found), axis=0))[:2]
+    ranges = [(math.expm1(np.min(ends)), math.expm1(np.max(ends))) for ends in (thrust, power)]
+    return Cost(base.name, J or flight_J(base), len(found), ranges[0], ranges[1], math.expm1(scale), float(slope))
+
+
+@cache
+def flight_J(table: Table) -> tuple[float, float]:
+    """Advance ratios of a climb and level flight, from the table's efficiency J cT/cP, averaged over its speeds."""
+    J = np.linspace(0.02, table.J[1], 101)
+    efficiency = np.zeros(J.shape)
+    for row in table.propeller.rows:
+        cT, cP = table.propeller.table(J, np.full(J.shape, row.rpm))
+        efficiency += J * np.where(cP > 0, cT, 0) / np.where(cP > 0, cP, 1) / len(table.propeller.rows)
+    best = int(efficiency.argmax())
+    first = int(np.argmax(efficiency >= SHARE_OF_BEST_EFFICIENCY * efficiency[best]))
+    return float(J[first]), float(J[best])
+
+
+def _log_ratios(one: Table, other: Table, J: tuple[float, float]) -> tuple[Array, Array]:
+    """Logarithms of `other`'s thrust and power over `one`'s at the same airspeed and speed of rotation, (3, 21).
+
+    At three speeds of rotation that both tables have (between them, if there is none) and at J, those of `one`; not a
+    number where `one` has no thrust or takes no power.
+    """
+    low, high = max(one.rpm[0], other.rpm[0]), min(one.rpm[1], other.rpm[1])
+    if low > high:
+        low = high = (low + high) / 2
+    at, rpm = np.broadcast_arrays(np.linspace(*J, 21), np.linspace(low, high, 3)[:, None])
+    smaller = one.propeller.diameter_m / other.propeller.diameter_m
+    of_one = one.propeller.table(at, rpm)
+    cT, cP = other.propeller.table(at * smaller, rpm)
+    pairs = ((cT / smaller**4, of_one[0]), (cP / smaller**5, of_one[1]))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        thrust, power = (np.log(np.maximum(a / np.where(b > 0, b, np.nan), LEAST_RATIO)) for a, b in pairs)
+    return thrust, power
+
+
+def _ratios(thrust: Array, power: Array, J: tuple[float, float]) -> Array | None:
+    """(4,): logarithm of the ratio of thrusts at J_REFERENCE, its slope over J, its mean, and the mean of power's.
+
+    None where there is no ratio, without thrust in the first table.
+    """
+    if not (np.isfinite(thrust).all() and np.isfinite(power).all()):
+        return None
+    at = np.broadcast_to(np.linspace(*J, thrust.shape[-1]), thrust.shape).ravel()
+    scale, slope = np.polynomial.polynomial.polyfit(at - J_REFERENCE, thrust.ravel(), 1)
+    return np.array([scale, slope, thrust.mean(), power.mean()])

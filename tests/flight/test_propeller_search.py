@@ -1,0 +1,147 @@
+"""The shipped tables are of what their heads say, and what taking another one may cost contains what it does cost."""
+
+import math
+
+import numpy as np
+import pytest
+
+from flight.errors import InputError
+from flight.propeller_files import load_propeller, parse_propeller
+from flight.propeller_search import (
+    Origin,
+    Query,
+    Table,
+    cost_of,
+    described,
+    flight_J,
+    matching,
+    nearest,
+    parse_query,
+    shipped_tables,
+)
+from flight.shipped_propellers import shipped_propellers
+
+TABLES = shipped_tables()
+MEASURED = [one for one in TABLES if one.origin is Origin.MEASURED]
+
+
+def named(name: str) -> Table:
+    return next(one for one in TABLES if one.name == name)
+
+
+@pytest.mark.parametrize("table", TABLES, ids=lambda one: one.name)
+def test_a_shipped_table_says_what_it_is_of_and_is_a_propeller(table: Table) -> None:
+    assert table.series and table.published and table.blades == 2 and table.origin is not Origin.UNKNOWN
+    assert table.size in table.name, "the name has the size"
+    assert ("computed" in table.name) <= (table.origin is Origin.COMPUTED)
+    if table.origin is Origin.MEASURED:
+        assert "propDB.html" in table.propeller.source or table.name == "apc-10x5e"
+        assert len(table.propeller.rows) > 1, "Reynolds number is followed"
+    for row in table.propeller.rows:
+        J, cT, cP = (np.array(column) for column in (row.J, row.cT, row.cP))
+        driven = cT > 0.002
+        assert (J * cT / cP)[driven].max() < (0.8 if table.origin is Origin.MEASURED else 0.9), (
+            "no small one is more efficient"
+        )
+        # No point is far from the line through its neighbors: what a mistyped or misplaced one would be.
+        line = cT[:-2] + (cT[2:] - cT[:-2]) * (J[1:-1] - J[:-2]) / (J[2:] - J[:-2])
+        assert np.abs(line - cT[1:-1]).max() < 0.1 * cT.max()
+        # Below the J of its pitch, where the blades have no angle of attack, a propeller pulls.
+        assert table.pitch_in and cT[0.5 * table.pitch_in / table.diameter_in > J].min(initial=1) > 0
+
+
+def test_a_table_with_a_dot_in_its_name_is_found() -> None:
+    assert "apc-11x5.5e" in shipped_propellers()
+    assert load_propeller("apc-11x5.5e").diameter_m == pytest.approx(11 * 0.0254)
+
+
+def test_words_sizes_and_diameters_are_found() -> None:
+    assert [one.name for one in matching(TABLES, parse_query(["11X7E"]))] == ["apc-11x7e", "apc-11x7e-computed"]
+    assert [one.size for one in matching(TABLES, parse_query(["Graupner", "11"]))] == ["11x6", "11x8"]
+    assert {one.origin for one in matching(TABLES, parse_query(["11x7"]))} == {Origin.MEASURED, Origin.COMPUTED}
+    assert matching(TABLES, parse_query([])) and len(matching(TABLES, parse_query([]))) == len(TABLES)
+    assert not matching(TABLES, parse_query(["11x7.2"]))
+
+
+@pytest.mark.parametrize(("words", "said"), [(["11x7", "12"], "a size was given before"), (["280x180"], "in inches")])
+def test_a_wrong_size_is_refused(words: list[str], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        parse_query(words)
+
+
+def test_the_nearest_are_near_in_both_dimensions_and_one_is_measured() -> None:
+    assert nearest(TABLES, parse_query(["11x7.2"]))[0].size == "11x7"
+    found = nearest(TABLES, parse_query(["13x7"]))
+    assert found[0].size == "13x6.5" and found[0].origin is Origin.COMPUTED
+    assert any(one.origin is Origin.MEASURED for one in found)
+    assert all("graupner" in one.name for one in nearest(TABLES, parse_query(["11x7", "graupner"])))
+
+
+def thrust_ratio(base: Table, other: Table, J: tuple[float, float]) -> float:
+    """Mean logarithm of thrusts at one airspeed and speed of rotation, from thrusts in newtons."""
+    rpm = np.clip(np.mean(base.rpm), *other.rpm)
+    n, V = rpm / 60, np.linspace(*J, 15) * rpm / 60 * base.propeller.diameter_m
+    one, two = (table.propeller.thrust_and_power(V, np.full(V.shape, n), 1.2)[0] for table in (base, other))
+    return float(np.mean(np.log(np.maximum(two / one, 0.05))))
+
+
+@pytest.mark.parametrize(("words", "least"), [(("nobody",), 27), (("apc", "thin"), 12)])
+def test_each_measured_table_as_if_it_were_missing_lies_in_the_interval_said(
+    words: tuple[str, ...], least: int
+) -> None:
+    """95 % of the 29 tables of any make, and 12 of the 13 of one series."""
+    inside, scale_z = 0, []
+    asked = [one for one in MEASURED if words == ("nobody",) or one.series == "APC thin electric"]
+    for left_out in asked:
+        rest = [one for one in TABLES if (one.series, one.size) != (left_out.series, left_out.size)]
+        query = Query(words, left_out.diameter_in, left_out.pitch_in)
+        base = next(one for one in nearest(rest, query) if one.origin is Origin.MEASURED)
+        cost = cost_of(base, query, rest)
+        ratio = thrust_ratio(base, left_out, cost.J)
+        inside += cost.thrust[0] <= math.expm1(ratio) <= cost.thrust[1]
+        scale_z.append(ratio / math.log1p(cost.thrust_scale))
+    assert inside >= least
+    assert 0.3 < np.sqrt(np.mean(np.square(scale_z))) < 1.2, "neither too small nor useless"
+
+
+def test_an_inch_of_diameter_and_pitch_cost_what_physics_says() -> None:
+    """Thrust grows with D^4 and, at one airspeed, more with what the advance ratio loses; and with pitch, less."""
+    cost = cost_of(named("apc-11x7e"), parse_query(["11x7.5", "apc", "thin"]), TABLES)
+    assert cost.per_inch
+    in_powers = [math.log1p(step) / math.log1p(1 / inch) for step, inch in zip(cost.per_inch, (11, 7), strict=True)]
+    assert 2.5 < in_powers[0] < 5 and 1 < in_powers[1] < 3
+    near, far = (
+        cost_of(named("apc-11x7e"), parse_query([size, "apc", "thin"]), TABLES) for size in ("11x7.2", "11x8.2")
+    )
+    assert 0.018 < near.thrust_scale < far.thrust_scale
+
+
+def test_a_computed_table_is_said_to_be_off_as_much_as_computed_ones_were_found() -> None:
+    query = parse_query(["13x8"])
+    base = nearest(TABLES, query)[0]
+    cost = cost_of(base, query, TABLES)
+    found = []
+    for computed in (one for one in TABLES if one.name.endswith("-computed")):
+        for measured in MEASURED:
+            if (measured.series, measured.size) == (computed.series, computed.size):
+                found.append(math.expm1(thrust_ratio(computed, measured, flight_J(computed))))
+    assert cost.compared == len(found) == 18 and cost.per_inch is None
+    assert cost.thrust[0] < min(found) < -0.1 and max(found) < cost.thrust[1]
+    assert cost.thrust_scale > 0.1 and cost.thrust_slope > 0.3
+    of_measured = cost_of(named("apc-11x7e"), parse_query(["11x7"]), TABLES)
+    assert of_measured.thrust == (0, 0) and of_measured.thrust_scale == pytest.approx(0.018)
+
+
+def test_at_advance_ratios_that_no_table_has_nothing_is_said() -> None:
+    with pytest.raises(InputError, match="too few measured tables"):
+        cost_of(named("apc-11x7e"), parse_query(["11x7.5"]), TABLES, (2.0, 3.0))
+
+
+def test_a_table_written_and_read_is_the_same() -> None:
+    for table in (named("apc-11x5.5e"), named("apc-13x8e-computed")):
+        again = described(table.name, parse_propeller(table.to_csv(), table.name))
+        assert again.propeller.rows == table.propeller.rows and again.size == table.size
+        assert (again.series, again.origin, again.published, again.blades) == (
+            table.series, table.origin, table.published, table.blades,
+        )  # fmt: skip
+        assert again.to_csv() == table.to_csv()
