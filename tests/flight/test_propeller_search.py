@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from daq.attachments import propeller_text
 from flight.errors import InputError
 from flight.propeller_files import load_propeller, parse_propeller
 from flight.propeller_search import (
@@ -53,6 +54,7 @@ def test_a_shipped_table_says_what_it_is_of_and_is_a_propeller(table: Table) -> 
 def test_a_table_with_a_dot_in_its_name_is_found() -> None:
     assert "apc-11x5.5e" in shipped_propellers()
     assert load_propeller("apc-11x5.5e").diameter_m == pytest.approx(11 * 0.0254)
+    assert propeller_text("apc-11x5.5e").startswith("# APC 11x5.5E")  # what the recorder attaches
 
 
 def test_words_sizes_and_diameters_are_found() -> None:
