@@ -1,8 +1,10 @@
 """An aircraft of one's own to fly in the simulator, of which a file says little: the rest is scaled from a model."""
 
 from dataclasses import fields, replace
+from math import pi
 from typing import Any, TypeVar
 
+from flight.aerodynamics import aerodynamics_of
 from flight.aircraft import Aircraft, parse_aircraft
 from flight.aircraft_keys import SURFACES
 from flight.complete_aircraft import (
@@ -21,7 +23,8 @@ def scaled_from(text: str, where: str, model: CompleteAircraft) -> CompleteAircr
     """The aircraft of a file's text, with every key that it lacks scaled from a model by span, weight and propeller.
 
     Lengths grow with the span, moments of inertia with weight times span squared. Aerodynamic coefficients, angles of
-    surfaces and battery voltage are those of the model. The motor turns as fast as gives at least the same ratio of
+    surfaces and battery voltage are those of the model, but the induced drag K = 1/(pi e AR) is that of the file's
+    aspect ratio with the model's e. The motor turns as fast as gives at least the same ratio of
     thrust to weight, n^2 D^4 / W, and of the speed at which thrust ends to the stall, n D J / sqrt(W/S). Its currents
     and the battery's energy grow with the propeller's power, n^3 D^5, and its resistances fall likewise. The text,
     which the log contains, says in comments what is scaled. `where` names the file in the InputErrors that are raised.
@@ -45,10 +48,19 @@ def scaled_from(text: str, where: str, model: CompleteAircraft) -> CompleteAircr
         "mass": filled("mass", scaled.mass),
         "propulsion": filled("propulsion", scaled.propulsion),
         "probe": filled("probe", scaled.probe),
-        "aerodynamics": own.aerodynamics or model.aerodynamics,
+        "aerodynamics": own.aerodynamics or scaled.aerodynamics,
     }
     said = f"{text.rstrip()}\n\n# Simulated like {model.name}; scaled from it by span, weight and propeller:\n"
-    return CompleteAircraft(**values | {"text": said + "".join(f"#   {key}\n" for key in sorted(set(taken)))})
+    said += "".join(f"#   {key}\n" for key in sorted(set(taken)))
+    if not own.aerodynamics:
+        K, e = aerodynamics_of(scaled).K, oswald_factor(model)
+        said += f"# Induced drag K = {K:.4f}: 1/(pi e AR), AR {own.aspect_ratio:.2f}, e {e:.3f} of {model.name}.\n"
+    return CompleteAircraft(**values | {"text": said})
+
+
+def oswald_factor(aircraft: CompleteAircraft) -> float:
+    """e of the induced drag C_L^2/(pi e AR) that the simulator gives an aircraft."""
+    return 1 / (pi * aerodynamics_of(aircraft).K * aircraft.aspect_ratio)
 
 
 def _scaled(own: Aircraft, model: CompleteAircraft) -> CompleteAircraft:
@@ -68,6 +80,10 @@ def _scaled(own: Aircraft, model: CompleteAircraft) -> CompleteAircraft:
             wing_area_m2=own.geometry.wing_area_m2,
             chord_m=model.geometry.chord_m * area / length,
         ),
+        aerodynamics={
+            **(model.aerodynamics or {}),
+            "K": aerodynamics_of(model).K * model.aspect_ratio / own.aspect_ratio,
+        },
         mass=CompleteMass(
             weight_N=own.mass.weight_N,
             standard_weight_N=own.mass.standard_weight_N,

@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from flight.aerodynamics import aerodynamics_of
 from flight.aircraft import aircraft_text, parse_aircraft
 from flight.complete_aircraft import load_complete_aircraft
 from flight.errors import InputError
 from sim.fly import fly
-from sim.like import scaled_from, with_installation
+from sim.like import oswald_factor, scaled_from, with_installation
 from sim.plan import parse_plan
 from sim.plant import plant_of
 from sim.sensors import budget as budgets
@@ -71,6 +72,24 @@ def test_lengths_and_inertias_scale_as_their_dimensions(text, model):
     assert own.geometry.chord_m * own.geometry.span_m / own.geometry.wing_area_m2 == pytest.approx(
         model.geometry.chord_m * model.geometry.span_m / model.geometry.wing_area_m2
     )
+
+
+def test_a_slender_wing_has_less_induced_drag_and_the_text_says_so(model):
+    """Twice the aspect ratio at the same area: half of K, e and all other coefficients as they were."""
+    slender = SMALL.replace("1.2 m", f"{1.2 * 2**0.5:.9f} m")
+    own, other = (scaled_from(text, "own.toml", model) for text in (SMALL, slender))
+    K, of_other = (aerodynamics_of(a).K for a in (own, other))
+    assert of_other == pytest.approx(K / 2) and own.aspect_ratio == pytest.approx(7.2)
+    assert K == pytest.approx(0.065 * model.aspect_ratio / 7.2)
+    assert oswald_factor(own) == pytest.approx(oswald_factor(other)) == pytest.approx(oswald_factor(model))
+    assert replace(aerodynamics_of(other), K=K) == aerodynamics_of(own) != aerodynamics_of(model)
+    assert f"# Induced drag K = {of_other:.4f}: 1/(pi e AR), AR 14.40, e 0.744 of nexstar.\n" in other.text
+
+
+def test_drag_of_the_file_s_own_is_left_as_it_is(model):
+    coefficients = "".join(f"{name} = {value!r}\n" for name, value in model.aerodynamics.items() if name != "K")
+    own = scaled_from(f"{SMALL}[aerodynamics]\n{coefficients}K = 0.05\n".replace("'", '"'), "own.toml", model)
+    assert aerodynamics_of(own).K == 0.05 and "Induced drag" not in own.text
 
 
 @pytest.mark.parametrize("text", [SMALL, LARGE], ids=["small", "large"])

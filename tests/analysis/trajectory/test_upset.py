@@ -25,7 +25,8 @@ IN_TURBULENCE_S = (162.0, 174.0)  # when it stalls, pitches through the vertical
 
 @pytest.fixture(scope="module")
 def upset() -> tuple[Flown, AirOf]:
-    aircraft = scaled_from(SLOW, "slow.toml", load_complete_aircraft("nexstar"))
+    model = load_complete_aircraft("nexstar")
+    aircraft = replace(scaled_from(SLOW, "slow.toml", model), aerodynamics=model.aerodynamics)  # more induced drag
     flight = flown(aircraft, drawn(load_budget("study"), SEED), "two-pairs", SEED, KNOTS)
     return flight, air_of(flight.table, aircraft, tunnel_probe())
 
