@@ -20,7 +20,8 @@ from flight.units import GRAVITY_MPS2 as g
 
 Q = Quantity
 
-# Words of a column's name, in lower case, by quantity: the first pattern that fits is the better name.
+# Words of a column's name, in lower case, by quantity: the first pattern that fits is the better name. Names with
+# "nav vel", "acc smooth", "vbat" and "amperage" are those of blackbox_decode (INAV).
 NAMES: dict[Quantity, tuple[str, ...]] = {
     Q.TIME: (r"(^|.*\.)(time|timestamp|t|zeit)( s| sec| ms| us)?$", r".*\btime\b.*", r".*timestamp.*"),
     Q.AIRCRAFT: (r"(ac|aircraft|vehicle|sys|system) ?(id|number)",),
@@ -35,24 +36,32 @@ NAMES: dict[Quantity, tuple[str, ...]] = {
     Q.AIR_TEMPERATURE: (r".*(static|outside|air|ambient) (air )?temp.*", r".*\b(sat|oat)\b.*", r"temp(erature)?\b.*"),
     Q.ANGLE_OF_ATTACK: (r".*angle of attack.*", r".*\b(alpha|aoa)\b.*"),
     Q.SIDESLIP: (r".*(sideslip|side slip).*", r".*\b(beta|aos)\b.*"),
-    Q.FORCE_FORWARD: (r".*(longitudinal|forward) (specific force|acc).*", r".*\b(ax|acc x|accel x|fx|acc ?body x)\b.*"),
-    Q.FORCE_RIGHT: (r".*lateral (specific force|acc).*", r".*\b(ay|acc y|accel y|fy)\b.*"),
-    Q.FORCE_DOWN: (r".*(upward|vertical|normal|down) (specific force|acc).*", r".*\b(az|acc z|accel z|fz)\b.*"),
+    Q.FORCE_FORWARD: (
+        r".*(longitudinal|forward) (specific force|acc).*",
+        r".*\b(ax|acc x|accel x|fx|acc ?body x)\b.*",
+        r"acc smooth 0 m/s/s",
+    ),
+    Q.FORCE_RIGHT: (r".*lateral (specific force|acc).*", r".*\b(ay|acc y|accel y|fy)\b.*", r"acc smooth 1 m/s/s"),
+    Q.FORCE_DOWN: (
+        r".*(upward|vertical|normal|down) (specific force|acc).*",
+        r".*\b(az|acc z|accel z|fz)\b.*",
+        r"acc smooth 2 m/s/s",
+    ),
     Q.ROLL_RATE: (r".*roll rate.*", r".*\bgyro ?[px]\b.*", r"(.*\.)?p( (rad|deg).*)?$"),
     Q.PITCH_RATE: (r".*pitch rate.*", r".*\bgyro ?[qy]\b.*", r"(.*\.)?q( (rad|deg).*)?$"),
     Q.YAW_RATE: (r".*yaw rate.*", r".*\bgyro ?[rz]\b.*", r"(.*\.)?r( (rad|deg).*)?$"),
     Q.ROLL: (r".*\b(roll|phi|bank)\b.*",),
     Q.PITCH: (r".*\b(pitch|theta)\b.*",),
     Q.HEADING: (r".*\b(heading|yaw|psi)\b.*",),
-    Q.VELOCITY_NORTH: (r".*\bv(el|elocity)? ?n(orth)?\b.*",),
-    Q.VELOCITY_EAST: (r".*\bv(el|elocity)? ?e(ast)?\b.*",),
-    Q.VELOCITY_DOWN: (r".*\bv(el|elocity)? ?d(own)?\b.*",),
+    Q.VELOCITY_NORTH: (r".*\bv(el|elocity)? ?n(orth)?\b.*", r"nav vel 0"),
+    Q.VELOCITY_EAST: (r".*\bv(el|elocity)? ?e(ast)?\b.*", r"nav vel 1"),
+    Q.VELOCITY_DOWN: (r".*\bv(el|elocity)? ?d(own)?\b.*", r"nav vel 2"),
     Q.GROUND_SPEED: (r".*ground ?speed.*", r".*\b(gs|sog)\b.*"),
     Q.COURSE: (r".*\b(course|track|cog)\b.*",),
     Q.LATITUDE: (r"(.* )?lat(itude)?( (deg|rad))?",),
     Q.LONGITUDE: (r"(.* )?(lon|lng|longitude)( (deg|rad))?",),
-    Q.VOLTAGE: (r".*\bvolt(age)?s?\b.*", r".*\bbat(tery)? v\b.*"),
-    Q.CURRENT: (r".*\b(current|amps?|ampere)\b.*",),
+    Q.VOLTAGE: (r".*\bvolt(age)?s?\b.*", r".*\bbat(tery)? v\b.*", r"vbat\b.*"),
+    Q.CURRENT: (r".*\b(current|amps?|ampere)\b.*", r"amperage\b.*"),
     Q.POWER: (r".*\b(electrical|battery|elec) power\b.*",),
     Q.MOTOR_SPEED: (r".*\brpm\b.*", r".*(motor|prop(eller)?|rotor) (speed|revps).*"),
     Q.THRUST: (r".*\bthrust\b.*",),
@@ -62,9 +71,10 @@ NAMES: dict[Quantity, tuple[str, ...]] = {
 SUFFIXES = {
     "mps": "m/s", "m/s": "m/s", "ms-1": "m/s", "kt": "knot", "kts": "knot", "knots": "knot", "kmh": "km/h",
     "km/h": "km/h", "mph": "mile/hour", "fps": "ft/s", "ft/s": "ft/s", "pa": "Pa", "hpa": "hPa", "mbar": "mbar",
-    "kpa": "kPa", "m": "m", "ft": "ft", "k": "K", "degc": "degC", "c": "degC", "rad": "rad", "deg": "deg",
+    "kpa": "kPa", "m": "m", "cm": "cm", "ft": "ft", "k": "K", "degc": "degC", "c": "degC", "rad": "rad", "deg": "deg",
     "radps": "rad/s", "rad/s": "rad/s", "degps": "deg/s", "deg/s": "deg/s", "dps": "deg/s", "mps2": "m/s^2",
-    "m/s2": "m/s^2", "m/s^2": "m/s^2", "v": "V", "mv": "mV", "a": "A", "ma": "mA", "w": "W", "kw": "kW",
+    "m/s2": "m/s^2", "m/s/s": "m/s^2", "m/s^2": "m/s^2",
+    "v": "V", "mv": "mV", "a": "A", "ma": "mA", "w": "W", "kw": "kW",
     "rpm": "rpm", "revps": "turn/s", "hz": "turn/s", "n": "N", "lbf": "lbf", "s": "s", "sec": "s", "ms": "ms",
     "us": "us", "ns": "ns", "percent": "percent", "%": "percent",
 }  # fmt: skip

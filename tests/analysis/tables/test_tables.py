@@ -242,3 +242,30 @@ def test_the_draft_of_a_large_aircraft_finds_the_sign_of_its_vertical_force(tmp_
     columns = load_map(tmp_path / "map.toml").columns
     assert {"true_airspeed", "height", "angle_of_attack", "thrust", "roll", "pitch", "yaw_rate"} <= set(columns)
     assert all(one.factor == (-1 if name == "specific_force_down" else 1) for name, one in columns.items())
+
+
+def test_a_table_of_blackbox_decode_needs_no_map_by_hand(tmp_path: Path) -> None:
+    """Names, units and axes of INAV's blackbox_decode --unit-acceleration m/s2 --merge-gps: upward, and centimeters."""
+    n = len(TRUE)
+    columns = {
+        "loopIteration": 64 * np.arange(n), "time (us)": np.round(1e6 * TRUE["t_s"]).astype(int),
+        "vbat (V)": TRUE["voltage_V"].round(2), "amperage (A)": TRUE["current_A"].round(2),
+        "BaroAlt (cm)": (100 * TRUE["height_m"]).astype(int), "accSmooth[0] (m/s/s)": TRUE["ax_mps2"].round(2),
+        "accSmooth[1] (m/s/s)": -TRUE["ay_mps2"].round(2), "accSmooth[2] (m/s/s)": -TRUE["az_mps2"].round(2),
+        "attitude[0]": (10 * TRUE["roll_deg"]).astype(int), "GPS_numSat": [12] * n,
+        "navVel[0]": (100 * TRUE["vn_mps"]).astype(int), "navVel[1]": (100 * TRUE["ve_mps"]).astype(int),
+        "navVel[2]": (-100 * TRUE["vd_mps"]).astype(int), "AirSpeed": (100 * TRUE["tas_mps"]).astype(int),
+        "flightModeFlags (flags)": ["ANGLE_MODE|ARM"] * n,
+    }  # fmt: skip
+    path = tmp_path / "LOG00001.01.csv"
+    lines = (", ".join(map(str, row)) for row in zip(*columns.values(), strict=True))
+    path.write_text("\n".join([", ".join(columns), *lines]) + "\n", "utf-8")
+    beside_it = Path(f"{path}.columns.toml")
+    beside_it.write_text(draft(path), "utf-8")
+    found = {quantity.value: one for quantity, one in load_map(beside_it).columns.items()}
+    assert {"battery_voltage", "battery_current", "true_airspeed", "velocity_north", "specific_force_down"} <= set(
+        found
+    )
+    assert found["height"].unit == found["velocity_down"].unit.partition("/")[0] == "cm"
+    assert found["velocity_down"].factor == found["specific_force_down"].factor == -1
+    assert np.abs(curve_errors(path)).max() < 0.06
