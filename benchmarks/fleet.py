@@ -71,7 +71,9 @@ def size(
 
 
 def size_records(flights: Sequence[int], airframes_: int, seed: int) -> list[Record]:
-    rng, records = np.random.default_rng(seed), []
+    """Of each number of flights, with the exponent by which the time to show them grows from the number before."""
+    rng, records = np.random.default_rng(seed), list[Record]()
+    before: tuple[int, float] | None = None
     for total in flights:
         with tempfile.TemporaryDirectory() as folder:
             dataset, added = Dataset(folder), 0.0
@@ -91,9 +93,12 @@ def size_records(flights: Sequence[int], airframes_: int, seed: int) -> list[Rec
             shown = time.process_time() - start
             disk = sum(path.stat().st_size for path in Path(folder).rglob("*.parquet"))
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        growth = np.log(shown / before[1]) / np.log(total / before[0]) if before else np.nan
+        before = (total, shown)
         records.append({
             "flights": total, "airframes": airframes_, "added, s": rounded(added, 1),
-            "one more, s": rounded(one_more, 2), "shown, s": rounded(shown, 1), "bytes a flight": rounded(disk / total),
+            "one more, s": rounded(one_more, 2), "shown, s": rounded(shown, 1),
+            "exponent of it": rounded(growth, 2), "bytes a flight": rounded(disk / total),
             "page, MB": rounded(len(page) / 1e6, 1), "memory, MB": rounded(memory),
         })  # fmt: skip
     return records

@@ -108,16 +108,17 @@ def _told(equations: Array, times: Array, threshold: float) -> list[Change]:
     """The changes as they are told flight by flight, estimated by all flights until the next one."""
     told: list[tuple[int, int, Shape]] = []
     start, n = 0, len(times)
+    sums = _sums(equations, times)
     for end in range(3, n + 1):
         if end - start < 3:
             continue
-        best = _best(equations, times, slice(start, end))
+        best = _best(sums, times, slice(start, end))
         if best.gain > threshold:
             told.append((start, end - 1, best.shape))
             start = best.since if best.shape is Shape.STEP else end - 1
     changes = []
     for (begin, found, _), following in pairwise([*told, (n, n, Shape.STEP)]):
-        best = _best(equations, times, slice(begin, max(following[0], found + 1)))
+        best = _best(sums, times, slice(begin, max(following[0], found + 1)))
         drag, thrust = best.change.tolist()
         changes.append(Change(best.shape, best.since, found, drag, thrust, best.covariance))
     return changes
@@ -140,40 +141,58 @@ def _normal_equations(of_flights: Series) -> Array:
     return np.asarray(white.transpose(0, 2, 1) @ white)
 
 
-def _best(equations: Array, times: Array, part: slice) -> _Best:
+class _Sums(NamedTuple):
+    """Sums over the flights before each of n + 1, of c columns.
+
+    known : (n + 1, c, c) products of all columns
+    change : (3, n + 1, c, 2) those with the columns of the change, times powers 0 to 2 of the time since the first
+    """
+
+    known: Array
+    change: Array
+
+
+def _sums(equations: Array, times: Array) -> _Sums:
+    """Of _normal_equations: what any part of the flights needs is a difference of two of these."""
+    since = (times - times[0])[:, None, None]
+    with_change = equations[:, :, -1 - _SHARES : -1]
+    return _Sums(
+        _before_each(equations), np.stack([_before_each(since**power * with_change) for power in (0, 1, 2)])
+    )
+
+
+def _before_each(of_flights: Array) -> Array:
+    return np.concatenate([np.zeros_like(of_flights[:1]), of_flights.cumsum(axis=0)])
+
+
+def _best(sums: _Sums, times: Array, part: slice) -> _Best:
     """The step or drift, from the second flight of a part on, that improves the fit most."""
-    G, t = equations[part], times[part]
-    before = G.shape[1] - 1 - _SHARES  # columns of mean and shared errors
+    G, t = sums.known[part.stop] - sums.known[part.start], (times[part] - times[0])[:, None, None]
+    before = len(G) - 1 - _SHARES  # columns of mean and shared errors
     change, value = slice(before, before + _SHARES), -1
-    A = G[:, :before, :before].sum(axis=0)
+    A = G[:before, :before]
     A[_SHARES:, _SHARES:] += np.eye(before - _SHARES)
     inverse = np.linalg.inv(A)
-    known = inverse @ G[:, :before, value].sum(axis=0)
-    moment = t[:, None, None] - t[0]
-    zeroth, first, second = (_from_each(power * G)[1:] for power in (1.0, moment, moment**2))
-    start = moment[:-1]  # of a drift: the flight before
-    length = np.maximum(moment[-1] - start, np.finfo(float).tiny)
+    known = inverse @ G[:before, value]
+    zeroth, first, second = sums.change[:, part.stop, None] - sums.change[:, part.start + 1 : part.stop]
+    start = t[:-1]  # of a drift: the flight before
+    length = np.maximum(t[-1] - start, np.finfo(float).tiny)
     found = []
     for shape, linear, square in (
-        (Shape.STEP, zeroth, zeroth),
+        (Shape.STEP, zeroth, zeroth[:, change]),
         (
             Shape.DRIFT,
             (first - start * zeroth) / length,
-            (second - 2 * start * first + start**2 * zeroth) / length**2,
+            (second - 2 * start * first + start**2 * zeroth)[:, change] / length**2,
         ),
     ):
-        B = linear[:, :before, change]
-        information = square[:, change, change] - B.transpose(0, 2, 1) @ inverse @ B
-        vector = linear[:, change, value] - np.einsum("kpd,p->kd", B, known)
-        seen = np.linalg.eigvalsh(information)[:, 0] > np.finfo(float).eps * np.trace(square[0, change, change])
+        B = linear[:, :before]
+        information = square - B.transpose(0, 2, 1) @ inverse @ B
+        vector = linear[:, value] - known @ B
+        seen = np.linalg.eigvalsh(information)[:, 0] > np.finfo(float).eps * np.trace(square[0])
         information[~seen] = np.eye(_SHARES)
         estimate = np.linalg.solve(information, vector[:, :, None])[:, :, 0]
         gain = np.where(seen, np.sum(estimate * vector, axis=1), 0.0)
         k = int(np.argmax(gain))
         found.append(_Best(float(gain[k]), shape, part.start + 1 + k, estimate[k], np.linalg.inv(information[k])))
     return max(found, key=lambda one: one.gain)
-
-
-def _from_each(G: Array) -> Array:
-    """Sums of G from each flight to the last."""
-    return np.asarray(G[::-1].cumsum(axis=0)[::-1])
