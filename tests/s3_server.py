@@ -19,7 +19,8 @@ CHANGED = "2026-05-01T09:00:00.000Z"
 
 class Store(ThreadingHTTPServer):
     """objects: by "bucket/key". failing: by the same, or by bucket for its list, how many requests are refused as too
-    many. torn: objects of which half arrives. asked: how often each was read, and each bucket listed."""
+    many. torn: objects of which half arrives. parts: by object that is being written, by their numbers. asked: how
+    often each was read, and each bucket listed."""
 
     daemon_threads = True
 
@@ -28,6 +29,7 @@ class Store(ThreadingHTTPServer):
         self.objects: dict[str, bytes] = {}
         self.failing: dict[str, int] = defaultdict(int)
         self.torn: set[str] = set()
+        self.parts: dict[str, dict[int, bytes]] = {}
         self.asked: Counter[str] = Counter()
         self.lock = threading.Lock()
 
@@ -82,9 +84,33 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_PUT(self) -> None:
         body = self.rfile.read(int(self.headers["Content-Length"]))
-        place = unquote(urlsplit(self.path).path).strip("/")
-        self.server.objects[place] = body
+        place, query = self._asked()
+        if "partNumber" in query:
+            self.server.parts[place][int(query["partNumber"])] = body
+        else:
+            self.server.objects[place] = body
         self._answer(200, b"", {"ETag": _etag(body)})
+
+    def do_POST(self) -> None:
+        """An upload in parts, as of a file that appears when it is whole: begun, or completed."""
+        self.rfile.read(int(self.headers.get("Content-Length", 0)))
+        place, query = self._asked()
+        bucket, _, key = place.partition("/")
+        names = f"<Bucket>{escape(bucket)}</Bucket><Key>{escape(key)}</Key>"
+        if "uploads" in query:
+            self.server.parts[place] = {}
+            kind, more = "InitiateMultipartUploadResult", "<UploadId>one</UploadId>"
+        else:
+            self.server.objects[place] = b"".join(part for _, part in sorted(self.server.parts.pop(place).items()))
+            kind, more = "CompleteMultipartUploadResult", f"<ETag>{escape(_etag(self.server.objects[place]))}</ETag>"
+        xml = f'<{kind} xmlns="http://s3.amazonaws.com/doc/2006-03-01/">{names}{more}</{kind}>'
+        self._answer(200, xml.encode(), {"Content-Type": "application/xml"})
+
+    def _asked(self) -> tuple[str, dict[str, str]]:
+        """Place and query of a request."""
+        url = urlsplit(self.path)
+        query = parse_qs(url.query, keep_blank_values=True)
+        return unquote(url.path).strip("/"), {name: values[0] for name, values in query.items()}
 
     def _object(self, place: str) -> None:
         content, status = self.server.objects[place], 200

@@ -61,11 +61,16 @@ def airframes(dataset: "Dataset", alarms_a_year: float, unread: list[str], names
             raise InputError(f"{dataset.address}: no airframe {name}; there are {', '.join(known)}")
     for name in names or known:
         for configuration, flights in dataset.flights(name, unread).items():
-            whole = pool(flights)
-            told = _changes(whole, alarms_a_year)
-            lately = pool(flights[told[-1].since :]) if told else whole
-            found.append(Airframe(name, configuration, tuple(flights), lately, tuple(told)))
+            found.append(airframe(name, configuration, flights, alarms_a_year))
     return found
+
+
+def airframe(name: str, configuration: str, flights: Sequence[FlightStatistics], alarms_a_year: float) -> Airframe:
+    """From its flights in one configuration, in the order of their dates. alarms_a_year: as of `airframes`"""
+    whole = pool(flights)
+    told = _changes(whole, alarms_a_year)
+    lately = pool(flights[told[-1].since :]) if told else whole
+    return Airframe(name, configuration, tuple(flights), lately, tuple(told))
 
 
 def _changes(whole: Pool, alarms_a_year: float) -> list[Change]:

@@ -156,9 +156,7 @@ def _sums(equations: Array, times: Array) -> _Sums:
     """Of _normal_equations: what any part of the flights needs is a difference of two of these."""
     since = (times - times[0])[:, None, None]
     with_change = equations[:, :, -1 - _SHARES : -1]
-    return _Sums(
-        _before_each(equations), np.stack([_before_each(since**power * with_change) for power in (0, 1, 2)])
-    )
+    return _Sums(_before_each(equations), np.stack([_before_each(since**power * with_change) for power in (0, 1, 2)]))
 
 
 def _before_each(of_flights: Array) -> Array:

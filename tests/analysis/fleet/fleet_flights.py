@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "pooling"))
 
+from measured_row import RowModel
 from synthetic_flights import POLAR, flight, truth
 
 from analysis.pooling.flight_statistics import POOLED
@@ -29,10 +30,15 @@ def flights_of(
     noise: float = 1.0,
     polar: Array = POLAR,
     every_days: float = 1.8,
+    like: RowModel | None = None,
 ) -> list[dict[str, Any]]:
-    """The results of flights. drag, thrust: change of each flight (count,) as a share, from the airframe's own."""
+    """The results of flights. drag, thrust: change of each flight (count,) as a share, from the airframe's own.
+
+    like : whose rows they have, instead of those of short flights with this noise
+    """
     rng = np.random.default_rng(seed)
-    x = truth(rng, polar)
+    x = like.truth(rng, polar) if like else truth(rng, polar)
+    shared = like.shared_errors(rng) if like else None
     more_drag, more_thrust = np.broadcast_to(drag, count), np.broadcast_to(thrust, count)
     found = []
     for i in range(count):
@@ -40,5 +46,8 @@ def flights_of(
         now[:3] *= 1 + more_drag[i]
         now[POOLED.index("thrust_scale")] += more_thrust[i]
         start = FIRST_UNIX_S + i * every_days * DAY_S
-        found.append(flight(now, rng, f"{airframe}-{i:03d}", noise, aircraft=airframe, start_unix_s=start))
+        one = flight(now, rng, f"{airframe}-{i:03d}", noise, aircraft=airframe, start_unix_s=start)
+        if like and shared is not None:
+            one["pooling"] |= like.pooling(now, shared, rng)
+        found.append(one)
     return found

@@ -8,6 +8,7 @@ from fleet_flights import flights_of
 from analysis.fleet.dataset import Added, Dataset
 from analysis.pooling.pool import pool, pool_results
 from flight.errors import InputError
+from tests.s3_server import running
 
 
 @pytest.fixture(params=["folder", "memory"])
@@ -56,6 +57,23 @@ def test_a_damaged_file_costs_its_flights_only(tmp_path: Path) -> None:
     assert len(flights) in (2, 3) and len(unread) == 1 and damaged.name in unread[0]
     with pytest.raises(InputError, match=damaged.name):
         dataset.flights("one")
+
+
+def test_a_dataset_in_a_bucket_is_read_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Over S3, by a server of its own; another addition adds files and changes none."""
+    pytest.importorskip("s3fs")
+    first, later = flights_of("one/a", 1, 3), flights_of("one/a", 2, 2)
+    with running() as store:
+        for name, value in store.environment.items():
+            monkeypatch.setenv(name, value)
+        store.objects["bucket/other"] = b""  # the bucket exists
+        dataset = Dataset("s3://bucket/fleet")
+        assert dataset.add(first) == Added(3, 0)
+        written = dict(store.objects)
+        assert dataset.add([*first, *later]) == Added(2, 3)
+        assert {name: store.objects[name] for name in written} == written
+        (flights,) = Dataset("s3://bucket/fleet").flights("one/a").values()
+        assert sorted(one.name for one in flights) == sorted(one["log"] for one in [*first, *later])
 
 
 def test_results_without_statistics_are_refused_and_nothing_is_written(tmp_path: Path) -> None:
