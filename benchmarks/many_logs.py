@@ -74,12 +74,12 @@ def copies(logs: list[Path], folder: Path, count: int) -> list[Path]:
     for k in range(count):
         made.append(folder / f"flight-{k:03d}.mcap")
         if not made[-1].exists():
-            copy(logs[k % len(logs)], made[-1], k)
+            copy(logs[k % len(logs)], made[-1], k // len(logs))
     return made
 
 
 def copy(log: Path, to: Path, number: int) -> None:
-    """The same messages, with another weight in the aircraft file: no two flights have the same estimate."""
+    """The same messages, with another weight in the aircraft file: no two copies have the same estimate."""
     data, at = log.read_bytes(), len(MAGIC)
     with to.open("wb") as target:
         writer = LogWriter(target)
