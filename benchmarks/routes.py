@@ -3,6 +3,7 @@
     python benchmarks/routes.py --flights 5                      # seeds below 1000 are for development
     python benchmarks/routes.py --seed 1000 --flights 200 --jobs 2
     python benchmarks/routes.py --seed 1000 --flights 200 --jobs 2 --curve 5
+    python benchmarks/routes.py --seed 1000 --flights 20 --curve 5 --wind-sd 0    # what curve and turbulence leave
 
 A seed draws an installation: one flight of it is analyzed, or several, each on another day, are pooled; the model of
 performance, the weight and the air go into the prediction. It also draws a mission of a few legs with climbs, and the
@@ -151,7 +152,7 @@ def curve_of(setup: Setup, count: int, craft: Aircraft) -> tuple[PerformanceMode
     return model_of(use.model), pool.condition
 
 
-def one_mission(seed: int, aircraft: str, world: str, curve: int = 1) -> Flown:
+def one_mission(seed: int, aircraft: str, world: str, curve: int = 1, wind_sd_mps: float = WIND_SD_MPS) -> Flown:
     rng = np.random.default_rng([seed, 50])
     craft = load_aircraft(aircraft)
     setup = Setup(aircraft, world, "full-test-flight", 3.0, seed)
@@ -159,7 +160,7 @@ def one_mission(seed: int, aircraft: str, world: str, curve: int = 1) -> Flown:
     sources = aerodynamic_source(model, at, 0.0, (RESOLUTION.draws, rng))
     wind_mps, direction = rng.uniform(0, STRONGEST_MPS), rng.uniform(0, 2 * np.pi)
     true = Wind(wind_mps * np.sin(direction), wind_mps * np.cos(direction), 0.0)
-    said = Wind(*(np.array(true[:2]) + WIND_SD_MPS * rng.standard_normal(2)).tolist(), WIND_SD_MPS)
+    said = Wind(*(np.array(true[:2]) + wind_sd_mps * rng.standard_normal(2)).tolist(), wind_sd_mps)
     simulated = SimulatedAir(
         wind_mps=wind_mps * profile(WIND_HEIGHT_M) / profile(80.0),
         wind_from_rad=direction + np.pi,
@@ -204,19 +205,24 @@ def main(
     aircraft: Annotated[list[str] | None, typer.Option(help="May be repeated.")] = None,
     world: Annotated[str, typer.Option(help="World or error budget of the analyzed flight.")] = "study",
     curve: Annotated[int, typer.Option(help="Flights that give the curve.")] = 1,
+    wind_sd: Annotated[float, typer.Option(help="Of each component of the wind that is said, m/s.")] = WIND_SD_MPS,
     jobs: Annotated[int, typer.Option(help="Processes.")] = 1,
 ) -> None:
-    print(markdown(records(aircraft or AIRCRAFT[:1], world, range(seed, seed + flights), curve, jobs)))
+    print(markdown(records(aircraft or AIRCRAFT[:1], world, range(seed, seed + flights), curve, jobs, wind_sd)))
 
 
-def records(aircraft: Sequence[str], world: str, seeds: range, curve: int, jobs: int) -> list[Record]:
+def records(
+    aircraft: Sequence[str], world: str, seeds: range, curve: int, jobs: int, wind_sd_mps: float = WIND_SD_MPS
+) -> list[Record]:
     """A record an aircraft, and one of all. Each aircraft has seeds of its own: those of one seed would fly in the same
     wind, with the same errors."""
     found: dict[str, list[Flown]] = {}
     with ProcessPoolExecutor(jobs) as pool:
         for i, name in enumerate(aircraft):
             own = range(seeds.start + i * len(seeds), seeds.start + (i + 1) * len(seeds))
-            lines = pool.map(partial(one_mission, aircraft=name, world=world, curve=curve), own)
+            lines = pool.map(
+                partial(one_mission, aircraft=name, world=world, curve=curve, wind_sd_mps=wind_sd_mps), own
+            )
             found[name] = list(track(lines, f"missions of {name}", total=len(seeds), console=Console(stderr=True)))
     every = {"all": [*chain.from_iterable(found.values())]} if len(found) > 1 else {}
     return [_record(name, curve, lines) for name, lines in (found | every).items()]
