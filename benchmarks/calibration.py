@@ -8,12 +8,14 @@ import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from functools import lru_cache
+from concurrent.futures import ProcessPoolExecutor
+from functools import lru_cache, partial
 from typing import Annotated
 
 import numpy as np
 import typer
 from numpy.typing import NDArray
+from records import Record, counted, markdown, rounded
 
 from analysis.airdata.line_calibration import find_steps, fit_lag, through
 from analysis.airdata.probe import ProbeCalibration, ProbeFlow, flow_at_probe
@@ -58,21 +60,41 @@ def _measured(calibration: ProbeCalibration, alpha_rad: Array, beta_rad: Array) 
     return flow_at_probe(calibration, ports.lower_minus_upper, ports.right_minus_left, ports.center - ports.static)
 
 
-@app.command()
-def probe(tunnels: Annotated[int, typer.Option(help="How many; seeds 0, 1, …")] = 200) -> None:
-    """Errors of the maps from simulated tunnels."""
-    calibrations = [calibrate(simulated_tunnel(seed)) for seed in range(tunnels)]
-    worst = np.array([probe_errors(c) for c in calibrations])
-    print("largest error within +-15 deg:  in half of the tunnels, in 95 %, in all")
-    for name, errors in zip(("alpha, deg", "beta, deg", "dynamic pressure, %"), worst.T, strict=True):
+def tunnel_errors(seed: int) -> tuple[float, float, float, float, float]:
+    """Of a tunnel's calibration: `probe_errors`, `slope_error`, and the latter's standard deviation as stated."""
+    calibration = calibrate(simulated_tunnel(seed))
+    return *probe_errors(calibration), slope_error(calibration), calibration.alpha_scale_sigma
+
+
+def probe_records(seeds: range, jobs: int = 1) -> list[Record]:
+    """Errors of the maps over tunnels: the largest within +-15 deg, and that of the slope of alpha."""
+    with ProcessPoolExecutor(jobs) as pool:
+        *worst, slopes, stated = np.array(list(pool.map(tunnel_errors, seeds))).T
+    records: list[Record] = []
+    for name, errors in zip(("alpha, deg", "beta, deg", "dynamic pressure, %"), worst, strict=True):
         half, most = np.percentile(errors, (50, 95))
-        print(f"{name:20} {half:.3f} {most:.3f} {errors.max():.3f}")
-    slopes = np.array([slope_error(c) for c in calibrations])
-    stated = np.array([c.alpha_scale_sigma for c in calibrations])
-    held = int(np.sum(np.abs(slopes) < NORMAL_95 * stated))
-    rms = 100 * np.sqrt(np.mean(slopes**2))
-    print(f"slope of alpha off by {rms:.2f} % rms, {100 * np.median(stated):.2f} % stated")
-    print(f"interval contained the truth in {held} of {tunnels}")
+        found = {"half of the tunnels below": half, "95 % below": most, "all below": errors.max()}
+        records.append({"largest error of": name} | {title: rounded(value, 3) for title, value in found.items()})
+    half, most = np.percentile(np.abs(slopes), (50, 95))
+    covered, _ = counted(np.abs(slopes) < NORMAL_95 * stated)
+    return [
+        *records,
+        {
+            "largest error of": "slope of alpha, %", "half of the tunnels below": rounded(100 * half, 2),
+            "95 % below": rounded(100 * most, 2), "all below": rounded(100 * np.abs(slopes).max(), 2),
+            "half width": rounded(100 * NORMAL_95 * np.median(stated), 2), "coverage, %": rounded(covered),
+        },
+    ]  # fmt: skip
+
+
+@app.command()
+def probe(
+    tunnels: Annotated[int, typer.Option(help="How many.")] = 200,
+    seed: Annotated[int, typer.Option(help="Of the first.")] = 0,
+    jobs: Annotated[int, typer.Option(help="Processes.")] = 1,
+) -> None:
+    """Errors of the maps from simulated tunnels."""
+    print(markdown(probe_records(range(seed, seed + tunnels), jobs)))
 
 
 @lru_cache(maxsize=2)
@@ -116,30 +138,49 @@ def bound(line: PneumaticLine, rate_Hz: float, steps: int) -> float:
     return float(1 / np.sqrt(steps * np.mean(information)))
 
 
+def lag_of(seed: int, diameter_mm: float, rate_Hz: float, steps: int) -> tuple[float, float, float]:
+    """A line's lag from the bursts of a log, and the ends of its interval, over the true one."""
+    line = _line(diameter_mm)
+    true_s = low_frequency_lag_s([line], SEA_LEVEL)
+    found = fit_lag(
+        *find_steps(*bursts(line, full=True, rate_Hz=rate_Hz, seed=seed, steps=steps)), through(line, SEA_LEVEL)
+    )
+    return found.lag_s / true_s, found.lo_s / true_s, found.hi_s / true_s
+
+
+def _line(diameter_mm: float) -> PneumaticLine:
+    return PneumaticLine(length_m=0.9, diameter_m=diameter_mm * 1e-3, cavity_m3=20e-9)
+
+
+def tubing_record(seeds: range, diameter_mm: float, rate_Hz: float, steps: int, jobs: int = 1) -> Record:
+    """Errors of a line's lag over logs, beside the Cramér-Rao bound."""
+    line = _line(diameter_mm)
+    with ProcessPoolExecutor(jobs) as pool:
+        asked = partial(lag_of, diameter_mm=diameter_mm, rate_Hz=rate_Hz, steps=steps)
+        found = np.array(list(pool.map(asked, seeds)))
+    lag, low, high = found.T
+    covered, counting = counted((low < 1) & (high > 1))
+    return {
+        "lag, ms": rounded(1e3 * low_frequency_lag_s([line], SEA_LEVEL), 1), "Hz": f"{rate_Hz:g}", "bursts": steps,
+        "logs": len(seeds), "error, rms, %": rounded(100 * np.sqrt(np.mean((lag - 1) ** 2)), 1),
+        "95 % below": rounded(100 * np.percentile(np.abs(lag - 1), 95), 1),
+        "bound, rms, %": rounded(100 * bound(line, rate_Hz, steps), 1),
+        "half width, %": rounded(100 * np.median((high - low) / (2 * lag)), 1),
+        "coverage, %": rounded(covered), "±": rounded(counting, 1),
+    }  # fmt: skip
+
+
 @app.command()
 def tubing(
     diameter_mm: Annotated[float, typer.Option("--diameter-mm", help="Of the line, 0.9 m long.")] = 0.4,
     rate_Hz: Annotated[float, typer.Option("--rate-Hz", help="Of the log.")] = 25.0,
     steps: Annotated[int, typer.Option(help="Bursts in a log.")] = 8,
-    logs: Annotated[int, typer.Option(help="How many; seeds 0, 1, …")] = 200,
+    logs: Annotated[int, typer.Option(help="How many.")] = 200,
+    seed: Annotated[int, typer.Option(help="Of the first.")] = 0,
+    jobs: Annotated[int, typer.Option(help="Processes.")] = 1,
 ) -> None:
     """Errors of a line's lag from bursts of 400 Pa with 6 Pa of noise."""
-    line = PneumaticLine(length_m=0.9, diameter_m=diameter_mm * 1e-3, cavity_m3=20e-9)
-    true_s, shape = low_frequency_lag_s([line], SEA_LEVEL), through(line, SEA_LEVEL)
-    found = [
-        fit_lag(*find_steps(*bursts(line, full=True, rate_Hz=rate_Hz, seed=seed, steps=steps)), shape)
-        for seed in range(logs)
-    ]
-    errors = 100 * (np.array([lag.lag_s for lag in found]) / true_s - 1)
-    held = sum(lag.lo_s < true_s < lag.hi_s for lag in found)
-    half = np.median([100 * (lag.hi_s - lag.lo_s) / (2 * lag.lag_s) for lag in found])
-    print(
-        f"{1e3 * true_s:.1f} ms at {rate_Hz:g} Hz from {steps} bursts: off by {np.sqrt(np.mean(errors**2)):.1f} % rms,"
-        f" {np.percentile(np.abs(errors), 95):.1f} % in 95 %, {np.abs(errors).max():.1f} % at most"
-        f" (Cramér-Rao bound: {100 * bound(line, rate_Hz, steps):.1f} % rms);"
-        f" interval ± {half:.1f} %, contained the truth in {held} of {logs};"
-        f" more bursts needed {np.percentile([lag.more_steps for lag in found], (5, 50, 95))}"
-    )
+    print(markdown([tubing_record(range(seed, seed + logs), diameter_mm, rate_Hz, steps, jobs)]))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,50 @@
+"""The run of all studies of docs/evidence (benchmarks/evidence.py): what a failing part does to the others."""
+
+import json
+
+import evidence
+import pytest
+import typer
+from typer.testing import CliRunner
+
+
+def studies(run: evidence.Run) -> evidence.Tables:
+    return {"counted": [{"n": run.n}]}
+
+
+def fails(run: evidence.Run) -> evidence.Tables:
+    raise ArithmeticError("no flight converged")
+
+
+def ends(run: evidence.Run) -> evidence.Tables:
+    raise SystemExit("nothing to count")
+
+
+@pytest.mark.parametrize("failing", [fails, ends])
+def test_a_part_that_fails_ends_no_other_and_keeps_its_file(failing, tmp_path, monkeypatch, capsys) -> None:
+    parts = {"first": studies, "second": failing, "third": studies}
+    monkeypatch.setattr(evidence, "PARTS", {name: evidence.Part(of, 3, 1, "flights") for name, of in parts.items()})
+    (tmp_path / "second.json").write_text('{"commit": "earlier"}')
+    assert evidence.run_parts(list(parts), tmp_path, 1, quick=False) == ["second"]
+    assert "second: failed" in capsys.readouterr().err
+    assert json.loads((tmp_path / "second.json").read_text()) == {"commit": "earlier"}
+    for name in ("first", "third"):
+        assert json.loads((tmp_path / f"{name}.json").read_text())["tables"] == {"counted": [{"n": 3}]}
+
+
+@pytest.mark.parametrize(("failing", "code"), [(fails, 1), (ends, 1), (studies, 0)])
+def test_the_command_runs_all_parts_renders_the_pages_and_ends_with_1_if_a_part_failed(
+    failing, code, tmp_path, monkeypatch
+) -> None:
+    parts = {"first": studies, "second": failing, "third": studies}
+    monkeypatch.setattr(evidence, "PARTS", {name: evidence.Part(of, 3, 1, "flights") for name, of in parts.items()})
+    monkeypatch.setattr(evidence, "KEPT", tmp_path)
+    program = typer.Typer()
+    program.command()(evidence.main)
+    ended = CliRunner().invoke(program, ["--quick"])
+    pages = tmp_path / "quick" / "pages"
+    assert ended.exit_code == code
+    assert ("measured before on the pages: second" in ended.output) is (code == 1)
+    written = {path.stem for path in (pages / "data").iterdir()}
+    assert written == {"first", "third"} | ({"second"} if code == 0 else set())
+    assert (pages / "accuracy.md").exists() and "rendered" in ended.output
