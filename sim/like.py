@@ -40,19 +40,21 @@ def scaled_from(text: str, where: str, model: CompleteAircraft) -> CompleteAircr
         taken.extend(key for name, key in keys.items() if not own.has(key) and given[name] != getattr(of, name))
         return replace(of, **{name: value for name, value in given.items() if own.has(keys[name])})  # type: ignore[type-var]
 
+    aerodynamics = {**(scaled.aerodynamics or {}), **(own.aerodynamics or {})}
     surfaces: dict[str, Any] = {name: getattr(own, name) or getattr(model, name) for name in SURFACES}
-    taken += [name for name in (*SURFACES, "aerodynamics") if getattr(own, name) is None or not own.has(name)]
+    taken += [name for name in SURFACES if getattr(own, name) is None or not own.has(name)]
+    taken += [f"aerodynamics.{name}" for name in aerodynamics if name not in (own.aerodynamics or {})]
     values = {f.name: getattr(own, f.name) for f in fields(Aircraft)}
     values |= surfaces | {
         "geometry": filled("geometry", scaled.geometry),
         "mass": filled("mass", scaled.mass),
         "propulsion": filled("propulsion", scaled.propulsion),
         "probe": filled("probe", scaled.probe),
-        "aerodynamics": own.aerodynamics or scaled.aerodynamics,
+        "aerodynamics": aerodynamics,
     }
     said = f"{text.rstrip()}\n\n# Simulated like {model.name}; scaled from it by span, weight and propeller:\n"
     said += "".join(f"#   {key}\n" for key in sorted(set(taken)))
-    if not own.aerodynamics:
+    if "aerodynamics.K" in taken:
         K, e = aerodynamics_of(scaled).K, oswald_factor(model)
         said += f"# Induced drag K = {K:.4f}: 1/(pi e AR), AR {own.aspect_ratio:.2f}, e {e:.3f} of {model.name}.\n"
     return CompleteAircraft(**values | {"text": said})

@@ -40,6 +40,7 @@ FILE_BEFORE = re.compile(r"`([\w.-]+)`:\s*\Z")
 UNCOMMENT = re.compile(r"In `([\w.-]+)` remove the `# ` before `([^`]+)`")
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?")
 VERSION = re.compile(r"(?<=\bsoftware )\S+")
+LOOP = re.compile(r"for (\w+) in ([^;]+); do ([^;]+); done")
 BORDER = re.compile(r"[─━]+")
 
 
@@ -64,7 +65,8 @@ def commands_in(page: Path) -> list[str]:
     """Commands of our programs in the fenced blocks of a page."""
     blocks = [body for language, body in FENCE.findall(page.read_text("utf-8")) if language in SHELL]
     lines = [line.removeprefix("$ ").strip() for body in blocks if DRAWN not in body for line in body.splitlines()]
-    return [line for line in lines if line.split() and line.split()[0] in MODULES]
+    commands = [one for line in lines for one in every_one_of(line)]
+    return [one for one in commands if one.split() and one.split()[0] in MODULES]
 
 
 def every_command_in(page: Path) -> list[str]:
@@ -74,7 +76,7 @@ def every_command_in(page: Path) -> list[str]:
         fence = line.strip().startswith("```")
         fenced ^= fence
         if not fence and (fenced or line.startswith("    ")):
-            lines.append(line.strip().removeprefix("$ "))
+            lines += every_one_of(line.strip().removeprefix("$ "))
     found = (PROGRAM.match(" ".join(line.split("  #")[0].split())) for line in lines)
     return [one[1] + one[2] for one in found if one and one[1] in OTHERS | MODULES.keys()]
 
@@ -88,6 +90,12 @@ def mentions_in(page: Path) -> list[str]:
 def arguments_of(command: str) -> list[str]:
     """The words of a command, without a comment."""
     return shlex.split(command, comments=True)
+
+
+def every_one_of(command: str) -> list[str]:
+    """The commands of a loop of the shell, or the command itself."""
+    loop = LOOP.fullmatch(command)
+    return [loop[3].replace(f"${loop[1]}", value) for value in loop[2].split()] if loop else [command]
 
 
 def steps_in(page: Path) -> list[Step]:
@@ -134,11 +142,14 @@ def run(command: str) -> tuple[int, list[str]]:
 
 
 def do(step: Step) -> list[str]:
-    """Do a step in the working directory; the output of its command."""
+    """Do a step in the working directory; the output of its command, of a loop that of the first and the last."""
     if step.command:
-        code, output = run(step.command)
-        assert code == 0, f"{step.command}: exit code {code}: {output}"
-        return output
+        outputs = []
+        for command in every_one_of(step.command):
+            code, output = run(command)
+            assert code == 0, f"{command}: exit code {code}: {output}"
+            outputs.append(output)
+        return outputs[0] if len(outputs) == 1 else [*outputs[0], "…", *outputs[-1]]
     path = Path(step.file)
     if step.uncomment:
         before = path.read_text("utf-8")

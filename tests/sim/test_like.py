@@ -86,10 +86,14 @@ def test_a_slender_wing_has_less_induced_drag_and_the_text_says_so(model):
     assert f"# Induced drag K = {of_other:.4f}: 1/(pi e AR), AR 14.40, e 0.744 of nexstar.\n" in other.text
 
 
-def test_drag_of_the_file_s_own_is_left_as_it_is(model):
-    coefficients = "".join(f"{name} = {value!r}\n" for name, value in model.aerodynamics.items() if name != "K")
-    own = scaled_from(f"{SMALL}[aerodynamics]\n{coefficients}K = 0.05\n".replace("'", '"'), "own.toml", model)
-    assert aerodynamics_of(own).K == 0.05 and "Induced drag" not in own.text
+def test_coefficients_that_the_file_has_are_kept_and_the_others_are_the_model_s(model):
+    own = scaled_from(f"{SMALL}[aerodynamics]\nCD0 = 0.03\n", "own.toml", model)
+    assert replace(aerodynamics_of(own), CD0=0.045) == aerodynamics_of(scaled_from(SMALL, "own.toml", model))
+    assert aerodynamics_of(own).CD0 == 0.03
+    listed = [line.removeprefix("#   ") for line in own.text.splitlines()]
+    assert "aerodynamics.Cma" in listed and "aerodynamics.CD0" not in listed
+    given = scaled_from(f"{SMALL}[aerodynamics]\nK = 0.05\n", "own.toml", model)
+    assert aerodynamics_of(given).K == 0.05 and "Induced drag" not in given.text
 
 
 @pytest.mark.parametrize("text", [SMALL, LARGE], ids=["small", "large"])
@@ -105,7 +109,7 @@ def test_what_the_file_says_is_kept_and_the_rest_is_listed(model):
     own = scaled_from(SMALL + "pole_pairs = 6\n", "own.toml", model)
     assert own.propulsion.pole_pairs == 6 and own.propulsion.propeller == "apc-10x5e"
     listed = {line.removeprefix("#   ") for line in own.text.splitlines() if line.startswith("#   ")}
-    assert {"mass.Ix", "elevator", "aerodynamics", "propulsion.battery_energy"} <= listed
+    assert {"mass.Ix", "elevator", "aerodynamics.CLa", "propulsion.battery_energy"} <= listed
     assert not {"propulsion.pole_pairs", "propulsion.propeller", "mass.weight"} & listed
     known = parse_aircraft(own.text, "own.toml")
     assert known.aerodynamics == {} or known.aerodynamics is None
