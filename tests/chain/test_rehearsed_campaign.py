@@ -14,6 +14,7 @@ pytestmark = pytest.mark.xdist_group("chain")
 
 PAGE = ROOT / "docs" / "use" / "many-flights.md"
 ROW = re.compile(r"│ +([\d.]+) │ +[\d.]+ │ +[\d.]+ │ +([-+\d.]+) │ +([-+\d.]+) to ([-+\d.]+) │")
+SAID = re.compile(r"is ([\d.]+) %; at 11.5 m/s it is ([\d.]+) %")
 OF_THE_INSTALLATION = ("alpha_offset_rad", "V_scale", "thrust_scale")
 
 
@@ -51,6 +52,8 @@ def test_the_page_shows_ten_flights_and_a_comparison_that_contains_the_truth(fol
     true = 100 * (truth_W(folder / "gear" / "1", V) / truth_W(folder / "clean" / "6", V) - 1)
     assert len(V) > 5 and np.all((low < true) & (true < high))
     assert np.all(low > 0) and np.all(np.abs(percent - true) < 4)
+    (said,) = SAID.findall(PAGE.read_text("utf-8"))
+    assert np.allclose(np.array(said, dtype=float), true[[-1, 0]], atol=0.1)
 
 
 def test_a_flight_of_each_configuration_shows_the_difference_less_accurately(folder: Path) -> None:
