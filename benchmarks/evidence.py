@@ -206,18 +206,20 @@ def autopilots(run: Run) -> Tables:
 
 
 def pooled(run: Run) -> Tables:
-    """Pools of flights of one installation, differences of configurations, and changes over a fleet's life."""
+    """Pools of flights of one installation, differences of configurations, and what a fleet shows."""
     most = {"A": 2, "B": 1} if run.quick else {"A": 10, "B": 5}
     asked = campaigns.Asked(["study"], [3.0], range(SEED // 100, SEED // 100 + run.n), most)
     found = campaign_figures.by_campaign(campaigns.flown(asked, run.folder / "campaigns.jsonl", run.jobs))
     pools = [one for one in campaign_figures.pools_records(found) if one["pools"] != "promised"]
     changes = _alone("fleet", "change_records", 1 if run.quick else 2 * run.n, SEED, [1.0])
+    coverage = _alone("fleet", "coverage_records", *((3, 3, 1) if run.quick else (50, 10, 2 * run.n)), SEED)
     sizes = _alone("fleet", "size_records", [100] if run.quick else [100, 1000, 10000], 10 if run.quick else 50, SEED)
     return {
         "singles": campaign_figures.singles_records(found),
         "pools": without(pools, "world", "W20, kt"),
         "differences": without(campaign_figures.comparison_records(found), "world", "W20, kt"),
         "changes": without(changes, "noise"),
+        "coverage": coverage,
         "sizes": sizes,
     }
 

@@ -82,6 +82,14 @@ def series(pool: JointPool) -> Series:
     return Series(stack.values @ of_flight.T, by_truth, error_parts(stack, pool.prior, of_flight))
 
 
+def least_gain(flights_per_false_alarm: float) -> float:
+    """By how much the weighted sum of squared residuals falls by chance once in so many flights."""
+    # Of the improvement h, chi-square with two degrees of freedom, the best over all flights and both shapes exceeds a
+    # level h / 2 times as often as a single one, exp(-h / 2), as the extremes of chi-square fields do (Siegmund and
+    # Venkatraman 1995): h / 2 exp(-h / 2) is the rate of false alarms.
+    return -2 * float(lambertw(-1 / max(flights_per_false_alarm, math.e), -1).real)
+
+
 def find_changes(of_flights: Series, times: Array, flights_per_false_alarm: float) -> list[Change]:
     """All changes, in the order of the flights, as they would have been told flight by flight.
 
@@ -89,10 +97,7 @@ def find_changes(of_flights: Series, times: Array, flights_per_false_alarm: floa
 
     times : (n,) ascending, of the flights     flights_per_false_alarm : of an unchanged airframe, in the mean
     """
-    # Of the improvement h, chi-square with two degrees of freedom, the best over all flights and both shapes exceeds a
-    # level h / 2 times as often as a single one, exp(-h / 2), as the extremes of chi-square fields do (Siegmund and
-    # Venkatraman 1995): h / 2 exp(-h / 2) is the rate of false alarms.
-    threshold = -2 * float(lambertw(-1 / max(flights_per_false_alarm, math.e), -1).real)
+    threshold = least_gain(flights_per_false_alarm)
     equations = _normal_equations(of_flights)
     kept = np.arange(len(times))
     while True:

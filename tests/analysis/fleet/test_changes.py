@@ -1,5 +1,6 @@
 """Changes of an airframe: told soon, told apart, and seldom where nothing changes."""
 
+import fleet as benchmark
 import numpy as np
 import pytest
 from fleet_flights import flights_of
@@ -81,3 +82,20 @@ def test_one_odd_flight_is_no_change(odd: int) -> None:
     assert changes_of(20, drag=-0.2 * (np.arange(20) == odd), noise=0.3) == []
     later = changes_of(40, drag=-0.2 * (np.arange(40) == odd), thrust=-0.05 * after(30, 40), noise=0.3)
     assert [(one.what, one.since) for one in later] == [(What.PROPULSION, 30)]
+
+
+@pytest.mark.parametrize("slowly", [False, True])
+def test_without_noise_a_change_is_told_where_theory_has_it(slowly: bool) -> None:
+    """The detector's own statistic, of flights without scatter, against the closed form of the benchmark; of such
+    flights it lacks the two that noise adds in the mean, so that it comes no sooner and only a little later."""
+    n, change = benchmark.BEFORE + benchmark.A_YEAR, np.array([0.02, -0.003])
+    own = np.tile([[0.03**2, 1e-5], [1e-5, 0.01**2]], (n, 1, 1))
+    shared = np.tile(np.array([[0.02], [0.01]]), (n, 1, 1))
+    by_truth = np.tile([[0.9, 0.1], [0.0, 0.8]], (n, 1, 1))
+    late = np.arange(n) - benchmark.BEFORE
+    grown = np.clip(late / 80, 0, None) if slowly else (late >= 0).astype(float)
+    of_flights = Series(grown[:, None] * (by_truth[0] @ change), by_truth, ErrorParts(own, shared))
+    (found, *_) = find_changes(of_flights, np.arange(float(n)), A_YEAR)
+    expected = benchmark.expected_delay(of_flights, grown, (0.02, -0.003))
+    assert expected is not None and expected > 20
+    assert 0 <= found.found - benchmark.BEFORE + 1 - expected <= 0.3 * expected
