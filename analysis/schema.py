@@ -656,6 +656,8 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     software_version: str
     log: str
     aircraft: AircraftResult
+    # Board of the autopilot that wrote the log: 8 digits of a hash of its serial number; empty where that is not known.
+    vehicle: str = ""
     test: ConditionResult
     standard: ConditionResult
     air_temperature_K: float
@@ -708,6 +710,7 @@ class ElectricalFlight(msgspec.Struct, frozen=True, kw_only=True):
     log: str  # name of its folder
     software_version: str
     aircraft: AircraftResult
+    vehicle: str = ""  # empty where it is not known, and in results of earlier versions
     test: ConditionResult
     electrical_power: list[PowerPoint]
     electrical: ElectricalResult | None = None

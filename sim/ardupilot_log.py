@@ -77,8 +77,9 @@ def _messages(
     revps = sensors.motor_speed_revps(slow)
     flying = np.where((revps < 1.0) | ("landed" in faults), 0, 1)
     text = b"ArduPlane V3.1.1 (simulated)" if "old-firmware" in faults else b"ArduPlane V4.5.7 (simulated)"
+    board = "SimulatedBoard {:08X} {:08X} {:08X}".format(*errors.board).encode()
     return [
-        messages("MSG", "QZ", {"TimeUS": np.zeros(1), "Message": np.array([text])}),
+        messages("MSG", "QZ", {"TimeUS": np.zeros(2), "Message": np.array([text, board])}),
         *_airspeeds(pitot, slow, errors.seed, faults),
         messages("BARO", "QBfcfB", {"TimeUS": slow, "I": 0 * slow,
                                     "Press": sensors.absolute_pressure_Pa("baro", slow),

@@ -74,7 +74,8 @@ def write_px4_log(
         topics = with_clock_set(topics, BOOT_US + int(CLOCK_SET_AT * sensors.duration_s * 1e6), CLOCK_SET_US)
     appended = [CRASH_TEXT] if "appended" in faults else []
     written = [one for one in topics if len(one.time_us)]
-    write_ulog(path, UlogContents(written, {"sys_name": "PX4"}, dropouts, PARAMETERS, appended))
+    info = {"sys_name": "PX4", "sys_uuid": "0002" + "".join(f"{word:08x}" for word in errors.board).zfill(32)}
+    write_ulog(path, UlogContents(written, info, dropouts, PARAMETERS, appended))
     if "truncated" in faults:
         data = path.read_bytes()
         path.write_bytes(data[: int(TRUNCATED_TO * len(data))])

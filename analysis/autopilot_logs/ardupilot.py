@@ -105,6 +105,7 @@ def read_ardupilot(path: Path) -> FlightRecording:
         enabled_by={sensor: _as_set(names, parameters) for sensor, names in ENABLED_BY.items()}
         | _without_current(batteries),
         truth=truth,
+        vehicle=log.vehicle,
     )
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from analysis.autopilot_logs.dataflash import DataflashLog, Form
 from analysis.autopilot_logs.recognize import TEXT_MAGIC, is_telemetry
+from analysis.autopilot_logs.recording import vehicle_of
 from analysis.autopilot_logs.telemetry import TelemetryLog
 from analysis.autopilot_logs.text_log import TextLog
 from flight.errors import InputError
@@ -42,6 +43,8 @@ FIELDS: dict[str, tuple[str, ...]] = {
 CLOCKS = ((("TimeUS", 1e-6), ("TimeMS", 1e-3)), (("TimeUS", 1e-6), ("T", 1e-3)))
 INSTANCE = ("I", "Inst", "Instance", "C")
 WINGLESS = re.compile(r"Ardu(Copter|Rover|Sub)|APM:(Copter|Rover|Sub)|^(Copter|Rover|Sub|Blimp|AntennaTracker)\b")
+# Name of the board and the 96 bits of its processor: "CubeOrange 0041002B 3038511A 32383232".
+SERIAL_NUMBER = re.compile(r"^\S+ ([0-9A-F]{8} [0-9A-F]{8} [0-9A-F]{8})\s*$")
 KINDS = {"Copter": "a multicopter", "Rover": "a rover or boat", "Sub": "a submarine"}
 
 Table = dict[str, NDArray[np.float64]]  # by field
@@ -50,12 +53,13 @@ Table = dict[str, NDArray[np.float64]]  # by field
 @dataclass(frozen=True)
 class Messages:
     """tables : by kind and instance, t_s and FIELDS, each (n,)          parameters : the autopilot's, by name
-    notes : on the log, in sentences
+    notes : on the log, in sentences          vehicle : of `recording.vehicle_of`; empty where it is not known
     """
 
     tables: dict[tuple[str, int], Table]
     parameters: dict[str, float]
     notes: list[str]
+    vehicle: str = ""
 
     def of(self, kinds: tuple[str, ...]) -> list[Table]:
         return [table for (kind, _), table in self.tables.items() if kind in kinds]
@@ -77,8 +81,11 @@ def _opened(path: Path) -> DataflashLog | TelemetryLog | TextLog:
 def read_messages(path: Path) -> Messages:
     """The messages of a log. Raises InputError where it cannot be read, or is that of a vehicle without wings."""
     log = _opened(path)
-    for text in log.columns("MSG").get("Message", ()):
-        _refuse_wingless(path, _text(text))
+    texts = [_text(text) for text in log.columns("MSG").get("Message", ())]
+    for text in texts:
+        _refuse_wingless(path, text)
+    boards = (found[1] for text in texts if (found := SERIAL_NUMBER.match(text)))
+    vehicle = next((vehicle_of(number) for number in boards), "")
     tables = {key: table for kind in FIELDS for key, table in _instances(kind, log.columns(kind))}
     told, multipliers = log.columns("FMTU"), log.columns("MULT")
     for (kind, _), table in tables.items():
@@ -93,7 +100,7 @@ def read_messages(path: Path) -> Messages:
     known = dropped[np.isfinite(dropped)] if dropped.dtype.kind == "f" else np.zeros(0)
     lost = int(np.max(known, initial=0.0))
     notes = [*log.notes, *([f"The autopilot dropped {lost} messages."] if lost else [])]
-    return Messages(tables, {_text(name): float(x) for name, x in pairs if isinstance(x, float)}, notes)
+    return Messages(tables, {_text(name): float(x) for name, x in pairs if isinstance(x, float)}, notes, vehicle)
 
 
 def _units(form: Form | None, told: dict[str, NDArray[Any]], multipliers: dict[str, NDArray[Any]]) -> dict[str, float]:

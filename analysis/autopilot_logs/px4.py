@@ -21,6 +21,7 @@ from analysis.autopilot_logs.recording import (
     measuring_battery,
     most_varying,
     turning_motor,
+    vehicle_of,
     without_hover,
     without_jumps,
 )
@@ -71,7 +72,7 @@ def read_px4(path: Path) -> FlightRecording:
 
     Raises InputError, in one line, when the file is not a readable ULog file, and for aircraft without wings.
     """
-    topics, parameters, notes = _topics(path)
+    topics, parameters, notes, vehicle = _topics(path)
     _refuse_wingless(path, topics)
     airspeed, zeroed = _airspeed(topics)
     channels = airspeed | _static(topics) | _force(topics) | _gps(topics)
@@ -102,6 +103,7 @@ def read_px4(path: Path) -> FlightRecording:
         parameters,
         inside=frozenset(f"{name} {one.instance}" for name in BAROMETERS for one in topics.get(name, [])),
         enabled_by=ENABLED_BY,
+        vehicle=vehicle,
     )
 
 
@@ -121,8 +123,8 @@ class _Advancing:
         return place
 
 
-def _topics(path: Path) -> tuple[dict[str, list[_Topic]], dict[str, float], list[str]]:
-    """The topics by name, the autopilot's parameters, and notes."""
+def _topics(path: Path) -> tuple[dict[str, list[_Topic]], dict[str, float], list[str], str]:
+    """The topics by name, the autopilot's parameters, notes, and the vehicle."""
     try:
         with path.open("rb") as stream, contextlib.redirect_stdout(io.StringIO()):
             log = ULog(_Advancing(stream), list(TOPICS))
@@ -141,7 +143,8 @@ def _topics(path: Path) -> tuple[dict[str, list[_Topic]], dict[str, float], list
     parameters = {
         str(name): float(value) for name, value in log.initial_parameters.items() if isinstance(value, int | float)
     }
-    return topics, parameters, notes
+    uuid = log.msg_info_dict.get("sys_uuid")
+    return topics, parameters, notes, vehicle_of(uuid) if isinstance(uuid, str) and uuid else ""
 
 
 def _line(error: Exception) -> str:

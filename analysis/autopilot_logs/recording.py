@@ -1,5 +1,6 @@
 """The channels of an ordinary flight, each with its own times; of several sensors, the one that is used."""
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
@@ -61,6 +62,7 @@ class FlightRecording:
     enabled_by : by a sensor's channels, which parameters of the autopilot switch it on
     by_radio : received as telemetry, of which much may be lost
     truth : of a simulation by the firmware, TRUE_AIRSPEED and TRUE_HEIGHT; compared, never used
+    vehicle : of `vehicle_of`; empty where the log does not say which board wrote it
     """
 
     path: Path
@@ -74,6 +76,16 @@ class FlightRecording:
     enabled_by: Mapping[frozenset[str], str] = field(default_factory=dict)
     truth: Mapping[str, Channel] = field(default_factory=dict)
     by_radio: bool = False
+    vehicle: str = ""
+
+
+def vehicle_of(serial_number: str) -> str:
+    """What stands for the board of an autopilot in results: the first 8 hexadecimal digits of its number's SHA-256.
+
+    Results are passed on, and the number itself names the board to its maker. Of a thousand boards two are alike with a
+    probability of 1e-4.
+    """
+    return hashlib.sha256(serial_number.encode()).hexdigest()[:8]
 
 
 def channel(t_s: ArrayLike, value: ArrayLike) -> Channel:

@@ -172,7 +172,8 @@ class OrdinaryFlight:
         provenance = provenance_of_file(self.log, weighed, self.aircraft, self.command_line)
         name = propeller.name if propeller else ""
         simulated = compared(recording, flight, found)
-        known = ElectricalFindings(flight, found, drag, name, battery_J, recording.parameters, simulated)
+        logged, vehicle = recording.parameters, recording.vehicle
+        known = ElectricalFindings(flight, found, drag, name, battery_J, logged, simulated, vehicle)
         results = electrical_results(self.log, flown, known, provenance)
         progress("writing the report")
         replaced = write_electrical_report(results, flight, found, self.folder)

@@ -40,7 +40,8 @@ def add(
     console = Console(highlight=False)
     found = read_results([flight for folder in folders for flight in flight_folders_of(folder)])
     if not found.to_pool:
-        raise InputError(f"{folders[0]}: no flight to add; {found.left_out[0]}")
+        why = found.left_out[0] if found.left_out else f"{found.electrical[0]['log']}: gives electrical power only"
+        raise InputError(f"{folders[0]}: no flight to add; {why}")
     added = Dataset(to).add(found.to_pool)
     for line in found.left_out:
         console.print(f"left out: {line}", markup=False)

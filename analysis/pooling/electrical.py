@@ -33,6 +33,7 @@ from analysis.pooling.results import (
     PowerDifference,
 )
 from analysis.pooling.settings import POOLING
+from analysis.pooling.vehicles import NOT_ONE_VEHICLE, one_vehicle, vehicle_notes
 from analysis.pooling.wording import SharedErrors, polars_text
 from analysis.results.settings import TRUST
 from analysis.results.trust import trust_by, worst_first
@@ -218,6 +219,7 @@ def pooled_results(
         ],
         homogeneity=AgreementTest(**test._asdict(), text=polars_text(test)) if test else None,
         flights=_flights(pool, differences),
+        notes=vehicle_notes(pool.flights),
         left_out=list(left_out),
         failures=list(failures),
         air_temperature_K=temperature_K,
@@ -270,6 +272,7 @@ def _flights(pool: ElectricalPool, differences: Sequence[ElectricalDifference]) 
         found.append(
             ElectricalPooledFlight(
                 log=flight.log,
+                vehicle=flight.vehicle,
                 test=flight.test,
                 half_width_percent=half.tolist(),
                 against_others=_deviations(difference) if difference else [],
@@ -295,13 +298,14 @@ def _deviations(difference: ElectricalDifference) -> list[Deviation]:
 def compare_electrical(
     a: Sequence[ElectricalFlight], b: Sequence[ElectricalFlight], names: Sequence[str] = ("", "")
 ) -> ComparisonResults:
-    """B against A at the weight and density of A. Errors of one aircraft, by its name, cancel.
+    """B against A at the weight and density of A. Errors of one aircraft, by its name and autopilot, cancel.
 
     Raises InputError where one of the two cannot be pooled, and where they have no speeds in common.
     """
     pool_a = electrical_pool(a)
     pool_b = electrical_pool(b, pool_a.condition)
-    same = a[0].aircraft.title == b[0].aircraft.title
+    one_name, vehicle = a[0].aircraft.title == b[0].aircraft.title, one_vehicle(a, b)
+    same = one_name and vehicle
     found = _difference(pool_b, pool_a, same)
     apart = _difference(pool_b, pool_a, False)
     percent = 100 / found.power_W
@@ -336,7 +340,7 @@ def compare_electrical(
         differs=found.test.differs,
         text=f"{verdict}: at {found.V_mps[least]:.1f} m/s the electrical power of B is {difference[least]:+.1f} ±"
         f" {half[least]:.1f} % from that of A. {shares.value}",
-        notes=[],
+        notes=[*vehicle_notes([*a, *b]), *([NOT_ONE_VEHICLE] if one_name and not vehicle else [])],
         flights_to_see=[],
     )  # fmt: skip
 

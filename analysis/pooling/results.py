@@ -186,6 +186,7 @@ class ElectricalPooledFlight(msgspec.Struct, frozen=True, kw_only=True):
     """One flight of a pool against the pool of the others."""
 
     log: str
+    vehicle: str = ""  # as in the flight's results
     test: ConditionResult
     half_width_percent: list[float]  # of this flight alone, at the speeds of `against_others`
     against_others: list[Deviation]  # empty in a pool of one flight
@@ -212,6 +213,7 @@ class ElectricalPooledResults(msgspec.Struct, frozen=True, kw_only=True):
     electrical_power: list[PowerPoint]
     homogeneity: AgreementTest | None  # null in a pool of one flight
     flights: list[ElectricalPooledFlight]
+    notes: list[str] = []  # flights of several autopilots, or of one with several names
     left_out: list[str] = []
     failures: list[str] = []  # logs that cannot be used, and why
     air_temperature_K: float | None = None  # mean of the flights

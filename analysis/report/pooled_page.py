@@ -22,6 +22,7 @@ from analysis.pooling.results import (
     Trend,
     TrendQuantity,
 )
+from analysis.pooling.vehicles import vehicle_notes
 from analysis.report.answers import HeadlineAnswer
 from analysis.report.figures.style import (
     BLUE,
@@ -59,6 +60,7 @@ class ElectricalRow(NamedTuple):
     name: str
     link: str
     aircraft: str
+    vehicle: str
     weight: str
     least_power: str
     speed: str
@@ -122,6 +124,7 @@ def render_electrical_flights(
                 flight.log,
                 f"{quote(flight.log)}/report.html",
                 flight.aircraft.title,
+                flight.vehicle,
                 f"{flight.test.weight_N / GRAVITY_MPS2:.2f} kg",
                 f"{least.power_W:.0f} ({least.power_lo_W:.0f} to {least.power_hi_W:.0f})",
                 f"{least.speed_mps:.1f}",
@@ -136,6 +139,8 @@ def render_electrical_flights(
         flights=rows,
         curve=electrical_curve_table(pooled) if pooled else None,
         condition=_condition(pooled.test, "", "") if pooled else "",
+        warnings=vehicle_notes(flights),
+        vehicles=any(flight.vehicle for flight in flights),
         agreement=pooled.homogeneity.text if pooled and pooled.homogeneity else "",
         outliers=[one.log for one in pooled.flights if one.outlier] if pooled else [],
         left_out=failures,

@@ -64,7 +64,7 @@ def print_electrical_pool(pooled: ElectricalPooledResults, page: Path, console: 
         console.print(escape(pooled.homogeneity.text), highlight=False)
     counted = f"{len(pooled.flights)} pooled, {len(pooled.left_out)} left out, {len(pooled.failures)} refused"
     console.print(f"flights: {counted}", highlight=False)
-    _print_notes(console, pooled.left_out)
+    _print_notes(console, [*pooled.notes, *pooled.left_out])
     _print_page(console, page)
 
 

@@ -53,6 +53,7 @@ class ElectricalFindings(NamedTuple):
 
     propeller : name of the table that drag follows from          battery_J : usable energy; None where it is not known
     logged : the autopilot's parameters          simulated : the comparison with a simulation's truth
+    vehicle : of the recording
     """
 
     flight: FlightTable
@@ -62,13 +63,14 @@ class ElectricalFindings(NamedTuple):
     battery_J: float | None = None
     logged: Mapping[str, float] = {}
     simulated: SimulatedTruth | None = None
+    vehicle: str = ""
 
 
 def electrical_results(
     log: Path, aircraft: FlownAircraft, found: ElectricalFindings, provenance: Provenance
 ) -> Results:
     """The contents of `results.json`."""
-    flight, estimate, drag, propeller, _, logged, simulated = found
+    flight, estimate, drag, propeller, _, logged, simulated, vehicle = found
     beside, known = _beside_the_curve(found), None if isinstance(drag, DragWithheld) else drag
     parameters, withheld = typed_in(flight_values(estimate, beside.best_range_speed, logged, known))
     rows = flight.table[flight.flown]
@@ -80,6 +82,7 @@ def electrical_results(
             name=aircraft.name, title=aircraft.name, wing_area_m2=aircraft.wing_area_m2, span_m=aircraft.span_m,
             propeller=propeller,
         ),
+        vehicle=vehicle,
         test=weight,
         standard=ConditionResult(weight_N=aircraft.weight_N, air_density_kgpm3=SEA_LEVEL_DENSITY),
         air_temperature_K=flight.air_temperature_K,
@@ -138,7 +141,7 @@ def _thrust_basis(drag: DragEstimate, propeller: str) -> str:
 
 
 def _beside_the_curve(found: ElectricalFindings) -> ElectricalResult:
-    flight, estimate, drag, propeller, battery_J, _, _ = found
+    flight, estimate, drag, propeller, battery_J, *_ = found
     V, power = estimate.V_mps, estimate.power_W
     covariance = estimate.noise + estimate.systematic
     draws = np.random.default_rng(0).multivariate_normal(power, covariance, 400, method="eigh")

@@ -123,10 +123,17 @@ class DrawnErrors:
     zero_step: dict[str, float]
     zero_step_at: float  # share of the flight
     absolute: dict[str, float]
+    installation_seed: int  # of the aircraft's own errors
 
     def as_dict(self) -> dict[str, Any]:
         """Plain numbers and lists, for the truth file."""
         return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in asdict(self).items()}
+
+    @property
+    def board(self) -> tuple[int, int, int]:
+        """The number of the processor of this installation's autopilot, 96 bits in three words."""
+        first, second, third = rng_of(self.installation_seed, "autopilot").integers(2**32, size=3).tolist()
+        return first, second, third
 
     @property
     def deviations(self) -> Deviations:
@@ -174,6 +181,7 @@ def draw(budget: ErrorBudget, seed: int) -> DrawnErrors:
     absolute = of_size_one("absolute", 2) * s.absolute_Pa
     return DrawnErrors(
         seed=seed,
+        installation_seed=seed,
         noise=budget.noise,
         values=Systematic(**values),
         defects=budget.defects,
@@ -200,6 +208,7 @@ def of_installation(day: DrawnErrors, installation: DrawnErrors) -> DrawnErrors:
     return replace(
         day,
         values=replace(installation.values, updraft_mps=day.values.updraft_mps),
+        installation_seed=installation.installation_seed,
         imu_rotation=installation.imu_rotation,
         accel_scale=installation.accel_scale,
         gyro_scale=installation.gyro_scale,

@@ -16,6 +16,7 @@ from sim.__main__ import app
 from sim.ardupilot_log import write_ardupilot_log
 from sim.px4_log import BOOT_US, RATES_HZ, write_px4_log
 from sim.sensors import FlightSensorTruth, draw, load_budget
+from sim.sensors.budget import of_installation
 
 
 @pytest.fixture(scope="module")
@@ -100,3 +101,31 @@ def test_power_of_the_speed_controller_alone_is_that_of_the_battery(tmp_path: Pa
     t_s, current = channels[CURRENT]
     energy_J = np.trapezoid(current * np.interp(t_s, *channels[VOLTAGE]), t_s)
     assert energy_J == pytest.approx(flight.truth["battery_energy_J"].iloc[-1], rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("write", "read", "name", "faults"),
+    [
+        (write_px4_log, read_px4, "log.ulg", ()),
+        (write_ardupilot_log, read_ardupilot, "log.BIN", ()),
+        (write_ardupilot_log, read_ardupilot, "log.BIN", ("old-firmware",)),
+        (write_ardupilot_log, read_ardupilot, "log.log", ()),
+    ],
+)
+def test_the_board_that_logged_is_known_by_a_hash_of_its_number(
+    tmp_path: Path, flight, errors, write, read, name, faults
+) -> None:
+    """The same in all flights of an installation, and another in that of another."""
+    path, found, another = tmp_path / name, [], draw(load_budget("none"), 1)
+    for drawn in (errors, of_installation(another, errors), another):
+        write(path, flight, FlightSensorTruth(flight, drawn), drawn, faults)
+        found.append(read(path).vehicle)
+    assert found[0] == found[1] != found[2] and all(len(one) == 8 for one in found)
+
+
+def test_a_log_that_does_not_say_its_board_has_none(tmp_path: Path, flight, errors) -> None:
+    path = tmp_path / "log.log"
+    write_ardupilot_log(path, flight, FlightSensorTruth(flight, errors), errors)
+    lines = path.read_text().splitlines(keepends=True)
+    path.write_text("".join(line for line in lines if "SimulatedBoard" not in line))
+    assert read_ardupilot(path).vehicle == ""

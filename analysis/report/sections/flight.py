@@ -147,6 +147,7 @@ def electrical_facts(results: Results) -> list[tuple[str, str]]:
         ("Log", _log(results, found)),
         ("Weight", f"{results.test.weight_N / GRAVITY_MPS2:.3f} kg, {found.weight_source}"),
         *files,
+        *([("Recorded by", f"autopilot {results.vehicle} (hash of its serial number)")] if results.vehicle else []),
         ("Analyzed by", f"flightpower {results.software_version}"),
         ("Command", found.command_line),
     ]

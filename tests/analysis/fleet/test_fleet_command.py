@@ -58,3 +58,11 @@ def test_what_cannot_be_used_is_one_line(
     with pytest.raises(InputError):
         called(*words)
     assert [*tmp_path.iterdir()] == []
+
+
+def test_flights_of_electrical_power_alone_are_no_fleet(tmp_path: Path) -> None:
+    folder = tmp_path / "flights" / "00000001"
+    folder.mkdir(parents=True)
+    (folder / "results.json").write_text(json.dumps({"log": "00000001.BIN", "electrical": {}}))
+    with pytest.raises(InputError, match="00000001: gives electrical power only"):
+        called("add", tmp_path / "flights", "--to", tmp_path / "fleet")

@@ -15,6 +15,8 @@ from analysis.cli.several_logs import _pool
 from analysis.estimation.noise import NORMAL_95
 from analysis.pooling.electrical import compare_electrical, electrical_pool, pooled_results
 from analysis.pooling.results import ELECTRICAL_FORMAT
+from analysis.pooling.vehicles import NOT_ONE_VEHICLE
+from analysis.report.pooled_page import render_electrical_flights
 from analysis.schema import ElectricalFlight, EvidenceKind, Trust
 from flight.command_line import ExitCode
 from flight.errors import InputError
@@ -45,7 +47,7 @@ def flight(log: str = "a", error: np.ndarray | float = 0.0, **of) -> ElectricalF
     content = {
         "log": log, "software_version": "0", "evidence": [],
         "aircraft": {"name": name, "title": name, "wing_area_m2": 0.46, "span_m": 1.75, "propeller": ""},
-        "test": {"weight_N": weight_N, "air_density_kgpm3": rho},
+        "vehicle": of.pop("vehicle", ""), "test": {"weight_N": weight_N, "air_density_kgpm3": rho},
         "electrical_power": [
             {"speed_mps": v, "power_W": p, "power_lo_W": 0.9 * p, "power_hi_W": 1.1 * p}
             for v, p in zip(speeds.tolist(), power.tolist(), strict=True)
@@ -170,3 +172,44 @@ def test_what_is_not_pooled_is_said() -> None:
         electrical_pool([msgspec.structs.replace(flight("a"), electrical=None)])
     with pytest.raises(InputError, match="no speeds in common"):
         compare_electrical([flight("a")], [flight("b", speeds=V + 20.0)])
+
+
+@pytest.mark.parametrize(
+    ("vehicles", "names", "told"),
+    [
+        (("", "", "1"), "AAA", []),
+        (("1", "1", ""), "AAA", []),
+        (("1", "2", "1"), "AAA", ["A: flights of 2 autopilots, 1 (0, 2); 2 (1)."]),
+        (
+            ("1", "1", "2"),
+            "ABB",
+            ["B: flights of 2 autopilots, 1 (1); 2 (2).", "Autopilot 1: flights of 2 names, A (0)"],
+        ),
+    ],
+)
+def test_flights_of_two_autopilots_are_told_and_pooled(vehicles, names: str, told: list[str]) -> None:
+    flights = [
+        flight(str(i), 1e-3 * i, vehicle=vehicle, name=name)
+        for i, (vehicle, name) in enumerate(zip(vehicles, names, strict=True))
+    ]
+    found = pooled_results(electrical_pool(flights))
+    assert len(found.notes) == len(told)
+    assert all(note.startswith(text) for note, text in zip(found.notes, told, strict=True))
+    assert [one.vehicle for one in found.flights] == list(vehicles) and found.trust is Trust.TRUSTED
+    page = render_electrical_flights(flights, [], found)
+    assert all(text in page for text in told) and "<th>autopilot</th>" in page
+
+
+@pytest.mark.parametrize(
+    ("of_a", "of_b", "one"), [("1", "1", True), ("", "1", True), ("1", "2", False), ("11", "12", False)]
+)
+def test_errors_cancel_between_flights_that_one_autopilot_logged(of_a: str, of_b: str, one: bool) -> None:
+    a, b = (
+        [flight(f"{side}{i}", 1e-3 * (i + at), vehicle=v) for i, v in enumerate(vehicles or [""])]
+        for at, (side, vehicles) in enumerate((("a", of_a), ("b", of_b)))
+    )
+    found = compare_electrical(a, b)
+    widths = [row.hi_percent - row.lo_percent for row in found.differences]
+    apart = [2 * row.independent_half_width_percent for row in found.differences]
+    assert found.same_installation is one and (NOT_ONE_VEHICLE in found.notes) is not one
+    assert (widths == pytest.approx(apart)) is not one
