@@ -1,4 +1,4 @@
-"""Two sources of one propeller side by side: the APC 10x5E as UIUC measured it, and as APC computes it.
+"""Two sources of one propeller side by side: the APC 10x5E as UIUC measured it, and as APC computed it in 2014.
 
     .venv/bin/python benchmarks/propellers.py            # measured and computed, side by side
     .venv/bin/python benchmarks/propellers.py --draw     # and its figure, by Chromium
