@@ -27,8 +27,10 @@ import numpy as np
 import pandas as pd
 
 REFERENCES = Path(__file__).parents[1] / "data" / "unchanged"
-RELATIVE = 3e-5  # of a number, or of the root mean square of its array: another computer's rounding
+# Another computer's rounding; of a number, of the largest of its interval, or of the root mean square of its array.
+RELATIVE = 3e-5
 EXACT = 1e-9  # of the same computer
+ESTIMATE = ("value", "lo", "hi")  # with its interval
 SHORT = 4  # an array of at most so many numbers stands as it is
 NUMBER = r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?"
 QUANTITY = re.compile(rf"({NUMBER})(?:\s+([^\s\d]\S*))?")
@@ -106,19 +108,27 @@ def changes(before: Mapping[str, Leaf], after: Mapping[str, Leaf], relative: flo
     for path, value in after.items():
         if path not in before:
             lines.append(f"{path}: new, {value}")
-        elif not same(before[path], value, relative):
+        elif not same(before[path], value, relative, _scale(before, path)):
             lines.append(f"{path}: {before[path]} -> {value}")
     return lines
 
 
-def same(a: Leaf, b: Leaf, relative: float = RELATIVE) -> bool:
+def _scale(leaves: Mapping[str, Leaf], path: str) -> float:
+    """The largest of an estimate and its interval's ends: one near zero is no better known for it. 0 for all others."""
+    parent, _, last = path.rpartition(".")
+    numbers = [leaves.get(f"{parent}.{end}") for end in ESTIMATE] if last in ESTIMATE else []
+    return max((abs(one) for one in numbers if isinstance(one, float)), default=0.0)
+
+
+def same(a: Leaf, b: Leaf, relative: float = RELATIVE, scale: float = 0.0) -> bool:
+    """scale: of numbers that are in no array"""
     if isinstance(a, list) and isinstance(b, list):
         moments = len(a) > SHORT and relative != EXACT
-        scale = abs(a[2] or 0.0) if moments else max((abs(x) for x in a if x is not None), default=0.0)
-        return len(a) == len(b) and all(_near(x, y, scale, relative) for x, y in zip(a, b, strict=True))
+        of_array = abs(a[2] or 0.0) if moments else max((abs(x) for x in a if x is not None), default=0.0)
+        return len(a) == len(b) and all(_near(x, y, of_array, relative) for x, y in zip(a, b, strict=True))
     if isinstance(a, list | str) or isinstance(b, list | str):
         return a == b
-    return _near(a, b, 0.0, relative)
+    return _near(a, b, scale, relative)
 
 
 def _near(a: float | None, b: float | None, scale: float, relative: float) -> bool:
