@@ -35,6 +35,7 @@ import campaign_figures
 import campaigns
 import daemon
 import dissertation
+import numpy as np
 import plans
 import routes
 import speed
@@ -45,6 +46,7 @@ from evidence_figures import coverage_by_world, error_by_speed
 from flights import Setup
 from records import Record, markdown, rounded, text, with_lead
 
+from analysis.schema import Trust
 from sim.world import load_world
 
 ROOT = Path(__file__).parents[1]
@@ -151,14 +153,16 @@ def _short(record: Record, title: str) -> Record:
 def unassumed(run: Run) -> Tables:
     """Coverage in every world without a defect."""
     names = worlds.chosen(defects=False)
-    tables = {}
+    tables, judged_ones = {}, {}
     for name, plan, n in (("short", SHORT, 2 * run.n), ("whole", run.whole, run.n)):
         asked = worlds.Study(names[:1] if run.quick else names, run.weather_kt, (plan,), n, SEED)
         lines = worlds.flown(asked, run.folder / "worlds.jsonl", run.jobs)
+        judged_ones[name] = judgements(lines)
         found = worlds.world_records(worlds.points_by_world(lines, plan))
         tables[name] = [judged(one, *ASKED.get(one["world"], ASKED_ELSEWHERE)) for one in found]
     what = [{"world": name, "differs from the assumptions by": load_world(name).title} for name in names]
-    return {"what": what, "coverage": _beside(tables), **tables}
+    judgement = [row for name, rows in judged_ones.items() for row in with_lead({"plan": name}, rows)]
+    return {"what": what, "coverage": _beside(tables), "judged": judgement, **tables}
 
 
 def _beside(tables: Mapping[str, Sequence[Record]]) -> list[Record]:
@@ -179,7 +183,23 @@ def defects(run: Run) -> Tables:
     names = worlds.chosen(defects=True)
     asked = worlds.Study(names[:1] if run.quick else names, run.weather_kt[:2], (SHORT,), run.n, SEED)
     lines = worlds.flown(asked, run.folder / "worlds.jsonl", run.jobs)
-    return {"verdicts": worlds.verdict_records(lines)}
+    return {"verdicts": worlds.verdict_records(lines), "judged": judgements(lines)}
+
+
+def judgements(lines: Sequence[Mapping[str, Any]]) -> list[Record]:
+    """What is said of right curves, and of curves that are wrong at some speed by more than half their interval."""
+    bounds = {"right": (0.0, 1.0), "wrong by 1.0 to 1.5 half widths": (1.0, 1.5), "by more": (1.5, np.inf)}
+    worst = [(line, max(abs(e) / h for e, h in zip(line["error"], line["half"], strict=True) if e is not None))
+             for line in lines if "error" in line]  # fmt: skip
+    found: list[Record] = []
+    for title, (low, high) in bounds.items():
+        of_these = [line for line, ratio in worst if low <= ratio < high]
+        record: Record = {"curve": title, "flights": len(of_these)}
+        record |= {level.value: sum(line["trust"] == level for line in of_these) for level in Trust}
+        in_worlds = dict.fromkeys(line["world"] for line in of_these if (low < 1.0) == (line["trust"] != Trust.TRUSTED))
+        where = f"{'doubted' if low < 1.0 else 'trusted'}: {', '.join(in_worlds)}" if in_worlds else None
+        found.append(record | {"where": where})
+    return found
 
 
 def flown_by_others(run: Run) -> Tables:
@@ -199,11 +219,12 @@ def autopilots(run: Run) -> Tables:
         logs += [
             {"W20, kt": f"{kt:g}", "log, quantity": one["found"], "flights": one["flights"]} for one in found.counts
         ]
-    sizes = {"sizes": "1,2" if run.quick else "1,3,10"}
+    sizes = {"sizes": "1,2", "changed": 1} if run.quick else {"sizes": "1,3,10", "changed": 5}
     for kt in WEATHER_KT[1:2]:
         todo = [Setup("nexstar", "study", "ordinary-flight", kt, SEED + i) for i in range(max(run.n // 5, 1))]
         found = study.figures("autopilot-pools", todo, sizes, run.jobs)
         pools += with_lead({"W20, kt": f"{kt:g}"}, [_short(one, "of") for one in found.curves])
+        pools += [{"W20, kt": f"{kt:g}", "of": one["found"], "flights": one["flights"]} for one in found.counts]
     return {"logs": logs, "pools": pools}
 
 
