@@ -614,6 +614,7 @@ class ElectricalResult(msgspec.Struct, frozen=True, kw_only=True):
     shaft_power: list[PowerPoint] = []  # of level flight, where a propeller table gives thrust
     thrust_basis: str = ""  # where thrust comes from
     pooling: ElectricalStatistics | None = None  # null in results of earlier versions
+    battery_energy_Wh: float | None = None  # all of it; null without a battery
 
 
 class PriorMeasurementStatistics(msgspec.Struct, frozen=True, kw_only=True):

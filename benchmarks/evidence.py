@@ -173,9 +173,14 @@ def _beside(tables: Mapping[str, Sequence[Record]]) -> list[Record]:
             row = rows.setdefault(one["world"], {"world": one["world"], "flights": []})
             row["flights"] = [*row["flights"], one["flights"]]
             row[f"{name}: coverage, %"] = f"{one['coverage, %']} ± {one['±']:.0f}"
-            row["error" if name == "short" else "error "] = max(one["error"])
-            row["half width" if name == "short" else "half width "] = max(one["half width"])
+            row["error" if name == "short" else "error "] = _largest(one["error"])
+            row["half width" if name == "short" else "half width "] = _largest(one["half width"])
     return list(rows.values())
+
+
+def _largest(values: Sequence[float | None]) -> float | None:
+    """At the worst speed at which the flights have a curve."""
+    return max((one for one in values if one is not None), default=None)
 
 
 def defects(run: Run) -> Tables:

@@ -146,7 +146,7 @@ class OrdinaryFlight:
         from analysis.ground.thrust_prior import stand_measurements
         from analysis.report.electrical_page import write_electrical_report
         from analysis.report.terminal import print_electrical_summary
-        from analysis.results.electrical import ElectricalFindings, electrical_results
+        from analysis.results.electrical import ElectricalFindings, UsedBattery, electrical_results
         from analysis.results.provenance import provenance_of_file
 
         recording = replace(recording, air_temperature_K=self.air_temperature_K)
@@ -167,13 +167,13 @@ class OrdinaryFlight:
         )
         drag = drag_estimate(flight, found, flown.span_m, source)
         battery_Wh = self._battery_Wh(given)
-        battery_J = None if battery_Wh is None else battery_Wh * self.request.usable * 3600
+        battery = None if battery_Wh is None else UsedBattery(battery_Wh, self.request.usable)
         weighed = "given with the command" if self.weight_N is not None else "mass.weight of the aircraft file"
         provenance = provenance_of_file(self.log, weighed, self.aircraft, self.command_line)
         name = propeller.name if propeller else ""
         simulated = compared(recording, flight, found)
         logged, vehicle = recording.parameters, recording.vehicle
-        known = ElectricalFindings(flight, found, drag, name, battery_J, logged, simulated, vehicle)
+        known = ElectricalFindings(flight, found, drag, name, battery, logged, simulated, vehicle)
         results = electrical_results(self.log, flown, known, provenance)
         progress("writing the report")
         replaced = write_electrical_report(results, flight, found, self.folder)

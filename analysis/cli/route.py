@@ -298,7 +298,7 @@ def _flight(results: "RouteInput", wind: "Wind", speed: "Speed | Objective | Non
     from flight.atmosphere import pressure_at, temperature_at
 
     asked = parse_request(options.battery_Wh, options.usable)
-    energy_Wh = asked.battery_Wh or (results.use.battery_energy_Wh if results.use else None)
+    energy_Wh = asked.battery_Wh or results.battery_energy_Wh
     if not energy_Wh:
         raise InputError('the results do not know the battery; give --battery-Wh "5000 mAh, 14.8 V"')
     voltage_V = voltage_of(options.battery_Wh or "")

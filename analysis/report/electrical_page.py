@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from analysis.electrical.estimate import ElectricalEstimate
 from analysis.electrical.fit import samples_of
 from analysis.electrical.flight_table import FlightTable
+from analysis.electrical.settings import CURVE
 from analysis.files import write_file
 from analysis.report.answers import HeadlineAnswer, interval_text, optimum_remark
 from analysis.report.figures.style import (
@@ -31,6 +32,8 @@ from analysis.results.previous import replaced
 from analysis.schema import ElectricalResult, Results, SpeedInterval
 from flight.units import GRAVITY_MPS2
 
+NOTHING_AGAINST = "Nothing speaks against this flight."
+
 
 def write_electrical_report(results: Results, flight: FlightTable, estimate: ElectricalEstimate, folder: Path) -> str:
     """Write report.html, results.json and electrical_power.csv. Raises InputError when the folder cannot be written.
@@ -52,10 +55,14 @@ def electrical_answers(results: Results) -> list[HeadlineAnswer]:
         return []
     power = {round(p.speed_mps, 6): p for p in results.electrical_power}
 
+    def at_slowest(speed_mps: float | None) -> bool:
+        return speed_mps is not None and speed_mps <= results.electrical_power[0].speed_mps
+
     def note(speed_mps: float | None, on_battery: str) -> str:
         point = power.get(round(speed_mps or 0.0, 6))
         taken = f"{point.power_W:.0f} W ({point.power_lo_W:.0f} to {point.power_hi_W:.0f})" if point else ""
-        return f"{taken}{on_battery}, in still air."
+        below = " Power may still fall below it: slower flight was too short to tell." if at_slowest(speed_mps) else ""
+        return f"{taken}{on_battery}, in still air.{below}"
 
     endurance = f", {interval_text(found.endurance_s.times(1 / 60), 'min', 0)}" if found.endurance_s else ""
     distance = f", {interval_text(found.range_m.times(1e-3), 'km', 1)}" if found.range_m else ""
@@ -73,7 +80,7 @@ def _speed_remark(best: SpeedInterval, results: Results) -> str:
     if best.inside_flown_range or best.speed_mps is None:
         return optimum_remark(best)
     slowest = best.speed_mps <= results.electrical_power[0].speed_mps
-    return f", the {'slowest' if slowest else 'fastest'} flown"
+    return f", the {'slowest' if slowest else 'fastest'} of the curve"
 
 
 def _page(results: Results, flight: FlightTable, estimate: ElectricalEstimate, before: str) -> str:
@@ -93,7 +100,8 @@ def _page(results: Results, flight: FlightTable, estimate: ElectricalEstimate, b
             f"{results.test.weight_N / GRAVITY_MPS2:.2f} kg, air {results.test.air_density_kgpm3:.3f} kg/m³"
             f" ({results.air_temperature_K - 273.15:.0f} °C)"
         ),
-        verdict=verdict(results.trust, results.evidence) if results.evidence else None,
+        verdict=verdict(results.trust, results.evidence, NOTHING_AGAINST),
+        hardly_flown=CURVE.percentiles[0],
         cards=electrical_answers(results),
         warnings=results.warnings,
         curve=curve_table(results),

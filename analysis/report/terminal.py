@@ -10,8 +10,8 @@ from rich.table import Table
 from analysis.fleet.results import FleetResults
 from analysis.pooling.results import ComparisonResults, ElectricalPooledResults, PooledResults
 from analysis.report.answers import HeadlineAnswer, headline_answers
+from analysis.report.electrical_page import NOTHING_AGAINST, electrical_answers
 from analysis.report.electrical_page import curve_table as electrical_table
-from analysis.report.electrical_page import electrical_answers
 from analysis.report.fleet_page import airframes_table, doubts, fleet_answers, news_table
 from analysis.report.html_page import HtmlTable
 from analysis.report.pooled_page import (
@@ -21,7 +21,7 @@ from analysis.report.pooled_page import (
     electrical_curve_table,
     pooled_answers,
 )
-from analysis.report.wording import every
+from analysis.report.wording import every, verdict
 from analysis.schema import Results
 
 
@@ -44,6 +44,8 @@ def print_electrical_summary(results: Results, page: Path, console: Console, rep
     """Print the curve, the best speeds, notes, and where the page is. replaced: a note on the report before."""
     _print_table(console, f"{results.aircraft.title}: electrical power of level flight", electrical_table(results))
     _print_answers(console, electrical_answers(results))
+    said = verdict(results.trust, results.evidence, NOTHING_AGAINST)
+    console.print(escape(f"{said.heading}: {' '.join(said.reasons)}"), highlight=False)
     withheld = results.electrical.withheld if results.electrical else []
     _print_notes(console, [*results.warnings, *withheld, *([replaced] if replaced else [])])
     _print_page(console, page)

@@ -26,10 +26,13 @@ class Verdict(NamedTuple):
     reasons: list[str]
 
 
-def verdict(trust: Trust, evidence: Sequence[Evidence]) -> Verdict:
+OF_A_POOL = "Nothing speaks against the flights, nor against taking them together."
+
+
+def verdict(trust: Trust, evidence: Sequence[Evidence], none: str = OF_A_POOL) -> Verdict:
+    """none: what is said where there is no evidence."""
     heading, color_class = VERDICT[trust]
-    none = ["Nothing speaks against the flights, nor against taking them together."]
-    return Verdict(heading, color_class, sentences(evidence) or none)
+    return Verdict(heading, color_class, sentences(evidence) or [none])
 
 
 def every(points: Sequence[T], rows: int = 12) -> Sequence[T]:

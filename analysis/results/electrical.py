@@ -48,10 +48,21 @@ WITHHELD_CLIMB = (
 )
 
 
+class UsedBattery(NamedTuple):
+    """usable : share of its energy"""
+
+    energy_Wh: float
+    usable: float
+
+    @property
+    def usable_J(self) -> float:
+        return 3600 * self.energy_Wh * self.usable
+
+
 class ElectricalFindings(NamedTuple):
     """What is known of a flight.
 
-    propeller : name of the table that drag follows from          battery_J : usable energy; None where it is not known
+    propeller : name of the table that drag follows from          battery : None where its energy is not known
     logged : the autopilot's parameters          simulated : the comparison with a simulation's truth
     vehicle : of the recording
     """
@@ -60,7 +71,7 @@ class ElectricalFindings(NamedTuple):
     estimate: ElectricalEstimate
     drag: DragEstimate | DragWithheld = DragWithheld()
     propeller: str = ""
-    battery_J: float | None = None
+    battery: UsedBattery | None = None
     logged: Mapping[str, float] = {}
     simulated: SimulatedTruth | None = None
     vehicle: str = ""
@@ -141,13 +152,14 @@ def _thrust_basis(drag: DragEstimate, propeller: str) -> str:
 
 
 def _beside_the_curve(found: ElectricalFindings) -> ElectricalResult:
-    flight, estimate, drag, propeller, battery_J, *_ = found
+    flight, estimate, drag, propeller, battery, *_ = found
     V, power = estimate.V_mps, estimate.power_W
     covariance = estimate.noise + estimate.systematic
     draws = np.random.default_rng(0).multivariate_normal(power, covariance, 400, method="eigh")
     draws = np.maximum(draws, 0.1 * power)
     endurance = range_m = None
-    if battery_J is not None:
+    if battery is not None:
+        battery_J = battery.usable_J
         endurance = _interval(battery_J / float(np.min(power)), battery_J / np.min(draws, axis=1))
         range_m = _interval(battery_J / float(np.min(power / V)), battery_J / np.min(draws / V, axis=1))
     noise, systematic = (NORMAL_95 * np.sqrt(np.diag(part)) for part in (estimate.noise, estimate.systematic))
@@ -157,6 +169,7 @@ def _beside_the_curve(found: ElectricalFindings) -> ElectricalResult:
         best_range_speed=_best_speed(V, power / V, draws / V),
         endurance_s=endurance,
         range_m=range_m,
+        battery_energy_Wh=battery.energy_Wh if battery else None,
         interval_parts=[
             IntervalPart(speed_mps=float(v), noise_W=float(n), systematic_W=float(s))
             for v, n, s in zip(V, noise, systematic, strict=True)

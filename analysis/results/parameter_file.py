@@ -43,13 +43,24 @@ class StallMargin(NamedTuple):
     stall_mps: float | None = None
     margin: float = 1.2
 
-    def least_mps(self, results: Results) -> float:
-        """The slowest equivalent airspeed that an autopilot may be told to fly; 0 where no stall speed is known."""
-        stall_mps, slowest = self.stall_mps, results.slowest_flown
-        if stall_mps is None and slowest is not None:
-            at = Condition(results.test.weight_N, SEA_LEVEL_DENSITY, results.aircraft.wing_area_m2)
-            stall_mps = float(speed_at(slowest.largest_lift_coefficient, at))
-        return self.margin * (stall_mps or 0.0)
+    def least_mps(self, results: Results) -> tuple[float, str]:
+        """The slowest equivalent airspeed that an autopilot may be told to fly, and what it follows from.
+
+        Where neither stall nor largest lift is known, the slowest speed flown stands for the stall, as for a route.
+        """
+        at = Condition(results.test.weight_N, SEA_LEVEL_DENSITY, results.aircraft.wing_area_m2)
+        if self.stall_mps is not None:
+            stall_mps, what = self.stall_mps, "the stall speed given"
+        elif results.slowest_flown is not None:
+            stall_mps = float(speed_at(results.slowest_flown.largest_lift_coefficient, at))
+            what = "the speed of the largest lift coefficient flown, as no stall speed is given (--stall)"
+        else:
+            curve = results.electrical_power or results.power_required
+            to_equivalent = (results.test.air_density_kgpm3 / SEA_LEVEL_DENSITY) ** 0.5
+            stall_mps = curve[0].speed_mps * to_equivalent if curve else 0.0
+            what = "the slowest speed flown, as no stall speed is given (--stall)"
+        least = self.margin * stall_mps
+        return least, f"No airspeed is below {least:.4g} m/s: {self.margin:g} times {stall_mps:.4g} m/s, {what}."
 
 
 def parameter_file(results: Results, firmware: For, stall: StallMargin = StallMargin()) -> str:
@@ -65,10 +76,12 @@ def parameter_file(results: Results, firmware: For, stall: StallMargin = StallMa
         )
         if interval is not None and (name := names.get(firmware))
     ]
+    least_mps, reason = stall.least_mps(results)
     lines = [
         f"# {FIRMWARE[firmware]}, from the flight {results.log}, by flightpower {results.software_version}.",
-        "# Airspeeds are equivalent (calibrated) ones. Compare each value with yours before you load it.",
-        *(line for one in _names_used(own) for line in _lines(one, firmware, stall.least_mps(results))),
+        "# Airspeeds are equivalent (calibrated) ones, rounded up. Compare each value with yours before you load it.",
+        f"# {reason}",
+        *(line for one in _names_used(own) for line in _lines(one, firmware, least_mps)),
         *(f"# {sentence}" for sentence in results.autopilot_parameters_withheld),
     ]
     return "\n".join(lines) + "\n"

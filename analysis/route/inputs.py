@@ -31,6 +31,7 @@ class ElectricalCurve(msgspec.Struct, frozen=True, kw_only=True):
 
     idle_power_W: float
     pooling: ElectricalStatistics | None = None
+    battery_energy_Wh: float | None = None
 
 
 class PooledLog(msgspec.Struct, frozen=True, kw_only=True):
@@ -56,3 +57,9 @@ class RouteInput(msgspec.Struct, frozen=True, kw_only=True):
     use: PowerModel | None = None
     electrical: ElectricalCurve | None = None
     flights: list[PooledLog] = []
+
+    @property
+    def battery_energy_Wh(self) -> float | None:
+        """None where no battery was given with the analysis."""
+        known = self.use or self.electrical
+        return known.battery_energy_Wh if known else None

@@ -368,7 +368,8 @@ class Route:
             for s in share
         ]
         weight_N = np.repeat(np.asarray(self.legs.condition.weight_N), RESOLUTION.points_per_leg)
-        spent_J = (np.cumsum(energy_J, axis=1) - energy_J)[:, :, None] + energy_J[:, :, None] * share
+        spent_J = np.cumsum(np.pad(energy_J[:, :-1], ((0, 0), (1, 0))), axis=1)[:, :, None]  # before each leg
+        spent_J = spent_J + energy_J[:, :, None] * share  # infinite in draws in which a leg cannot be flown
         need_J = spent_J.reshape(RESOLUTION.draws, -1) + self._home_J(places, weight_N)
         usable_J = (1 - self.flight.battery.reserve) * self.capacity_J[:, None]
         safe = np.mean(need_J <= usable_J, axis=0) >= self.flight.sure

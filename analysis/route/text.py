@@ -34,7 +34,10 @@ def lines(result: RouteResult) -> Iterator[str]:
         f" {course_text(radians(near.course_deg))}) to {far.safe_radius_m / 1000:.1f} km (course"
         f" {course_text(radians(far.course_deg))}); without climb."
     )
-    yield f"Airspeeds allowed: {result.slowest_airspeed_mps:.1f} to {result.fastest_airspeed_mps:.1f} m/s."
+    yield (
+        f"Airspeeds allowed: {result.slowest_airspeed_mps:.1f} to {result.fastest_airspeed_mps:.1f} m/s (equivalent),"
+        " as flown and with the stall margin (--stall)."
+    )
     if result.flights:
         yield _pool(result)
     yield from result.notes

@@ -19,7 +19,7 @@ from analysis.electrical.flight_table import FlightTable, flight_table
 from analysis.electrical.thrust_balance import PARAMETERS, MotorConstants
 from analysis.estimation.model import PriorMeasurement
 from analysis.performance.power_train import revps_for_thrust
-from analysis.results.electrical import ElectricalFindings, _warnings, electrical_results
+from analysis.results.electrical import ElectricalFindings, UsedBattery, _warnings, electrical_results
 from analysis.results.electrical_parameters import flight_values
 from analysis.schema import Provenance, SpeedInterval
 from flight.atmosphere import height_at, pressure_at, temperature_at
@@ -284,15 +284,15 @@ def test_the_results_are_those_of_the_estimate(
     drag: tuple[DragEstimate, bool], table: FlightTable, electrical: ElectricalEstimate
 ) -> None:
     found, _ = drag
-    aircraft, battery_J = FlownAircraft("test", MASS_KG * g, AREA_M2, SPAN_M), 3.6e5
+    aircraft, battery = FlownAircraft("test", MASS_KG * g, AREA_M2, SPAN_M), UsedBattery(125.0, 0.8)
     provenance = cast(Provenance, None)
-    known = ElectricalFindings(table, electrical, found, "apc-12x8e", battery_J)
+    known = ElectricalFindings(table, electrical, found, "apc-12x8e", battery)
     results = electrical_results(Path("log"), aircraft, known, provenance)
     beside = results.electrical
     assert beside is not None and beside.endurance_s is not None and beside.range_m is not None
     V, power = electrical.V_mps, electrical.power_W
-    assert beside.endurance_s.value == pytest.approx(battery_J / power.min())
-    assert beside.range_m.value == pytest.approx(battery_J * np.max(V / power))
+    assert beside.endurance_s.value == pytest.approx(battery.usable_J / power.min())
+    assert beside.range_m.value == pytest.approx(battery.usable_J * np.max(V / power))
     assert 0.9 < beside.range_m.lo / beside.range_m.value < 0.995
     assert 1.005 < beside.range_m.hi / beside.range_m.value < 1.1
     assert beside.best_range_speed.speed_mps == pytest.approx(V[np.argmin(power / V)])

@@ -11,7 +11,15 @@ from analysis.electrical.energy_balance import FlightConditions
 from analysis.electrical.settings import FLIGHT
 from analysis.estimation.noise import NORMAL_95
 from analysis.polar import maximum_lift_to_drag
-from analysis.results.electrical import ElectricalFindings, _beside_the_curve, _best_speed, _points, _polar, _warnings
+from analysis.results.electrical import (
+    ElectricalFindings,
+    UsedBattery,
+    _beside_the_curve,
+    _best_speed,
+    _points,
+    _polar,
+    _warnings,
+)
 from analysis.results.electrical_parameters import flight_values
 from analysis.schema import SpeedInterval
 from flight.atmosphere import SEA_LEVEL_DENSITY
@@ -19,7 +27,7 @@ from flight.units import GRAVITY_MPS2
 
 V = np.linspace(10.0, 20.0, 41)
 POWER_W = 50.0 + (V - 14.0) ** 2
-BATTERY_J = 360e3
+BATTERY = UsedBattery(125.0, 0.8)
 FLOWN = SimpleNamespace(flown=np.ones(3000, dtype=bool))
 
 
@@ -37,13 +45,13 @@ def estimate(*, share: float = 0.03, noise_W: float = 1e-6, wind_mps: float | No
 
 
 def beside(drag=DragWithheld(), **of):
-    return _beside_the_curve(ElectricalFindings(FLOWN, estimate(**of), drag, "apc-12x8e", BATTERY_J))
+    return _beside_the_curve(ElectricalFindings(FLOWN, estimate(**of), drag, "apc-12x8e", BATTERY))
 
 
 def test_endurance_is_energy_over_the_least_power_and_range_over_that_per_speed() -> None:
     found = beside()
-    assert found.endurance_s.value == pytest.approx(BATTERY_J / 50.0)
-    assert found.range_m.value == pytest.approx(BATTERY_J / np.min(POWER_W / V))
+    assert found.endurance_s.value == pytest.approx(BATTERY.usable_J / 50.0)
+    assert found.range_m.value == pytest.approx(BATTERY.usable_J / np.min(POWER_W / V))
     for interval in (found.endurance_s, found.range_m):
         ends = interval.value / (1 + 1.96 * 0.03), interval.value / (1 - 1.96 * 0.03)
         assert (interval.lo, interval.hi) == pytest.approx(ends, rel=0.015)  # 400 draws

@@ -101,6 +101,24 @@ def test_no_airspeed_is_below_the_stall_margin(firmware: For, stall_mps: float |
             assert values[name] == pytest.approx(max(11.0, 1.2 * at_stall) * scale, rel=2e-3)
 
 
+@pytest.mark.parametrize("firmware", For)
+def test_where_no_stall_is_known_the_slowest_flown_stands_for_it(firmware: For) -> None:
+    """As for a route: an autopilot's log tells no largest lift coefficient. 12 m/s true are 11.83 m/s equivalent."""
+    points = [PowerPoint(speed_mps=v, power_W=80.0, power_lo_W=70.0, power_hi_W=90.0) for v in (12.0, 22.0)]
+    text = parameter_file(results(electrical_power=points), firmware)
+    least = 1.2 * 12.0 * (1.19 / 1.225) ** 0.5
+    for name, value in read(text, firmware).items():
+        if name in SLOWEST | CRUISE:
+            assert value == pytest.approx(least * (100.0 if firmware is For.INAV else 1.0), rel=1e-3)
+    assert "--stall" in text and f"{least:.4g} m/s" in text
+
+
+def test_a_stall_speed_that_is_given_is_told() -> None:
+    text = parameter_file(results(), For.PX4, StallMargin(8.0))
+    assert "9.6 m/s: 1.2 times 8 m/s, the stall speed given" in text
+    assert read(text, For.PX4)["FW_AIRSPD_MIN"] == 11.0
+
+
 def test_a_stall_margin_beyond_the_fastest_flown_is_refused() -> None:
     with pytest.raises(InputError, match="--stall"):
         parameter_file(results(), For.PX4, StallMargin(20.0, 1.2))
