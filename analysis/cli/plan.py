@@ -12,7 +12,7 @@ from rich.console import Console
 
 from analysis.cli.options import ReplaceOption
 from analysis.planning.settings import LEG
-from flight.aircraft import Aircraft, load_aircraft
+from flight.aircraft import Aircraft, load_aircraft, shipped_aircraft
 from flight.command_line import application, quantity, run, takes_options
 from flight.errors import InputError
 from flight.files import check_new_file
@@ -202,6 +202,8 @@ def plan(
     for name, text in files.items():
         (folder / name).write_text(text, "utf-8")
     _print(made, folder, list(files), stall_given=options.stall_mps is not None)
+    like = "" if aircraft in shipped_aircraft() else " --like nexstar"
+    print(f"rehearse it: sim fly --aircraft {aircraft}{like} --plan {folder / 'plan.toml'} --no-hardware -o flown")
 
 
 def _aircraft(name_or_path: str, options: PlanOptions) -> Aircraft:

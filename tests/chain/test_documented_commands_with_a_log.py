@@ -188,8 +188,12 @@ def test_a_plan_of_four_keys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(search, "catalog", small)
     monkeypatch.chdir(tmp_path)
     do(MY_TOML)
-    succeeds(PLAN, "plan-mine/plan.toml")
+    code, output = run(PLAN)
+    assert code == 0, output
     assert load_plan(Path("plan-mine/plan.toml")).segments
+    (rehearsal,) = (line for line in output if line.startswith("rehearse it: "))
+    flown = rehearsal.removeprefix("rehearse it: ").replace("plan-mine/plan.toml", "magnetometer-turn")
+    succeeds(flown, "flown/log.mcap")  # of the same aircraft, scaled from a model
 
 
 @pytest.mark.parametrize("plan", ON_THE_GROUND)
