@@ -157,12 +157,12 @@ def unassumed(run: Run) -> Tables:
     for name, plan, n in (("short", SHORT, 2 * run.n), ("whole", run.whole, run.n)):
         asked = worlds.Study(names[:1] if run.quick else names, run.weather_kt, (plan,), n, SEED)
         lines = worlds.flown(asked, run.folder / "worlds.jsonl", run.jobs)
-        judged_ones[name] = judgements(lines)
+        judged_ones[name] = judgments(lines)
         found = worlds.world_records(worlds.points_by_world(lines, plan))
         tables[name] = [judged(one, *ASKED.get(one["world"], ASKED_ELSEWHERE)) for one in found]
     what = [{"world": name, "differs from the assumptions by": load_world(name).title} for name in names]
-    judgement = [row for name, rows in judged_ones.items() for row in with_lead({"plan": name}, rows)]
-    return {"what": what, "coverage": _beside(tables), "judged": judgement, **tables}
+    judgment = [row for name, rows in judged_ones.items() for row in with_lead({"plan": name}, rows)]
+    return {"what": what, "coverage": _beside(tables), "judged": judgment, **tables}
 
 
 def _beside(tables: Mapping[str, Sequence[Record]]) -> list[Record]:
@@ -188,10 +188,10 @@ def defects(run: Run) -> Tables:
     names = worlds.chosen(defects=True)
     asked = worlds.Study(names[:1] if run.quick else names, run.weather_kt[:2], (SHORT,), run.n, SEED)
     lines = worlds.flown(asked, run.folder / "worlds.jsonl", run.jobs)
-    return {"verdicts": worlds.verdict_records(lines), "judged": judgements(lines)}
+    return {"verdicts": worlds.verdict_records(lines), "judged": judgments(lines)}
 
 
-def judgements(lines: Sequence[Mapping[str, Any]]) -> list[Record]:
+def judgments(lines: Sequence[Mapping[str, Any]]) -> list[Record]:
     """What is said of right curves, and of curves that are wrong at some speed by more than half their interval."""
     bounds = {"right": (0.0, 1.0), "wrong by 1.0 to 1.5 half widths": (1.0, 1.5), "by more": (1.5, np.inf)}
     worst = [(line, max(abs(e) / h for e, h in zip(line["error"], line["half"], strict=True) if e is not None))
