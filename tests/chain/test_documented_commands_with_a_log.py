@@ -107,12 +107,12 @@ NOT_RUN = {
     "(python3 -m )?pip wheel .*": "installs, from the network; test_packaging.py checks what is declared and contained",
     "apt-get (install|remove) .*": "installs, as root",
     "python debian/card_image.py .*": "makes a Debian system, as root; its parts: tests/test_card_image.py",
+    "make deb .*": "minutes, from the network; `make vm` installs it",
     "(un)?install.sh.*": "installs, as root",
     "(systemctl|journalctl) .*": "needs the service on the Raspberry Pi",
     "(i2cdetect|rsync) .*": "needs the Raspberry Pi",
     "make -C firmware/esc_counter flash .*": "needs the microcontroller",
     "dask .*": "does not end",
-    "python benchmarks/worlds.py .*": "minutes; test_study_of_worlds.py runs it with fewer flights",
 }
 
 
