@@ -22,7 +22,7 @@ IN_NAMESPACE = $(shell [ "$$(id -u)" = 0 ] || { unshare -Urm true 2>/dev/null &&
 WORKERS := $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo picture test bench site evidence study dissertation soak fuzz crash-points vm packages deb card lint types check constraints clean
+.PHONY: help demo picture test bench site evidence study dissertation soak fuzz crash-points vm packages deb lint types check constraints clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -105,9 +105,6 @@ packages: $(VENV)/.dev ## build sdist and wheel, and try the wheel alone on Pyth
 
 deb: $(READY) ## the recorder as a Debian package in dist; ARCHITECTURE=arm64 for a Raspberry Pi (3 min)
 	$(BIN)/python debian/build.py --architecture $(ARCHITECTURE)
-
-card: $(READY) ## experimental: a card image for a Raspberry Pi, after make deb ARCHITECTURE=arm64 (needs root)
-	$(BIN)/python debian/card_image.py --architecture arm64
 
 vm: $(VENV)/.dev ## the service in a virtual Debian computer: installed, power pulled, unplugged, upgraded (needs root; 1 h)
 	$(BIN)/python benchmarks/vm

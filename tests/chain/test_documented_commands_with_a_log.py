@@ -106,7 +106,6 @@ NOT_RUN = {
     "(pip|uv tool) install .*": "installs, from the network; test_packaging.py checks what is declared and contained",
     "(python3 -m )?pip wheel .*": "installs, from the network; test_packaging.py checks what is declared and contained",
     "apt-get (install|remove) .*": "installs, as root",
-    "python debian/card_image.py .*": "makes a Debian system, as root; its parts: tests/test_card_image.py",
     "make deb .*": "minutes, from the network; `make vm` installs it",
     "(un)?install.sh.*": "installs, as root",
     "(systemctl|journalctl) .*": "needs the service on the Raspberry Pi",
