@@ -166,7 +166,7 @@ def run_pairs(expected: ExpectedAircraft, space: Space, wind_kt: float) -> Itera
         yield Piece(title, legs, PieceKind.RUNS)
 
 
-def circuits(expected: ExpectedAircraft, space: Space, wind_kt: float) -> Iterator[Piece]:
+def circuits(expected: ExpectedAircraft, space: Space, wind_kt: float, longest_s: float = inf) -> Iterator[Piece]:
     """A leg at one speed and a turn back at the same speed."""
     slow, stall, fastest = slowest_mps(expected, wind_kt), expected.stall_mps, expected.fastest_mps
     fast = MARGINS.fastest * fastest
@@ -174,7 +174,7 @@ def circuits(expected: ExpectedAircraft, space: Space, wind_kt: float) -> Iterat
         if not MARGINS.held * slow <= V <= fast:
             continue
         turn = Turn(max(V, _turning_mps(expected, BANK_RAD, wind_kt)), pi, BANK_RAD)
-        seconds = min(max(space.leg_m / V, 8.0), 60.0)
+        seconds = min(max(min(space.leg_m / V, longest_s / 2), 8.0), 60.0)
         yield Piece(f"level at {V:.1f} m/s, there and back", 2 * (Hold(seconds, V), turn), PieceKind.CIRCUIT)
 
 
@@ -189,14 +189,16 @@ def circles(expected: ExpectedAircraft, wind_kt: float) -> Iterator[Piece]:
                 yield Piece(title, (Hold(4.0, V), Turn(V, 4 * pi, bank)), PieceKind.CIRCLES)
 
 
-def porpoising(expected: ExpectedAircraft, space: Space, pilot: Pilot, wind_kt: float) -> Iterator[Piece]:
+def porpoising(
+    expected: ExpectedAircraft, space: Space, pilot: Pilot, wind_kt: float, longest_s: float = inf
+) -> Iterator[Piece]:
     """Stick fore and aft along a leg, and a turn back."""
     stall, fast = expected.stall_mps, MARGINS.fastest * expected.fastest_mps
     for V in (1.5 * stall, 1.6 * stall, 1.75 * stall, 1.95 * stall, fast):
         if V < margin_over_stall(wind_kt) * (1 + pilot.load) ** 0.5 * stall or V > fast:
             continue
         for first, last in ((1.8, 1.3), (2.4, 1.8)):
-            seconds = min(max(space.leg_m / V - 4.0, 10.0), 75.0)
+            seconds = min(max(min(space.leg_m / V - 4.0, longest_s), 10.0), 75.0)
             turn = Turn(max(V, _turning_mps(expected, BANK_RAD, wind_kt)), pi, BANK_RAD)
             title = f"porpoise for {seconds:.0f} s at {V:.1f} m/s, {first:g} to {last:g} s a cycle"
             pieces = (Hold(4.0, V), Porpoise(seconds, V, pilot.load, first, last), turn)
@@ -210,13 +212,18 @@ def full_throttle(expected: ExpectedAircraft) -> Piece:
     return Piece("one acceleration at full throttle", (hold, run), PieceKind.FULL_THROTTLE)
 
 
-def catalog(expected: ExpectedAircraft, space: Space, pilot: Pilot, wind_kt: float) -> list[Piece]:
-    """All pieces that this pilot can fly here. Raises InputError where there is no room for the turns."""
+def catalog(
+    expected: ExpectedAircraft, space: Space, pilot: Pilot, wind_kt: float, longest_s: float = inf
+) -> list[Piece]:
+    """All pieces that this pilot can fly here; longest_s: of level flight and porpoising, where there is little time.
+
+    Raises InputError where there is no room for the turns.
+    """
     found = [
         *run_pairs(expected, space, wind_kt),
-        *circuits(expected, space, wind_kt),
+        *circuits(expected, space, wind_kt, longest_s),
         *circles(expected, wind_kt),
-        *porpoising(expected, space, pilot, wind_kt),
+        *porpoising(expected, space, pilot, wind_kt, longest_s),
     ]
     narrowest_mps = _turning_mps(expected, STEEP_BANK_RAD, wind_kt)
     kept = [piece for piece in (_with_room(piece, narrowest_mps, space.side_m) for piece in found) if piece is not None]

@@ -111,9 +111,9 @@ def plan_flight(aircraft: ExpectedAircraft, request: Request) -> FlightPlan:
     """The plan. Raises InputError where the time is too short for any."""
     slow, fast = slowest_mps(aircraft, request.wind_kt), MARGINS.fastest * aircraft.fastest_mps
     asked = question(request.question, aircraft, slow, fast)
-    found = _without_gentle_runs(catalog(aircraft, request.space, request.pilot, request.wind_kt), aircraft, request)
-    pieces = [piece for piece in found if not (request.pilot.autopilot and piece.kind.by_hand)]
-    pairs = [piece for piece in pieces if piece.kind is PieceKind.RUNS]
+    kinds = aircraft, request.space, request.pilot, request.wind_kt
+    whole_legs = _without_gentle_runs(catalog(*kinds), aircraft, request)
+    pairs = [piece for piece in whole_legs if piece.kind is PieceKind.RUNS]
     last: tuple[Piece, ...] = (full_throttle(aircraft),) if aircraft.full_throttle else ()
     history = _history([*pairs[:1] * SEARCH.fewest_run_pairs, *last], aircraft, request)
     if _seconds_of(history) > request.minutes * 60:
@@ -126,6 +126,10 @@ def plan_flight(aircraft: ExpectedAircraft, request: Request) -> FlightPlan:
             f"{request.minutes:g} minutes are too short: standing, take-off, {SEARCH.fewest_run_pairs} pairs of runs"
             f" and landing take {_seconds_of(history) / 60:.1f}"
         )
+    # Room for as many of the others as of pairs; beside its straight part a piece has turns that take as long.
+    others = catalog(*kinds, left / (2 * SEARCH.fewest_run_pairs))
+    found = [*pairs, *(piece for piece in others if piece.kind is not PieceKind.RUNS)]
+    pieces = [piece for piece in found if not (request.pilot.autopilot and piece.kind.by_hand)]
     base = _evaluated(chosen, aircraft, request)
     start = _covariances(base[0], request)
     every = [_increment(piece, pairs[0], last, base, aircraft=aircraft, request=request) for piece in found]
