@@ -57,6 +57,11 @@ if ! [ -x "$daq" ]; then
     exit 1
 fi
 
+# A tray file that is wrong, or one that it names, is told before the service is stopped for it.
+if [ $install_program = no ] && [ -e "$root/etc/flightpower/tray.toml" ]; then
+    "$daq" config --check "$root/etc/flightpower/tray.toml" >/dev/null
+fi
+
 install -D -m 0644 "$here/flightpower-daq.service" "$units/flightpower-daq.service"
 install -D -m 0644 "$here/flightpower-status.service" "$units/flightpower-status.service" # not enabled
 install -D -m 0644 "$here/60-flightpower.rules" "$root/etc/udev/rules.d/60-flightpower.rules"

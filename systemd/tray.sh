@@ -42,6 +42,8 @@ if [ ! -e "$tray" ]; then
     echo "$tray is the example tray: edit it, then run ${AGAIN:-flightpower-tray}"
 fi
 
+# A tray file that is wrong, or one that it names, is told before the service is stopped for it.
+[ $restart = no ] || "$daq" config --check "$tray" >/dev/null
 # The sandbox permits only the devices of this tray.
 "$daq" config --unit "$tray" > "$dropin/tray.conf.new"
 mv "$dropin/tray.conf.new" "$dropin/tray.conf"

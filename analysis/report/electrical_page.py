@@ -98,7 +98,7 @@ def _page(results: Results, flight: FlightTable, estimate: ElectricalEstimate, b
         title=f"{results.aircraft.title}: electrical power",
         condition=(
             f"{results.test.weight_N / GRAVITY_MPS2:.2f} kg, air {results.test.air_density_kgpm3:.3f} kg/m³"
-            f" ({results.air_temperature_K - 273.15:.0f} °C)"
+            f" ({results.air_temperature_K - 273.15:.0f} °C); from {found.flown_s / 60:.1f} min in the air"
         ),
         verdict=verdict(results.trust, results.evidence, NOTHING_AGAINST),
         hardly_flown=CURVE.percentiles[0],
@@ -171,9 +171,9 @@ def _air(found: ElectricalResult) -> str:
     if found.wind_mps is None or found.wind_from_deg is None:
         return "Without GPS neither wind nor the error of the airspeed is known."
     return (
-        f"Wind {found.wind_mps:.1f} m/s from {found.wind_from_deg:.0f} deg. Airspeed reads"
-        f" {100 * found.airspeed_scale.value:+.1f} % ({100 * found.airspeed_scale.lo:+.1f} to"
-        f" {100 * found.airspeed_scale.hi:+.1f}) high, by GPS; corrected."
+        f"Wind {found.wind_mps:.1f} m/s from {found.wind_from_deg:.0f} deg. The airspeed in the log differs from the true"
+        f" one by {100 * found.airspeed_scale.value:+.1f} % ({100 * found.airspeed_scale.lo:+.1f} to"
+        f" {100 * found.airspeed_scale.hi:+.1f}), by GPS; corrected."
     )
 
 

@@ -261,6 +261,17 @@ def test_install_and_uninstall_can_be_run_twice_and_keep_what_is_the_users(tmp_p
     assert set(tree(root)) == {"var/lib/flightpower/log-0001.mcap"}
 
 
+def test_a_tray_that_names_a_missing_file_is_told_before_the_service_is_stopped(tmp_path):
+    script("install.sh", tmp_path)
+    tray = tmp_path / "etc/flightpower/tray.toml"
+    tray.write_text(tray.read_text().replace('aircraft = "nexstar"', 'aircraft = "my.toml"').replace("i2c-1", "i2c-7"))
+    before = tree(tmp_path)
+    with pytest.raises(subprocess.CalledProcessError) as failed:
+        script("install.sh", tmp_path, "--tray")
+    assert failed.value.returncode == 2 and "my.toml" in failed.value.stderr.decode()
+    assert tree(tmp_path) == before
+
+
 @pytest.mark.parametrize(
     ("arguments", "cause"),
     [(["--wheels"], "one folder"), (["--wheels", "."], "no wheel of flightpower"), (["--try"], "unknown option --try")],
