@@ -171,8 +171,8 @@ def _air(found: ElectricalResult) -> str:
     if found.wind_mps is None or found.wind_from_deg is None:
         return "Without GPS neither wind nor the error of the airspeed is known."
     return (
-        f"Wind {found.wind_mps:.1f} m/s from {found.wind_from_deg:.0f} deg. The airspeed in the log differs from the true"
-        f" one by {100 * found.airspeed_scale.value:+.1f} % ({100 * found.airspeed_scale.lo:+.1f} to"
+        f"Wind {found.wind_mps:.1f} m/s from {found.wind_from_deg:.0f} deg. The airspeed in the log differs from the"
+        f" true one by {100 * found.airspeed_scale.value:+.1f} % ({100 * found.airspeed_scale.lo:+.1f} to"
         f" {100 * found.airspeed_scale.hi:+.1f}), by GPS; corrected."
     )
 
