@@ -23,13 +23,14 @@ from flight.aircraft import Uncertainty
 Array = NDArray[np.float64]
 
 
-class _Difference(NamedTuple):
-    """Drag coefficient by one run and by the others at a lift coefficient, and the standard error of the difference."""
+class _Differences(NamedTuple):
+    """Drag coefficients by one run and by the others at lift coefficients, and standard errors of the differences, each
+    (k,)."""
 
-    CL: float
-    CD: float
-    CD_others: float
-    standard_error: float
+    CL: Array
+    CD: Array
+    CD_others: Array
+    standard_error: Array
 
 
 def runs_against_others(
@@ -59,45 +60,63 @@ def _compared(
     run: MethodEstimate, others: list[MethodEstimate], lift: Array, condition: Condition, uncertainty: Uncertainty
 ) -> RunAgainstOthers | None:
     """At the lift coefficient, of `lift`, where their difference is known best; None where they share none."""
-    differences = [
-        _difference(run, covering, CL, uncertainty)
-        for CL in lift
-        if (covering := [one for one in others if one.flown_CL[0] <= CL <= one.flown_CL[1]])
-    ]
-    if not differences:
+    found = _differences(run, others, lift, uncertainty)
+    if found is None:
         return None
-    best = min(differences, key=lambda one: one.standard_error / abs(one.CD))
-    V = float(speed_at(best.CL, condition))
+    best = int(np.argmin(found.standard_error / np.abs(found.CD)))
+    CL, CD, CD_others, standard_error = (float(values[best]) for values in found)
+    V = float(speed_at(CL, condition))
     power_by_CD = condition.rho * V**3 * condition.wing_area_m2 / 2  # (3.45)
     return RunAgainstOthers(
         run=run.method.title,
         kind=run.method.kinds[0],
         speed_mps=V,
-        power_W=power_by_CD * best.CD,
-        others_W=power_by_CD * best.CD_others,
-        standard_error_W=power_by_CD * best.standard_error,
-        z=(best.CD - best.CD_others) / best.standard_error,
+        power_W=power_by_CD * CD,
+        others_W=power_by_CD * CD_others,
+        standard_error_W=power_by_CD * standard_error,
+        z=(CD - CD_others) / standard_error,
     )
 
 
-def _difference(run: MethodEstimate, others: list[MethodEstimate], CL: float, uncertainty: Uncertainty) -> _Difference:
-    """The others weighed by their noise. Shared errors change the difference by the difference of their effects."""
-    row = np.array([1.0, CL, CL**2])
-    weight = np.array([1 / (row @ other.noise @ row) for other in others])
-    weight /= weight.sum()
-    weighed = list(zip(weight, others, strict=True))
-    CD, CD_others = _drag(run, row), float(sum(w * _drag(other, row) for w, other in weighed))
-    variance = row @ run.noise @ row + sum(w**2 * (row @ other.noise @ row) for w, other in weighed)
-    variance += (COMPARISON.run_slope_rad * CL) ** 2 * (1 + weight @ weight)
-    by_trajectory = row @ run.trajectory_deviations - sum(w * (row @ one.trajectory_deviations) for w, one in weighed)
-    variance += by_trajectory @ by_trajectory
+def _differences(
+    run: MethodEstimate, others: list[MethodEstimate], lift: Array, uncertainty: Uncertainty
+) -> _Differences | None:
+    """Where others cover the lift coefficient, these weighed by their noise. Shared errors change the difference by the
+    difference of their effects. None where they cover none."""
+    if not others:
+        return None
+    ends = np.array([one.flown_CL for one in others])
+    covering = (ends[:, 0] <= lift[:, None]) & (lift[:, None] <= ends[:, 1])
+    CL, covering = lift[covering.any(axis=1)], covering[covering.any(axis=1)]
+    if not len(CL):
+        return None
+    rows = np.stack([np.ones_like(CL), CL, CL**2], axis=1)
+    noise = np.stack([_variance(rows, one.noise) for one in others], axis=1)
+    weight = covering / noise
+    weight /= weight.sum(axis=1, keepdims=True)
+    weighed = (weight[:, :, None] * rows[:, None, :]).reshape(len(CL), -1)
+
+    def by_others(values: list[Array]) -> Array:
+        """The weighed mean (k, n) of what changes the polars by (3, n) each."""
+        return np.asarray(weighed @ np.concatenate([value.reshape(3, -1) for value in values]))
+
+    CD, CD_others = rows @ _polar(run), by_others([_polar(one) for one in others])[:, 0]
+    variance = _variance(rows, run.noise) + np.sum(weight**2 * noise, axis=1)
+    variance += (COMPARISON.run_slope_rad * CL) ** 2 * (1 + np.sum(weight**2, axis=1))
+    by_trajectory = rows @ run.trajectory_deviations - by_others([one.trajectory_deviations for one in others])
+    variance += np.sum(by_trajectory**2, axis=1)
     sigma = error_prior_sigma(uncertainty)
     for name, sensitivity in run.sensitivities.items():
-        change = row @ sensitivity - sum(w * (row @ one.sensitivities[name]) for w, one in weighed)
+        change = rows @ sensitivity - by_others([one.sensitivities[name] for one in others])[:, 0]
         variance += (change * sigma[name]) ** 2
-    return _Difference(CL, CD, CD_others, float(np.sqrt(variance)))
+    return _Differences(CL, CD, CD_others, np.sqrt(variance))
 
 
-def _drag(run: MethodEstimate, row: Array) -> float:
+def _variance(rows: Array, covariance: Array) -> Array:
+    """Of each row's combination of the polar's coefficients, (k,)."""
+    return np.asarray(np.einsum("ki,ij,kj->k", rows, covariance, rows))
+
+
+def _polar(run: MethodEstimate) -> Array:
     assert run.polar is not None
-    return float(row @ run.polar.A)
+    return run.polar.A
