@@ -55,9 +55,9 @@ def module_exists(dotted: str) -> bool:
 # Words of each shelf, 30,000 in all: the documentation is to be read in an evening.
 MOST_WORDS = {
     "README.md": 700,
-    "docs/use/*.md": 11_120,
-    "docs/understand/*.md": 11_100,
-    "docs/evidence/*.md": 5_600,
+    "docs/use/*.md": 11_115,
+    "docs/understand/*.md": 11_095,
+    "docs/evidence/*.md": 5_620,
     "systemd/README.md": 1_250,
     "firmware/*/README.md": 220,
 }
