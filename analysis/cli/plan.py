@@ -1,6 +1,7 @@
 """The command `plan`: what to fly for the narrowest interval. Arguments, messages and exit codes only."""
 
 import dataclasses
+import shlex
 from dataclasses import dataclass
 from enum import StrEnum
 from math import inf, radians
@@ -202,8 +203,11 @@ def plan(
     for name, text in files.items():
         (folder / name).write_text(text, "utf-8")
     _print(made, folder, list(files), stall_given=options.stall_mps is not None)
-    like = "" if aircraft in shipped_aircraft() else " --like nexstar"
-    print(f"rehearse it: sim fly --aircraft {aircraft}{like} --plan {folder / 'plan.toml'} --no-hardware -o flown")
+    if options.propeller is not None:
+        print(f'before you rehearse it, put propeller = "{options.propeller}" into the aircraft file')
+    like = [] if aircraft in shipped_aircraft() else ["--like", "nexstar"]
+    words = ["--aircraft", aircraft, *like, "--plan", str(folder / "plan.toml"), "--no-hardware", "-o", "flown"]
+    print(f"rehearse it: sim fly {shlex.join(words)}")
 
 
 def _aircraft(name_or_path: str, options: PlanOptions) -> Aircraft:

@@ -87,7 +87,8 @@ def _differences(
         return None
     ends = np.array([one.flown_CL for one in others])
     covering = (ends[:, 0] <= lift[:, None]) & (lift[:, None] <= ends[:, 1])
-    CL, covering = lift[covering.any(axis=1)], covering[covering.any(axis=1)]
+    shared = covering.any(axis=1)
+    CL, covering = lift[shared], covering[shared]
     if not len(CL):
         return None
     rows = np.stack([np.ones_like(CL), CL, CL**2], axis=1)

@@ -112,8 +112,7 @@ def plan_flight(aircraft: ExpectedAircraft, request: Request) -> FlightPlan:
     slow, fast = slowest_mps(aircraft, request.wind_kt), MARGINS.fastest * aircraft.fastest_mps
     asked = question(request.question, aircraft, slow, fast)
     kinds = aircraft, request.space, request.pilot, request.wind_kt
-    whole_legs = _without_gentle_runs(catalog(*kinds), aircraft, request)
-    pairs = [piece for piece in whole_legs if piece.kind is PieceKind.RUNS]
+    pairs = _without_gentle_runs(catalog(*kinds), aircraft, request)
     last: tuple[Piece, ...] = (full_throttle(aircraft),) if aircraft.full_throttle else ()
     history = _history([*pairs[:1] * SEARCH.fewest_run_pairs, *last], aircraft, request)
     if _seconds_of(history) > request.minutes * 60:
@@ -174,11 +173,10 @@ def predicted(maneuvers: Sequence[Maneuver], aircraft: ExpectedAircraft, request
 
 
 def _without_gentle_runs(found: list[Piece], aircraft: ExpectedAircraft, request: Request) -> list[Piece]:
-    """Without pairs of runs that the analysis would not take for runs: where motor or propeller's table leave little to
-    accelerate with, a slow throttle is too gentle. All, where it would take none."""
+    """The pairs of runs without those that the analysis would not take for runs: where motor or propeller's table leave
+    little to accelerate with, a slow throttle is too gentle. All pairs, where it would take none."""
     pairs = [piece for piece in found if piece.kind is PieceKind.RUNS]
-    taken = [piece for piece in pairs if _taken_for_runs(piece, aircraft, request)] or pairs
-    return [*taken, *(piece for piece in found if piece.kind is not PieceKind.RUNS)]
+    return [piece for piece in pairs if _taken_for_runs(piece, aircraft, request)] or pairs
 
 
 def _taken_for_runs(piece: Piece, aircraft: ExpectedAircraft, request: Request) -> bool:

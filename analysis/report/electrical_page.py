@@ -55,13 +55,14 @@ def electrical_answers(results: Results) -> list[HeadlineAnswer]:
         return []
     power = {round(p.speed_mps, 6): p for p in results.electrical_power}
 
-    def at_slowest(speed_mps: float | None) -> bool:
-        return speed_mps is not None and speed_mps <= results.electrical_power[0].speed_mps
-
     def note(speed_mps: float | None, on_battery: str) -> str:
         point = power.get(round(speed_mps or 0.0, 6))
         taken = f"{point.power_W:.0f} W ({point.power_lo_W:.0f} to {point.power_hi_W:.0f})" if point else ""
-        below = " Power may still fall below it: slower flight was too short to tell." if at_slowest(speed_mps) else ""
+        below = (
+            " Power may still fall below it: slower flight was too short to tell."
+            if _at_slowest(speed_mps, results)
+            else ""
+        )
         return f"{taken}{on_battery}, in still air.{below}"
 
     endurance = f", {interval_text(found.endurance_s.times(1 / 60), 'min', 0)}" if found.endurance_s else ""
@@ -79,8 +80,11 @@ def _speed_remark(best: SpeedInterval, results: Results) -> str:
     """At an end of the speeds flown the best speed may lie outside them."""
     if best.inside_flown_range or best.speed_mps is None:
         return optimum_remark(best)
-    slowest = best.speed_mps <= results.electrical_power[0].speed_mps
-    return f", the {'slowest' if slowest else 'fastest'} of the curve"
+    return f", the {'slowest' if _at_slowest(best.speed_mps, results) else 'fastest'} of the curve"
+
+
+def _at_slowest(speed_mps: float | None, results: Results) -> bool:
+    return speed_mps is not None and speed_mps <= results.electrical_power[0].speed_mps
 
 
 def _page(results: Results, flight: FlightTable, estimate: ElectricalEstimate, before: str) -> str:

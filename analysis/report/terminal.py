@@ -44,8 +44,9 @@ def print_electrical_summary(results: Results, page: Path, console: Console, rep
     """Print the curve, the best speeds, notes, and where the page is. replaced: a note on the report before."""
     _print_table(console, f"{results.aircraft.title}: electrical power of level flight", electrical_table(results))
     _print_answers(console, electrical_answers(results))
-    said = verdict(results.trust, results.evidence, NOTHING_AGAINST)
-    console.print(escape(f"{said.heading}: {' '.join(said.reasons)}"), highlight=False)
+    if not results.evidence:  # which is told on stderr
+        said = verdict(results.trust, results.evidence, NOTHING_AGAINST)
+        console.print(f"{said.heading}: {' '.join(said.reasons)}", highlight=False)
     withheld = results.electrical.withheld if results.electrical else []
     _print_notes(console, [*results.warnings, *withheld, *([replaced] if replaced else [])])
     _print_page(console, page)

@@ -7,6 +7,8 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+from analysis.schema import Trust
+
 
 def studies(run: evidence.Run) -> evidence.Tables:
     return {"counted": [{"n": run.n}]}
@@ -18,6 +20,22 @@ def fails(run: evidence.Run) -> evidence.Tables:
 
 def ends(run: evidence.Run) -> evidence.Tables:
     raise SystemExit("nothing to count")
+
+
+def test_curves_are_counted_by_their_worst_speed_and_by_what_is_said_of_them() -> None:
+    """Right is inside the interval at every speed that has one; a speed without a curve says nothing."""
+    trusted, doubtful = Trust.TRUSTED.value, Trust.DOUBTFUL.value
+    lines = [
+        {"world": world, "trust": trust, "error": error, "half": [2.0, 2.0, 2.0]}
+        for world, trust, error in (
+            ("a", trusted, [1.9, -1.9, None]), ("b", doubtful, [0.0, 1.0, 0.0]),
+            ("c", trusted, [0.0, -2.5, 0.0]), ("d", doubtful, [9.0, 0.0, None]),
+        )
+    ]  # fmt: skip
+    right, wrong, by_more = evidence.judgments([*lines, {"world": "e", "refused": "no runs"}])
+    assert [right[name] for name in ("flights", trusted, doubtful, "where")] == [2, 1, 1, "doubted: b"]
+    assert [wrong[name] for name in ("flights", trusted, doubtful, "where")] == [1, 1, 0, "trusted: c"]
+    assert [by_more[name] for name in ("flights", trusted, doubtful, "where")] == [1, 0, 1, None]
 
 
 @pytest.mark.parametrize("failing", [fails, ends])

@@ -48,6 +48,19 @@ def test_circuits_are_at_six_speeds_for_8_to_60_seconds() -> None:
             assert turn.speed_mps == pytest.approx(max(hold.speed_mps, turning_mps(0.6)))
 
 
+def test_where_there_is_little_time_level_flight_and_porpoising_are_short_and_runs_are_not() -> None:
+    """20 s of porpoising, two legs of 10 s; beyond 10 and 8 s they say nothing more for being shorter."""
+    wide, pilot = Space(5000.0, 60.0), Pilot(autopilot=False, load=1.0)
+    for longest_s, porpoising_s, leg_s in ((20.0, 20.0, 10.0), (2.0, 10.0, 8.0), (1000.0, 75.0, 60.0)):
+        found = pieces.catalog(AIRCRAFT, wide, pilot, WIND_KT, longest_s)
+        flown = [piece.maneuvers for piece in found]
+        assert {one.duration_s for each in flown for one in each if isinstance(one, Porpoise)} == {porpoising_s}
+        of_circuits = [piece.maneuvers[0] for piece in found if piece.kind is pieces.PieceKind.CIRCUIT]
+        assert {one.duration_s for one in of_circuits if isinstance(one, Hold)} == {leg_s}
+        runs = [each for each in flown if any(isinstance(one, Run) for one in each)]
+        assert runs == [piece.maneuvers for piece in pieces.run_pairs(AIRCRAFT, wide, WIND_KT)]
+
+
 def test_no_circuit_is_faster_than_the_fastest_planned() -> None:
     slow: Any = SimpleNamespace(stall_mps=10.0, fastest_mps=15.0)
     found = [piece.maneuvers[0].speed_mps for piece in pieces.circuits(slow, Space(400.0, 60.0), WIND_KT)]

@@ -138,6 +138,19 @@ def test_beyond_the_point_of_no_return_the_energy_for_the_way_home_is_missing() 
     assert farther is not None and farther.from_home_m > found.no_return.from_home_m
 
 
+def test_a_leg_that_cannot_be_flown_in_some_draws_is_safe_in_none_of_these() -> None:
+    """Its energy is infinite there: without a warning, and the last safe point lies before it where many are lost."""
+    route = route_of(electrical_results(), legs("2 km 000, 2 km 180"), flight(CALM))
+    energy_J, _, _ = route.left()
+    with np.errstate(all="raise"):
+        assert route._no_return(energy_J) is None
+        energy_J[: len(energy_J) // 100, 1] = np.inf
+        assert route._no_return(energy_J) is None  # 1 % of 5 %
+        energy_J[: len(energy_J) // 10, 1] = np.inf
+        found = route._no_return(energy_J)
+    assert found is not None and found.route_m == pytest.approx(2000.0)
+
+
 def test_how_far_out_and_back_is_what_the_battery_gives_both_ways() -> None:
     results = electrical_results()
     calm = predict(results, legs("2 km 000"), flight(CALM))

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from route_data import aerodynamic_results, electrical_results
+from route_data import aerodynamic_results, electrical_flight, electrical_results
 from test_mission_files import KML, SQUARE, item, plan_text, waypoints_text
 
 from analysis.cli import route
@@ -101,6 +101,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         "results.json": results,
         "distrusted.json": msgspec.structs.replace(results, trust=Trust.NOT_TO_BE_TRUSTED, evidence=[against]),
         "electrical.json": electrical_results(),
+        "with its battery.json": electrical_results(
+            electrical=msgspec.structs.replace(electrical_flight().electrical, battery_energy_Wh=74.0)
+        ),
         "bare.json": msgspec.structs.replace(results, use=None),
     }
     for name, content in contents.items():
@@ -147,3 +150,11 @@ def test_the_same_without_a_mistake_is_done(folder, monkeypatch, capsys) -> None
     assert capsys.readouterr().err == ""
     assert (folder / "map.svg").read_text("utf-8").startswith("<svg")
     assert ended(monkeypatch, *right, *LEGS, "--battery-Wh", "12") == 1
+
+
+def test_the_battery_of_an_autopilot_s_log_is_that_of_its_analysis(folder, monkeypatch, capsys) -> None:
+    printed = []
+    for words in (("electrical.json", "--battery-Wh", "74"), ("with its battery.json",)):
+        assert ended(monkeypatch, *WIND, *LEGS, "--results", *words) == 0
+        printed.append(capsys.readouterr())
+    assert printed[0] == printed[1] and "Wh" in printed[0].out
