@@ -6,8 +6,10 @@ and, where it computes or writes, come from the page itself (Origin). Files are 
 that was opened. The page may run no script but its own; a report is shown in a sandbox that can reach nothing.
 """
 
+import atexit
 import hmac
 import logging
+import os
 from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
 from http import HTTPStatus
@@ -217,3 +219,6 @@ def serve(folder: Folder, listening: socket, token: str, first: str) -> None:
     if first:
         Thread(target=page.read_ahead, args=(first,), daemon=True).start()
     server.run()
+    # Requests and reading ahead may still compute. A thread inside a C++ library aborts the process if the interpreter
+    # ends under it, so that the process ends before; what other processes read has been waited for by then.
+    atexit.register(os._exit, 0)
