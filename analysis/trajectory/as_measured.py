@@ -10,7 +10,7 @@ import pandas as pd
 from analysis.airdata.magnetometer import Compass
 from analysis.trajectory.block_means import BlockMeans, moving_average
 from analysis.trajectory.equations import MEASUREMENT_INPUTS, PREDICTED_FLOW, SENSOR_ERRORS, STATES
-from analysis.trajectory.priors import SensorPriors
+from analysis.trajectory.priors import WIND, SensorPriors
 from analysis.trajectory.problem import TrajectoryProblem
 from analysis.trajectory.reconstruction import Trajectory
 from analysis.trajectory.settings import PRIORS, SOLVER
@@ -33,6 +33,7 @@ def path_as_measured(
     psi, climb = x[:, STATES.index("psi")], -x[:, STATES.index("v_down")]
     level = np.sqrt(np.maximum(speed**2 - climb**2, 0.0))
     x[:, STATES.index("v_north")], x[:, STATES.index("v_east")] = level * np.cos(psi), level * np.sin(psi)
+    x[:, WIND] = 0.0
     gust_mps = _gusts_mps(blocks)
     inputs, _ = problem.regressors.measurement_inputs(x, problem.error_mean, gust_mps)
     sensitivity = np.zeros((n, len(STATES), m))

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from analysis.signals.rest import mean_at_rest
 from analysis.signals.settings import STATISTICS
 from analysis.trajectory.block_means import BlockMeans, moving_average
+from analysis.trajectory.dryden import mean_wind_profile
 from analysis.trajectory.equations import SENSOR_ERRORS, STATES
 from analysis.trajectory.measurements import LevelField
 from analysis.trajectory.settings import PRIORS, PROCESS, SENSORS
@@ -24,6 +25,7 @@ from flight.aircraft import Aircraft, Uncertainty
 Array = NDArray[np.float64]
 
 BENCH_SIGMA = SENSORS.bench_sigma
+WIND = slice(STATES.index("wind_north"), STATES.index("wind_east") + 1)
 ZEROS = {"dp_alpha_zero": "dp_alpha_Pa", "q_c_zero": "q_c_Pa"}  # sensor errors, and their channels
 
 
@@ -163,8 +165,11 @@ def initial_states(blocks: BlockMeans, bank: Array, V_reference: Array, field: L
     heading = np.cumsum(yaw_rate) * (blocks.t_s[1] - blocks.t_s[0])
     north, east = (moving_average(blocks[f"gps_{axis}_mps"], 3) for axis in ("north", "east"))
     if np.isfinite(north).all():
-        heading = _with_ground_track(heading, north, east, PROCESS.slowest_mps * blocks.speed_scale)
         x[:, 3], x[:, 4] = north, east
+        wind_sigma = initial_state_sigma(0.0, heading_measured=True, at_rest=False)[WIND]
+        x[:, WIND] = mean_wind(x[flying, 3:5], V_reference[flying], wind_sigma) * _relative_wind(blocks)[:, None]
+        air = x[:, 3:5] - x[:, WIND] * flying[:, None]
+        heading = _with_track(heading, air[:, 0], air[:, 1], PROCESS.slowest_mps * blocks.speed_scale)
     else:
         if field is not None:
             heading = heading + field.heading_offset(heading, x[:, 0], x[:, 1])
@@ -172,6 +177,32 @@ def initial_states(blocks: BlockMeans, bank: Array, V_reference: Array, field: L
         x[:, 3], x[:, 4] = speed * np.cos(heading), speed * np.sin(heading)
     x[:, 2], x[:, 5], x[:, 6] = heading, -climb, moving_average(blocks["height_m"], 3)
     return x
+
+
+def mean_wind(velocity: Array, V: Array, sigma_mps: Array) -> Array:
+    """The mean wind (2,), north and east [m/s], of which the ground speed tells; zero on one heading.
+
+    velocity : (n, 2) over the ground [m/s]        V : (n,) airspeed [m/s]        sigma_mps : (2,) of its prior
+
+    V^2 = |v - w|^2 is linear in the wind w and in a constant: 2 v.w - c = |v|^2 - V^2, c = |w|^2. The constant is left
+    free, which takes up errors of the airspeed. A wind that only the scatter of the residuals shows is drawn to zero.
+
+    Iterations that begin without a wind nearly as fast as the aircraft end where a gust stops it over the ground.
+    """
+    if not len(V):
+        return np.zeros(2)
+    v, excess = velocity - velocity.mean(axis=0), np.sum(velocity**2, axis=1) - V**2
+    excess = excess - excess.mean()
+    normal, right = 4 * v.T @ v / len(v), 2 * v.T @ excess / len(v)
+    least_squares = np.linalg.lstsq(normal, right)[0]
+    residual_variance = float(np.mean((excess - 2 * v @ least_squares) ** 2))
+    return np.asarray(np.linalg.lstsq(normal + residual_variance * np.diag(sigma_mps**-2), right)[0])
+
+
+def _relative_wind(blocks: BlockMeans) -> Array:
+    """The mean wind at each height (n,) over its mean in flight."""
+    profile = mean_wind_profile(moving_average(blocks["height_m"], 3))
+    return np.asarray(profile / (profile[blocks.flying].mean() if blocks.flying.any() else 1.0))
 
 
 def initial_sensor_errors(prior_mean: Array, blocks: BlockMeans, x: Array, field: LevelField | None) -> Array:
@@ -184,8 +215,8 @@ def initial_sensor_errors(prior_mean: Array, blocks: BlockMeans, x: Array, field
     return errors
 
 
-def _with_ground_track(heading: Array, north: Array, east: Array, least_mps: float) -> Array:
-    """The ground track where faster than `least_mps`; otherwise the integrated heading, its mean offset corrected."""
+def _with_track(heading: Array, north: Array, east: Array, least_mps: float) -> Array:
+    """The track through the air where faster than `least_mps`; else the integrated heading, with its mean offset."""
     fast = np.hypot(north, east) > least_mps
     if fast.sum() > STATISTICS.fewest_values:
         track = np.unwrap(np.arctan2(east, north)[fast])

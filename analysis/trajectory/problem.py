@@ -31,10 +31,12 @@ from analysis.trajectory.process import GustConditions, ProcessModel, airspeed_w
 from analysis.trajectory.regressors import Regressors, extrapolated
 from analysis.trajectory.settings import PREDICTION, PROCESS, SENSORS
 from analysis.trajectory.smoother import TrajectoryPrior
+from flight.units import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
 
 GPS_LATENCY = SENSOR_ERRORS.index("gps_latency")
+FLOW_ANGLES = [MEASUREMENTS.index(name) for name in ("alpha", "beta")]
 
 
 class TrajectoryProblem:
@@ -91,8 +93,10 @@ class TrajectoryProblem:
         """The process model at states x (n, nx) for vertical gusts of this standard deviation."""
         without_gusts_mps = airspeed_without_gusts(NamedArrays(STATES, x.T))
         process = ProcessModel(self._inertial, self.blocks, self.conditions, sigma_w_mps, without_gusts_mps)
-        angles = process.weight[:, :3]
-        angles[self.lost] = np.minimum(angles[self.lost], 1 / np.pi)
+        # Of unknown attitude, and of a specific force, with gravity, of unknown direction.
+        for columns, sigma in ((slice(0, 3), np.pi), (slice(3, 6), 2 * GRAVITY_MPS2 * self.blocks.step_s)):
+            weight = process.weight[:, columns]
+            weight[self.lost] = np.minimum(weight[self.lost], 1 / sigma)
         return process
 
     def leave_out_lost_steps(self, angle_residual_rad: Array) -> None:
@@ -113,6 +117,8 @@ class TrajectoryProblem:
         corrections = self._inertial.coning_and_sculling(x[:, :3], sensor_errors)
         actual, predicted = self.regressors.measurement_inputs(x, sensor_errors, sigma_w_mps)
         measured, weight = self.measurements.at_gps_latency(float(sensor_errors[GPS_LATENCY]))
+        between = np.append(False, self.lost) & np.append(self.lost, False)
+        weight[np.ix_(between, FLOW_ANGLES)] = 0.0  # of an unknown attitude
         return EquationInputs(
             process_inputs=process.with_corrections(corrections),
             process_weight=process.weight,

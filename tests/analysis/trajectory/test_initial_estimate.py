@@ -7,7 +7,13 @@ import pytest
 
 from analysis.airdata.transducers import play
 from analysis.trajectory.equations import SENSOR_ERRORS, STATES
-from analysis.trajectory.priors import initial_sensor_errors, initial_state_sigma, initial_states, stated_sigma
+from analysis.trajectory.priors import (
+    initial_sensor_errors,
+    initial_state_sigma,
+    initial_states,
+    mean_wind,
+    stated_sigma,
+)
 from flight.aircraft import Uncertainty
 
 STEP_S, N = 0.2, 300
@@ -25,6 +31,7 @@ class Blocks(dict):
 
 
 FLYING = np.ones(N, dtype=bool)
+PRIOR = np.full(2, 8.0)  # m/s
 
 
 def circling(flying: np.ndarray = FLYING, ground_mps: float = V, scale: float = 1.0, gps: bool = True) -> Blocks:
@@ -35,9 +42,10 @@ def circling(flying: np.ndarray = FLYING, ground_mps: float = V, scale: float = 
     )  # fmt: skip
 
 
-def states(blocks: Blocks, field: Any = None) -> dict[str, np.ndarray]:
+def states(blocks: Blocks, field: Any = None, airspeed_mps: Any = V) -> dict[str, np.ndarray]:
     """By name, without the ends, at which averages are over less."""
-    x = initial_states(blocks, np.full(N, BANK), np.full(N, V), field)  # type: ignore[arg-type]
+    V_reference = np.broadcast_to(np.asarray(airspeed_mps, dtype=float), N)
+    x = initial_states(blocks, np.full(N, BANK), V_reference, field)  # type: ignore[arg-type]
     return dict(zip(STATES, x[10:-10].T, strict=True))
 
 
@@ -48,13 +56,39 @@ def test_attitude_is_angle_of_attack_and_climb_and_the_heading_the_ground_track(
     found = states(circling())
     assert found["phi"] == pytest.approx(np.full(N - 20, BANK))
     assert found["theta"] == pytest.approx(np.full(N - 20, ALPHA + np.arcsin(CLIMB / V)))
-    assert np.unwrap(found["psi"]) == pytest.approx(HEADING[INSIDE], abs=1e-9)
+    # The means of the first and last blocks are over fewer, which looks like a wind of 0.1 mm/s.
+    assert np.unwrap(found["psi"]) == pytest.approx(HEADING[INSIDE], abs=1e-5)
     assert found["v_down"] == pytest.approx(np.full(N - 20, -CLIMB))
     assert found["height"] == pytest.approx((100 + CLIMB * (T_S - T_S[0]))[INSIDE])
     # A mean over three blocks of a velocity that turns by 0.04 rad from one to the next.
     shrunk = V * (1 + 2 * np.cos(TURN * STEP_S)) / 3
     assert found["v_north"] == pytest.approx(shrunk * np.cos(HEADING)[INSIDE], abs=1e-9)
     assert found["v_east"] == pytest.approx(shrunk * np.sin(HEADING)[INSIDE], abs=1e-9)
+
+
+@pytest.mark.parametrize("wind", [(0.0, 0.0), (-4.0, 9.0), (-12.0, 12.0)])
+def test_the_ground_speed_tells_the_wind_also_one_faster_than_the_aircraft(wind: tuple[float, float]) -> None:
+    """An airspeed that reads 5 % high moves it by less than a tenth of that."""
+    air = V * np.column_stack([np.cos(HEADING), np.sin(HEADING)])
+    for scale in (1.0, 1.05):
+        assert mean_wind(air + wind, np.full(N, scale * V), PRIOR) == pytest.approx(np.array(wind), abs=0.1)
+    blocks = circling()
+    for i, axis in enumerate(("gps_north_mps", "gps_east_mps")):
+        blocks[axis] = blocks[axis] + wind[i]
+    found = states(blocks)
+    # In this motion the wind does not change in the 90 m of climb, in the first trajectory it does by 6 %.
+    assert np.unwrap(found["psi"]) == pytest.approx(HEADING[INSIDE], abs=0.06 * np.hypot(*wind) / V + 1e-5)
+    assert (found["wind_north"].mean(), found["wind_east"].mean()) == pytest.approx(wind, abs=0.1)
+    assert np.ptp(found["wind_east"]) == pytest.approx(abs(wind[1]) * 0.07, rel=0.2, abs=1e-3), "more at height: 60 m"
+
+
+def test_one_heading_tells_no_wind_across_it_and_a_flight_without_air_data_none() -> None:
+    """Along it, changes of speed tell 3 m/s of headwind, but hardly in gusts of 1 m/s: it is between that and none."""
+    rng = np.random.default_rng(0)
+    speed, gust, drift = rng.normal(15.0, 1.0, N), rng.normal(0.0, 1.0, N), rng.normal(0.0, 0.3, N)
+    along, across = mean_wind(np.column_stack([speed - 3.0, drift]), speed + gust, PRIOR)
+    assert -3.0 < along < 0.0 and abs(across) < 0.5
+    assert mean_wind(np.empty((0, 2)), np.empty(0), PRIOR).tolist() == [0.0, 0.0]
 
 
 def test_without_gps_the_heading_is_the_integral_of_the_yaw_rate_and_the_compass_turns_it() -> None:
@@ -84,7 +118,7 @@ def test_a_ground_track_is_a_heading_from_5_meters_a_second_on(ground_mps: float
     """Times the speed scale. Slower, the heading stays the integral; an offset needs at least one fast block."""
     found = states(circling(ground_mps=ground_mps, scale=scale))
     offset = 0.0 if tracked else -0.4
-    assert found["psi"] == pytest.approx(HEADING[INSIDE] + offset, abs=1e-6)
+    assert found["psi"] == pytest.approx(HEADING[INSIDE] + offset, abs=1e-5)
 
 
 def test_a_few_fast_blocks_give_the_integrated_heading_its_offset() -> None:
@@ -97,7 +131,7 @@ def test_a_few_fast_blocks_give_the_integrated_heading_its_offset() -> None:
             blocks[axis] = np.where(slow, 0.01 * blocks[axis], blocks[axis])
         speed = np.hypot(*(np.convolve(blocks[a], np.ones(3) / 3, "same") for a in ("gps_north_mps", "gps_east_mps")))
         assert (speed > 5.0).sum() == fast
-        found = states(blocks)["psi"]
+        found = states(blocks, airspeed_mps=np.maximum(speed, 0.1))["psi"]
         if tracked:
             assert np.ptp(found[:100]) == 0.0
         else:

@@ -38,6 +38,19 @@ def flown(seed: int, probe, plan: str, *, without: tuple[str, ...] = (), turbule
     return flight.truth, drawn, air, still
 
 
+def test_a_wind_as_fast_as_the_aircraft_is_found(probe) -> None:
+    """11 m/s at an airspeed of 10. Begun without a wind, iterations ended at gusts that stop the aircraft."""
+    aircraft, drawn = load_aircraft("light-1kg"), flights.drawn(load_budget("study"), 2)
+    flight, _, table = flights.flown(aircraft, drawn, "steady-points", 2, 14.0, wind_too=True)
+    air, still, _ = flights.air_of(table, aircraft, probe)
+    trajectory, truth = reconstruct(air, still), flight.truth
+    assert trajectory.converged and trajectory.gust_mps == pytest.approx(0.1 * 14 * 0.514444, rel=0.25)
+    high = truth[truth["height_m"] > 0.9 * truth["height_m"].max()]
+    flown = trajectory.states[trajectory.states["height"] > 0.9 * truth["height_m"].max()]
+    for axis in ("north", "east"):
+        assert flown[f"wind_{axis}"].mean() == pytest.approx(high[f"wind_{axis}_mps"].mean(), abs=0.7)
+
+
 @pytest.mark.slow
 def test_short_gusts_are_reconstructed_with_their_own_length(probe) -> None:
     """With the standard's length the airspeed scale of this flight in 15 kt is 0.7 % off, with its own 0.2 %."""

@@ -92,7 +92,7 @@ def test_a_short_ground_track_gives_the_heading_its_offset(exact, fast_blocks: i
     speed[start : start + fast_blocks * BLOCK] = 15.0
     gps = {"gps_north_mps": speed * np.cos(heading), "gps_east_mps": speed * np.sin(heading)}
     blocks = BlockMeans(exact.table.assign(r_radps=0.1, **gps))
-    psi = initial_states(blocks, np.zeros(blocks.n), np.full(blocks.n, 15.0), None)[:, STATES.index("psi")]
+    psi = initial_states(blocks, np.zeros(blocks.n), speed[BLOCK // 2 :: BLOCK], None)[:, STATES.index("psi")]
     at = slice(start // BLOCK + 1, start // BLOCK + fast_blocks - 1) if fast_blocks > 10 else slice(None)
     off = psi - heading[BLOCK // 2 :: BLOCK]
     assert (off[at] + np.pi) % (2 * np.pi) - np.pi == pytest.approx(0.0, abs=0.05)
