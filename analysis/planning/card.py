@@ -74,7 +74,8 @@ def _words(maneuver: Maneuver) -> str:
         case Hold(duration_s, speed_mps):
             return f"hold {speed_mps:.1f} m/s for {duration_s:.0f} s"
         case Turn(speed_mps, angle_rad, bank_rad):
-            size = f"{abs(angle_rad) / (2 * pi):.0f} circles" if abs(angle_rad) > 1.5 * pi else "turn back"
+            circles = round(abs(angle_rad) / (2 * pi))
+            size = f"{circles} circles" if circles > 1 else "a circle" if abs(angle_rad) > 1.5 * pi else "turn back"
             return f"{size} at {speed_mps:.1f} m/s, bank {degrees(bank_rad):.0f}°"
         case Run(throttle, ramp_s, until_mps, longest_s):
             return (
@@ -106,7 +107,7 @@ def margin(plan: FlightPlan) -> str:
 
 
 def warnings(plan: FlightPlan) -> list[str]:
-    """What is to be mended before the day in the field: propeller's table, battery, height."""
+    """What is to be mended before the day in the field: propeller's table, battery, wind, height."""
     found = []
     propeller, dashed = plan.aircraft.propeller, uncovered_mps(plan)
     if len(dashed):
@@ -124,6 +125,13 @@ def warnings(plan: FlightPlan) -> list[str]:
         found.append(
             f"The flight takes some {needed_Wh:.0f} Wh; with {100 * usable:.0f} % of the battery there are"
             f" {usable * battery_Wh:.0f} Wh. Plan fewer --minutes."
+        )
+    wind_mps, cruise_mps, fast_share = plan.request.wind_mps, plan.aircraft.cruise_mps, 0.7
+    if wind_mps > fast_share * cruise_mps:
+        found.append(
+            f"The wind at {plan.request.space.height_m:.0f} m is {wind_mps:.1f} m/s, the speed between maneuvers"
+            f" {cruise_mps:.1f} m/s: the flight hardly advances against it, and may end far downwind of the take-off."
+            " Plan for less --wind."
         )
     highest_m = 400 * FOOT_M  # 14 CFR 107.51; 120 m in Regulation (EU) 2019/947
     if plan.request.space.height_m > highest_m:

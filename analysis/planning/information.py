@@ -250,7 +250,10 @@ def linearized_trajectory(
 def expected(
     history: TimeHistory, aircraft: ExpectedAircraft, gust_mps: float, *, alpha_scale_sigma: float
 ) -> Expected:
-    """Covariances of the sensor errors and of the drag polar after a flight like this."""
+    """Covariances of the sensor errors and of the drag polar after a flight like this.
+
+    Raises InputError where none of its maneuvers would be taken for a run.
+    """
     trajectory = linearized_trajectory(history, aircraft, gust_mps, alpha_scale_sigma=alpha_scale_sigma)
     runs, _ = find_runs(history.table, noise_mps=math.inf)
     forces = FlightForces(trajectory, aircraft.aircraft, aircraft.propeller)
@@ -260,6 +263,12 @@ def expected(
         inside |= (forces.t_s >= run.start_s) & (forces.t_s <= run.end_s)
     along = forces.nominal
     inside &= along[["CL", "CD", "J"]].notna().all(axis=1).to_numpy()
+    if not inside.any():
+        raise InputError(
+            f"{aircraft.aircraft.name}: no acceleration or deceleration is clear enough to be measured between its"
+            f" stall, {aircraft.stall_mps:.1f} m/s, and {aircraft.fastest_mps:.1f} m/s, the fastest that motor, battery"
+            " and propeller's table allow; check weight and propeller, or plan for less wind"
+        )
     stated = aircraft.aircraft.uncertainty
     prior = np.diag([0, 0, 0, stated.thrust_scale_fraction**-2, stated.thrust_slope**-2, 1.0])
     prior[3:5, 3:5] += stand_information(aircraft.aircraft)

@@ -136,9 +136,9 @@ def slowest_mps(expected: ExpectedAircraft, wind_kt: float) -> float:
 
 
 def before(expected: ExpectedAircraft) -> tuple[Maneuver, ...]:
-    """What every flight begins with."""
+    """What every flight begins with. `kept_in_place` holds on into the wind, for the first piece to begin there."""
     V = expected.cruise_mps
-    return Stand(MANEUVERS.stand_s[0]), TakeOff(V), Turn(V)
+    return Stand(MANEUVERS.stand_s[0]), TakeOff(V), Hold(2.0, V), Turn(V)
 
 
 def after(expected: ExpectedAircraft) -> tuple[Maneuver, ...]:

@@ -9,7 +9,7 @@ cost. The result is computed once more as a whole.
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf
+from math import inf, isfinite
 from typing import NamedTuple
 
 import numpy as np
@@ -134,17 +134,26 @@ def plan_flight(aircraft: ExpectedAircraft, request: Request) -> FlightPlan:
     every = [_increment(piece, pairs[0], last, base, aircraft=aircraft, request=request) for piece in found]
     increments = [increment for piece, increment in zip(found, every, strict=True) if piece in pieces]
     shortest_s = min(increment.seconds for increment in increments)
-    for _ in range(6):  # pieces take more or less time beside others, and kept in place, than alone
+    room_s, base_s = left, _seconds_of(history)
+    fits_s, exceeds_s = 0.0, inf
+    for _ in range(8):  # pieces take more or less time beside others, and kept in place, than alone
         counts = _exchanged(increments, left, start, asked)
+        alone_s = sum(n * increment.seconds for n, increment in zip(counts, increments, strict=True))
         planned = [piece for piece, n in zip(pieces, counts, strict=True) for _ in range(n)]
         tried = _ordered([*planned, *pairs[:1] * SEARCH.fewest_run_pairs, *last])
         flown = _history(tried, aircraft, request)
-        over_s = _seconds_of(flown) - request.minutes * 60
-        if over_s <= 0 and _seconds_of(flown) > _seconds_of(history):
-            chosen, history = tried, flown
-        if -shortest_s < over_s <= 0:
+        taken_s = max(_seconds_of(flown) - base_s, 1.0)
+        if taken_s > room_s:
+            exceeds_s = min(exceeds_s, alone_s)
+        else:
+            fits_s = max(fits_s, left)
+            if _seconds_of(flown) > _seconds_of(history):
+                chosen, history = tried, flown
+        if room_s - shortest_s < taken_s <= room_s or exceeds_s - fits_s < 1.0:
             break
-        left -= over_s + 1.0
+        left = alone_s * room_s / taken_s
+        if not fits_s < left < exceeds_s:
+            left = (fits_s + exceeds_s) / 2 if isfinite(exceeds_s) else 2 * room_s
     by_hand = None
     if request.pilot.autopilot:
         by_hand = float(np.max(asked.half_widths(_with(start, every, _exchanged(every, left, start, asked)))))

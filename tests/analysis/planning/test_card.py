@@ -10,7 +10,8 @@ import pytest
 
 from analysis.planning import card
 from analysis.planning.expected_aircraft import ExpectedAircraft, expected_aircraft
-from analysis.planning.pieces import Run, Space
+from analysis.planning.pieces import Pilot, Run, Space
+from analysis.planning.search import Request
 from analysis.planning.settings import PATH
 from flight.aircraft import load_aircraft
 from flight.propeller import Propeller
@@ -31,7 +32,7 @@ def plan(aircraft: ExpectedAircraft, *, minutes: float = 10.0, height_m: float =
     }, index=np.arange(n) * PATH.step_s)  # fmt: skip
     angle = np.linspace(0.0, 2 * np.pi, n)
     position = 200 * np.column_stack([np.sin(angle), 1 - np.cos(angle)])
-    request = SimpleNamespace(space=Space(500.0, height_m), wind_kt=8.0)
+    request = Request(minutes, 8.0, Space(500.0, height_m), Pilot(autopilot=False, load=1.0))
     history = SimpleNamespace(table=table, position_m=position, starts_s=np.array([0.0, n * PATH.step_s]))
     maneuvers, question = (Run(0.5, 1.0, V),), SimpleNamespace(speeds=np.array([V, 2 * V]))
     return SimpleNamespace(history=history, aircraft=aircraft, request=request, maneuvers=maneuvers, question=question)
@@ -62,6 +63,12 @@ def test_a_battery_that_is_empty_before_the_landing_is_warned_of(nexstar: Expect
 
 def test_a_flight_above_the_limit_of_height_is_warned_of(nexstar: ExpectedAircraft) -> None:
     assert card.warnings(plan(nexstar, height_m=120.0)) == [] and len(card.warnings(plan(nexstar, height_m=125.0))) == 1
+
+
+def test_a_wind_that_the_flight_hardly_advances_against_is_warned_of(nexstar: ExpectedAircraft) -> None:
+    slow = replace(nexstar, stall_mps=plan(nexstar).request.wind_mps / 0.72 / 1.6)  # 1.6 times that between maneuvers
+    (warning,) = card.warnings(plan(slow))
+    assert f"the speed between maneuvers {slow.cruise_mps:.1f} m/s" in warning
 
 
 def test_the_sketch_holds_the_way_and_the_wind(nexstar: ExpectedAircraft) -> None:

@@ -307,6 +307,24 @@ def test_too_little_time_is_refused(nexstar: ExpectedAircraft):
         plan_flight(nexstar, Request(3.0, 0.0, Space(1300.0, HEIGHT_M), Pilot(autopilot=False, load=1.0)))
 
 
+def test_a_flight_without_a_run_has_no_interval(nexstar: ExpectedAircraft) -> None:
+    """As an aircraft plans that is too slow beside its stall to accelerate: one line, not a singular matrix."""
+    V = nexstar.cruise_mps
+    history = fly([Stand(30.0), TakeOff(V), Hold(60.0, V), Land(V), Stand(30.0)], nexstar, HEIGHT_M, 3.0)
+    with pytest.raises(InputError, match=r"^nexstar: no acceleration or deceleration is clear enough .* [0-9.]+ m/s"):
+        expected(history, nexstar, 0.2, alpha_scale_sigma=0.02)
+
+
+def test_a_slow_aircraft_in_wind_uses_its_time_and_stays_in_sight() -> None:
+    """9 m/s of wind at 7 to 13 m/s: pieces take twice the time that they take alone. The card warns."""
+    light = expected_aircraft(load_aircraft("light-1kg"), HEIGHT_M)
+    found = plan_flight(light, Request(15.0, 12.0, Space(500.0, HEIGHT_M), Pilot(autopilot=False, load=1.0)))
+    assert 0.93 * 900 < found.seconds <= 900
+    before_landing = int(found.history.starts_s[-3] / PATH.step_s)
+    assert np.hypot(*found.history.position_m[:before_landing].T).max() < 600.0
+    assert any(f"{found.request.wind_mps:.1f} m/s, the speed between" in line for line in card.warnings(found))
+
+
 def test_without_a_motor_the_highest_speed_is_assumed():
     aircraft = load_aircraft("nexstar")
     propulsion = replace(aircraft.propulsion, motor_kv_rpm_per_volt=None)
@@ -358,10 +376,10 @@ def test_the_catalog_of_an_aircraft_has_pieces_of_every_kind_within_the_leg(nexs
 def test_the_rows_of_the_card_are_the_flight_in_order(plan: FlightPlan):
     rows = card.rows(plan)
     assert sum(row.seconds for row in rows) == pytest.approx(plan.seconds)
-    assert rows[0].seconds == pytest.approx(plan.history.starts_s[3])
+    assert rows[0].seconds == pytest.approx(plan.history.starts_s[4])
     assert [row.title for row in rows[1:-1]] == [title for title, _ in groupby(piece.title for piece in plan.pieces)]
     assert sum(int(row.times.split()[0]) for row in rows[1:-1]) == len(plan.pieces)
-    seconds, i = [], 3
+    seconds, i = [], 4
     for piece in plan.pieces:
         seconds.append(plan.history.starts_s[i + len(piece.maneuvers)] - plan.history.starts_s[i])
         i += len(piece.maneuvers)
@@ -495,4 +513,4 @@ def test_information_of_pieces_adds_and_is_taken_away_again():
 
 def test_a_turn_of_half_a_circle_turns_back_and_more_are_circles() -> None:
     told = [_words(Turn(17.0, angle, 0.6)).partition(" at ")[0] for angle in (pi, -pi, 2 * pi, -6 * pi)]
-    assert told == ["turn back", "turn back", "1 circles", "3 circles"]
+    assert told == ["turn back", "turn back", "a circle", "3 circles"]
