@@ -22,7 +22,6 @@ from analysis.planning.pieces import (
     Stand,
     TakeOff,
     Turn,
-    after,
     before,
     slowest_mps,
 )
@@ -46,10 +45,8 @@ class Row(NamedTuple):
 
 def rows(plan: FlightPlan) -> list[Row]:
     """The flight in order: pieces that follow each other unchanged are one row."""
-    found = [Row("", "on the ground, then take off", _steps(before(plan.aircraft)), 0.0)]
-    place = len(before(plan.aircraft))
-    starts = plan.history.starts_s
-    found[0] = found[0]._replace(seconds=float(starts[place]))
+    place, starts = len(before(plan.aircraft)), plan.history.starts_s
+    found = [Row("", "on the ground, then take off", _steps(plan.maneuvers[:place]), float(starts[place]))]
     for piece, same in groupby(plan.pieces):
         times = len(list(same))
         end = place + times * len(piece.maneuvers)
@@ -57,7 +54,7 @@ def rows(plan: FlightPlan) -> list[Row]:
         place = end
     return [
         *found,
-        Row("", "land, then on the ground", _steps(after(plan.aircraft)), float(starts[-1] - starts[place])),
+        Row("", "land, then on the ground", _steps(plan.maneuvers[place:]), float(starts[-1] - starts[place])),
     ]
 
 
