@@ -80,7 +80,8 @@ def analyze_logs(
     work = Work(FlightAnalysis(options), settings(options), lambda log: files_used(log, options), preload)
     stderr = Console(stderr=True)
     # Meanwhile this process has nothing else to do: what the report needs is loaded before the last flight has ended.
-    threading.Thread(target=_load_report, daemon=True).start()
+    # Waited for at the end: C++ libraries abort a process that ends while a thread loads them.
+    threading.Thread(target=_load_report).start()
     with exclusive(output):
         with ProgressOnConsole(stderr, quiet) as monitor:
             campaign = run(found, output, work, monitor, jobs=jobs or _processors(), scheduler=scheduler)

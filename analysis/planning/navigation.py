@@ -65,8 +65,7 @@ def kept_in_place(
         if part.held is not None and part.turn is not None and after is not None:
             held = found[part.held]
             assert isinstance(held, Hold | Porpoise)
-            next_way = _way_after(flown[part.turn], after, way, 0.0, float(wind[0]))
-            turn_x_m = _turn_x_m(flown[part.turn], after, (way, next_way), space, float(wind[0]))
+            turn_x_m = _turn_x_m(flown[part.turn], after, way, space, float(wind[0]))
             turn_m = way * (turn_x_m - float(turned[0]))
             longer_s = _longer_s(part, held, headwind_mps, (turn_m, space.leg_m))
             if before is None:
@@ -85,7 +84,7 @@ def kept_in_place(
             found[before], place = turn, turned
             heading += turn.angle_rad
             place = place + part.air_m * np.array([cos(heading), sin(heading)]) + part.seconds * wind
-        if part.turn is not None:
+        if part.turn is not None and after is not None:
             turned = place + _moved(flown[part.turn], heading, wind)
             before = part.turn
             way = _way_after(flown[part.turn], after, way, float(turned[0]), float(wind[0]))
@@ -145,24 +144,27 @@ def _until_a_leg_away_s(part: _Part, wind: Array, leg_m: float) -> float:
     return max(leg_m - float(np.hypot(*place)), 0.0) / float(np.hypot(part.held_mps + wind[0], wind[1]))
 
 
-def _turn_x_m(turn: Path, after: _Part, ways: tuple[float, float], space: Space, wind_x_mps: float) -> float:
+def _turn_x_m(turn: Path, after: _Part, way: float, space: Space, wind_x_mps: float) -> float:
     """The place x where a turn is begun for what follows to lie about the take-off: circles themselves, or the part
-    after the turn with the turn after that. ways: before the turn and after it"""
-    way, next_way = ways
+    after the turn with the turn after that. way: before the turn"""
     drift_m = wind_x_mps * len(turn.V) * PATH.step_s
     if _circles(turn):
         return -drift_m / 2
+    next_way = _way_back(after, way, wind_x_mps)
     passed_m = (0.0, *after.reached_m(next_way, wind_x_mps, space.leg_m))
     return -(max(passed_m) + min(passed_m)) / 2 - drift_m * (2 if way == next_way else 1)  # twice: a whole circle
 
 
-def _way_after(turn: Path, after: _Part | None, way: float, x_m: float, wind_x_mps: float) -> float:
-    """Along x or back after a turn that ends at x: into the wind to land; after circles, to where less far is flown."""
-    if after is not None and after.turn is None and wind_x_mps:
-        return -copysign(1.0, wind_x_mps)
-    if after is not None and _circles(turn):
-        return min((1.0, -1.0), key=lambda way: max(abs(x_m + m) for m in after.reached_m(way, wind_x_mps, inf)))
-    return -way
+def _way_back(after: _Part, way: float, wind_x_mps: float) -> float:
+    """Along x or back after a turn: into the wind to land."""
+    return -copysign(1.0, wind_x_mps) if after.turn is None and wind_x_mps else -way
+
+
+def _way_after(turn: Path, after: _Part, way: float, x_m: float, wind_x_mps: float) -> float:
+    """Along x or back after a turn or circles that end at x: after circles, to where less far is flown."""
+    if not _circles(turn) or (after.turn is None and wind_x_mps):
+        return _way_back(after, way, wind_x_mps)
+    return min((1.0, -1.0), key=lambda way: max(abs(x_m + m) for m in after.reached_m(way, wind_x_mps, inf)))
 
 
 def _circles(turn: Path) -> bool:

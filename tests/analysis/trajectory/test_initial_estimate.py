@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.airdata.transducers import play
+from analysis.trajectory.block_means import moving_average
 from analysis.trajectory.equations import SENSOR_ERRORS, STATES
 from analysis.trajectory.priors import (
     initial_sensor_errors,
@@ -49,6 +50,11 @@ def states(blocks: Blocks, field: Any = None, airspeed_mps: Any = V) -> dict[str
     return dict(zip(STATES, x[10:-10].T, strict=True))
 
 
+def ground_speed(blocks: Blocks) -> np.ndarray:
+    """Of the first trajectory (n,): as fast through the air, where there is no wind."""
+    return np.asarray(np.hypot(*(moving_average(blocks[f"gps_{axis}_mps"], 3) for axis in ("north", "east"))))
+
+
 INSIDE = slice(10, -10)
 
 
@@ -56,8 +62,8 @@ def test_attitude_is_angle_of_attack_and_climb_and_the_heading_the_ground_track(
     found = states(circling())
     assert found["phi"] == pytest.approx(np.full(N - 20, BANK))
     assert found["theta"] == pytest.approx(np.full(N - 20, ALPHA + np.arcsin(CLIMB / V)))
-    # The means of the first and last blocks are over fewer, which looks like a wind of 0.1 mm/s.
-    assert np.unwrap(found["psi"]) == pytest.approx(HEADING[INSIDE], abs=1e-5)
+    still = states(circling(), airspeed_mps=ground_speed(circling()))
+    assert np.unwrap(still["psi"]) == pytest.approx(HEADING[INSIDE], abs=1e-9)
     assert found["v_down"] == pytest.approx(np.full(N - 20, -CLIMB))
     assert found["height"] == pytest.approx((100 + CLIMB * (T_S - T_S[0]))[INSIDE])
     # A mean over three blocks of a velocity that turns by 0.04 rad from one to the next.
@@ -116,9 +122,10 @@ def test_on_the_ground_the_aircraft_is_level_and_stands() -> None:
                                                               (2.4, 0.5, False)])  # fmt: skip
 def test_a_ground_track_is_a_heading_from_5_meters_a_second_on(ground_mps: float, scale: float, tracked: bool) -> None:
     """Times the speed scale. Slower, the heading stays the integral; an offset needs at least one fast block."""
-    found = states(circling(ground_mps=ground_mps, scale=scale))
+    blocks = circling(ground_mps=ground_mps, scale=scale)
+    found = states(blocks, airspeed_mps=ground_speed(blocks))
     offset = 0.0 if tracked else -0.4
-    assert found["psi"] == pytest.approx(HEADING[INSIDE] + offset, abs=1e-5)
+    assert found["psi"] == pytest.approx(HEADING[INSIDE] + offset, abs=1e-6)
 
 
 def test_a_few_fast_blocks_give_the_integrated_heading_its_offset() -> None:
