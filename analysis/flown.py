@@ -14,12 +14,11 @@ from analysis.settings import FLOWN
 from analysis.signals.channels import least_height_m, speed_scale_of
 from analysis.signals.settings import STATISTICS
 from flight.aircraft import Aircraft
+from flight.arrays import Array
 from flight.errors import InputError
 from flight.propeller import Propeller
 from flight.runs import DECELERATION
 from flight.units import GRAVITY_MPS2
-
-Array = NDArray[np.float64]
 
 
 def flown_condition(rows_flown: pd.DataFrame, aircraft: Aircraft) -> Condition:

@@ -10,8 +10,8 @@ from typing import NamedTuple
 from analysis.airdata.flight_data import Calibrations
 from analysis.airdata.magnetometer import MAGNETOMETER_FILE, MagnetometerCalibration
 from analysis.airdata.probe import PROBE_FILE, ProbeCalibration
+from analysis.airdata.thrust_stand import ThrustStand
 from analysis.airdata.transducers import TRANSDUCERS_FILE, TransducerCalibration
-from analysis.ground.thrust_stand import ThrustStand
 from analysis.signals.rest import ZERO_FILE
 from flight.aircraft import Aircraft, parse_aircraft
 from flight.errors import InputError

@@ -19,11 +19,11 @@ from analysis.estimation.noise import NORMAL_95
 from analysis.maneuvers.find_level import find_runs
 from analysis.polar import Condition, Polar, power_required
 from analysis.trajectory.equations import SENSOR_ERRORS, STATES
-from analysis.trajectory.measurements import ALPHA_PORT_SLOPE
 from analysis.trajectory.priors import SensorPriors
 from analysis.trajectory.reconstruction import Trajectory, reconstruct
 from flight.aircraft import Aircraft, load_aircraft
 from flight.errors import InputError
+from flight.probe_maps import ALPHA_PORT_SLOPE
 from flight.propeller_files import load_propeller
 from sim.sensors.budget import DrawnErrors
 

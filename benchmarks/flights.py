@@ -21,7 +21,7 @@ from analysis.airdata.air import air_data, specific_force_at_cg
 from analysis.airdata.probe import ProbeCalibration
 from analysis.airdata.probe_calibration import calibrate, read_tunnel
 from analysis.airdata.transducers import CHANNELS, Plateau, TransducerCalibration
-from analysis.airdata.transducers import calibrate as calibrate_transducers
+from analysis.ground.transducers import calibrate as calibrate_transducers
 from analysis.signals.channels import speed_scale
 from analysis.signals.rest import Zeros, rest_segments, without_zeros, zeros
 from flight.aircraft import Aircraft

@@ -15,10 +15,11 @@ import numpy as np
 from estimators import speeds
 from flights import Rows, Setup
 
+from analysis.airdata.thrust_stand import ThrustStand
 from analysis.drag import dynamic
 from analysis.drag.methods import every_method, fallback
 from analysis.estimation.noise import NORMAL_95
-from analysis.ground.thrust_stand import StandReadings, ThrustStand, calibrate
+from analysis.ground.thrust_stand import StandReadings, calibrate
 from analysis.maneuvers.find import find
 from analysis.maneuvers.find_level import find_runs
 from analysis.maneuvers.kinds import LEVEL_RUNS, Maneuver

@@ -34,8 +34,9 @@ from flights import COLUMN, COLUMN_SCALE, as_read, column_pressures, error_rows,
 from numpy.typing import ArrayLike, NDArray
 from records import Record, counted, markdown, rounded
 
-from analysis.airdata.transducers import TransducerCalibration, calibrate, plateaus, readings
+from analysis.airdata.transducers import TransducerCalibration, plateaus, readings
 from analysis.drag import cross_check
+from analysis.ground.transducers import calibrate
 from analysis.log_contents import Replacements
 from analysis.pipeline import Analysis, analyze
 from analysis.polar import Condition

@@ -13,6 +13,7 @@ from flight.files import read_text
 FORMAT = "flightpower-probe-2"
 FIRST_FORMAT = "flightpower-probe-1"  # its angles are polynomials in C_alpha and C_beta, its q_c/qbar is one itself
 FORMATS = (FORMAT, FIRST_FORMAT)
+ALPHA_PORT_SLOPE = 4.5  # d(pressure difference)/d(angle) over qbar: 9/4 sin 2 alpha (ports of a sphere at 45 deg)
 LEAST_SUM = 1e-3  # far outside the measured region the sum may be negative; the limit keeps its power real
 
 

@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flight.aircraft import Uncertainty
+from flight.arrays import Array
 from flight.errors import InputError
 from flight.propeller import J_REFERENCE, Propeller
 from flight.propeller_files import INCH_M, LARGEST_INCHES, UIUC_NAME, load_propeller
@@ -35,8 +35,6 @@ FEWEST_TABLES = 8  # between which thrusts are compared: two elasticities and a 
 SAME_SIZE_IN = 0.05  # UIUC and APC round sizes to 0.1 in
 SIZE = re.compile(r"(\d+(?:\.\d+)?)x(\d+(?:\.\d+)?)(.*)", re.IGNORECASE)
 APC_SIZE = re.compile(r"\s*(\d+(?:\.\d+)?)x(\d+(?:\.\d+)?)\D*?(?:-([2-6]))?\s")
-
-Array = NDArray[np.float64]
 
 
 class Origin(StrEnum):

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from flight.arrays import Array
 from hw_fakes.i2c import no_acknowledge
 from hw_fakes.sample_blocks import SampleBlocks
-from sim.sensor_truth import Array, SensorTruth
+from sim.sensor_truth import SensorTruth
 
 Counts = NDArray[np.int64]
 

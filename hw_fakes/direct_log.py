@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flight.arrays import Array
 from flight.complete_aircraft import CompleteAircraft
 from flight.log_writer import LogWriter
 from flight.messages import (
@@ -39,7 +40,6 @@ from hw_fakes.tray import FakeTray
 from hw_fakes.ublox import GPS_EPOCH, LEAP_SECONDS, WEEK_MS
 from sim.sensor_truth import SensorTruth
 
-Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 TICK_NS = 40_000_000

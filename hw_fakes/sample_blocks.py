@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sim.sensor_truth import Array
+from flight.arrays import Array
 
 
 class SampleBlocks:

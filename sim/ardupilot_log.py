@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from flight.arrays import Array
 from sim.autopilot_pitot import AutopilotPitot, indicated_airspeed
 from sim.dataflash_writer import DataflashMessages, write_dataflash, write_text
 from sim.fly import Flight
@@ -25,8 +26,6 @@ from sim.sensor_truth import SensorTruth
 from sim.sensors.budget import DrawnErrors
 from sim.sensors.noise import white
 from sim.telemetry_writer import write_telemetry
-
-Array = NDArray[np.float64]
 
 BOOT_US = 81_000_000
 SLOW_HZ, IMU_HZ, GPS_HZ = 10.0, 25.0, 5.0

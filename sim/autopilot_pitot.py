@@ -1,13 +1,11 @@
 """The pitot of an autopilot, at the wing: it shows dynamic pressure, with the errors of the budget's airspeed."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flight.arrays import Array
 from sim.fly import Flight
 from sim.sensors.budget import DrawnErrors
 from sim.sensors.noise import white
-
-Array = NDArray[np.float64]
 
 ZERO_SIGMA_PA = 1.5  # what the autopilot's own calibration before the flight leaves
 NOISE_S = 0.04  # the budget's noise is that of means over this time

@@ -7,18 +7,16 @@ from math import pi
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
+from flight.arrays import Array
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2
 from sim.air import ambient
 from sim.ground import Motion, motion_of, smooth_step, stand
 from sim.plant import Plant
 from sim.propulsion import ThrustFactor, power_train
-
-Array = NDArray[np.float64]
 
 LINES = ("alpha", "beta", "airspeed")
 SURFACES = ("elevator", "aileron", "rudder")

@@ -7,9 +7,8 @@ World files give them in the section [defects] (docs/evidence/worlds.md).
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from flight.arrays import Array
 
 # Speed at which the offset by vibration is given; the force of an imbalance is proportional to the square of the speed.
 VIBRATION_REVPS = 100.0

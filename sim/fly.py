@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from flight.arrays import Array
 from flight.complete_aircraft import CompleteAircraft
 from flight.errors import InputError
 from flight.motion import earth_from_body, velocity_derivative
@@ -23,7 +23,6 @@ from sim.segments import GROUND, ClimbSegment, LandSegment, RunSegment, StandSeg
 from sim.trim import Trim, Trimmer
 from sim.truth import Columns, Prescribed, airborne_rows, kinematic_rows, power_required_table, table_of
 
-Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 
 # Beyond these limits the flight diverges, or the time step is too long.

@@ -8,12 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from numpy.typing import NDArray
 
+from flight.arrays import Array
 from flight.atmosphere import GRAVITY_MPS2
 from flight.motion import body_from_earth
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flight.arrays import Array
 from sim.plant import AircraftState, Commands, Plant
 from sim.trim import Trim
-
-Array = NDArray[np.float64]
 
 LONGITUDINAL = ("u", "w", "q", "theta")
 LATERAL = ("v", "p", "r", "phi")

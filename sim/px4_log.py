@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from flight.arrays import Array
 from sim.autopilot_pitot import AutopilotPitot, indicated_airspeed
 from sim.fly import Flight
 from sim.log_faults import (
@@ -25,8 +26,6 @@ from sim.sensor_truth import SensorTruth
 from sim.sensors.budget import DrawnErrors
 from sim.sensors.noise import white
 from sim.ulog_writer import UlogContents, UlogTopic, write_ulog
-
-Array = NDArray[np.float64]
 
 BOOT_US = 35_000_000  # clock of the autopilot when logging begins
 RATES_HZ = {"vehicle_angular_velocity": 50.0, "vehicle_acceleration": 20.0, "vehicle_attitude": 20.0,

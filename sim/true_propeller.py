@@ -1,11 +1,9 @@
 """The propeller that is flown, where it differs from the table that the analysis gets, and tables that end too soon."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flight.arrays import Array
 from flight.propeller import Propeller, Row
-
-Array = NDArray[np.float64]
 
 FARTHEST_J, STEP_J = 3.0, 0.1
 # The blade element that stands for the whole blade, at three quarters of the radius (Glauert, Airplane Propellers,

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from flight.arrays import Array
 from flight.errors import InputError
 from flight.motion import body_from_earth, flow_of, velocity_derivative
 from sim.air import ambient, mean_wind
@@ -17,7 +18,6 @@ from sim.plant import AircraftState, Commands, Plant
 from sim.propulsion import power_train, throttle_for
 from sim.trim import Trimmer, power_required
 
-Array = NDArray[np.float64]
 Columns = dict[str, NDArray[Any]]
 METADATA_KEY = b"flightpower"
 

@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from analysis.airdata.probe import ProbeCalibration, flow_at_probe
 from analysis.airdata.settings import AIR
@@ -12,13 +11,12 @@ from analysis.signals.channels import COLUMNS, SPEED_SCALE
 from analysis.signals.settings import CHANNELS, STATISTICS
 from flight import runs
 from flight.aircraft import VIBRATION_REVPS, Aircraft
+from flight.arrays import Array
 from flight.atmosphere import density, height_at, temperature_at
 from flight.motion import specific_force_at
 from flight.propeller import Propeller
 from flight.runs import AIRCRAFT_SIZE, LEVEL_RUN, STANDING, flying_Pa
 from flight.units import GRAVITY_MPS2
-
-Array = NDArray[np.float64]
 
 
 def specific_force_at_cg(table: pd.DataFrame, aircraft: Aircraft) -> pd.DataFrame:

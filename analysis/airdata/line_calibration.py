@@ -18,7 +18,6 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 from scipy.optimize import brentq
 
@@ -28,10 +27,10 @@ from analysis.airdata.tubing import Gas, low_frequency_lag_s, response
 from analysis.signals.channels import field_of
 from analysis.signals.settings import STATISTICS
 from flight.aircraft import Aircraft, PneumaticLine
+from flight.arrays import Array
 from flight.errors import InputError
 from flight.log_reader import Log
 
-Array = NDArray[np.float64]
 Shape = Callable[[Array], Array]  # remaining share of the step, from 1 to 0, by time since the step [s]
 
 

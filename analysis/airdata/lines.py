@@ -10,17 +10,15 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from analysis.airdata.settings import LAG
 from analysis.airdata.tubing import ComplexArray, Gas, air, low_frequency_lag_s, remainder_of
 from analysis.signals.channels import field_of
 from analysis.signals.smoothing import stretches
 from flight.aircraft import Aircraft
+from flight.arrays import Array
 from flight.atmosphere import SEA_LEVEL_PRESSURE_PA, SEA_LEVEL_TEMPERATURE_K
 from flight.log_reader import Log
-
-Array = NDArray[np.float64]
 
 TOPIC = {"alpha": "/probe/alpha", "beta": "/probe/beta", "airspeed": "/probe/airspeed", "static": "/static"}
 COLUMN = {"alpha": "dp_alpha_Pa", "beta": "dp_beta_Pa", "airspeed": "q_c_Pa", "static": "static_Pa"}

@@ -16,10 +16,10 @@ from msgspec import structs
 from numpy.typing import NDArray
 
 from analysis.airdata.settings import MAP
+from flight.arrays import Array
 from flight.files import JsonFormat
 from flight.probe_maps import FIRST_FORMAT, FORMATS, LEAST_SUM, PolynomialMap
 
-Array = NDArray[np.float64]
 Powers = list[tuple[int, int]]
 
 

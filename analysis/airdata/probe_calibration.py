@@ -20,12 +20,11 @@ from analysis.airdata.settings import TUNNEL
 from analysis.log_checks.settings import UNITS
 from analysis.settings import FLOWN
 from analysis.signals.settings import STATISTICS
+from flight.arrays import Array
 from flight.atmosphere import density
 from flight.errors import InputError
 from flight.probe_maps import FORMAT
 from flight.unit_columns import csv_rows, si_column
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from scipy.special import jve
 
 from flight.aircraft import PneumaticLine
+from flight.arrays import Array
 from flight.atmosphere import density, viscosity
 
-Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 

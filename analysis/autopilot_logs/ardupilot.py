@@ -22,7 +22,6 @@ from analysis.autopilot_logs.ardupilot_messages import (
     read_messages,
 )
 from analysis.autopilot_logs.recording import (
-    Array,
     Battery,
     Channel,
     FlightRecording,
@@ -34,6 +33,7 @@ from analysis.autopilot_logs.recording import (
     without_jumps,
 )
 from analysis.autopilot_logs.settings import READABLE
+from flight.arrays import Array
 
 ENABLED_BY = {
     recording.OF_AIRSPEED: ("ARSPD_TYPE", "ARSPD_USE"),

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from analysis.autopilot_logs import recording
 from analysis.autopilot_logs.recognize import GZIP_MAGIC
-from analysis.autopilot_logs.recording import Array, Channel, FlightRecording, channel, without_jumps
+from analysis.autopilot_logs.recording import Channel, FlightRecording, channel, without_jumps
+from flight.arrays import Array
 from flight.atmosphere import pressure_at
 from flight.errors import InputError
 

@@ -13,7 +13,6 @@ from pyulog import ULog
 
 from analysis.autopilot_logs import recording
 from analysis.autopilot_logs.recording import (
-    Array,
     Battery,
     Channel,
     FlightRecording,
@@ -26,6 +25,7 @@ from analysis.autopilot_logs.recording import (
     without_jumps,
 )
 from analysis.autopilot_logs.settings import READABLE
+from flight.arrays import Array
 from flight.errors import InputError
 
 TOPICS = (

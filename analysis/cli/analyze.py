@@ -15,8 +15,9 @@ from analysis.campaign.addresses import as_file, find_logs, is_address, name_by_
 from analysis.cli.compare import app as compare_app
 from analysis.cli.electrical import Done
 from analysis.cli.one_log import analyze_log, refuse_folder
-from analysis.cli.options import Options, QuietOption
+from analysis.cli.options import Options
 from analysis.cli.verdict import tell
+from analysis.options import QuietOption
 from flight.command_line import ExitCode, application, run, takes_options
 from flight.errors import InputError
 

@@ -47,22 +47,6 @@ def gives_electrical_power(log: Log) -> bool:
     return all(map(log.entries.get, ELECTRICAL)) and any(map(log.entries.get, SPEED))
 
 
-def refuse_drag_options(log: Path, why: str, **given: object) -> None:
-    """Raises InputError for an option that a log without drag has no use for. why: what is missing."""
-    if names := _given(given):
-        raise InputError(f"{log}: {names}: has no effect, since {why}; leave it out")
-
-
-def refuse_autopilot_options(log: Path, **given: object) -> None:
-    """Raises InputError for an option that a log with an aircraft file of its own has no use for."""
-    if names := _given(given):
-        raise InputError(f"{log}: {names}: only for logs of autopilots; give --weight, or --aircraft FILE")
-
-
-def _given(options: dict[str, object]) -> str:
-    return ", ".join(f"--{name.replace('_', '-')}" for name, value in options.items() if value is not None)
-
-
 @dataclass(frozen=True)
 class OrdinaryFlight:
     """An analysis as the command line asks for it. weight_N, wing_area_m2, span_m: instead of the aircraft file's."""

@@ -6,9 +6,10 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from analysis.cli.options import LogOptions, QuietOption, ReplaceOption
+from analysis.cli.options import LogOptions
 from analysis.cli.verdict import tell
 from analysis.exports import FOLDERS, KINDS
+from analysis.options import QuietOption, ReplaceOption
 from flight.command_line import ExitCode, application, run, takes_options
 from flight.errors import InputError
 from flight.files import check_new_file

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from analysis.cli.options import ReplaceOption
+from analysis.options import ReplaceOption
 from flight.command_line import application, quantity, run
 from flight.errors import InputError
 from flight.files import check_new_file

@@ -5,16 +5,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from analysis.autopilot_logs.recognize import autopilot_of
-from analysis.cli.electrical import (
-    Done,
-    OrdinaryFlight,
-    gives_electrical_power,
-    lacks_drag_topics,
-    refuse_autopilot_options,
-    refuse_drag_options,
-)
+from analysis.cli.electrical import Done, OrdinaryFlight, gives_electrical_power, lacks_drag_topics
 from analysis.cli.lean_imports import import_lean
 from analysis.cli.options import Options
+from analysis.options import refuse_autopilot_options, refuse_drag_options
 from flight.errors import InputError
 from flight.files import check_writable
 from flight.log_reader import Log, read_log

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from analysis.options import AircraftOption, ProbeOption, PropellerOption
 from analysis.performance.request import Request, parse_request, parse_weight
 from flight.aircraft import load_aircraft
 from flight.command_line import quantity
@@ -18,23 +19,6 @@ from flight.command_line import quantity
 if TYPE_CHECKING:
     from analysis.log_contents import Replacements
 
-QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
-ReplaceOption = Annotated[bool, typer.Option("--replace", help="Replace an existing file.")]
-AircraftOption = Annotated[
-    Path | None, typer.Option("--aircraft", metavar="FILE", help="Aircraft file to use instead of the log's.")
-]
-PropellerOption = Annotated[
-    str | None,
-    typer.Option(
-        "--propeller",
-        metavar="NAME",
-        help="Propeller to use instead of the log's: a name that `flightpower propellers` lists,"
-        " a CSV file of its format, a PER3 file of APC, or tables of UIUC.",
-    ),
-]
-ProbeOption = Annotated[
-    Path | None, typer.Option("--probe", metavar="FILE", help="Probe calibration to use instead of the log's.")
-]
 # The file that replaces an attachment of the log, by field of `LogOptions`; its option is the field's name with dashes.
 ATTACHMENTS = {
     "aircraft": "aircraft.toml",
@@ -45,10 +29,6 @@ ATTACHMENTS = {
     "thrust_stand": "thrust_stand.json",
     "zero": "zero.json",
 }
-
-
-def option_name(field: str) -> str:
-    return f"--{field.replace('_', '-')}"
 
 
 @dataclass(frozen=True)
@@ -108,8 +88,8 @@ class LogOptions:
         propeller = load_propeller(self.propeller) if self.propeller else None
         from analysis.airdata.magnetometer import MAGNETOMETER_FILE
         from analysis.airdata.probe import PROBE_FILE
+        from analysis.airdata.thrust_stand import THRUST_STAND_FILE
         from analysis.airdata.transducers import TRANSDUCERS_FILE
-        from analysis.ground.thrust_stand import THRUST_STAND_FILE
         from analysis.log_contents import Replacements
         from analysis.maneuvers import runs_file
         from analysis.signals.rest import ZERO_FILE

@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from analysis.cli.options import ReplaceOption
 from analysis.cli.route import StallOptions, read_results
+from analysis.options import ReplaceOption
 from analysis.results.parameter_file import For, StallMargin, parameter_file
 from flight.command_line import application, run, takes_options
 from flight.files import check_new_file

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from analysis.cli.options import ReplaceOption
+from analysis.options import ReplaceOption
 from analysis.planning.settings import LEG
 from flight.aircraft import Aircraft, load_aircraft, shipped_aircraft
 from flight.command_line import application, quantity, run, takes_options

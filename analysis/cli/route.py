@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
-from analysis.cli.options import ReplaceOption
+from analysis.options import ReplaceOption
 from flight.command_line import ExitCode, application, quantity, run, takes_options
 from flight.errors import InputError
 from flight.files import check_new_file

@@ -24,8 +24,9 @@ from analysis.campaign.folders import exclusive
 from analysis.campaign.processes import Outcome, below
 from analysis.campaign.processes import Progress as Step
 from analysis.cli.one_log import analyze_log
-from analysis.cli.options import ATTACHMENTS, Options, option_name
+from analysis.cli.options import ATTACHMENTS, Options
 from analysis.cli.verdict import tell
+from analysis.options import option_name
 from analysis.tables.column_map import map_files
 from flight.aircraft import load_aircraft, parse_aircraft
 from flight.command_line import ExitCode

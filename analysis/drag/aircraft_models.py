@@ -18,7 +18,6 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.drag.settings import CROSS_CHECK
 from analysis.estimation.data import Segment
@@ -26,9 +25,7 @@ from analysis.estimation.model import Model, NamedValues, Parameter
 from flight import motion
 from flight.aerodynamics import body_axes, lift_slope, stability_axes
 from flight.aircraft import Aircraft, Uncertainty
-
-Array = NDArray[np.float64]
-
+from flight.arrays import Array
 
 STATED = Uncertainty()  # by an aircraft file that states nothing
 

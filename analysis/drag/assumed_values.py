@@ -26,9 +26,8 @@ from analysis.settings import EVIDENCE
 from analysis.trajectory.priors import UPWASH, upwash_slope_sigma
 from analysis.trajectory.settings import PRIORS
 from flight.aircraft import Aircraft
+from flight.arrays import Array
 from flight.propeller import FOLD, Propeller
-
-Array = NDArray[np.float64]
 
 
 class Rerun(Protocol):

@@ -16,7 +16,6 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.drag.method import MethodEstimate
@@ -27,8 +26,7 @@ from analysis.ground.thrust_prior import J_REFERENCE
 from analysis.polar import Condition, Polar, power_required, speed_at
 from analysis.schema import Cause, DisagreementResult
 from analysis.signals.settings import STATISTICS
-
-Array = NDArray[np.float64]
+from flight.arrays import Array
 
 DYNAMIC = "dynamic"
 PAIRS = (

@@ -22,7 +22,6 @@ from collections.abc import Callable
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy import fft
 
 from analysis.drag.forces import FlightForces
@@ -35,8 +34,7 @@ from analysis.estimation.model import NamedValues
 from analysis.polar import Polar
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
-
-Array = NDArray[np.float64]
+from flight.arrays import Array
 
 
 def of_noise(fit: Fit) -> Array:

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy import special
 
 from analysis.airdata.settings import AIR
@@ -31,9 +30,8 @@ from analysis.signals.smoothing import without_gaps
 from analysis.trajectory.priors import upwash_slope_sigma
 from analysis.trajectory.settings import PROCESS
 from flight.aircraft import Aircraft
+from flight.arrays import Array
 from flight.propeller import Propeller
-
-Array = NDArray[np.float64]
 
 INPUTS = {
     "elevator": "elevator_rad",

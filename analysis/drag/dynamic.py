@@ -41,10 +41,10 @@ from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.observability import SENSOR_ERROR_KINDS
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
+from flight.arrays import Array
 from flight.propeller import Propeller
 from flight.units import GRAVITY_MPS2
 
-Array = NDArray[np.float64]
 POLAR = ("A0", "A1", "A2")
 
 

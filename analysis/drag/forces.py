@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from analysis.trajectory.block_means import BlockMeans
 from analysis.trajectory.equations import (
@@ -28,10 +27,8 @@ from analysis.trajectory.equations import (
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aerodynamics import lift_slope, stability_axes
 from flight.aircraft import Aircraft
+from flight.arrays import Array
 from flight.propeller import Propeller
-
-Array = NDArray[np.float64]
-
 
 THRUST_BY_MOTOR_SPEED = "thrust_by_motor_speed"
 

@@ -14,7 +14,6 @@ from itertools import combinations
 from math import comb
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.drag import covariance
 from analysis.drag.assumed_values import ASSUMED_VALUES
@@ -23,8 +22,7 @@ from analysis.drag.joint_estimate import JointEstimate
 from analysis.drag.rejected_assumptions import Assumption
 from analysis.polar import Condition, lift_coefficient
 from flight.aircraft import Aircraft
-
-Array = NDArray[np.float64]
+from flight.arrays import Array
 
 
 class Source(StrEnum):

@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.drag.covariance import DENSITY
 from analysis.estimation.fit import Fit
@@ -16,8 +15,7 @@ from analysis.estimation.model import PriorMeasurement
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.priors import PRIOR_MEAN
 from analysis.trajectory.reconstruction import Trajectory
-
-Array = NDArray[np.float64]
+from flight.arrays import Array
 
 
 class JointEstimate(NamedTuple):

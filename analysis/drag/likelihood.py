@@ -18,7 +18,6 @@ from functools import partial
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from analysis.drag import aircraft_models, covariance
 from analysis.drag.cross_check import priors, segments_of
@@ -40,9 +39,9 @@ from analysis.settings import FLOWN
 from analysis.signals.smoothing import without_gaps
 from analysis.trajectory.equations import SENSOR_ERRORS, STATES
 from flight.aerodynamics import stability_axes
+from flight.arrays import Array
 from flight.errors import InputError
 
-Array = NDArray[np.float64]
 PolarOf = Callable[[NamedValues], Array]
 
 AS_MEASURED = ("airspeed_scale", *CAUSES[Cause.PROPELLER_TABLE])

@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from analysis.drag import covariance
 from analysis.drag.method_inputs import MethodInputs
@@ -23,9 +22,8 @@ from analysis.schema import Cause
 from analysis.settings import FLOWN
 from analysis.signals.settings import STATISTICS
 from flight.aircraft import Aircraft
+from flight.arrays import Array
 from flight.errors import InputError
-
-Array = NDArray[np.float64]
 
 
 class SteadyPoint(NamedTuple):

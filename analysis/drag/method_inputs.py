@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from analysis.drag.forces import FlightForces
 from analysis.drag.sensor_errors import CAUSES, ErrorEstimate, error_prior_sigma
@@ -22,9 +21,8 @@ from analysis.trajectory.dryden import GaussMarkov
 from analysis.trajectory.equations import SENSOR_ERRORS, NamedArrays
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
+from flight.arrays import Array
 from flight.units import GRAVITY_MPS2 as g
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

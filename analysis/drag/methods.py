@@ -4,7 +4,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.drag.comparison import disagreements
 from analysis.drag.dynamic import TRAJECTORY_DID_NOT_CONVERGE, DynamicEstimate, parameter_list
@@ -30,11 +29,10 @@ from analysis.schema import CurveStatus, DisagreementResult, MethodTried, WhyNot
 from analysis.settings import CURVES
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
+from flight.arrays import Array
 from flight.errors import InputError
 from flight.propeller import Propeller
 from flight.runs import ACCELERATION, DECELERATION
-
-Array = NDArray[np.float64]
 
 ALL_METHODS: tuple[Method, ...] = (
     PIW_VIW_THREE, PIW_VIW_TWO, W_DELTA, W_DELTA_SLOW, DIRECT, FROM_SPEED, VARIED_LIFT, ENERGY, ACCELERATIONS,

@@ -19,7 +19,6 @@ from functools import partial
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from analysis.drag.method import Method
 from analysis.drag.regression import RunRegression, TimeSeriesRegression, run_data
@@ -28,11 +27,11 @@ from analysis.maneuvers.kinds import LEVEL_RUNS, LOAD_FACTOR_MANEUVERS, Maneuver
 from analysis.schema import Cause
 from analysis.trajectory.settings import SHOWN
 from flight.aircraft import Aircraft
+from flight.arrays import Array
 from flight.errors import InputError
 from flight.runs import ACCELERATION, DECELERATION
 from flight.units import GRAVITY_MPS2 as g
 
-Array = NDArray[np.float64]
 # The quantities of the force balance, and the columns of the methods' table that they are taken from.
 ALONG_TRAJECTORY = {
     "ax": "ax",

@@ -11,7 +11,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.drag import covariance
 from analysis.drag.forces import THRUST_BY_MOTOR_SPEED, FlightForces, MotorSpeedError
@@ -19,7 +18,6 @@ from analysis.drag.settings import MOTOR_SPEED
 from analysis.estimation.fit import Fit
 from analysis.estimation.model import Model, NamedValues, Parameter
 
-Array = NDArray[np.float64]
 PARAMETER = "motor_speed"
 
 

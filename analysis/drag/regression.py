@@ -6,7 +6,6 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy import special
 
 from analysis.drag import covariance
@@ -16,9 +15,8 @@ from analysis.estimation.model import Model, Parameter
 from analysis.estimation.noise import NORMAL_95
 from analysis.estimation.output_error import fit_output_error
 from analysis.maneuvers.kinds import Maneuver
+from flight.arrays import Array
 from flight.errors import InputError
-
-Array = NDArray[np.float64]
 
 
 class RunData(NamedTuple):

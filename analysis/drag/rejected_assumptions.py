@@ -9,7 +9,6 @@ from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.drag import covariance
 from analysis.estimation.data import Segment
@@ -19,8 +18,7 @@ from analysis.estimation.output_error import fit_output_error
 from analysis.ground.thrust_prior import STAND
 from analysis.settings import EVIDENCE, FLOWN
 from analysis.signals.settings import STATISTICS
-
-Array = NDArray[np.float64]
+from flight.arrays import Array
 
 THRUST_TITLES = {
     "thrust_scale": "scale of thrust",

@@ -8,9 +8,7 @@ standard deviation. Maneuvers, weight and density stay those of the flight, so t
 from dataclasses import replace
 from typing import NamedTuple
 
-import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from analysis.airdata.flight_data import FlightData, flight_data
 from analysis.drag import dynamic
@@ -20,9 +18,8 @@ from analysis.flight import Reconstructed, trajectory_with
 from analysis.trajectory.priors import upwash_slope_sigma
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
+from flight.arrays import Array
 from flight.propeller import Propeller
-
-Array = NDArray[np.float64]
 
 
 class EstimateRerun(NamedTuple):

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.drag.method import MethodEstimate
 from analysis.drag.sensor_errors import error_prior_sigma
@@ -19,8 +18,7 @@ from analysis.polar import Condition, speed_at
 from analysis.schema import RunAgainstOthers
 from analysis.settings import CURVES
 from flight.aircraft import Uncertainty
-
-Array = NDArray[np.float64]
+from flight.arrays import Array
 
 
 class _Differences(NamedTuple):

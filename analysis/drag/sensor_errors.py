@@ -18,8 +18,6 @@ from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft, Uncertainty
 from flight.units import GRAVITY_MPS2 as g
 
-Array = NDArray[np.float64]
-
 # The errors that belong to one cause.
 CAUSES: dict[Cause, tuple[str, ...]] = {
     Cause.ANGLE_OF_ATTACK: ("alpha_bias", "alpha_scale"),

@@ -17,7 +17,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from analysis.drag.method import Method, SteadyPoint
 from analysis.drag.regression import THREE_TERM, TWO_TERM, PointRegression
@@ -27,11 +26,10 @@ from analysis.maneuvers.kinds import STEADY, Maneuver
 from analysis.schema import Cause
 from analysis.settings import EVIDENCE, FLOWN
 from flight.aircraft import Aircraft
+from flight.arrays import Array
 from flight.atmosphere import GAS_CONSTANT_AIR, SEA_LEVEL_DENSITY, SEA_LEVEL_PRESSURE_PA
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2 as g
-
-Array = NDArray[np.float64]
 
 COLUMNS = (
     "thrust_x_over_m_mps2", "alpha", "V", "Vdot", "gamma", "climb", "bank", "rho", "static_Pa", "temperature_K",

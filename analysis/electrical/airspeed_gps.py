@@ -10,15 +10,14 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from analysis.autopilot_logs import recording
 from analysis.autopilot_logs.settings import READABLE
 from analysis.electrical.flight_table import FlightTable
-from analysis.electrical.settings import FLIGHT, GPS
-
-Array = NDArray[np.float64]
+from analysis.electrical.settings import GPS
+from analysis.signals.settings import FLIGHT
+from flight.arrays import Array
 
 TOLERANCE = 1e-6  # of the cost and of the parameters, relative
 

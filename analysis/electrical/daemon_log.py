@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial.polynomial import polyfit
-from numpy.typing import NDArray
 
 from analysis.autopilot_logs import recording
 from analysis.autopilot_logs.recording import Channel, FlightRecording
@@ -29,14 +28,13 @@ from analysis.polar import Polar
 from analysis.signals.channels import samples
 from analysis.signals.rest import ZERO_FILE
 from flight.aircraft import Aircraft
+from flight.arrays import Array
 from flight.errors import InputError
 from flight.log_entries import NO_ENTRIES
 from flight.log_reader import Log
 from flight.messages import TOPICS_FOR_DRAG
 from flight.propeller import Propeller
 from flight.units import GRAVITY_MPS2 as g
-
-Array = NDArray[np.float64]
 
 CHANNELS = {
     recording.AIRSPEED_PRESSURE: ("/probe/airspeed", "differential_pressure_Pa"),

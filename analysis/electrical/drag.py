@@ -5,7 +5,6 @@ from enum import Enum, auto
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.autopilot_logs import recording
 from analysis.electrical.energy_balance import FlightConditions, drag_power
@@ -18,14 +17,14 @@ from analysis.electrical.fit import (
     with_standard_error,
 )
 from analysis.electrical.flight_table import FlightTable
-from analysis.electrical.settings import FLIGHT, SHARED, THRUST, WINDOWS
+from analysis.electrical.settings import SHARED, THRUST, WINDOWS
 from analysis.electrical.thrust_balance import PARAMETERS, MotorConstants, ThrustBalance, aerodynamics
 from analysis.estimation.model import PriorMeasurement
-from analysis.performance.power_train import revps_for_thrust
+from analysis.signals.settings import FLIGHT
 from flight.aircraft import Uncertainty
+from flight.arrays import Array
 from flight.propeller import Propeller
-
-Array = NDArray[np.float64]
+from flight.propeller_speed import revps_for_thrust
 
 
 class DragLacks(Enum):

@@ -21,13 +21,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.electrical.ground_velocity import WIND, GroundVelocity, gusts
 from analysis.electrical.settings import PRIOR, RESIDUALS, SHARED, WINDOWS
+from flight.arrays import Array
 from flight.units import GRAVITY_MPS2 as g
-
-Array = NDArray[np.float64]
 
 
 def advance(V: Array, power_W: Array, rho: Array | float) -> Array:

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.electrical.airspeed_gps import AirspeedErrors, airspeed_errors, by_wind
 from analysis.electrical.energy_balance import PARAMETERS, EnergyBalance, FlightConditions, Samples, level_power
@@ -30,10 +29,9 @@ from analysis.electrical.settings import CURVE, GPS, PRIOR, SHARED, WINDOWS
 from analysis.estimation.noise import NORMAL_95
 from analysis.settings import CURVES
 from flight.aircraft import Aircraft
+from flight.arrays import Array
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2 as g
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.autopilot_logs import recording
 from analysis.electrical.airspeed_gps import AirspeedErrors, most_probable, true_airspeed
@@ -21,10 +20,11 @@ from analysis.electrical.energy_balance import (
 )
 from analysis.electrical.flight_table import FlightTable
 from analysis.electrical.ground_velocity import ground_velocity
-from analysis.electrical.settings import FLIGHT, RESIDUALS, SHARED, WINDOWS
+from analysis.electrical.settings import RESIDUALS, SHARED, WINDOWS
+from analysis.signals.settings import FLIGHT
 from analysis.signals.smoothing import without_gaps
+from flight.arrays import Array
 
-Array = NDArray[np.float64]
 SharedErrors = list[tuple[Array, FlightConditions]]
 
 

@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from analysis.autopilot_logs import recording
 from analysis.electrical.settings import GPS, RESIDUALS
+from flight.arrays import Array
 from flight.units import FOOT_M
-
-Array = NDArray[np.float64]
 
 WIND = ("wind_north", "wind_east", "wind_north_trend", "wind_east_trend")
 

@@ -14,26 +14,6 @@ class Normal(NamedTuple):
 
 
 @dataclass(frozen=True)
-class FlightDetection(Settings):
-    """Which part of a log is flight, by airspeed, GPS and height; what an autopilot says of it is not used."""
-
-    step_s: float = setting(0.2, "s", "the fastest change that matters, of the throttle, takes a few steps")
-    smoothing_s: float = setting(1.0, "s", "of pressures and accelerations: slower than short-period motion")
-    recognized_over_s: float = setting(3.0, "s", "a gust on the ground is shorter")
-    highest_CL: float = setting(3.0, "1", "below its dynamic pressure an aircraft stands or rolls; no flap reaches it")
-    standing_mps: float = setting(1.0, "m/s", "ground speed that GPS shows at rest")
-    climb_mps: float = setting(1.0, "m/s", "any take-off climbs faster, at an efficiency of 1")
-    clear_of_ground_m: float = setting(3.0, "m", "above ground effect of a small wing, and a barometer's error")
-    shortest_flight_s: float = setting(60.0, "s", "a shorter flight holds too few independent windows")
-    longest_gap_s: float = setting(2.5, "s", "bridged by interpolation: well below a window; by radio a window")
-    longest_log_s: float = setting(40_000.0, "s", "eleven hours; a longer one has a wrong clock")
-    measured_share: float = setting(0.98, "1", "of the flight, from which a channel counts as measured throughout")
-
-
-FLIGHT = FlightDetection()
-
-
-@dataclass(frozen=True)
 class PitotZero(Settings):
     """Zero of the pitot's pressure, by the time on the ground."""
 

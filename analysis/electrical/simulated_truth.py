@@ -3,18 +3,18 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.autopilot_logs import recording
 from analysis.autopilot_logs.recording import FlightRecording
 from analysis.electrical.airspeed_gps import true_airspeed
 from analysis.electrical.estimate import ElectricalEstimate
-from analysis.electrical.flight_table import FlightTable, resampled
-from analysis.electrical.settings import FLIGHT, WINDOWS
+from analysis.electrical.flight_table import FlightTable
+from analysis.electrical.settings import WINDOWS
 from analysis.estimation.noise import NORMAL_95
+from analysis.signals.settings import FLIGHT
+from analysis.signals.smoothing import resampled
+from flight.arrays import Array
 from flight.units import GRAVITY_MPS2 as g
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

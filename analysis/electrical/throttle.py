@@ -9,13 +9,10 @@ from enum import StrEnum
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from analysis.autopilot_logs import recording
-from analysis.electrical.settings import FLIGHT
-
-Array = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from analysis.signals.settings import FLIGHT
+from flight.arrays import Array, BoolArray
 
 
 class Meter(StrEnum):

@@ -7,7 +7,6 @@ Motor speed is measured, or follows from the electrical power and the motor's co
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.autopilot_logs.settings import INSTANCES
 from analysis.electrical.energy_balance import (
@@ -21,9 +20,8 @@ from analysis.electrical.settings import THRUST, WINDOWS
 from analysis.ground.thrust_prior import J_REFERENCE
 from analysis.signals.smoothing import stretches
 from flight.aircraft import Propulsion
+from flight.arrays import Array
 from flight.propeller import Propeller
-
-Array = NDArray[np.float64]
 
 PARAMETERS = (
     "ln_CD0",

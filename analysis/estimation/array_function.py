@@ -9,12 +9,10 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.estimation.integration import SAMPLES
+from flight.arrays import Array
 from flight.errors import InputError
-
-Array = NDArray[np.float64]
 
 
 def _as_number(comparison: Callable[..., Any]) -> Callable[..., Any]:

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from analysis.estimation.fit import Fit
+from flight.arrays import Array
 
-Array = NDArray[np.float64]
 Spectrum = NDArray[np.complex128]
 
 

@@ -11,7 +11,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.estimation.data import Band, Segment
 from analysis.estimation.fit import Fit
@@ -19,9 +18,8 @@ from analysis.estimation.integration import InputRule
 from analysis.estimation.model import Model, NamedValues
 from analysis.estimation.output_error import fit_output_error
 from analysis.estimation.problem import as_segments, inputs_of, measurements_of
+from flight.arrays import Array
 from flight.errors import InputError
-
-Array = NDArray[np.float64]
 
 
 def fit_equation_error(

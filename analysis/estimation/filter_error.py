@@ -21,7 +21,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Finding, Fit, FitStatus, Intensity, Remark, Verdict
@@ -43,9 +42,9 @@ from analysis.estimation.process_noise import (
 )
 from analysis.estimation.settings import FILTER_ERROR, TESTS
 from analysis.estimation.starts import starting_values_by_equation_error, starting_values_by_output_error
+from flight.arrays import Array
 from flight.errors import InputError
 
-Array = NDArray[np.float64]
 Source = Literal["equation error", "output error"]
 SOURCES: tuple[Source, ...] = ("equation error", "output error")
 

@@ -17,9 +17,8 @@ from analysis.estimation.integration import InputRule, Integrator, Response
 from analysis.estimation.model import Model, NamedValues, UnknownKey, UnknownKind
 from analysis.estimation.noise import Whitened
 from analysis.estimation.settings import TESTS, VERDICT
+from flight.arrays import Array
 from flight.errors import InputError
-
-Array = NDArray[np.float64]
 
 FORMAT = "flightpower fit 1"
 

@@ -9,12 +9,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.estimation.fit import Finding, Fit, FitStatus, Remark, SegmentFit
 from analysis.estimation.settings import VERDICT
-
-Array = NDArray[np.float64]
+from flight.arrays import Array
 
 
 class Collinearity(NamedTuple):

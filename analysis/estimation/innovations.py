@@ -15,8 +15,7 @@ from analysis.estimation.optimizer import Evaluation, nowhere
 from analysis.estimation.problem import Problem
 from analysis.estimation.process_noise import ProcessNoise, intensity_key, noise_key
 from analysis.estimation.settings import FILTER_ERROR
-
-Array = NDArray[np.float64]
+from flight.arrays import Array
 
 
 @dataclass(frozen=True)

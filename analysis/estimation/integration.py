@@ -3,10 +3,8 @@
 from collections.abc import Callable
 from typing import Any, Literal, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
+from flight.arrays import Array
 
-Array = NDArray[np.float64]
 Integrator = Literal["rk4", "euler", "heun", "trapezoidal"]
 InputRule = Literal["linear", "mean", "held"]
 SAMPLES = 4096  # evaluated at once: the intermediate results then fit in the processor's cache

@@ -18,16 +18,14 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.estimation.array_function import check_symbols, not_differentiable
 from analysis.estimation.integration import INPUT_RULES, Record
 from analysis.estimation.model import Model
 from analysis.estimation.problem import FitOptions
 from analysis.estimation.simulation import INTEGRATORS
+from flight.arrays import Array
 from flight.errors import InputError
-
-Array = NDArray[np.float64]
 
 
 class Innovations(NamedTuple):

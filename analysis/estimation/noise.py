@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.estimation.settings import TESTS
+from flight.arrays import Array
 from flight.errors import InputError
 
-Array = NDArray[np.float64]
 NoiseKind = Literal["diagonal", "full"]
 
 

@@ -16,8 +16,7 @@ from analysis.estimation.fit import Finding, Fit, FitStatus, ParameterEstimate, 
 from analysis.estimation.hints import collinearities
 from analysis.estimation.problem import Problem
 from analysis.estimation.settings import SEARCH, VERDICT
-
-Array = NDArray[np.float64]
+from flight.arrays import Array
 
 
 class Stop(Enum):

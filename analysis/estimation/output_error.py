@@ -32,12 +32,12 @@ from analysis.estimation.noise import (
 from analysis.estimation.optimizer import Evaluation, Stop, make_fit, maximize, nowhere
 from analysis.estimation.problem import FitOptions, Problem, as_segments, free_names
 from analysis.estimation.settings import SEARCH, VERDICT
+from flight.arrays import Array
 from flight.errors import InputError
 
 if TYPE_CHECKING:
     from analysis.estimation.simulation import Simulator
 
-Array = NDArray[np.float64]
 
 BLOCK = SAMPLES
 

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from analysis.estimation.data import Segment
 from analysis.estimation.integration import InputRule, Integrator
 from analysis.estimation.model import Model, UnknownKey, UnknownKind
+from flight.arrays import Array
 from flight.errors import InputError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

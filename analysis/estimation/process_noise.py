@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Fit, Intensity
@@ -15,9 +14,8 @@ from analysis.estimation.model import Model, UnknownKey, UnknownKind
 from analysis.estimation.noise import NORMAL_95
 from analysis.estimation.problem import Unknown, inputs_of, measurements_of
 from analysis.estimation.settings import FILTER_ERROR
+from flight.arrays import Array
 from flight.errors import InputError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,7 +12,6 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.estimation.array_function import ArrayFunction, check_symbols, has_branches, not_differentiable
 from analysis.estimation.data import delayed
@@ -29,10 +28,8 @@ from analysis.estimation.integration import (
     rk4,
 )
 from analysis.estimation.model import Model
+from flight.arrays import Array
 from flight.errors import InputError
-
-Array = NDArray[np.float64]
-
 
 if hasattr(ca.GlobalOptions, "setNumpyMode"):  # from 3.8 on: keep NumPy functions on symbols as they always were
     ca.GlobalOptions.setNumpyMode(-1)

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import fft, special
 
 from analysis.estimation.colored_residuals import (
@@ -21,9 +20,8 @@ from analysis.estimation.colored_residuals import (
 )
 from analysis.estimation.fit import Fit, correlation_of
 from analysis.estimation.model import NamedValues
+from flight.arrays import Array
 from flight.errors import InputError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -9,16 +9,14 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Fit
 from analysis.estimation.output_error import MeasurementNoise, fit_output_error
 from analysis.estimation.problem import FitOptions, initial_state_of, inputs_of, measurements_of
 from analysis.estimation.simulation import build_simulator
+from flight.arrays import Array
 from flight.errors import InputError
-
-Array = NDArray[np.float64]
 
 
 class Agreement(NamedTuple):

@@ -14,7 +14,6 @@ import msgspec
 import numpy as np
 import pandas as pd
 from mcap.writer import Writer
-from numpy.typing import NDArray
 
 from analysis.drag import covariance
 from analysis.drag.forces import FlightForces
@@ -23,11 +22,11 @@ from analysis.ground.thrust_prior import J_REFERENCE, thrust_prior
 from analysis.signals.channels import is_good, times_ns, values
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
+from flight.arrays import Array
 from flight.log_reader import Log
 from flight.propeller import Propeller
 from flight.runs import AIRCRAFT_SIZE
 
-Array = NDArray[np.float64]
 QUANTITIES = ("alpha_rad", "V_mps", "theta_rad", "thrust_N", "C_L", "C_D")
 ERROR = "_standard_error"
 

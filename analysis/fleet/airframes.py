@@ -4,19 +4,17 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from analysis.fleet.changes import Change, find_changes, series
 from analysis.polar import Polar
 from analysis.pooling.flight_statistics import FlightStatistics
 from analysis.pooling.pool import Pool, pool
+from flight.arrays import Array
 from flight.errors import InputError
 
 if TYPE_CHECKING:
     from analysis.fleet.dataset import Dataset
-
-Array = NDArray[np.float64]
 
 
 class Airframe(NamedTuple):

@@ -12,7 +12,6 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import lambertw
 from scipy.stats import norm
 
@@ -21,8 +20,7 @@ from analysis.pooling.agreement import ErrorParts, error_parts
 from analysis.pooling.flight_statistics import POLAR, POOLED, M
 from analysis.pooling.joint_pool import JointPool
 from analysis.settings import EVIDENCE
-
-Array = NDArray[np.float64]
+from flight.arrays import Array
 
 _N_POLAR, _THRUST = len(POLAR), POOLED.index("thrust_scale")
 _SHARES = len(("drag", "thrust"))

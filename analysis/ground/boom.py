@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from analysis.ground.settings import STAND_LIMITS
+from analysis.airdata.settings import STAND_LIMITS
 from analysis.ground.thrust_stand import student_fit
 from analysis.signals.rest import rest_segments
 from analysis.signals.settings import STATISTICS

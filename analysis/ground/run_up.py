@@ -12,20 +12,18 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from analysis.airdata.settings import GROUND
+from analysis.airdata.settings import GROUND, STAND_LIMITS
 from analysis.airdata.transducers import steady_stretches
-from analysis.ground.settings import RUN_UP, STAND_LIMITS
+from analysis.ground.settings import RUN_UP
 from analysis.ground.thrust_stand import StandReadings, student_fit
 from analysis.signals.settings import STATISTICS
 from flight.aircraft import VIBRATION_REVPS, Propulsion
+from flight.arrays import Array
 from flight.atmosphere import density
 from flight.errors import InputError
 from flight.motion import body_from_earth
 from flight.units import GRAVITY_MPS2
-
-Array = NDArray[np.float64]
 
 FORCES, RATES = ("ax_mps2", "ay_mps2", "az_mps2"), ("p_radps", "q_radps", "r_radps")
 

@@ -9,14 +9,12 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.estimation.model import PriorMeasurement
 from analysis.settings import EVIDENCE
 from flight.aircraft import Aircraft, Uncertainty
+from flight.arrays import Array
 from flight.propeller import J_REFERENCE as J_REFERENCE
-
-Array = NDArray[np.float64]
 
 THRUST = ("thrust_scale", "thrust_slope")  # thrust is the table's times 1 + scale + slope (J - J_REFERENCE)
 STAND = "thrust on the stand"

@@ -8,29 +8,22 @@ is not that of another speed: half of its change over the speeds measured is par
 
 import math
 import re
-from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-import msgspec
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
+from analysis.airdata.settings import STAND_LIMITS
+from analysis.airdata.thrust_stand import ThrustStand
 from analysis.estimation.noise import NORMAL_95
-from analysis.ground.settings import STAND_LIMITS
 from analysis.settings import EVIDENCE
 from analysis.signals.settings import STATISTICS
-from flight.aircraft import Aircraft
+from flight.arrays import Array
 from flight.atmosphere import density
 from flight.errors import InputError
-from flight.files import JsonFormat
 from flight.propeller import Propeller
 from flight.unit_columns import csv_rows, si_column
-
-Array = NDArray[np.float64]
-
-FORMAT = "flightpower-thrust-stand-1"
 
 # Column of the file: (field, unit).
 _COLUMNS = {
@@ -49,41 +42,6 @@ class StandReadings(NamedTuple):
     revps: Array
     thrust_N: Array
     rho: Array
-
-
-class ThrustStand(msgspec.Struct, frozen=True, kw_only=True):
-    """The content of the file that `calibrate thrust` writes."""
-
-    format: str = FORMAT
-    source: str
-    propeller: str  # name of the table
-    diameter_m: float
-    readings: int
-    revps: list[float]  # the speeds measured, ascending
-    table_cT: list[float]  # of the table at these speeds and J = 0
-    ratio: float  # thrust over that of the table
-    ratio_error: float  # 1 sigma, of the following three
-    scatter_error: float
-    scale_error: float  # of the stand, as given, as a fraction of thrust
-    speed_error: float  # 0 where the ratio does not change with speed
-
-    def applied_to(self, aircraft: Aircraft) -> Aircraft:
-        """The aircraft with this measurement in place of its file's."""
-        return replace(
-            aircraft,
-            propulsion=replace(aircraft.propulsion, static_thrust_ratio=self.ratio),
-            uncertainty=replace(aircraft.uncertainty, static_thrust_ratio_fraction=self.ratio_error / self.ratio),
-        )
-
-    def check_table(self, propeller: Propeller, where: str) -> None:
-        """Raises InputError naming `where` if the propeller's table is not the one that was compared."""
-        cT = np.asarray(propeller.table(np.zeros(len(self.revps)), 60 * np.array(self.revps))[0])
-        same_size = abs(propeller.diameter_m / self.diameter_m - 1) < EVIDENCE.negligible
-        if not same_size or np.any(np.abs(cT / np.array(self.table_cT) - 1) > EVIDENCE.negligible):
-            raise InputError(
-                f"{where}: thrust on the stand was compared with another table ({self.propeller}) than that of this"
-                f" analysis ({propeller.name}); repeat `calibrate thrust` with --propeller {propeller.name}"
-            )
 
 
 def calibrate(
@@ -212,18 +170,3 @@ def read_stand(path: Path, rho: float | None = None) -> StandReadings:
             " --temperature"
         )
     return StandReadings(values["revps"], values["thrust_N"], air)
-
-
-def _check(found: ThrustStand, where: str) -> None:
-    usable = (
-        abs(found.ratio - 1) <= STAND_LIMITS.largest_difference
-        and 0 < found.ratio_error <= STAND_LIMITS.largest_error * found.ratio
-        and found.diameter_m > 0
-        and 0 < len(found.revps) == len(found.table_cT)
-        and min(found.table_cT) > 0
-    )
-    if not usable:
-        raise InputError(f"{where}: not a result of `calibrate thrust` (ratio {found.ratio:g} ± {found.ratio_error:g})")
-
-
-THRUST_STAND_FILE = JsonFormat(ThrustStand, (FORMAT,), "a result of `calibrate thrust`", _check)

@@ -9,14 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from analysis.log_checks.settings import AXES
 from analysis.signals.settings import CHANNELS, REST, STATISTICS
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2
-
-Array = NDArray[np.float64]
 
 
 class _Law(NamedTuple):

@@ -6,17 +6,15 @@ A measured value outside them has another unit or axis. The limits are physical,
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.log_checks.settings import UNITS
 from analysis.signals.channels import field_of, is_good, times_ns, values
 from analysis.signals.settings import CHANNELS
+from flight.arrays import Array
 from flight.errors import InputError
 from flight.log_reader import Log
 from flight.runs import AIRCRAFT_SIZE, STANDING
 from flight.units import GRAVITY_MPS2
-
-Array = NDArray[np.float64]
 
 FORCE = tuple(f"specific_force_{axis}_mps2" for axis in "xyz")
 

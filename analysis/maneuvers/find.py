@@ -24,9 +24,8 @@ from analysis.maneuvers.settings import FLIGHT, LOADS, STEADY_POINT, STEPS
 from analysis.signals.channels import least_height_m
 from analysis.signals.smoothing import stretches
 from analysis.trajectory.settings import CONSISTENCY
+from flight.arrays import Array
 from flight.runs import LEVEL_RUN, Rejection, RunRejected
-
-Array = NDArray[np.float64]
 
 
 def find_steady(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuver]]:

@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy import special
 
 from analysis.maneuvers.kinds import Maneuver, RejectedManeuver, maneuver_in
@@ -13,9 +12,8 @@ from analysis.maneuvers.quality import NEEDED_COLUMNS, SmoothedMotion, missing_s
 from analysis.signals.channels import speed_ratio_of
 from analysis.signals.smoothing import stretches
 from flight import runs
+from flight.arrays import Array
 from flight.runs import LEVEL_RUN, Rejection, RunMeasures, changing_part, larger, legs_of, noise_share
-
-Array = NDArray[np.float64]
 
 
 def find_runs(table: pd.DataFrame, noise_mps: float | None = None) -> tuple[list[Maneuver], list[RejectedManeuver]]:

@@ -18,9 +18,8 @@ from analysis.maneuvers.kinds import (
 from analysis.maneuvers.quality import SmoothedMotion, load_factor, smooth
 from analysis.maneuvers.settings import LOADS, STEPS
 from analysis.signals.smoothing import stretches, without_gaps
+from flight.arrays import Array
 from flight.runs import LEVEL_RUN, Rejection, RunRejected
-
-Array = NDArray[np.float64]
 
 
 def find_loads(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuver]]:

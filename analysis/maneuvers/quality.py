@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from analysis.maneuvers.settings import NOTED, STEPS
 from analysis.signals.channels import speed_scale_of
@@ -12,10 +11,9 @@ from analysis.signals.settings import STATISTICS
 from analysis.signals.smoothing import local_quadratic, stretches
 from analysis.trajectory.settings import CONSISTENCY
 from flight import runs
+from flight.arrays import Array
 from flight.runs import Rejection, missing_data
 from flight.units import GRAVITY_MPS2
-
-Array = NDArray[np.float64]
 
 NEEDED_COLUMNS = ("V_mps", "alpha_rad", "ax_mps2", "az_mps2", "q_radps", "thrust_N", "rho")
 

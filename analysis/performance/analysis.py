@@ -44,11 +44,10 @@ from analysis.settings import CURVES, EVIDENCE
 from analysis.signals.channels import SPEED_SCALE
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
+from flight.arrays import Array
 from flight.propeller import Propeller
 from flight.runs import AIRCRAFT_SIZE
 from flight.units import FOOT_M
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

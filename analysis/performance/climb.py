@@ -13,17 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.performance.level_flight import PerformanceModel, climb_angle
-from analysis.performance.power_train import corrected_thrust, full_throttle_revps
 from analysis.performance.propagation import SigmaPoints, UncertainValue, from_sigma_points
 from analysis.performance.settings import PERFORMANCE
 from analysis.polar import Condition, speed_at
 from analysis.schema import AvailableResult, Interval, PowerPoint
 from analysis.settings import CURVES
+from flight.arrays import Array
 from flight.atmosphere import density, pressure_at, temperature_at
 from flight.propeller import Propeller
+from flight.propeller_speed import corrected_thrust, full_throttle_revps
 from flight.units import TROPOPAUSE_M
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

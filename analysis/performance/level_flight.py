@@ -22,13 +22,14 @@ from numpy.typing import NDArray
 
 from analysis.drag.settings import REGRESSION
 from analysis.performance.full_throttle import FullThrottle
-from analysis.performance.power_train import PowerTrainModel, revps_for_thrust
+from analysis.performance.power_train import PowerTrainModel
 from analysis.performance.propagation import ParameterVector, SigmaPoints, UncertainValue, exact, from_sigma_points
 from analysis.polar import Condition, lift_coefficient
 from analysis.schema import LevelEfficiencyPoint
+from flight.arrays import Array
 from flight.propeller import Propeller
+from flight.propeller_speed import revps_for_thrust
 
-Array = NDArray[np.float64]
 Floats = float | Array
 
 

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
 from analysis.estimation.noise import NORMAL_95
 from analysis.schema import Interval
+from flight.arrays import Array
 
-Array = NDArray[np.float64]
 SigmaPoints = dict[str, Array]  # by name of the parameter, each (2m + 1, 1)
 
 

@@ -87,3 +87,15 @@ ASSUMED_MOTOR = AssumedMotor()
 FULL_THROTTLE = FullThrottleFlown()
 PERFORMANCE = Performance()
 ASKED = Asked()
+
+
+@dataclass(frozen=True)
+class ParameterSettings(Settings):
+    """Which values an autopilot is given."""
+
+    widest_share: float = setting(
+        0.4, "1", "half width of an interval over its value beyond which a value for an autopilot is withheld"
+    )
+
+
+PARAMETERS = ParameterSettings()

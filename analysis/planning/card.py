@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from analysis.electrical.settings import PRIOR
 from analysis.flown import thrust_known
@@ -27,11 +26,10 @@ from analysis.planning.pieces import (
 )
 from analysis.planning.search import FlightPlan
 from analysis.planning.settings import MARGINS, PATH
+from flight.arrays import Array
 from flight.propeller import Propeller
 from flight.runs import ACCELERATION, DECELERATION
 from flight.units import FOOT_M
-
-Array = NDArray[np.float64]
 
 
 class Row(NamedTuple):

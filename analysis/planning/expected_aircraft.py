@@ -8,12 +8,11 @@ from numpy.typing import NDArray
 from analysis.electrical.settings import PRIOR
 from analysis.planning.settings import MANEUVERS, MARGINS, TRAINER
 from flight.aircraft import Aircraft
+from flight.arrays import Array
 from flight.atmosphere import density, pressure_at, temperature_at
 from flight.errors import InputError
 from flight.propeller import Propeller
 from flight.propeller_files import load_propeller
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

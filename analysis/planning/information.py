@@ -16,7 +16,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from analysis.drag import covariance
 from analysis.drag.covariance import STATE_STEP
@@ -39,10 +38,9 @@ from analysis.trajectory.reconstruction import Trajectory
 from analysis.trajectory.settings import SOLVER
 from analysis.trajectory.smoother import GaussNewtonStep, gauss_newton_step
 from analysis.trajectory.updraft import STILL_MPS, by_waves
+from flight.arrays import Array
 from flight.errors import InputError
 from flight.files import JsonFormat, json_object_text
-
-Array = NDArray[np.float64]
 
 
 def read_results(path: Path) -> Results:

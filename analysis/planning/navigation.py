@@ -14,14 +14,12 @@ from itertools import pairwise
 from math import asin, copysign, cos, inf, pi, sin
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.planning.expected_aircraft import ExpectedAircraft
 from analysis.planning.pieces import Hold, Maneuver, Porpoise, Space, Turn
 from analysis.planning.settings import PATH
 from analysis.planning.time_history import Path, fly, paths, turn_path, turn_rate, wind_vector
-
-Array = NDArray[np.float64]
+from flight.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.estimation.noise import NORMAL_95
@@ -21,8 +20,7 @@ from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.observability import MATTERS
 from analysis.trajectory.reconstruction import Trajectory
 from analysis.trajectory.settings import GUSTS
-
-Array = NDArray[np.float64]
+from flight.arrays import Array
 
 FLY = {
     NextFlightLowers.NOISE: "fly more accelerations and decelerations, the throttle opened slowly, down to the slowest"

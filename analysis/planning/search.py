@@ -13,7 +13,6 @@ from math import inf, isfinite
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.drag.settings import COMPARISON
 from analysis.maneuvers.find_level import find_runs
@@ -43,10 +42,9 @@ from analysis.planning.settings import MARGINS, PATH, SEARCH
 from analysis.planning.time_history import TimeHistory, fly
 from analysis.trajectory import dryden
 from analysis.trajectory.settings import SOLVER
+from flight.arrays import Array
 from flight.errors import InputError
 from flight.units import FOOT_M, KNOT_MPS
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

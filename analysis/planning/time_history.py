@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from analysis.planning.expected_aircraft import ExpectedAircraft
 from analysis.planning.pieces import Hold, Land, Maneuver, Porpoise, Run, Stand, TakeOff, Turn
@@ -18,11 +17,10 @@ from analysis.signals.channels import SPEED_SCALE, speed_scale
 from analysis.trajectory import dryden
 from analysis.trajectory.priors import BENCH_SIGMA
 from flight import motion
+from flight.arrays import Array
 from flight.errors import InputError
 from flight.runs import AIRCRAFT_SIZE
 from flight.units import GRAVITY_MPS2 as g
-
-Array = NDArray[np.float64]
 
 
 class Path(NamedTuple):

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtrc
 from scipy.stats import norm
 
@@ -19,8 +18,7 @@ from analysis.pooling.results import Trend, TrendQuantity
 from analysis.pooling.settings import POOLING
 from analysis.results.settings import TRUST
 from analysis.settings import EVIDENCE
-
-Array = NDArray[np.float64]
+from flight.arrays import Array
 
 _N_POLAR = len(POLAR)
 POLAR_PART, INSTALLATION_PART = slice(_N_POLAR), slice(-len(INSTALLATION_ERRORS), None)

@@ -9,7 +9,6 @@ from functools import cache
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.optimize import brentq
 from scipy.stats import chi2, ncx2
@@ -29,10 +28,9 @@ from analysis.pooling.wording import SharedErrors, installations_text
 from analysis.results.trust import trust_by, worst_first
 from analysis.schema import ConditionResult, Evidence, EvidenceKind
 from analysis.settings import EVIDENCE
+from flight.arrays import Array
 from flight.errors import InputError
 from flight.version import version
-
-Array = NDArray[np.float64]
 
 _N_POLAR, _N_THRUST = len(POLAR), len(THRUST_CORRECTIONS)
 

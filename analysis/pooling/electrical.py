@@ -39,10 +39,9 @@ from analysis.results.settings import TRUST
 from analysis.results.trust import trust_by, worst_first
 from analysis.schema import ConditionResult, ElectricalFlight, ElectricalStatistics, PowerPoint
 from analysis.settings import CURVES
+from flight.arrays import Array
 from flight.errors import InputError
 from flight.version import version
-
-Array = NDArray[np.float64]
 
 
 class ElectricalCurve(NamedTuple):

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.polar import Condition
 from analysis.schema import POOLING_FORMAT as FORMAT
@@ -21,9 +20,8 @@ from analysis.schema import (
     SlowestFlown,
     Trust,
 )
+from flight.arrays import Array
 from flight.errors import InputError
-
-Array = NDArray[np.float64]
 
 POLAR = ("A0", "A1", "A2")
 THRUST_CORRECTIONS = ("thrust_scale", "thrust_slope", "thrust_beyond")  # the last beyond the propeller's table

@@ -23,8 +23,7 @@ from analysis.drag.assumed_values import ZERO_STEPS
 from analysis.drag.covariance import DENSITY, UPDRAFT
 from analysis.pooling.flight_statistics import INSTALLATION_ERRORS, POOLED, FlightStatistics, M
 from analysis.pooling.settings import POOLING
-
-Array = NDArray[np.float64]
+from flight.arrays import Array
 
 # Errors that each flight has its own of; others are common to all flights.
 OWN_CHANGES = frozenset({UPDRAFT, DENSITY, *ZERO_STEPS.values()})

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.drag import covariance
 from analysis.estimation.noise import NORMAL_95
@@ -21,8 +20,7 @@ from analysis.results.settings import TRUST
 from analysis.results.trust import worst_first
 from analysis.schema import Evidence, EvidenceKind
 from analysis.settings import CURVES
-
-Array = NDArray[np.float64]
+from flight.arrays import Array
 
 _N_POLAR = len(POLAR)
 

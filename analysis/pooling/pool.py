@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.estimation.noise import NORMAL_95
 from analysis.polar import Condition, Polar, lift_coefficient, power_required
@@ -39,10 +38,9 @@ from analysis.pooling.results import (
 from analysis.pooling.wording import cause_text, installations_text, polars_text
 from analysis.results.trust import trust_by
 from analysis.schema import ConditionResult, PowerPoint
+from flight.arrays import Array
 from flight.errors import InputError
 from flight.version import version
-
-Array = NDArray[np.float64]
 
 _N_POLAR = len(POLAR)
 _UNITS = {"alpha_bias": "rad", "beta_bias": "rad", "air_data_lag": "s"}

@@ -11,8 +11,9 @@ import numpy as np
 from analysis.airdata.probe import ProbeCalibration
 from analysis.airdata.probe_calibration import SpeedDependence, TunnelData, dynamic_pressure, speed_dependence
 from analysis.estimation.noise import NORMAL_95
-from analysis.report.figures.style import BLUE, INK, PALETTE, RED, SYMBOLS, Array, Figure, rounded, styled
+from analysis.report.figures.style import BLUE, INK, PALETTE, RED, SYMBOLS, Figure, rounded, styled
 from analysis.report.html_page import HtmlTable, html_figure, render_page
+from flight.arrays import Array
 
 
 def render(tunnel: TunnelData, calibration: ProbeCalibration, *, angle_scale_sigma: float) -> str:

@@ -32,7 +32,6 @@ from analysis.report.figures.style import (
     ORANGE,
     PALETTE,
     RED,
-    Array,
     Figure,
     add_band,
     curve_arrays,
@@ -43,6 +42,7 @@ from analysis.report.html_page import HtmlTable, html_figure, render_page
 from analysis.report.wording import every, meaning, verdict
 from analysis.schema import ConditionResult, ElectricalFlight, Trust
 from analysis.settings import EVIDENCE
+from flight.arrays import Array
 from flight.units import GRAVITY_MPS2
 
 

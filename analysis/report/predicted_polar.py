@@ -11,13 +11,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.polar import Condition, lift_coefficient
 from analysis.schema import Results
+from flight.arrays import Array
 from flight.errors import InputError
-
-Array = NDArray[np.float64]
 
 # Names of a column, the most specific first: XFLR5 calls the rolling moment Cl, and its old versions the drag TCd.
 LIFT, DRAG = ("CL", "C_L", "CLtot", "cl"), ("CD", "C_D", "CDtot", "TCd", "cd")

@@ -4,16 +4,15 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.estimation.noise import NORMAL_95
 from analysis.maneuvers.runs_file import blocks, head
 from analysis.pipeline import Analysis
 from analysis.report.figures.style import ORANGE, OTHER_RUN
 from analysis.schema import Results
+from flight.arrays import Array
 
 Json = dict[str, Any]
-Array = NDArray[np.float64]
 
 
 class NamedRun(NamedTuple):

@@ -9,11 +9,10 @@ from html import escape
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.report.figures.style import Figure
+from flight.arrays import Array
 
-Array = NDArray[np.float64]
 Json = dict[str, Any]
 
 DASHES = {"dash": "9 9", "dot": "3 3", "dashdot": "9 3 3 3", "9px,6px": "9 6"}

@@ -12,7 +12,7 @@ import numpy as np
 
 from analysis.electrical.settings import SHARED
 from analysis.estimation.noise import NORMAL_95
-from analysis.results.settings import RESULTS
+from analysis.performance.settings import PARAMETERS
 from analysis.schema import AutopilotParameter, Interval, Results
 from flight.atmosphere import SEA_LEVEL_DENSITY
 
@@ -142,7 +142,7 @@ def _known(interval: Interval) -> bool:
     return bool(
         np.isfinite(ends).all()
         and interval.value > 0
-        and interval.hi - interval.lo < 2 * RESULTS.widest_share * interval.value
+        and interval.hi - interval.lo < 2 * PARAMETERS.widest_share * interval.value
     )
 
 

@@ -5,12 +5,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.electrical.drag import DragEstimate, DragWithheld
 from analysis.electrical.estimate import ElectricalEstimate, FlownAircraft
 from analysis.electrical.flight_table import FlightTable
-from analysis.electrical.settings import FLIGHT
 from analysis.electrical.simulated_truth import SimulatedTruth
 from analysis.electrical.thrust_balance import aerodynamics
 from analysis.estimation.noise import NORMAL_95
@@ -33,10 +31,10 @@ from analysis.schema import (
     SpeedInterval,
 )
 from analysis.settings import CURVES
+from analysis.signals.settings import FLIGHT
+from flight.arrays import Array
 from flight.atmosphere import SEA_LEVEL_DENSITY
 from flight.version import version
-
-Array = NDArray[np.float64]
 
 UNKNOWN = SpeedInterval(speed_mps=None, lo_mps=None, hi_mps=None, inside_flown_range=False)
 LARGE_SCALE = 0.03

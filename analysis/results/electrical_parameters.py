@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.electrical.drag import DragEstimate
 from analysis.electrical.energy_balance import DragAndEfficiency, FlightConditions, drag_power
@@ -12,10 +11,9 @@ from analysis.electrical.thrust_balance import aerodynamics
 from analysis.estimation.noise import NORMAL_95
 from analysis.results.autopilot_parameters import FlightValues, around, wing_loading_of
 from analysis.schema import Interval, SpeedInterval
+from flight.arrays import Array
 from flight.atmosphere import SEA_LEVEL_DENSITY
 from flight.units import GRAVITY_MPS2
-
-Array = NDArray[np.float64]
 
 
 def flight_values(

@@ -5,7 +5,6 @@ from types import MappingProxyType
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from analysis.drag.dynamic import POLAR, DynamicEstimate
 from analysis.ground.thrust_prior import J_REFERENCE, THRUST
@@ -16,8 +15,7 @@ from analysis.schema import AirFound, Correlation, ParameterResult, PathResult, 
 from analysis.trajectory.consistency import Consistency, consistency_checks
 from analysis.trajectory.observability import sensor_error_estimates
 from analysis.trajectory.reconstruction import Trajectory
-
-Array = NDArray[np.float64]
+from flight.arrays import Array
 
 DRAG = "drag / mass, m/s²"  # of `RunFit`
 

@@ -4,7 +4,6 @@ from collections.abc import Callable
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from analysis.drag.dynamic import DynamicEstimate
 from analysis.drag.interval_sources import Source, variance_by_source
@@ -31,8 +30,7 @@ from analysis.schema import (
 )
 from analysis.settings import CURVES
 from flight.aircraft import Aircraft
-
-Array = NDArray[np.float64]
+from flight.arrays import Array
 
 
 def power_curve(

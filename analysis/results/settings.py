@@ -11,9 +11,6 @@ class ResultsSettings(Settings):
 
     longest_lag_s: float = setting(4.0, "s", "of autocorrelations: the gusts of a run are shorter")
     clock_set_unix_s: float = setting(1.5e9, "s", "2017: an earlier time is that of a clock without battery")
-    widest_share: float = setting(
-        0.4, "1", "half width of an interval over its value beyond which a value for an autopilot is withheld"
-    )
 
 
 @dataclass(frozen=True)

@@ -9,14 +9,12 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from analysis.electrical.settings import FLIGHT
 from analysis.polar import Condition, speed_at
 from analysis.route.power import Source, SteadyPower
+from analysis.signals.settings import FLIGHT
+from flight.arrays import Array
 from flight.units import GRAVITY_MPS2
-
-Array = NDArray[np.float64]
 
 
 class Battery(NamedTuple):

@@ -10,21 +10,19 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from analysis.electrical.settings import PRIOR
 from analysis.performance.level_flight import Floats, PerformanceModel, climb_angle, steady_thrust
-from analysis.performance.power_train import corrected_thrust, full_throttle_revps, revps_for_thrust
 from analysis.performance.propagation import ParameterVector, SigmaPoints
 from analysis.performance.stored_model import model_of
 from analysis.polar import Condition, lift_coefficient
 from analysis.route.inputs import RouteInput
 from analysis.schema import Interval, PowerPoint
 from analysis.settings import CURVES
+from flight.arrays import Array
 from flight.errors import InputError
-
-Array = NDArray[np.float64]
+from flight.propeller_speed import corrected_thrust, full_throttle_revps, revps_for_thrust
 
 
 class SteadyPower(Protocol):

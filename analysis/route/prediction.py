@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.electrical.settings import GPS
 from analysis.planning.settings import MANEUVERS, MARGINS, PATH
@@ -35,11 +34,10 @@ from analysis.route.mission import HOME, Mission, Place, Speed, Wind, courses_ra
 from analysis.route.power import Source, interval_of, source_of
 from analysis.schema import Interval
 from analysis.trajectory import dryden
+from flight.arrays import Array
 from flight.atmosphere import SEA_LEVEL_DENSITY, density, pressure_at, temperature_at
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2
-
-Array = NDArray[np.float64]
 
 
 class Resolution(NamedTuple):

@@ -14,13 +14,13 @@ from analysis.signals.settings import CHANNELS, STATISTICS
 from analysis.signals.smoothing import on_grid
 from flight import runs
 from flight.aircraft import Aircraft
+from flight.arrays import Array
 from flight.errors import InputError
 from flight.log_entries import NO_ENTRIES, NO_INTEGER, STATUS_CODE, Entries
 from flight.log_reader import Log
 from flight.messages import Status
 from flight.runs import AIRCRAFT_SIZE
 
-Array = NDArray[np.float64]
 CLIPPED = "at the end of its range"
 
 

@@ -10,15 +10,13 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from analysis.signals.channels import COLUMNS
 from analysis.signals.settings import REST
 from analysis.signals.smoothing import stretches
+from flight.arrays import Array
 from flight.files import JsonFormat
 from flight.runs import AIRCRAFT_SIZE, STANDING
-
-Array = NDArray[np.float64]
 
 FORCES = ("ax_mps2", "ay_mps2", "az_mps2")
 GPS_HORIZONTAL = ("gps_north_mps", "gps_east_mps")

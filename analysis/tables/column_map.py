@@ -20,7 +20,8 @@ import numpy as np
 from analysis.autopilot_logs.recording import Channel
 from analysis.autopilot_logs.settings import READABLE
 from analysis.tables.quantities import KINDS, Quantity
-from analysis.tables.read import Array, Columns
+from analysis.tables.read import Columns
+from flight.arrays import Array
 from flight.errors import InputError
 from flight.files import read_text
 from flight.units import read_table, to_si

@@ -15,13 +15,13 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from analysis.autopilot_logs.recording import Channel
-from analysis.electrical.flight_table import resampled
-from analysis.electrical.settings import FLIGHT
+from analysis.signals.settings import FLIGHT
+from analysis.signals.smoothing import resampled
 from analysis.tables.column_map import Channels
 from analysis.tables.position import velocity_by_position
 from analysis.tables.quantities import KINDS, Quantity
-from analysis.tables.read import Array
 from analysis.tables.settings import LAWS
+from flight.arrays import Array
 from flight.atmosphere import SEA_LEVEL_DENSITY, density, height_at, temperature_at
 from flight.units import GRAVITY_MPS2 as g
 from flight.units import to_si

@@ -14,7 +14,8 @@ import numpy as np
 from analysis.tables.column_map import ColumnMap, MappedColumn, mapped_channels
 from analysis.tables.consistency import Finding, findings
 from analysis.tables.quantities import KINDS, Quantity
-from analysis.tables.read import Array, Columns, read_columns
+from analysis.tables.read import Columns, read_columns
+from flight.arrays import Array
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2 as g
 

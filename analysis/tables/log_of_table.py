@@ -17,13 +17,14 @@ from analysis.tables.column_map import Channels, ColumnMap, map_of, mapped_chann
 from analysis.tables.consistency import Finding, findings
 from analysis.tables.position import velocity_by_position
 from analysis.tables.quantities import Quantity
-from analysis.tables.read import Array, read_columns
-from analysis.trajectory.measurements import ALPHA_PORT_SLOPE
+from analysis.tables.read import read_columns
+from flight.arrays import Array
 from flight.atmosphere import density, height_at, pressure_at, temperature_at
 from flight.errors import InputError
 from flight.log_entries import STATUS_CODE, Entries
 from flight.log_reader import Log
 from flight.messages import TYPE_OF_TOPIC, Status
+from flight.probe_maps import ALPHA_PORT_SLOPE
 
 Q = Quantity
 IMU = {

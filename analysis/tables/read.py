@@ -10,13 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.autopilot_logs.recognize import GZIP_MAGIC, first_bytes
 from analysis.autopilot_logs.settings import READABLE
+from flight.arrays import Array
 from flight.errors import InputError
 
-Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 

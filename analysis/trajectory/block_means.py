@@ -2,14 +2,11 @@
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from analysis.signals.channels import least_height_m, speed_scale_of
 from analysis.signals.smoothing import stretches
 from analysis.trajectory.settings import PREDICTION
-
-Array = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from flight.arrays import Array, BoolArray
 
 BLOCK = 5  # samples
 

@@ -21,16 +21,14 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from analysis.schema import Check, ConsistencyCheck
 from analysis.signals.settings import STATISTICS
 from analysis.trajectory.equations import PREDICTED_FLOW, SENSOR_ERRORS, STATES, NamedArrays
 from analysis.trajectory.reconstruction import Trajectory
 from analysis.trajectory.settings import CONSISTENCY, PREDICTION, SHOWN
+from flight.arrays import Array
 from flight.motion import earth_from_body, velocity_of
-
-Array = NDArray[np.float64]
 
 ANGLES, SPEED = "angles_rad", "speed_mps"
 

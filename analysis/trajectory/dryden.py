@@ -9,11 +9,10 @@ past gusts, and sensor errors would be biased.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from flight.arrays import Array
 from flight.units import FOOT_M
-
-Array = NDArray[np.float64]
 
 
 class GaussMarkov(NamedTuple):

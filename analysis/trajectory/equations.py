@@ -16,13 +16,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flight import motion
 from flight.aircraft import VIBRATION_REVPS
+from flight.arrays import Array
 from flight.units import GRAVITY_MPS2 as g
-
-Array = NDArray[np.float64]
 
 GUST_FILTER_STATES = ("gust_v_filtered_twice", "gust_w_filtered_twice")  # g2 of dryden.SecondOrderGust
 STATES = ("phi", "theta", "psi", "v_north", "v_east", "v_down", "height",

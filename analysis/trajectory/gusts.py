@@ -29,8 +29,7 @@ from analysis.signals.settings import STATISTICS
 from analysis.trajectory.dryden import GaussMarkov, SecondOrderGust
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.settings import GUSTS
-
-Array = NDArray[np.float64]
+from flight.arrays import Array
 
 
 class ObservedGust(NamedTuple):

@@ -9,8 +9,7 @@ from analysis.trajectory.block_means import BLOCK, BlockMeans
 from analysis.trajectory.equations import SENSOR_ERRORS, NamedArrays, corrected_force, vibration
 from analysis.trajectory.settings import SENSORS
 from flight import motion
-
-Array = NDArray[np.float64]
+from flight.arrays import Array
 
 CHANNELS = ("p_radps", "q_radps", "r_radps", "ax_mps2", "ay_mps2", "az_mps2")
 _FORCE = ("ax", "ay", "az", "vibration")

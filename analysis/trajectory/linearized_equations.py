@@ -4,8 +4,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
-import numpy as np
-from numpy.typing import NDArray
 
 from analysis.estimation.array_function import ArrayFunction
 from analysis.trajectory.equations import (
@@ -21,11 +19,10 @@ from analysis.trajectory.equations import (
 )
 from analysis.trajectory.smoother import Linearization
 from analysis.trajectory.sparse_jacobian import SparseJacobian
+from flight.arrays import Array
 
 if hasattr(ca.GlobalOptions, "setNumpyMode"):  # from 3.8 on: NumPy functions on symbols as before
     ca.GlobalOptions.setNumpyMode(-1)
-
-Array = NDArray[np.float64]
 
 
 class Equations:

@@ -2,17 +2,16 @@
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from analysis.airdata.magnetometer import Compass
-from analysis.signals.settings import CHANNELS
+from analysis.signals.settings import CHANNELS, RECEIVER
 from analysis.signals.smoothing import CubicSpline, without_gaps
 from analysis.trajectory.block_means import BLOCK, BlockMeans, block_mean, moving_average
 from analysis.trajectory.equations import MEASUREMENTS
 from analysis.trajectory.settings import PRIORS, SENSORS
 from flight import motion
-
-Array = NDArray[np.float64]
+from flight.arrays import Array, BoolArray
+from flight.probe_maps import ALPHA_PORT_SLOPE
 
 
 class LevelField:
@@ -40,9 +39,6 @@ class LevelField:
         return np.unwrap(np.arctan2(sine, cosine))
 
 
-BoolArray = NDArray[np.bool_]
-
-ALPHA_PORT_SLOPE = 4.5  # d(pressure difference)/d(angle) over qbar: 9/4 sin 2 alpha (ports of a sphere at 45 deg)
 GPS_COLUMNS = ("gps_north", "gps_east", "gps_down")
 
 
@@ -113,9 +109,10 @@ def _standard_deviations(blocks: BlockMeans, noise: dict[str, float], V_referenc
     rho = without_gaps(blocks["rho"])
     qbar = rho * V_reference**2 / 2
     root = np.sqrt(BLOCK)
+    level_mps, vertical_mps = RECEIVER.velocity_mps
     constant = {
         "height": noise["static_Pa"] / 11.8 / root,  # Pa/m: rho g at 100 m
-        "gps_north": SENSORS.gps_mps[0], "gps_east": SENSORS.gps_mps[0], "gps_down": SENSORS.gps_mps[1],
+        "gps_north": level_mps, "gps_east": level_mps, "gps_down": vertical_mps,
         "v_north": SENSORS.rest_mps, "v_east": SENSORS.rest_mps, "v_down": SENSORS.rest_mps,
     }  # fmt: skip
     return {name: np.full(blocks.n, sigma) for name, sigma in constant.items()} | {

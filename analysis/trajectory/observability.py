@@ -18,7 +18,6 @@ from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
 from analysis.schema import SensorError
@@ -30,9 +29,8 @@ from analysis.trajectory.priors import PRIOR_MEAN, ZEROS
 from analysis.trajectory.reconstruction import Trajectory
 from analysis.trajectory.settings import GUSTS, PRIOR_CHECK, SHOWN
 from analysis.trajectory.smoother import StatesGivenErrors
+from flight.arrays import Array
 from flight.errors import InputError
-
-Array = NDArray[np.float64]
 
 
 class SensorErrorKind(NamedTuple):

@@ -21,8 +21,7 @@ from analysis.trajectory.measurements import LevelField
 from analysis.trajectory.settings import PRIORS, PROCESS, SENSORS
 from flight.aerodynamics import lift_slope
 from flight.aircraft import Aircraft, Uncertainty
-
-Array = NDArray[np.float64]
+from flight.arrays import Array
 
 BENCH_SIGMA = SENSORS.bench_sigma
 WIND = slice(STATES.index("wind_north"), STATES.index("wind_east") + 1)

@@ -31,9 +31,8 @@ from analysis.trajectory.process import GustConditions, ProcessModel, airspeed_w
 from analysis.trajectory.regressors import Regressors, extrapolated
 from analysis.trajectory.settings import PREDICTION, PROCESS, SENSORS
 from analysis.trajectory.smoother import TrajectoryPrior
+from flight.arrays import Array
 from flight.units import GRAVITY_MPS2
-
-Array = NDArray[np.float64]
 
 GPS_LATENCY = SENSOR_ERRORS.index("gps_latency")
 FLOW_ANGLES = [MEASUREMENTS.index(name) for name in ("alpha", "beta")]

@@ -3,15 +3,13 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.trajectory import dryden
 from analysis.trajectory.block_means import BlockMeans, moving_average
 from analysis.trajectory.equations import CONING_SCULLING, PROCESS_INPUTS, STATES, NamedArrays
 from analysis.trajectory.inertial import InertialInputs
 from analysis.trajectory.settings import PROCESS
-
-Array = NDArray[np.float64]
+from flight.arrays import Array
 
 
 def airspeed_without_gusts(state: NamedArrays) -> Array:

@@ -5,7 +5,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from analysis.airdata.magnetometer import Compass
 from analysis.trajectory.block_means import BlockMeans
@@ -32,9 +31,8 @@ from analysis.trajectory.problem import TrajectoryProblem
 from analysis.trajectory.settings import GUSTS, SOLVER
 from analysis.trajectory.smoother import GaussNewtonStep, StatesGivenErrors, cost, gauss_newton_step
 from flight.aircraft import Uncertainty
+from flight.arrays import Array
 from flight.errors import InputError
-
-Array = NDArray[np.float64]
 
 GUST_STATES = [STATES.index(f"gust_{axis}") for axis in "uvw"]
 GUST_GRID_MPS = SOLVER.gusts_mps

@@ -8,7 +8,6 @@ exact, stand beside values predicted from past data, which are in the derivative
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 
 from analysis.signals.smoothing import CubicSpline, local_quadratic, stretches, without_gaps
@@ -21,15 +20,14 @@ from analysis.trajectory.equations import (
     NamedArrays,
     vibration,
 )
-from analysis.trajectory.measurements import ALPHA_PORT_SLOPE, LevelField
+from analysis.trajectory.measurements import LevelField
 from analysis.trajectory.process import GustConditions, airspeed_without_gusts
 from analysis.trajectory.settings import PREDICTION, PROCESS
 from flight import motion
+from flight.arrays import Array, BoolArray
 from flight.atmosphere import SEA_LEVEL_DENSITY
+from flight.probe_maps import ALPHA_PORT_SLOPE
 from flight.units import GRAVITY_MPS2
-
-Array = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 LAGS = PREDICTION.lags
 

@@ -60,12 +60,6 @@ class SensorSettings(Settings):
     missing: tuple[float, float] = setting(
         (0.5, 5.0), "rad/s, m/s²", "process noise where samples are missing: rates and accelerations of a usual flight"
     )
-    gps_mps: tuple[float, float] = setting(
-        (0.3, 1.0),
-        "m/s",
-        "horizontal and vertical velocity: GPS errors are correlated over a minute; horizontal ones look like wind, and"
-        " height comes from the barometer",
-    )
     rest_mps: float = setting(0.1, "m/s", "velocity of the aircraft at rest")
     independent_headings: int = setting(
         4,

@@ -9,12 +9,10 @@ Iterated to convergence this is an iterated Kalman smoother, without its recursi
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cholesky_banded, lapack
 
 from analysis.trajectory.sparse_jacobian import SparseJacobian
-
-Array = NDArray[np.float64]
+from flight.arrays import Array
 
 
 class Linearization(NamedTuple):

@@ -16,18 +16,15 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.trajectory.reconstruction import Trajectory
 from analysis.trajectory.settings import UPDRAFT
 from flight.aircraft import Uncertainty
+from flight.arrays import Array
 from flight.atmosphere import GRAVITY_MPS2
 from flight.log_reader import Log
 from flight.messages import Gps
 from flight.satellite_time import satellites_minus_log_time_ns
-
-Array = NDArray[np.float64]
-
 
 STILL_MPS = Uncertainty().updraft_mps  # before sunrise, in up to 5 m/s of wind
 

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flight.arrays import Array
 from flight.errors import InputError
 from flight.files import read_text
 from flight.units import read_table
@@ -20,8 +20,6 @@ from sim.defects import NO_DEFECTS, Defects
 from sim.drag_shape import DragShape
 from sim.plant import Deviations
 from sim.sensors.noise import rng_of
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

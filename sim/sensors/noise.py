@@ -4,10 +4,9 @@ from functools import lru_cache
 from zlib import crc32
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-Array = NDArray[np.float64]
+from flight.arrays import Array
 
 # White noise is constant over each cell of this grid: samples at up to 200 Hz are independent.
 GRID_HZ = 200

@@ -7,13 +7,11 @@ the stagnation point. The ring of static ports further back reads low in cross-f
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flight.aircraft import Position
+from flight.arrays import Array
 from flight.motion import Airflow
 from flight.number import Number, Vector
-
-Array = NDArray[np.float64]
 
 PORT_ANGLE_RAD = np.pi / 4
 # A ring of static holes in cross-flow at angle s from the axis reads about -0.2 sin^2 s of the dynamic pressure for

@@ -4,10 +4,10 @@ from functools import cached_property
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from flight.aircraft import ControlSurface, PneumaticLine
+from flight.arrays import Array
 from flight.atmosphere import GRAVITY_MPS2
 from flight.complete_aircraft import CompleteAircraft
 from flight.motion import body_from_earth, specific_force_at, velocity_of
@@ -19,8 +19,6 @@ from sim.sensors.budget import DIFFERENTIAL, DrawnErrors
 from sim.sensors.noise import GRID_HZ, gauss_markov, rng_of, white
 from sim.sensors.probe import flow_at_probe, port_pressures
 from sim.sensors.tubing import StepResponse, first_order_lag, step_response, time_constant_s
-
-Array = NDArray[np.float64]
 
 # Place of the flight, and the magnetic field there (flux density [T], dip [rad]).
 HOME_LATITUDE_DEG, HOME_LONGITUDE_DEG = 35.773, -78.674

@@ -3,14 +3,12 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.signal import lfilter, lfiltic
 
 from flight.aircraft import PneumaticLine
+from flight.arrays import Array
 from flight.atmosphere import density, viscosity
-
-Array = NDArray[np.float64]
 
 CELLS, GRID_S = 40, 2.5e-4  # of a tube, and of time, in `step_response`
 

@@ -4,7 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from sim.sensor_truth import Array, GpsSolution
+from flight.arrays import Array
+from sim.sensor_truth import GpsSolution
 
 
 def constant(value: Any):

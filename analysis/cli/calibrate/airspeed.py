@@ -7,9 +7,8 @@ import typer
 
 from analysis.autopilot_logs.recognize import Autopilot, autopilot_of
 from analysis.cli.calibrate.runner import Calibrated, OptionalFile, calibration
-from analysis.cli.electrical import refuse_drag_options
-from analysis.cli.options import AircraftOption, ProbeOption
 from analysis.estimation.noise import NORMAL_95
+from analysis.options import AircraftOption, ProbeOption, refuse_drag_options
 from flight.errors import InputError
 
 if TYPE_CHECKING:

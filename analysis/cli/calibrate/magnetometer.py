@@ -27,7 +27,7 @@ def magnetometer(log: LogFile) -> Calibrated:
     """
     import numpy as np
 
-    from analysis.airdata.magnetometer import calibrate
+    from analysis.ground.magnetometer import calibrate
     from analysis.signals.channels import field_of
     from flight.log_reader import read_log
 

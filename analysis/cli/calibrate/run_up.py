@@ -13,8 +13,8 @@ from flight.errors import InputError
 from flight.units import to_si
 
 if TYPE_CHECKING:
+    from analysis.airdata.thrust_stand import ThrustStand
     from analysis.ground.run_up import Battery, VibrationOffset
-    from analysis.ground.thrust_stand import ThrustStand
 
 UNCHECKED = (
     "the number of poles was not checked: that needs full throttle, and throttle, voltage and current in the log, and"

@@ -9,8 +9,8 @@ from typing import Annotated, Any, NamedTuple, get_type_hints
 import msgspec
 import typer
 
-from analysis.cli.options import ReplaceOption
 from analysis.files import write_file
+from analysis.options import ReplaceOption
 from flight.command_line import ExitCode, as_command
 from flight.files import check_new_file
 

@@ -11,7 +11,8 @@ from flight.command_line import quantity
 from flight.errors import InputError
 
 if TYPE_CHECKING:
-    from analysis.ground.thrust_stand import StandReadings, ThrustStand
+    from analysis.airdata.thrust_stand import ThrustStand
+    from analysis.ground.thrust_stand import StandReadings
     from flight.propeller import Propeller
 
 

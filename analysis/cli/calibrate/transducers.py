@@ -61,7 +61,8 @@ def transducers(
       calibrate transducers log.mcap --pressures "10 20 30 40 35 25 15 5 mm"
       calibrate transducers log.mcap --pressures "100 200 300 400 Pa" -o new.json
     """
-    from analysis.airdata.transducers import calibrate, in_words, plateaus, readings
+    from analysis.airdata.transducers import in_words, plateaus, readings
+    from analysis.ground.transducers import calibrate
     from flight.log_reader import read_log
 
     given = pressures_Pa(pressures) if pressures.strip() else None

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from analysis.cli.calibrate.runner import AircraftFileLines, Calibrated, LogFile, calibration
-from analysis.cli.options import AircraftOption
+from analysis.options import AircraftOption
 from flight.errors import InputError
 
 if TYPE_CHECKING:

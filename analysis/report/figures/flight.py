@@ -20,7 +20,6 @@ from analysis.report.figures.style import (
     PAPER,
     RED,
     RUN_COLOR,
-    Array,
     Figure,
     rounded,
     styled,
@@ -30,6 +29,7 @@ from analysis.report.figures.style import (
 from analysis.schema import AirFound, Correlation, RejectedResult, RunResidual, Track
 from analysis.trajectory.consistency import ANGLES, SPEED, Consistency
 from analysis.trajectory.reconstruction import Trajectory
+from flight.arrays import Array
 from flight.motion import body_from_earth
 
 NOT_SHADED = ("standing", "flying")

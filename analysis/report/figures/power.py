@@ -21,7 +21,6 @@ from analysis.report.figures.style import (
     RED,
     RUN_COLOR,
     SYMBOLS,
-    Array,
     Figure,
     add_band,
     add_curve,
@@ -33,6 +32,7 @@ from analysis.report.figures.style import (
 from analysis.report.predicted_polar import PredictedPolar, flown_at
 from analysis.report.wording import capitalized_title, listed_methods
 from analysis.schema import Interval, MethodResult, PerformanceResult, PowerPoint, Results, SpeedInterval
+from flight.arrays import Array
 from flight.units import GRAVITY_MPS2
 
 

@@ -7,11 +7,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.schema import PowerPoint
-
-Array = NDArray[np.float64]
+from flight.arrays import Array
 
 Json = dict[str, Any]
 

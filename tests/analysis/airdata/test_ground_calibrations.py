@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.airdata import magnetometer, surfaces
+from analysis.airdata import surfaces
+from analysis.ground import magnetometer
 from analysis.airdata.settings import MAGNETOMETER
 from flight.errors import InputError
 from flight.motion import body_from_earth

@@ -8,16 +8,10 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from analysis.airdata.transducers import (
-    TRANSDUCERS_FILE,
-    TransducerCalibration,
-    air_data_errors,
-    calibrate,
-    in_words,
-    plateaus,
-)
+from analysis.airdata.transducers import TRANSDUCERS_FILE, TransducerCalibration, air_data_errors, in_words, plateaus
 from analysis.cli.calibrate import app
 from analysis.cli.calibrate.transducers import pressures_Pa
+from analysis.ground.transducers import calibrate
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.priors import PRIOR_SIGMA, SensorPriors, sensor_error_prior
 from flight.errors import InputError

@@ -7,7 +7,6 @@ from typing import NamedTuple, cast
 import numpy as np
 import pytest
 
-from analysis.airdata.air import Array
 from analysis.autopilot_logs import recording
 from analysis.autopilot_logs.recording import Channel, FlightRecording
 from analysis.electrical.airspeed_gps import airspeed_errors, one_way
@@ -18,13 +17,14 @@ from analysis.electrical.fit import derivatives, with_standard_error
 from analysis.electrical.flight_table import FlightTable, flight_table
 from analysis.electrical.thrust_balance import PARAMETERS, MotorConstants
 from analysis.estimation.model import PriorMeasurement
-from analysis.performance.power_train import revps_for_thrust
 from analysis.results.electrical import ElectricalFindings, UsedBattery, _warnings, electrical_results
 from analysis.results.electrical_parameters import flight_values
 from analysis.schema import Provenance, SpeedInterval
+from flight.arrays import Array
 from flight.atmosphere import height_at, pressure_at, temperature_at
 from flight.errors import InputError
 from flight.propeller_files import load_propeller
+from flight.propeller_speed import revps_for_thrust
 from flight.units import GRAVITY_MPS2 as g
 
 MASS_KG, AREA_M2, SPAN_M = 3.0, 0.5, 2.0

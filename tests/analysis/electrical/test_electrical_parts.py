@@ -31,9 +31,9 @@ from analysis.electrical.flight_table import (
     _standing_and_moving,
     _touches_ground,
     _zero,
-    resampled,
 )
 from analysis.electrical.thrust_balance import MotorConstants, ThrustBalance
+from analysis.signals.smoothing import resampled
 from flight.atmosphere import pressure_at, temperature_at
 from flight.errors import InputError
 from flight.propeller_files import load_propeller

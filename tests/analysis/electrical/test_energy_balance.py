@@ -14,8 +14,8 @@ from analysis.electrical.energy_balance import (
     drag_power,
     level_power,
 )
-from analysis.electrical.flight_table import smoothed
 from analysis.electrical.settings import WINDOWS
+from analysis.signals.smoothing import smoothed
 from flight.propeller_files import load_propeller
 from flight.units import GRAVITY_MPS2 as g
 

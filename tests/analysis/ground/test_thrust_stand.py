@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from analysis.airdata.thrust_stand import THRUST_STAND_FILE
 from analysis.cli.calibrate import app
 from analysis.cli.calibrate.thrust import doubts
-from analysis.ground.thrust_stand import THRUST_STAND_FILE, StandReadings, calibrate
+from analysis.ground.thrust_stand import StandReadings, calibrate
 from analysis.log_contents import Replacements, contents
 from flight.aircraft import load_aircraft, parse_aircraft
 from flight.errors import InputError

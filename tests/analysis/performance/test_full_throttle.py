@@ -8,10 +8,10 @@ import pytest
 from motor_data import RHO, STEP_S, at_throttle, full_throttle_run, recorded, steady_points
 
 from analysis.performance.full_throttle import fit_full_throttle, speed_over_motor_constant
-from analysis.performance.power_train import full_throttle_revps
 from analysis.performance.propagation import ParameterVector
 from flight.aircraft import Propulsion
 from flight.propeller import Propeller
+from flight.propeller_speed import full_throttle_revps
 from sim.propulsion import power_train
 
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from motor_data import NO_CORRECTION, RHO, STEP_S, recorded, steady_points
 
-from analysis.performance.power_train import PowerTrainModel, corrected_thrust, fit_power_train, revps_for_thrust
+from analysis.performance.power_train import PowerTrainModel, fit_power_train
 from analysis.performance.propagation import exact, from_sigma_points
+from flight.propeller_speed import corrected_thrust, revps_for_thrust
 from sim.propulsion import throttle_for
 
 

@@ -8,7 +8,6 @@ import pytest
 from analysis.electrical.airspeed_gps import AirspeedErrors
 from analysis.electrical.drag import DragWithheld
 from analysis.electrical.energy_balance import FlightConditions
-from analysis.electrical.settings import FLIGHT
 from analysis.estimation.noise import NORMAL_95
 from analysis.polar import maximum_lift_to_drag
 from analysis.results.electrical import (
@@ -22,6 +21,7 @@ from analysis.results.electrical import (
 )
 from analysis.results.electrical_parameters import flight_values
 from analysis.schema import SpeedInterval
+from analysis.signals.settings import FLIGHT
 from flight.atmosphere import SEA_LEVEL_DENSITY
 from flight.units import GRAVITY_MPS2
 

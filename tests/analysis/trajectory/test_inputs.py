@@ -9,7 +9,7 @@ from analysis.airdata.magnetometer import Compass
 from analysis.trajectory.block_means import BLOCK, BlockMeans, block_mean
 from analysis.trajectory.equations import MEASUREMENT_INPUTS, MEASUREMENTS, PROCESS_INPUTS, SENSOR_ERRORS, STATES
 from analysis.trajectory.inertial import CHANNELS, InertialInputs
-from analysis.trajectory.measurements import ALPHA_PORT_SLOPE, LevelField, Measurements
+from analysis.trajectory.measurements import LevelField, Measurements
 from analysis.trajectory.priors import (
     BENCH_SIGMA,
     PRIOR_SIGMA,
@@ -26,6 +26,7 @@ from analysis.trajectory.problem import TrajectoryProblem, _blocks_at_rest
 from analysis.trajectory.process import GustConditions, ProcessModel
 from flight.aircraft import Uncertainty
 from flight.motion import body_from_earth
+from flight.probe_maps import ALPHA_PORT_SLOPE
 
 STEP_S = BLOCK / RATE_HZ
 
