@@ -21,14 +21,14 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from analysis.airdata.flight_data import FlightData, flight_data
-from analysis.flown import check_lift, flown_condition, flown_lift, largest_lift, thrust_coverage
-from analysis.log_checks.axes import check_axes
-from analysis.log_checks.structure import check_decodable, check_log, receiver_notes
-from analysis.log_contents import LogContents, Replacements, contents
+from analysis.air.contents import LogContents, Replacements, contents
+from analysis.air.flight_data import FlightData, flight_data
+from analysis.air.flown import check_lift, flown_condition, flown_lift, largest_lift, thrust_coverage
+from analysis.curve import Condition
 from analysis.maneuvers.kinds import Maneuvers
 from analysis.maneuvers.runs_file import select
-from analysis.polar import Condition
+from analysis.sources.axes import check_axes
+from analysis.sources.structure import check_decodable, check_log, receiver_notes
 from analysis.trajectory.as_measured import path_as_measured
 from analysis.trajectory.observability import (
     PriorConflict,

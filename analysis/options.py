@@ -1,11 +1,19 @@
 """Options that several commands share."""
 
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from analysis.performance.request import Request, parse_request, parse_weight
+from flight.aircraft import load_aircraft
+from flight.command_line import quantity
 from flight.errors import InputError
+
+if TYPE_CHECKING:
+    from analysis.air.contents import Replacements
 
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
 ReplaceOption = Annotated[bool, typer.Option("--replace", help="Replace an existing file.")]
@@ -44,3 +52,197 @@ def refuse_autopilot_options(log: Path, **given: object) -> None:
 
 def _given(options: dict[str, object]) -> str:
     return ", ".join(f"--{name.replace('_', '-')}" for name, value in options.items() if value is not None)
+
+
+# The file that replaces an attachment of the log, by field of `LogOptions`; its option is the field's name with dashes.
+ATTACHMENTS = {
+    "aircraft": "aircraft.toml",
+    "propeller": "propeller.csv",
+    "probe": "probe.json",
+    "magnetometer": "magnetometer.json",
+    "transducers": "transducers.json",
+    "thrust_stand": "thrust_stand.json",
+    "zero": "zero.json",
+}
+
+
+@dataclass(frozen=True)
+class LogOptions:
+    """What is used instead of parts of a log; None where the log's own is."""
+
+    aircraft: AircraftOption = None
+    propeller: PropellerOption = None
+    probe: ProbeOption = None
+    zero: Annotated[
+        Path | None,
+        typer.Option("--zero", metavar="FILE", help="Still-air zero of `daq zero` to use instead of the log's."),
+    ] = None
+    weight_N: Annotated[
+        float | None,
+        typer.Option(
+            "--weight",
+            metavar="WEIGHT",
+            parser=lambda text: parse_weight(text, "--weight"),
+            help='Weight in this flight, such as "4.1 kg" or "9 lb", instead of the aircraft file\'s.',
+        ),
+    ] = None
+    runs: Annotated[
+        Path | None,
+        typer.Option(
+            "--runs",
+            metavar="FILE",
+            help="Runs to use: a runs.toml written by an earlier analysis and edited (keep, start, end, kind).",
+        ),
+    ] = None
+    magnetometer: Annotated[
+        Path | None,
+        typer.Option("--magnetometer", metavar="FILE", help="Magnetometer calibration to use instead of the log's."),
+    ] = None
+    transducers: Annotated[
+        Path | None,
+        typer.Option(
+            "--transducers",
+            metavar="FILE",
+            help="Calibration of the differential transducers to use instead of the log's.",
+        ),
+    ] = None
+    thrust_stand: Annotated[
+        Path | None,
+        typer.Option(
+            "--thrust-stand",
+            metavar="FILE",
+            help="Thrust at rest, of `calibrate thrust`, to use instead of the aircraft file's.",
+        ),
+    ] = None
+
+    def replacements(self) -> "Replacements":
+        """What the files contain. Raises InputError when one of them, or the list of runs, cannot be used."""
+        aircraft = load_aircraft(self.aircraft) if self.aircraft else None
+        from flight.propeller_files import load_propeller
+
+        propeller = load_propeller(self.propeller) if self.propeller else None
+        from analysis.air.contents import Replacements
+        from analysis.air.magnetometer import MAGNETOMETER_FILE
+        from analysis.air.probe import PROBE_FILE
+        from analysis.air.thrust_stand import THRUST_STAND_FILE
+        from analysis.air.transducers import TRANSDUCERS_FILE
+        from analysis.maneuvers import runs_file
+        from analysis.sources.rest import ZERO_FILE
+
+        if self.runs:
+            runs_file.load(self.runs)  # a wrong one is refused before anything is computed
+        given = ((attachment, getattr(self, field)) for field, attachment in ATTACHMENTS.items())
+        return Replacements(
+            aircraft=aircraft,
+            propeller=propeller,
+            probe=PROBE_FILE.load(self.probe) if self.probe else None,
+            magnetometer=MAGNETOMETER_FILE.load(self.magnetometer) if self.magnetometer else None,
+            transducers=TRANSDUCERS_FILE.load(self.transducers) if self.transducers else None,
+            thrust_stand=THRUST_STAND_FILE.load(self.thrust_stand) if self.thrust_stand else None,
+            zero=ZERO_FILE.load(self.zero).by_channel() if self.zero else None,
+            weight_N=self.weight_N,
+            files={attachment: str(path) for attachment, path in given if path is not None},
+        )
+
+
+@dataclass(frozen=True)
+class Options(LogOptions):
+    """What `analyze` is asked for, of each log. Raises InputError for a text that is not what it should be."""
+
+    columns: Annotated[
+        Path | None,
+        typer.Option(
+            "--columns",
+            metavar="FILE",
+            help="Map of the columns of a table (CSV, Parquet, .mat), of `flightpower new columns`; default:"
+            " LOG.columns.toml or columns.toml beside it.",
+        ),
+    ] = None
+    polar: Annotated[
+        Path | None,
+        typer.Option(
+            "--polar",
+            metavar="FILE",
+            help="Drag polar that XFLR5, AVL or AeroSandbox predicted, to draw beside the measured one.",
+        ),
+    ] = None
+    likelihood: Annotated[
+        bool,
+        typer.Option(
+            "--likelihood",
+            help="Also apply the two maximum-likelihood methods of the source (docs/understand/methods.md); of"
+            " a flight of 20 minutes it takes half a minute.",
+        ),
+    ] = False
+    battery_Wh: Annotated[
+        str | None,
+        typer.Option(
+            "--battery-Wh",
+            metavar="ENERGY",
+            help='Energy of the battery [Wh], such as 74, or "5000 mAh, 14.8 V"; default: that of the aircraft file.',
+        ),
+    ] = None
+    usable: Annotated[
+        str | None,
+        typer.Option("--usable", metavar="SHARE", help="Usable share of that energy; default: 0.8, which is 80%."),
+    ] = None
+    weights: Annotated[
+        str | None,
+        typer.Option(
+            "--weights",
+            metavar="LIST",
+            help='Weights to compute, such as "3.8 kg, 9 lbf"; default: 300 and 600 g more than flown.',
+        ),
+    ] = None
+    density_altitudes: Annotated[
+        str | None,
+        typer.Option(
+            "--density-altitudes",
+            metavar="LIST",
+            help='Density altitudes to compute, such as "0 m, 5000 ft"; default: 15 °C hotter and 1000 m higher.',
+        ),
+    ] = None
+    mass_kg: Annotated[
+        float | None,
+        typer.Option(
+            "--mass",
+            metavar="MASS",
+            parser=quantity("--mass", "kg", '"9 lb"', above=0, most=1000),
+            help='Mass [kg], such as 9.4 or "21 lb", for a log of an autopilot.',
+        ),
+    ] = None
+    wing_area_m2: Annotated[
+        float | None,
+        typer.Option(
+            "--wing-area",
+            metavar="AREA",
+            parser=quantity("--wing-area", "m^2", '"5 ft^2"', above=0, most=200),
+            help='Wing area [m^2], such as 1.5 or "16 ft^2", for a log of an autopilot.',
+        ),
+    ] = None
+    span_m: Annotated[
+        float | None,
+        typer.Option(
+            "--span",
+            metavar="LENGTH",
+            parser=quantity("--span", "m", '"13 ft"', above=0, most=100),
+            help='Span [m], such as 4 or "13 ft", for a log of an autopilot.',
+        ),
+    ] = None
+    air_temperature_K: Annotated[
+        float | None,
+        typer.Option(
+            "--air-temperature",
+            metavar="TEMPERATURE",
+            parser=quantity("--air-temperature", "K", '"20 degC"', above=200, most=340),
+            help='Air temperature in flight, such as "20 degC", for a log of an autopilot.',
+        ),
+    ] = None
+
+    def __post_init__(self) -> None:
+        self.request  # noqa: B018  # a wrong text is refused at once
+
+    @cached_property
+    def request(self) -> Request:
+        """Battery, weights and density altitudes to compute performance for."""
+        return parse_request(self.battery_Wh, self.usable, self.weights, self.density_altitudes)

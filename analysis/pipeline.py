@@ -5,16 +5,16 @@ from pathlib import Path
 
 from msgspec import structs
 
-from analysis.drag.estimate import Estimated, by_simpler_method, estimated
-from analysis.electrical.daemon_log import WholeFlight, whole_flight
+from analysis.air.contents import Replacements
 from analysis.flight import Progress, as_measured, reconstructed, recorded, synchronized, with_runs
-from analysis.log_contents import Replacements
+from analysis.methods.ladder import Estimated, by_simpler_method, estimated
+from analysis.methods.whole_flight.method import WholeFlight, whole_flight
+from analysis.missions.next_flight import next_flight
 from analysis.performance.analysis import Performance, compute
 from analysis.performance.request import Request
-from analysis.planning.next_flight import next_flight
+from analysis.records.flight import Results, Trust
 from analysis.results.assemble import assemble
-from analysis.results.trust import with_trust
-from analysis.schema import Results, Trust
+from analysis.results.evidence import with_trust
 from analysis.trajectory.consistency import Consistency, consistency
 from analysis.trajectory.observability import misfit
 from flight.log_reader import Log

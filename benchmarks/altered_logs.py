@@ -32,8 +32,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 import numpy as np
 import typer
 
-from analysis.autopilot_logs.ardupilot import read_ardupilot
-from analysis.autopilot_logs.px4 import read_px4
+from analysis.sources.ardupilot import read_ardupilot
+from analysis.sources.px4 import read_px4
 from flight.errors import InputError
 from sim.dataflash_writer import DataflashMessages, write_dataflash, write_text
 from sim.telemetry_writer import write_telemetry

@@ -14,12 +14,12 @@ from estimators import speeds
 from flights import Rows, Setup
 from scipy.optimize import brentq
 
-from analysis.drag import dynamic
+from analysis.curve import Condition, lift_coefficient
 from analysis.maneuvers.find_level import find_runs
+from analysis.methods import dynamic
 from analysis.performance.analysis import performance_model, power_train_data
 from analysis.performance.climb import full_throttle_performance
 from analysis.performance.level_flight import PerformanceModel, level_flight
-from analysis.polar import Condition, lift_coefficient
 from analysis.trajectory.reconstruction import reconstruct
 from flight.aircraft import Aircraft, load_aircraft
 from flight.errors import InputError

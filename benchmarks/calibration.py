@@ -17,10 +17,10 @@ import typer
 from numpy.typing import NDArray
 from records import Record, counted, markdown, rounded
 
-from analysis.airdata.line_calibration import find_steps, fit_lag, through
-from analysis.airdata.probe import ProbeCalibration, ProbeFlow, flow_at_probe
-from analysis.airdata.probe_calibration import TunnelData, calibrate
-from analysis.airdata.tubing import air, low_frequency_lag_s, response
+from analysis.air.probe import ProbeCalibration, ProbeFlow, flow_at_probe
+from analysis.air.tubing import air, low_frequency_lag_s, response
+from analysis.calibrations.probe import TunnelData, calibrate
+from analysis.calibrations.tubing import find_steps, fit_lag, through
 from analysis.estimation.noise import NORMAL_95
 from flight.aircraft import PneumaticLine
 from sim.sensors.probe import port_pressures

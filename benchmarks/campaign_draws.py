@@ -10,9 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.pooling.flight_statistics import POOLED, FlightStatistics, M
-from analysis.pooling.joint import OWN_CHANGES, stacked
-from analysis.pooling.pool import Pool, pool
+from analysis.flights.flight_statistics import POOLED, FlightStatistics, M
+from analysis.flights.joint import OWN_CHANGES, stacked
+from analysis.flights.pool import Pool, pool
 from sim.sensors.budget import load_budget
 
 Array = NDArray[np.float64]

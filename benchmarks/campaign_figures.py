@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from records import Record, counted, markdown, rounded
 from worlds import Points, world_records
 
+from analysis.curve import Polar, power_required
 from analysis.estimation.noise import NORMAL_95
-from analysis.polar import Polar, power_required
-from analysis.pooling.comparison import compare, flights_to_see
-from analysis.pooling.flight_statistics import read_statistics
-from analysis.pooling.pool import Pool, pool_results
+from analysis.flights.comparison import compare, flights_to_see
+from analysis.flights.flight_statistics import read_statistics
+from analysis.flights.pool import Pool, pool_results
 from flight.aircraft import load_aircraft
 
 Array = NDArray[np.float64]

@@ -27,15 +27,15 @@ from campaign_draws import MORE_DRAG
 from estimators import speeds
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.airdata.flight_data import Calibrations
-from analysis.airdata.probe import ProbeCalibration
-from analysis.drag import dynamic
-from analysis.drag.assumed_values import with_assumption_uncertainty, with_transducer_uncertainty
-from analysis.drag.dynamic import DynamicEstimate
-from analysis.flown import flown_condition, flown_lift
+from analysis.air.flight_data import Calibrations
+from analysis.air.flown import flown_condition, flown_lift
+from analysis.air.probe import ProbeCalibration
 from analysis.maneuvers.kinds import Maneuver
 from analysis.maneuvers.runs_file import select
-from analysis.results.pooling_statistics import pooling_statistics
+from analysis.methods import dynamic
+from analysis.methods.assumed_values import with_assumption_uncertainty, with_transducer_uncertainty
+from analysis.methods.dynamic import DynamicEstimate
+from analysis.results.assemble import pooling_statistics
 from analysis.trajectory.observability import prior_conflict, with_misfit
 from analysis.trajectory.priors import SensorPriors, stated_sigma
 from analysis.trajectory.reconstruction import Trajectory, reconstruct

@@ -22,7 +22,7 @@ import msgspec
 import numpy as np
 from flights import Rows, Setup, tunnel_probe
 
-from analysis.polar import Condition, Polar, power_required
+from analysis.curve import Condition, Polar, power_required
 from flight.aircraft import load_aircraft
 
 ALONE = {"one acceleration": "acceleration", "one deceleration": "deceleration"}

@@ -20,12 +20,12 @@ import typer
 from electrical import AUTOPILOTS, CLOSED_LOOP, true_power
 from flights import Setup, flown
 
-from analysis.electrical.estimate import estimate
-from analysis.electrical.flight_table import flight_table
 from analysis.estimation.noise import NORMAL_95
+from analysis.methods.whole_flight.curve import estimate
+from analysis.methods.whole_flight.flight_table import flight_table
+from analysis.performance.autopilot_parameters import flight_values
+from analysis.records.flight import Interval
 from analysis.results.electrical import ElectricalFindings, _beside_the_curve
-from analysis.results.electrical_parameters import flight_values
-from analysis.schema import Interval
 from flight.atmosphere import SEA_LEVEL_DENSITY
 from flight.complete_aircraft import load_complete_aircraft
 from flight.errors import InputError

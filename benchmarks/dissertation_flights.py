@@ -10,12 +10,12 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from analysis.drag import likelihood
+from analysis.curve import Condition, power_required
 from analysis.estimation import uncertainty
 from analysis.estimation.fit import Fit
 from analysis.maneuvers.kinds import LEVEL_RUNS, STANDING, Maneuver, Maneuvers
+from analysis.methods import likelihood
 from analysis.pipeline import Analysis, analyze
-from analysis.polar import Condition, power_required
 from flight.aircraft import load_aircraft
 from flight.log_reader import read_log
 

@@ -13,19 +13,19 @@ import numpy as np
 from flights import Rows, Setup, flown
 from numpy.typing import NDArray
 
-from analysis.autopilot_logs.ardupilot import read_ardupilot
-from analysis.autopilot_logs.px4 import read_px4
-from analysis.autopilot_logs.recording import AIRSPEED_PRESSURE, MOTOR, Channel, FlightRecording
-from analysis.electrical.drag import DragWithheld, ThrustSource, drag_estimate
-from analysis.electrical.estimate import FlownAircraft, estimate
-from analysis.electrical.flight_table import flight_table
-from analysis.electrical.thrust_balance import motor_constants
 from analysis.estimation.noise import NORMAL_95
-from analysis.pooling.electrical import compare_electrical, electrical_pool
+from analysis.flights.electrical import compare_electrical, electrical_pool
+from analysis.methods.whole_flight.curve import FlownAircraft, estimate
+from analysis.methods.whole_flight.drag import DragWithheld, ThrustSource, drag_estimate
+from analysis.methods.whole_flight.flight_table import flight_table
+from analysis.methods.whole_flight.thrust_balance import motor_constants
+from analysis.records.flight import ElectricalFlight
 from analysis.results.electrical import ElectricalFindings as Found
 from analysis.results.electrical import electrical_results
 from analysis.results.provenance import provenance_of_file
-from analysis.schema import ElectricalFlight
+from analysis.sources.ardupilot import read_ardupilot
+from analysis.sources.px4 import read_px4
+from analysis.sources.recording import AIRSPEED_PRESSURE, MOTOR, Channel, FlightRecording
 from flight.aircraft import Aircraft
 from flight.complete_aircraft import CompleteAircraft, load_complete_aircraft
 from flight.errors import InputError

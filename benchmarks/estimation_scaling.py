@@ -188,7 +188,7 @@ def ratios() -> None:
         row("aeroid", seconds, np.array([results[0].parameters[name] for name in truth]))
     from test_starts_of_an_aircraft import MODEL, NEXSTAR, made_by_the_model
 
-    from analysis.drag import aircraft_models
+    from analysis.methods import aircraft_models
 
     run = made_by_the_model("run", 1)
     first = aircraft_models.starting_values(NEXSTAR, run)

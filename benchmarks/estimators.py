@@ -12,12 +12,12 @@ import pandas as pd
 from flights import Rows, Setup
 from numpy.polynomial import Polynomial
 
-from analysis.airdata.transducers import air_data_errors
-from analysis.drag import cross_check as checks
-from analysis.drag import dynamic
+from analysis.air.transducers import air_data_errors
+from analysis.curve import Condition, Polar, power_required
 from analysis.estimation.noise import NORMAL_95
 from analysis.maneuvers.find_level import find_runs
-from analysis.polar import Condition, Polar, power_required
+from analysis.methods import cross_check as checks
+from analysis.methods import dynamic
 from analysis.trajectory.equations import SENSOR_ERRORS, STATES
 from analysis.trajectory.priors import SensorPriors
 from analysis.trajectory.reconstruction import Trajectory, reconstruct

@@ -46,7 +46,7 @@ from evidence_figures import coverage_by_world, error_by_speed
 from flights import Setup
 from records import Record, markdown, rounded, text, with_lead
 
-from analysis.schema import Trust
+from analysis.records.flight import Trust
 from sim.world import load_world
 
 ROOT = Path(__file__).parents[1]

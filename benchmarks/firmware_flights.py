@@ -14,14 +14,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.autopilot_logs.ardupilot import read_ardupilot
-from analysis.electrical.estimate import ElectricalEstimate, estimate
-from analysis.electrical.flight_table import flight_table
-from analysis.electrical.simulated_truth import SimulatedTruth, compared
 from analysis.estimation.noise import NORMAL_95
-from analysis.results.autopilot_parameters import typed_in
+from analysis.methods.whole_flight.curve import ElectricalEstimate, estimate
+from analysis.methods.whole_flight.flight_table import flight_table
+from analysis.methods.whole_flight.simulated_truth import SimulatedTruth, compared
+from analysis.performance.autopilot_parameters import flight_values, typed_in
 from analysis.results.electrical import UNKNOWN
-from analysis.results.electrical_parameters import flight_values
+from analysis.sources.ardupilot import read_ardupilot
 from flight.units import GRAVITY_MPS2 as g
 
 Array = NDArray[np.float64]

@@ -9,8 +9,8 @@
     python benchmarks/fleet.py listing --keys 100000
 
 Flights are drawn from the model of the pool, with rows like those of flights of 21 minutes in 3 kt that were simulated
-and analyzed, with which `generator` compares them (`tests/analysis/fleet/measured_row.py`); `--noise 3` draws them with
-three times the errors. `cluster` analyzes logs of simulated flights from a store that speaks S3, with Dask.
+and analyzed, with which `generator` compares them (`tests/analysis/flights/measured_row.py`); `--noise 3` draws them
+with three times the errors. `cluster` analyzes logs of simulated flights from a store that speaks S3, with Dask.
 """
 
 import os
@@ -40,18 +40,18 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "analysis" / "fleet
 from fleet_flights import POLAR, flights_of
 from measured_row import FILE, RowModel, mean_row, measured_row, written
 
-from analysis.campaign.addresses import find_logs, place
-from analysis.campaign.folders import names
+from analysis.curve import Polar, power_required
 from analysis.estimation.noise import NORMAL_95
-from analysis.fleet.airframes import airframe, airframes, fleet_curve
-from analysis.fleet.changes import Series, find_changes, least_gain, series
-from analysis.fleet.dataset import Dataset
-from analysis.fleet.results import What
-from analysis.fleet.summary import fleet_results
-from analysis.polar import Polar, power_required
-from analysis.pooling.flight_statistics import read_statistics
-from analysis.pooling.pool import pool_results
-from analysis.report.fleet_page import render_fleet
+from analysis.flights.airframes import airframe, airframes, fleet_curve
+from analysis.flights.campaign.addresses import find_logs, place
+from analysis.flights.campaign.folders import names
+from analysis.flights.changes import Series, find_changes, least_gain, series
+from analysis.flights.dataset import Dataset
+from analysis.flights.fleet_summary import fleet_results
+from analysis.flights.flight_statistics import read_statistics
+from analysis.flights.pool import pool_results
+from analysis.pages.fleet_page import render_fleet
+from analysis.records.fleet import What
 from tests import browser, s3_server
 
 A_YEAR, BEFORE = 200, 100  # flights; and before the change

@@ -17,13 +17,13 @@ import numpy as np
 import pandas as pd
 from scipy.interpolate import CubicSpline
 
-from analysis.airdata.air import air_data, specific_force_at_cg
-from analysis.airdata.probe import ProbeCalibration
-from analysis.airdata.probe_calibration import calibrate, read_tunnel
-from analysis.airdata.transducers import CHANNELS, Plateau, TransducerCalibration
-from analysis.ground.transducers import calibrate as calibrate_transducers
-from analysis.signals.channels import speed_scale
-from analysis.signals.rest import Zeros, rest_segments, without_zeros, zeros
+from analysis.air.air import air_data, specific_force_at_cg
+from analysis.air.probe import ProbeCalibration
+from analysis.air.transducers import CHANNELS, Plateau, TransducerCalibration
+from analysis.calibrations.probe import calibrate, read_tunnel
+from analysis.calibrations.transducers import calibrate as calibrate_transducers
+from analysis.sources.daemon import speed_scale
+from analysis.sources.rest import Zeros, rest_segments, without_zeros, zeros
 from flight.aircraft import Aircraft
 from flight.errors import InputError
 from flight.propeller_files import load_propeller
@@ -95,7 +95,7 @@ class Flown(NamedTuple):
 
     flight: Flight
     sensor_truth: FlightSensorTruth
-    table: pd.DataFrame  # as `analysis.signals.channels.synchronize` leaves it
+    table: pd.DataFrame  # as `analysis.sources.daemon.synchronize` leaves it
 
 
 def flown(
@@ -132,7 +132,7 @@ def _flown(arguments: bytes) -> Flown:
 
 
 def sensor_table(sensor_truth: FlightSensorTruth, aircraft: Aircraft) -> pd.DataFrame:
-    """What `analysis.signals.channels.synchronize` would make of the flight's log, but for counts and jitter."""
+    """What `analysis.sources.daemon.synchronize` would make of the flight's log, but for counts and jitter."""
     t = np.arange(0, sensor_truth.duration_s, TICK_S)
     fine = (t[:, None] + (np.arange(SAMPLES) - (SAMPLES - 1) / 2) * FIFO_S).ravel()
     force, rate = (values.reshape(-1, SAMPLES, 3).mean(axis=1) for values in sensor_truth.imu(fine))

@@ -126,7 +126,7 @@ def one(name: str, inputs: int = 50_000, seed: int = 1) -> None:
     import atheris
 
     with atheris.instrument_imports(
-        include=["daq", "flight", "analysis.autopilot_logs", "analysis.airdata", "analysis.electrical"]
+        include=["daq", "flight", "analysis.sources", "analysis.air", "analysis.methods.whole_flight"]
     ):
         from tests.fuzz_targets import TARGETS
     folder = Path(tempfile.mkdtemp())

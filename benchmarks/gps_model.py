@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 import typer
 
-from analysis.schema import Results
+from analysis.records.flight import Results
 
 COMMAND = (sys.executable, "-m", "flightpower")
 # Without the last two commands, which set the dynamic model and read it back.

@@ -30,12 +30,12 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment
 from rich.console import Console
 
-from analysis.campaign.addresses import FoundLogs
-from analysis.campaign.campaign import Work, run
-from analysis.campaign.folders import exclusive
-from analysis.campaign.processes import Outcome
-from analysis.cli.one_log import Options
 from analysis.cli.several_logs import files_used, settings
+from analysis.flights.campaign.addresses import FoundLogs
+from analysis.flights.campaign.campaign import Work, run
+from analysis.flights.campaign.folders import exclusive
+from analysis.flights.campaign.processes import Outcome
+from analysis.pages.one_log import Options
 from flight.log_index import MAGIC, RECORD_HEAD
 from flight.log_writer import LogWriter
 

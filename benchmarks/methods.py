@@ -12,16 +12,16 @@ import numpy as np
 import pandas as pd
 from flights import Rows, Setup
 
-from analysis.airdata.probe import ProbeCalibration
-from analysis.drag.dynamic import DynamicEstimate, estimate_polar
-from analysis.drag.method import MethodEstimate
-from analysis.drag.methods import every_method
+from analysis.air.flown import flown_condition, flown_lift
+from analysis.air.probe import ProbeCalibration
+from analysis.curve import Condition, Polar, lift_coefficient, power_required
 from analysis.estimation.noise import NORMAL_95
-from analysis.flown import flown_condition, flown_lift
 from analysis.maneuvers.find import find
 from analysis.maneuvers.kinds import LEVEL_RUNS
-from analysis.polar import Condition, Polar, lift_coefficient, power_required
-from analysis.schema import DisagreementResult
+from analysis.methods.dynamic import DynamicEstimate, estimate_polar
+from analysis.methods.method import MethodEstimate
+from analysis.methods.methods import every_method
+from analysis.records.flight import DisagreementResult
 from analysis.trajectory.reconstruction import reconstruct
 from flight.aircraft import Aircraft, load_aircraft
 from flight.propeller_files import load_propeller

@@ -28,9 +28,9 @@ from flights import Setup
 from planned_aircraft import MODEL, aircraft_of
 
 from analysis.cli.route import read_results
-from analysis.results.autopilot_parameters import PX4
+from analysis.performance.autopilot_parameters import PX4
+from analysis.records.flight import Interval, Results
 from analysis.results.parameter_file import climb_at_cruise, sink_at_fastest
-from analysis.schema import Interval, Results
 from flight.atmosphere import SEA_LEVEL_DENSITY
 from flight.complete_aircraft import CompleteAircraft
 from flight.errors import InputError

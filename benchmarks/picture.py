@@ -12,9 +12,9 @@ import plotly.graph_objects as go
 import typer
 from simulation_figures import picture
 
-from analysis.report.figures.power import power_required
-from analysis.report.figures.style import ORANGE
-from analysis.schema import Results
+from analysis.pages.charts.power import power_required
+from analysis.pages.charts.style import ORANGE
+from analysis.records.flight import Results
 from sim.output_folder import CURVE, LOG
 
 WIDTH, HEIGHT = 1200, 600

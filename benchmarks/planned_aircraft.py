@@ -26,14 +26,14 @@ import numpy as np
 import plans
 import typer
 
+from analysis.curve import Condition, power_required
 from analysis.estimation.noise import NORMAL_95
-from analysis.planning.card import uncovered_mps
-from analysis.planning.expected_aircraft import expected_aircraft
-from analysis.planning.information import half_widths
-from analysis.planning.mission import simulator_plan
-from analysis.planning.pieces import Space
-from analysis.planning.search import Request, plan_flight
-from analysis.polar import Condition, power_required
+from analysis.missions.card import uncovered_mps
+from analysis.missions.expected_aircraft import expected_aircraft
+from analysis.missions.information import half_widths
+from analysis.missions.pieces import Space
+from analysis.missions.plan_mission import simulator_plan
+from analysis.missions.search import Request, plan_flight
 from flight.aircraft import parse_aircraft
 from flight.complete_aircraft import CompleteAircraft, load_complete_aircraft
 from flight.errors import InputError

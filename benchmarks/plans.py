@@ -19,16 +19,16 @@ import pandas as pd
 import typer
 from records import Record, counted, markdown, rounded
 
-from analysis.drag import dynamic
+from analysis.curve import Condition, Polar, power_required
 from analysis.estimation.noise import NORMAL_95
 from analysis.maneuvers.find_level import find_runs
-from analysis.planning.expected_aircraft import ExpectedAircraft, expected_aircraft
-from analysis.planning.information import half_widths
-from analysis.planning.mission import simulator_plan
-from analysis.planning.pieces import Hold, Land, Maneuver, Pilot, Porpoise, Run, Space, Stand, TakeOff, Turn
-from analysis.planning.search import Request, plan_flight, predicted
-from analysis.planning.time_history import fly
-from analysis.polar import Condition, Polar, power_required
+from analysis.methods import dynamic
+from analysis.missions.expected_aircraft import ExpectedAircraft, expected_aircraft
+from analysis.missions.information import half_widths
+from analysis.missions.pieces import Hold, Land, Maneuver, Pilot, Porpoise, Run, Space, Stand, TakeOff, Turn
+from analysis.missions.plan_mission import simulator_plan
+from analysis.missions.search import Request, plan_flight, predicted
+from analysis.missions.time_history import fly
 from analysis.trajectory.priors import SensorPriors
 from analysis.trajectory.reconstruction import reconstruct
 from flight.aircraft import Aircraft, load_aircraft

@@ -24,21 +24,21 @@ import pandas as pd
 from numpy.typing import NDArray
 from records import Record, markdown, rounded
 
-from analysis.autopilot_logs.paparazzi import read_paparazzi
-from analysis.autopilot_logs.recording import FlightRecording
-from analysis.electrical.daemon_log import recording_of
-from analysis.electrical.estimate import ElectricalEstimate, estimate
-from analysis.electrical.flight_table import FlightTable, flight_table
+from analysis.air.contents import Replacements
 from analysis.estimation.noise import NORMAL_95
-from analysis.log_contents import Replacements
+from analysis.methods.whole_flight.curve import ElectricalEstimate, estimate
+from analysis.methods.whole_flight.flight_table import FlightTable, flight_table
+from analysis.methods.whole_flight.method import recording_of
 from analysis.pipeline import analyze
-from analysis.schema import Results
-from analysis.tables.column_map import load_map, mapped_channels
-from analysis.tables.draft import draft
-from analysis.tables.log_of_table import as_log, log_of_table
-from analysis.tables.position import velocity_by_position
-from analysis.tables.quantities import Quantity
-from analysis.tables.read import read_columns
+from analysis.records.flight import Results
+from analysis.sources.column_map import load_map, mapped_channels
+from analysis.sources.map_draft import draft
+from analysis.sources.paparazzi import read_paparazzi
+from analysis.sources.position import velocity_by_position
+from analysis.sources.quantities import Quantity
+from analysis.sources.recording import FlightRecording
+from analysis.sources.table import as_log, log_of_table
+from analysis.sources.table_file import read_columns
 from flight.aircraft import parse_aircraft
 from flight.errors import InputError
 from flight.log_reader import Log

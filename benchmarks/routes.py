@@ -34,18 +34,18 @@ from records import Record, counted, markdown, rounded
 from rich.console import Console
 from rich.progress import track
 
-from analysis.airdata.flight_data import Calibrations
-from analysis.electrical.settings import GPS
+from analysis.air.flight_data import Calibrations
+from analysis.curve import Condition
+from analysis.flights.pool import pool_results
+from analysis.flights.power_train import pooled_use
+from analysis.methods.whole_flight.settings import GPS
+from analysis.missions.energy import Battery, ground_speed
+from analysis.missions.mission import HOME, Mission, Place, Step, Wind
+from analysis.missions.power import aerodynamic_source
+from analysis.missions.prediction import RESOLUTION, Air, Flight, Route
 from analysis.performance.level_flight import PerformanceModel
 from analysis.performance.stored_model import model_of, model_result
-from analysis.polar import Condition
-from analysis.pooling.pool import pool_results
-from analysis.pooling.power_train import pooled_use
-from analysis.results.pooling_statistics import pooling_statistics
-from analysis.route.energy import Battery, ground_speed
-from analysis.route.mission import HOME, Mission, Place, Step, Wind
-from analysis.route.power import aerodynamic_source
-from analysis.route.prediction import RESOLUTION, Air, Flight, Route
+from analysis.results.assemble import pooling_statistics
 from analysis.trajectory import dryden
 from flight.aircraft import Aircraft, Installation, load_aircraft
 from flight.units import GRAVITY_MPS2

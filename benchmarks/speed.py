@@ -42,12 +42,12 @@ from flight.log_reader import read_log
 log = read_log(sys.argv[1])
 step("reading the log")
 try:
-    from analysis.cli.lean_imports import import_lean
+    from analysis.pages.lean_imports import import_lean
     import_lean()
 except ImportError:  # earlier versions
     pass
 from analysis.pipeline import analyze
-from analysis.report.write import write_report
+from analysis.pages.write import write_report
 step("import of the libraries")
 doing = ["units of the aircraft file"]
 def progress(name):

@@ -15,15 +15,15 @@ import numpy as np
 from estimators import speeds
 from flights import Rows, Setup
 
-from analysis.airdata.thrust_stand import ThrustStand
-from analysis.drag import dynamic
-from analysis.drag.methods import every_method, fallback
+from analysis.air.thrust_stand import ThrustStand
+from analysis.calibrations.thrust import StandReadings, calibrate
+from analysis.curve import Condition, Polar, power_required, speed_at
 from analysis.estimation.noise import NORMAL_95
-from analysis.ground.thrust_stand import StandReadings, calibrate
 from analysis.maneuvers.find import find
 from analysis.maneuvers.find_level import find_runs
 from analysis.maneuvers.kinds import LEVEL_RUNS, Maneuver
-from analysis.polar import Condition, Polar, power_required, speed_at
+from analysis.methods import dynamic
+from analysis.methods.methods import every_method, fallback
 from analysis.trajectory.priors import SensorPriors
 from analysis.trajectory.reconstruction import Trajectory, reconstruct
 from flight.aircraft import Aircraft, load_aircraft

@@ -34,14 +34,14 @@ from flights import COLUMN, COLUMN_SCALE, as_read, column_pressures, error_rows,
 from numpy.typing import ArrayLike, NDArray
 from records import Record, counted, markdown, rounded
 
-from analysis.airdata.transducers import TransducerCalibration, plateaus, readings
-from analysis.drag import cross_check
-from analysis.ground.transducers import calibrate
-from analysis.log_contents import Replacements
+from analysis.air.contents import Replacements
+from analysis.air.transducers import TransducerCalibration, plateaus, readings
+from analysis.calibrations.transducers import calibrate
+from analysis.curve import Condition
+from analysis.methods import cross_check
 from analysis.pipeline import Analysis, analyze
-from analysis.polar import Condition
+from analysis.records.flight import Trust
 from analysis.results.files import to_json
-from analysis.schema import Trust
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from flight.log_reader import read_log

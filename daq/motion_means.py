@@ -116,7 +116,7 @@ class MotionFromMeans:
         return flow.alpha_rad, flow.beta_rad, q_c / flow.q_ratio
 
     def _banked(self, means: Means, V: float, alpha: float, beta: float) -> float:
-        """Bank angle from the lateral balance of forces (3.7) and the roll rate, as analysis.airdata.air."""
+        """Bank angle from the lateral balance of forces (3.7) and the roll rate, as analysis.air.air."""
         if means.ay_mps2 is None or means.p_radps is None or means.r_radps is None:
             return self._bank or 0.0
         p, r = means.p_radps - self._zeros["p_radps"], means.r_radps - self._zeros["r_radps"]

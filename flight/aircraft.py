@@ -114,8 +114,8 @@ class PneumaticLine:
 class ProbeInstallation:
     """Installation of the five-port probe: position of its tip, upwash there, bending of its boom, pneumatic lines.
 
-    The defaults are those of a probe on the nose of a small aircraft; `analysis.drag.assumed_values` has their standard
-    deviations.
+    The defaults are those of a probe on the nose of a small aircraft; `analysis.methods.assumed_values` has their
+    standard deviations.
     """
 
     position_m: Position = (0.3, 0.0, 0.0)  # from the center of gravity, body axes

@@ -1,6 +1,6 @@
 """The polynomial maps of a probe calibration (`probe.json`), evaluated for single readings in plain Python.
 
-The analysis fits them, and evaluates them for arrays (`analysis.airdata`).
+The analysis fits them, and evaluates them for arrays (`analysis.air`).
 """
 
 from pathlib import Path

@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from analysis import pipeline
-from analysis.cli.options import Options
 from analysis.cli.plan import PlanOptions, flight_plan
-from analysis.exports import tables as exports
+from analysis.flights.comparison import Comparison, compare
+from analysis.flights.pool import Pool, pool_results
+from analysis.missions.search import FlightPlan
+from analysis.options import Options
+from analysis.pages import write
+from analysis.pages.exports import tables as exports
 from analysis.pipeline import Analysis as Flight
-from analysis.planning.search import FlightPlan
-from analysis.pooling.comparison import Comparison, compare
-from analysis.pooling.pool import Pool, pool_results
-from analysis.report import write
-from analysis.results.trust import reasons_not_to_trust
-from analysis.schema import Results
+from analysis.records.flight import Results
+from analysis.results.evidence import reasons_not_to_trust
 from flight.errors import InputError
 from flight.log_reader import Log, read_log
 

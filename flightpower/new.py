@@ -83,7 +83,7 @@ def columns(
       flightpower new columns table.csv -o table.csv.columns.toml
       flightpower new columns table.mat -o map.toml
     """
-    draft = importlib.import_module("analysis.tables.draft")  # needs the laptop's libraries
+    draft = importlib.import_module("analysis.sources.map_draft")  # needs the laptop's libraries
     _write(draft.draft(table, output), output, replace)
 
 

@@ -7,12 +7,12 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from analysis.airdata.magnetometer import MAGNETOMETER_FILE
-from analysis.airdata.probe import PROBE_FILE
-from analysis.airdata.transducers import TRANSDUCERS_FILE
-from analysis.autopilot_logs import ardupilot, px4
-from analysis.electrical.estimate import estimate
-from analysis.electrical.flight_table import flight_table
+from analysis.air.magnetometer import MAGNETOMETER_FILE
+from analysis.air.probe import PROBE_FILE
+from analysis.air.transducers import TRANSDUCERS_FILE
+from analysis.methods.whole_flight.curve import estimate
+from analysis.methods.whole_flight.flight_table import flight_table
+from analysis.sources import ardupilot, px4
 from daq.config import parse_tray
 from daq.log_list import listed
 from daq.log_recovery import recovery_event

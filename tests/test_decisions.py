@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import pytest
 
-from analysis.pooling.flight_statistics import POOLED
+from analysis.flights.flight_statistics import POOLED
 from analysis.trajectory.equations import SENSOR_ERRORS
 
 ROOT = Path(__file__).parents[1]
@@ -28,13 +28,12 @@ LOOKS = {"startswith", "endswith", "removeprefix", "removesuffix", "find", "part
 PATTERNS = {"match", "search", "fullmatch", "findall"}
 # Modules that read texts which others wrote: files, commands, messages of libraries and of the system.
 PARSERS = {
-    "analysis/airdata/probe_calibration.py": "columns of wind-tunnel tables",
-    "analysis/autopilot_logs/": "messages and parameters of autopilots' logs",
+    "analysis/calibrations/": "tables of calibrations, and what the user types",
     "analysis/cli/": "what the user types",
-    "analysis/ground/": "tables of calibrations",
     "analysis/performance/request.py": "what the user types",
-    "analysis/route/mission.py": "what the user types",
-    "analysis/route/mission_files.py": "missions of ground stations",
+    "analysis/missions/mission.py": "what the user types",
+    "analysis/missions/mission_files.py": "missions of ground stations",
+    "analysis/sources/": "messages, parameters and columns of logs that others wrote",
     "daq/config.py": "messages of msgspec",
     "daq/linux_bus.py": "names of the kernel's files",
     "daq/part_identity.py": "answers of parts",

@@ -58,9 +58,9 @@ def test_the_daemon_imports_no_library_of_the_analysis(module: str) -> None:
 def test_the_analysis_of_an_autopilot_s_log_imports_no_casadi() -> None:
     """Its 280 MB are then not needed: the extra [autopilot]. Here are the modules that such an analysis loads."""
     modules = (
-        "analysis.cli.electrical, analysis.electrical.drag, analysis.electrical.estimate, analysis.electrical.throttle,"
-        "analysis.electrical.simulated_truth, analysis.report.electrical_page, analysis.results.electrical,"
-        "analysis.pooling.electrical, analysis.report.pooled_page, analysis.cli.route, analysis.cli.parameters"
+        "analysis.pages.electrical_log, analysis.methods.whole_flight.drag, analysis.methods.whole_flight.curve,"
+        "analysis.methods.whole_flight.simulated_truth, analysis.pages.electrical_page, analysis.results.electrical,"
+        "analysis.flights.electrical, analysis.pages.pooled_page, analysis.cli.route, analysis.cli.parameters"
     )
     code = f"import sys, {modules}; print([name for name in ('casadi', 'plotly') if name in sys.modules])"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
@@ -79,8 +79,8 @@ def test_an_analysis_loads_no_library_that_it_does_not_use() -> None:
     heavy = ["scipy.optimize", "scipy.ndimage", "scipy.signal", "scipy.stats", "scipy.constants"]
     heavy += ["numpy.f2py", "numpy.testing", "pyarrow"]
     code = (
-        "import sys, analysis.cli.analyze; from analysis.cli.lean_imports import import_lean; import_lean();"
-        f"import analysis.pipeline, analysis.report.write; print([name for name in {heavy} if name in sys.modules]);"
+        "import sys, analysis.cli.analyze; from analysis.pages.lean_imports import import_lean; import_lean();"
+        f"import analysis.pipeline, analysis.pages.write; print([name for name in {heavy} if name in sys.modules]);"
         "import io, numpy, pandas;"
         "file = io.BytesIO(); pandas.DataFrame({'V_mps': [1.5]}, index=['a']).to_parquet(file);"
         "print(pandas.read_parquet(file).loc['a', 'V_mps'], numpy.testing.__name__)"
@@ -131,18 +131,3 @@ def test_imports_make_no_circle(of) -> None:
         tuple(TopologicalSorter(of()).static_order())
     except CycleError as error:
         pytest.fail(f"imports go in a circle: {' -> '.join(error.args[1])}")
-
-
-def test_the_root_of_analysis_holds_the_pipeline_and_what_every_folder_uses() -> None:
-    files = {path.name for path in (ROOT / "analysis").glob("*.py")}
-    assert files == {
-        "__init__.py",
-        "pipeline.py",
-        "flight.py",
-        "log_contents.py",
-        "flown.py",
-        "polar.py",
-        "settings.py",
-        "files.py",
-        "schema.py",
-    }

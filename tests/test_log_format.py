@@ -6,7 +6,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from analysis.signals.channels import COLUMNS
+from analysis.sources.daemon import COLUMNS
 from daq.attachments import Attachments, write_attachments
 from flight.aircraft import load_aircraft
 from flight.messages import SECOND_TOPICS, TOPICS_FOR_DRAG, TYPE_OF_TOPIC, Status

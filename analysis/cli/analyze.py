@@ -11,13 +11,12 @@ import typer
 from rich.console import Console
 from typer.core import TyperCommand
 
-from analysis.campaign.addresses import as_file, find_logs, is_address, name_by_address, place, shown
 from analysis.cli.compare import app as compare_app
-from analysis.cli.electrical import Done
-from analysis.cli.one_log import analyze_log, refuse_folder
-from analysis.cli.options import Options
 from analysis.cli.verdict import tell
-from analysis.options import QuietOption
+from analysis.flights.campaign.addresses import as_file, find_logs, is_address, name_by_address, place, shown
+from analysis.options import Options, QuietOption
+from analysis.pages.electrical_log import Done
+from analysis.pages.one_log import analyze_log, refuse_folder
 from flight.command_line import ExitCode, application, run, takes_options
 from flight.errors import InputError
 

@@ -40,12 +40,12 @@ def compare(
     if output is not None:
         check_writable(output / "report.html")
         _check_no_other_results(output / "results.json")
-    from analysis.campaign.campaign import flight_folders_of, read_results
-    from analysis.pooling.comparison import compare as compare_pools
-    from analysis.pooling.electrical import compare_electrical, electrical_flights
-    from analysis.pooling.pool import pool_results
-    from analysis.report.terminal import print_comparison
-    from analysis.report.write import write_comparison
+    from analysis.flights.campaign.campaign import flight_folders_of, read_results
+    from analysis.flights.comparison import compare as compare_pools
+    from analysis.flights.electrical import compare_electrical, electrical_flights
+    from analysis.flights.pool import pool_results
+    from analysis.pages.terminal import print_comparison
+    from analysis.pages.write import write_comparison
 
     sides = [read_results(flight_folders_of(folder)) for folder in (a, b)]
     for folder, side in zip((a, b), sides, strict=True):
@@ -70,8 +70,8 @@ def compare(
 
 def _check_no_other_results(path: Path) -> None:
     """Raises InputError where there are results of something else, such as of a flight that is compared."""
-    from analysis.campaign.campaign import read_json
-    from analysis.pooling.results import COMPARISON_FORMAT
+    from analysis.flights.campaign.campaign import read_json
+    from analysis.records.pool import COMPARISON_FORMAT
 
     if path.exists() and read_json(path).get("format") != COMPARISON_FORMAT:
         raise InputError(f"{path.parent}: has results of `analyze`, which must not be replaced; give another folder")

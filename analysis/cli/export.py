@@ -6,10 +6,9 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from analysis.cli.options import LogOptions
 from analysis.cli.verdict import tell
-from analysis.exports import FOLDERS, KINDS
-from analysis.options import QuietOption, ReplaceOption
+from analysis.options import LogOptions, QuietOption, ReplaceOption
+from analysis.pages.exports import FOLDERS, KINDS
 from flight.command_line import ExitCode, application, run, takes_options
 from flight.errors import InputError
 from flight.files import check_new_file
@@ -69,7 +68,7 @@ def export(
     with stderr.status("reading the log …") as status:
         recorded = read_log(log)
         given = options.replacements()
-        from analysis.exports.tables import export_tables, tables_of
+        from analysis.pages.exports.tables import export_tables, tables_of
         from analysis.pipeline import analyze
 
         analysis = analyze(recorded, given, lambda step: status.update(f"{step} …"), runs_file=options.runs)

@@ -34,8 +34,8 @@ def add(
 
     Exit code 0: done. 2: a folder or the dataset cannot be used; one line on stderr says why.
     """
-    from analysis.campaign.campaign import flight_folders_of, read_results
-    from analysis.fleet.dataset import Dataset
+    from analysis.flights.campaign.campaign import flight_folders_of, read_results
+    from analysis.flights.dataset import Dataset
 
     console = Console(highlight=False)
     found = read_results([flight for folder in folders for flight in flight_folders_of(folder)])
@@ -83,11 +83,11 @@ def show(
     import msgspec
 
     from analysis.files import write_file
-    from analysis.fleet.airframes import airframes
-    from analysis.fleet.dataset import Dataset
-    from analysis.fleet.summary import fleet_results
-    from analysis.report.fleet_page import render_fleet
-    from analysis.report.terminal import print_fleet
+    from analysis.flights.airframes import airframes
+    from analysis.flights.dataset import Dataset
+    from analysis.flights.fleet_summary import fleet_results
+    from analysis.pages.fleet_page import render_fleet
+    from analysis.pages.terminal import print_fleet
 
     unread: list[str] = []
     results = fleet_results(airframes(Dataset(dataset), false_alarms, unread, airframe or ()), unread)

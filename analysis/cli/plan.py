@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
+from analysis.missions.plan_settings import LEG
 from analysis.options import ReplaceOption
-from analysis.planning.settings import LEG
 from flight.aircraft import Aircraft, load_aircraft, shipped_aircraft
 from flight.command_line import application, quantity, run, takes_options
 from flight.errors import InputError
 from flight.files import check_new_file
 
 if TYPE_CHECKING:
-    from analysis.planning.search import FlightPlan
+    from analysis.missions.search import FlightPlan
 
 app = application()
 
@@ -187,8 +187,8 @@ def plan(
     check_new_file(folder / "plan.toml", replace=replace)
 
     made = flight_plan(aircraft, options)
-    from analysis.planning.card import card, runs_to_tick_off
-    from analysis.planning.mission import Home, qgroundcontrol_plan, simulator_plan, waypoint_file
+    from analysis.missions.card import card, runs_to_tick_off
+    from analysis.missions.plan_mission import Home, qgroundcontrol_plan, simulator_plan, waypoint_file
 
     files = {
         "plan.toml": simulator_plan(made.maneuvers, made.aircraft, made.request),
@@ -219,10 +219,10 @@ def _aircraft(name_or_path: str, options: PlanOptions) -> Aircraft:
 
 def flight_plan(aircraft: str, options: PlanOptions) -> "FlightPlan":
     """The plan for an aircraft, a shipped one or a file. Raises InputError."""
-    from analysis.planning import information
-    from analysis.planning.expected_aircraft import expected_aircraft
-    from analysis.planning.pieces import Pilot, Space
-    from analysis.planning.search import Request, plan_flight
+    from analysis.missions import information
+    from analysis.missions.expected_aircraft import expected_aircraft
+    from analysis.missions.pieces import Pilot, Space
+    from analysis.missions.search import Request, plan_flight
 
     results = [information.read_results(path) for path in options.after or []]
     expected = expected_aircraft(
@@ -252,7 +252,7 @@ def place_of(text: str) -> tuple[float, float]:
 
 
 def _print(made: "FlightPlan", folder: Path, files: list[str], *, stall_given: bool) -> None:
-    from analysis.planning import card as texts
+    from analysis.missions import card as texts
 
     console = Console(highlight=False, soft_wrap=True)
     console.print(f"Plan for {made.question.title}: {made.seconds / 60:.1f} min, {made.request.wind_kt:g} kt")

@@ -14,10 +14,10 @@ from flight.errors import InputError
 from flight.files import check_new_file
 
 if TYPE_CHECKING:
-    from analysis.route.inputs import RouteInput
-    from analysis.route.mission import Mission, Speed, Wind
-    from analysis.route.prediction import Flight, Objective
-    from analysis.schema import Results
+    from analysis.missions.inputs import RouteInput
+    from analysis.missions.mission import Mission, Speed, Wind
+    from analysis.missions.prediction import Flight, Objective
+    from analysis.records.flight import Results
 
 app = application()
 Read = TypeVar("Read", "Results", "RouteInput")
@@ -237,8 +237,8 @@ def route(
         check_new_file(map_file, replace=replace)
     if (mission is None) == (options.legs is None):
         raise InputError('give a mission file or --legs "3 km 045, 2 km 135", one of them')
-    from analysis.route.mission import parse_wind
-    from analysis.route.prediction import predict
+    from analysis.missions.mission import parse_wind
+    from analysis.missions.prediction import predict
 
     wind = parse_wind(wind_text, options.wind_sd_mps)
     asked = _asked_speed(options.speed)
@@ -250,12 +250,12 @@ def route(
 
         print(msgspec.json.encode(result).decode())
     else:
-        from analysis.route.text import lines
+        from analysis.missions.route_text import lines
 
         for line in lines(result):
             print(line)
     if map_file is not None:
-        from analysis.route.figure import map_svg
+        from analysis.pages.charts.route_map import map_svg
 
         map_file.write_text(map_svg(result, flown, wind), "utf-8")
     raise typer.Exit(ExitCode.DONE if result.probability >= result.sure else ExitCode.FAILURE)
@@ -263,8 +263,8 @@ def route(
 
 def _mission(path: Path | None, options: RouteOptions) -> "Mission":
     from analysis.cli.plan import place_of
-    from analysis.route.mission import parse_legs, with_return
-    from analysis.route.mission_files import Assumed, load_mission
+    from analysis.missions.mission import parse_legs, with_return
+    from analysis.missions.mission_files import Assumed, load_mission
     from flight.units import GRAVITY_MPS2
 
     if path is None:
@@ -275,8 +275,8 @@ def _mission(path: Path | None, options: RouteOptions) -> "Mission":
 
 def _asked_speed(text: str) -> "Speed | Objective | None":
     """None: the mission's. Raises InputError."""
-    from analysis.route.mission import Speed
-    from analysis.route.prediction import Objective
+    from analysis.missions.mission import Speed
+    from analysis.missions.prediction import Objective
 
     if text == SpeedChoice.MISSION:
         return None
@@ -292,9 +292,9 @@ def _asked_speed(text: str) -> "Speed | Objective | None":
 
 def _flight(results: "RouteInput", wind: "Wind", speed: "Speed | Objective | None", options: RouteOptions) -> "Flight":
     """Raises InputError where the battery's energy or the air is not known."""
+    from analysis.missions.energy import Battery
+    from analysis.missions.prediction import Air, Flight
     from analysis.performance.request import parse_request, voltage_of
-    from analysis.route.energy import Battery
-    from analysis.route.prediction import Air, Flight
     from flight.atmosphere import pressure_at, temperature_at
 
     asked = parse_request(options.battery_Wh, options.usable)
@@ -334,21 +334,21 @@ def _flight(results: "RouteInput", wind: "Wind", speed: "Speed | Objective | Non
 
 def read_route_input(path: Path) -> "RouteInput":
     """As `read_results`, of one flight or of a pool."""
-    from analysis.route.inputs import FORMATS, RouteInput
+    from analysis.missions.inputs import FORMATS, RouteInput
 
     return _trusted(path, RouteInput, FORMATS)
 
 
 def read_results(path: Path) -> "Results":
     """Doubts go to stderr. Raises InputError when it is something else, or not to be trusted."""
-    from analysis.schema import FORMAT, Results
+    from analysis.records.flight import FORMAT, Results
 
     return _trusted(path, Results, (FORMAT,))
 
 
 def _trusted(path: Path, content: type[Read], formats: tuple[str, ...]) -> Read:
-    from analysis.results.trust import sentence
-    from analysis.schema import Trust
+    from analysis.records.flight import Trust
+    from analysis.results.evidence import sentence
     from flight.files import JsonFormat, json_object_text
 
     of = "results of `analyze`"

@@ -17,24 +17,23 @@ from mcap.records import Attachment, AttachmentIndex, Footer, SummaryOffset
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from analysis.autopilot_logs.recognize import autopilot_of
-from analysis.campaign.addresses import FoundLogs, Log, RemoteLog, file_system
-from analysis.campaign.campaign import Campaign, Work, run
-from analysis.campaign.folders import exclusive
-from analysis.campaign.processes import Outcome, below
-from analysis.campaign.processes import Progress as Step
-from analysis.cli.one_log import analyze_log
-from analysis.cli.options import ATTACHMENTS, Options
 from analysis.cli.verdict import tell
-from analysis.options import option_name
-from analysis.tables.column_map import map_files
+from analysis.flights.campaign.addresses import FoundLogs, Log, RemoteLog, file_system
+from analysis.flights.campaign.campaign import Campaign, Work, run
+from analysis.flights.campaign.folders import exclusive
+from analysis.flights.campaign.processes import Outcome, below
+from analysis.flights.campaign.processes import Progress as Step
+from analysis.options import ATTACHMENTS, Options, option_name
+from analysis.pages.one_log import analyze_log
+from analysis.sources.column_map import map_files
+from analysis.sources.recognize import autopilot_of
 from flight.aircraft import load_aircraft, parse_aircraft
 from flight.command_line import ExitCode
 from flight.errors import InputError
 from flight.log_index import FOOTER_BYTES, MAGIC, RECORD_HEAD
 from flight.shipped_propellers import shipped_propellers
 
-PRELOAD = ("analysis.pipeline", "analysis.report.write", "analysis.report.terminal")  # of each analysis
+PRELOAD = ("analysis.pipeline", "analysis.pages.write", "analysis.pages.terminal")  # of each analysis
 
 
 @dataclass(frozen=True)
@@ -96,7 +95,7 @@ def analyze_logs(
 
 
 def _load_report() -> None:
-    for module in ("analysis.campaign.campaign", "analysis.pooling.pool", "analysis.report.write"):
+    for module in ("analysis.flights.campaign.campaign", "analysis.flights.pool", "analysis.pages.write"):
         importlib.import_module(module)
 
 
@@ -106,12 +105,12 @@ def _pool(campaign: Campaign, output: Path, quiet: bool) -> ExitCode:
     Raises InputError when they cannot be pooled.
     """
     with Console(stderr=True, quiet=quiet).status(f"pooling {len(campaign.folders)} flights …"):
-        from analysis.campaign.campaign import read_results
-        from analysis.pooling.electrical import electrical_flights, electrical_pool, pooled_results
-        from analysis.pooling.evidence import against_electrical
-        from analysis.pooling.pool import pool_results
-        from analysis.report.terminal import print_electrical_pool, print_pooled
-        from analysis.report.write import write_electrical_flights, write_electrical_pool, write_pooled
+        from analysis.flights.campaign.campaign import read_results
+        from analysis.flights.electrical import electrical_flights, electrical_pool, pooled_results
+        from analysis.flights.evidence import against_electrical
+        from analysis.flights.pool import pool_results
+        from analysis.pages.terminal import print_electrical_pool, print_pooled
+        from analysis.pages.write import write_electrical_flights, write_electrical_pool, write_pooled
 
         page, found = output / "report.html", read_results(campaign.folders)
         if not found.to_pool and not found.electrical:

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 from flight.command_line import ExitCode
 
 if TYPE_CHECKING:
-    from analysis.schema import Evidence
+    from analysis.records.flight import Evidence
 
 
 def tell(evidence: Sequence["Evidence"], print_results: Callable[[], None]) -> ExitCode:
     """Print doubts on stderr, then the results, then why they are not to be trusted. Returns the exit code."""
-    from analysis.results.trust import sentence
-    from analysis.schema import Trust
+    from analysis.records.flight import Trust
+    from analysis.results.evidence import sentence
 
     def said(level: Trust) -> list[str]:
         return [f"{level}: {sentence(one)}" for one in evidence if one.level is level]

@@ -5,7 +5,7 @@ which a stretch is none; `quality` has the smoothed motion and says why data are
 criteria, but for those of level runs, which the pilot's monitor shares (`flight.runs`). `runs_file` writes the
 maneuvers to a file and reads an edited one.
 
-A *maneuver* is a range of rows of the table of air data (`analysis.airdata`) with a kind. A *run* is a level
+A *maneuver* is a range of rows of the table of air data (`analysis.air`) with a kind. A *run* is a level
 acceleration or deceleration; a *steady point* is level flight at constant speed. Speed V [m/s], its slope Vdot [m/s^2]
 and the climb rate [m/s] are of a local quadratic, bank [rad] is positive with the right wing down, the load factor
 n is 1 in level flight. The aircraft's *speed scale* multiplies accelerations, climb rates, heights and durations.

@@ -21,8 +21,8 @@ from analysis.maneuvers.kinds import (
 )
 from analysis.maneuvers.quality import load_factor, smooth
 from analysis.maneuvers.settings import FLIGHT, LOADS, STEADY_POINT, STEPS
-from analysis.signals.channels import least_height_m
-from analysis.signals.smoothing import stretches
+from analysis.sources.daemon import least_height_m
+from analysis.sources.grid import stretches
 from analysis.trajectory.settings import CONSISTENCY
 from flight.arrays import Array
 from flight.runs import LEVEL_RUN, Rejection, RunRejected

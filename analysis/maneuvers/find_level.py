@@ -9,8 +9,8 @@ from scipy import special
 
 from analysis.maneuvers.kinds import Maneuver, RejectedManeuver, maneuver_in
 from analysis.maneuvers.quality import NEEDED_COLUMNS, SmoothedMotion, missing_share, notes, smooth
-from analysis.signals.channels import speed_ratio_of
-from analysis.signals.smoothing import stretches
+from analysis.sources.daemon import speed_ratio_of
+from analysis.sources.grid import stretches
 from flight import runs
 from flight.arrays import Array
 from flight.runs import LEVEL_RUN, Rejection, RunMeasures, changing_part, larger, legs_of, noise_share

@@ -17,7 +17,7 @@ from analysis.maneuvers.kinds import (
 )
 from analysis.maneuvers.quality import SmoothedMotion, load_factor, smooth
 from analysis.maneuvers.settings import LOADS, STEPS
-from analysis.signals.smoothing import stretches, without_gaps
+from analysis.sources.grid import stretches, without_gaps
 from flight.arrays import Array
 from flight.runs import LEVEL_RUN, Rejection, RunRejected
 

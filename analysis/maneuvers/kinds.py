@@ -9,7 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.maneuvers.settings import LOADS
-from analysis.schema import run_name
+from analysis.records.flight import run_name
 from flight.runs import ACCELERATION, DECELERATION, Rejection, RunRejected
 
 STEADY = "steady"

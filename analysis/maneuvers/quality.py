@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 
 from analysis.maneuvers.settings import NOTED, STEPS
-from analysis.signals.channels import speed_scale_of
-from analysis.signals.settings import STATISTICS
-from analysis.signals.smoothing import local_quadratic, stretches
+from analysis.sources.daemon import speed_scale_of
+from analysis.sources.grid import local_quadratic, stretches
+from analysis.sources.grid_settings import STATISTICS
 from analysis.trajectory.settings import CONSISTENCY
 from flight import runs
 from flight.arrays import Array

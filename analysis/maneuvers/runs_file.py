@@ -25,7 +25,7 @@ from analysis.maneuvers.kinds import (
 )
 from analysis.maneuvers.quality import smooth
 from analysis.maneuvers.settings import FLIGHT
-from analysis.signals.channels import COLUMNS, speed_scale_of
+from analysis.sources.daemon import COLUMNS, speed_scale_of
 from flight.errors import InputError
 from flight.files import read_text
 from flight.runs import LEVEL_RUN, Rejection, RunRejected, flying_Pa

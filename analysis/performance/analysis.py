@@ -8,10 +8,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.drag.dynamic import POLAR, DynamicEstimate
-from analysis.drag.estimate import Estimated
-from analysis.drag.forces import FlightForces
-from analysis.ground.thrust_prior import THRUST
+from analysis.curve import Condition, speed_at
+from analysis.methods.dynamic import POLAR, DynamicEstimate
+from analysis.methods.forces import FlightForces
+from analysis.methods.ladder import Estimated
+from analysis.methods.thrust_prior import THRUST
 from analysis.performance.climb import (
     NOT_KNOWN,
     FullThrottlePerformance,
@@ -38,10 +39,9 @@ from analysis.performance.request import (
     requested_conditions,
 )
 from analysis.performance.stored_model import model_result
-from analysis.polar import Condition, speed_at
-from analysis.schema import FieldRow, PerformanceCase, PerformanceResult, PowerTrainResult
+from analysis.records.flight import FieldRow, PerformanceCase, PerformanceResult, PowerTrainResult
 from analysis.settings import CURVES, EVIDENCE
-from analysis.signals.channels import SPEED_SCALE
+from analysis.sources.daemon import SPEED_SCALE
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
 from flight.arrays import Array

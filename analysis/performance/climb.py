@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.curve import Condition, speed_at
 from analysis.performance.level_flight import PerformanceModel, climb_angle
 from analysis.performance.propagation import SigmaPoints, UncertainValue, from_sigma_points
 from analysis.performance.settings import PERFORMANCE
-from analysis.polar import Condition, speed_at
-from analysis.schema import AvailableResult, Interval, PowerPoint
+from analysis.records.flight import AvailableResult, Interval, PowerPoint
 from analysis.settings import CURVES
 from flight.arrays import Array
 from flight.atmosphere import density, pressure_at, temperature_at

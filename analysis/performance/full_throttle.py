@@ -15,15 +15,15 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from analysis.drag import covariance
 from analysis.estimation.data import Segment
 from analysis.estimation.model import Model, Parameter
 from analysis.estimation.output_error import fit_output_error
+from analysis.methods import consider as covariance
 from analysis.performance.power_train import torque_constant
 from analysis.performance.propagation import ParameterVector
 from analysis.performance.settings import FULL_THROTTLE, POWER_TRAIN
 from analysis.settings import EVIDENCE
-from analysis.signals.smoothing import stretches
+from analysis.sources.grid import stretches
 from flight.aircraft import Propulsion
 from flight.complete_aircraft import CompletePropulsion
 from flight.propeller import Propeller

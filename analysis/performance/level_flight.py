@@ -20,12 +20,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.drag.settings import REGRESSION
+from analysis.curve import Condition, lift_coefficient
+from analysis.methods.settings import REGRESSION
 from analysis.performance.full_throttle import FullThrottle
 from analysis.performance.power_train import PowerTrainModel
 from analysis.performance.propagation import ParameterVector, SigmaPoints, UncertainValue, exact, from_sigma_points
-from analysis.polar import Condition, lift_coefficient
-from analysis.schema import LevelEfficiencyPoint
+from analysis.records.flight import LevelEfficiencyPoint
 from flight.arrays import Array
 from flight.propeller import Propeller
 from flight.propeller_speed import revps_for_thrust

@@ -16,15 +16,15 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.drag import covariance
 from analysis.estimation.data import Segment
 from analysis.estimation.model import Model, Parameter
 from analysis.estimation.output_error import fit_output_error
 from analysis.maneuvers.settings import LOADS, STEADY_POINT
+from analysis.methods import consider as covariance
 from analysis.performance.propagation import ParameterVector, SigmaPoints, combine_independent
 from analysis.performance.settings import ASSUMED_MOTOR, POWER_TRAIN
-from analysis.schema import MeasuredEfficiencyPoint, ParameterResult
-from analysis.signals.smoothing import stretches
+from analysis.records.flight import MeasuredEfficiencyPoint, ParameterResult
+from analysis.sources.grid import stretches
 from flight.aircraft import Propulsion
 from flight.arrays import Array
 from flight.complete_aircraft import CompletePropulsion

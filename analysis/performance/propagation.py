@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
 from analysis.estimation.noise import NORMAL_95
-from analysis.schema import Interval
+from analysis.records.flight import Interval
 from flight.arrays import Array
 
 SigmaPoints = dict[str, Array]  # by name of the parameter, each (2m + 1, 1)

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from analysis.curve import Condition
 from analysis.performance.settings import ASKED
-from analysis.polar import Condition
 from flight.aircraft import Aircraft
 from flight.atmosphere import (
     GAS_CONSTANT_AIR,

@@ -6,7 +6,7 @@ from analysis.performance.full_throttle import FullThrottle
 from analysis.performance.level_flight import PerformanceModel
 from analysis.performance.power_train import PowerTrainModel
 from analysis.performance.propagation import ParameterVector
-from analysis.schema import ComputationModel, PropellerRow, PropellerTable
+from analysis.records.flight import ComputationModel, PropellerRow, PropellerTable
 from flight.propeller import Propeller, Row
 
 INCIDENCE = ("alpha_0", "alpha_CL")

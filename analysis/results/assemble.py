@@ -1,28 +1,45 @@
 """All results of an analysis in the form of `results.json`."""
 
+import hashlib
+
 import msgspec
 import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
 
-from analysis.drag.estimate import Estimated
-from analysis.electrical.estimate import ElectricalEstimate
+from analysis.air.flight_data import Calibrations
+from analysis.curve import Condition, best_range_lift, minimum_power_lift, speed_at
+from analysis.estimation.noise import NORMAL_95
+from analysis.methods.dynamic import DynamicEstimate
+from analysis.methods.ladder import Estimated
+from analysis.methods.method import MethodEstimate, SteadyPoint
+from analysis.methods.whole_flight.curve import ElectricalEstimate
+from analysis.performance.autopilot_parameters import of_power_required
 from analysis.performance.full_throttle import speed_over_motor_constant
-from analysis.polar import Condition, best_range_lift, minimum_power_lift
-from analysis.results import flight_found, methods, power_curves
-from analysis.results.autopilot_parameters import of_power_required
-from analysis.results.electrical import electrical_points
-from analysis.results.pooling_statistics import mean_battery_V, pooling_statistics, start_unix_s
-from analysis.results.provenance import provenance
-from analysis.schema import (
+from analysis.records.flight import (
     AircraftResult,
     ConditionResult,
+    MethodPoint,
+    MethodResult,
     PerformanceResult,
     PoolingStatistics,
+    PriorMeasurementStatistics,
     RejectedResult,
     Results,
     RunResult,
 )
+from analysis.results import assemble as methods
+from analysis.results import curves as power_curves
+from analysis.results import flight_found
+from analysis.results.curves import power_curve
+from analysis.results.electrical import electrical_points
+from analysis.results.provenance import provenance
+from analysis.results.settings import RESULTS
 from analysis.trajectory.consistency import Consistency
+from flight.aircraft import Aircraft
 from flight.atmosphere import SEA_LEVEL_DENSITY
+from flight.log_reader import Log
+from flight.propeller import Propeller
 from flight.version import version
 
 
@@ -110,4 +127,96 @@ def _pooling(flight: Estimated) -> PoolingStatistics | None:
     )
     return statistics and msgspec.structs.replace(
         statistics, start_unix_s=start_unix_s(flight.log), battery_V=mean_battery_V(flight.rows_flown)
+    )
+
+
+def pooling_statistics(
+    estimate: DynamicEstimate,
+    flown_CL: tuple[float, float],
+    aircraft: Aircraft,
+    propeller: Propeller,
+    calibrations: Calibrations,
+) -> PoolingStatistics | None:
+    """None for an estimate by another method than the dynamic one, which has no sensor errors beside it."""
+    joint = estimate.joint
+    if joint is None:
+        return None
+    return PoolingStatistics(
+        names=list(joint.names),
+        values=joint.values.tolist(),
+        covariance=_lower_triangle(joint.covariance),
+        weighting_covariance=_lower_triangle(joint.weighting_covariance),
+        prior_mean=joint.prior_mean.tolist(),
+        prior_sigma=[float(sigma) if np.isfinite(sigma) else None for sigma in joint.prior_sigma],
+        prior_measurements=[
+            PriorMeasurementStatistics(
+                name=one.name, coefficients=dict(one.coefficients), value=one.value, sigma=one.sigma
+            )
+            for one in joint.prior_measurements
+        ]
+        or msgspec.UNSET,
+        changes={name: change.tolist() for name, change in joint.changes.items() if np.any(change)},
+        polar_covariance=estimate.polar.covariance.tolist(),
+        flown_CL=flown_CL,
+        installation=aircraft.installation.name,
+        propeller_table=_fingerprint(
+            repr((propeller.diameter_m, propeller.beyond_zero_thrust, propeller.rows)).encode()
+        ),
+        probe_calibration=_fingerprint(
+            msgspec.json.encode(calibrations.probe)
+            + (msgspec.json.encode(calibrations.transducers) if calibrations.transducers else b"")
+        ),
+    )
+
+
+def start_unix_s(log: Log) -> float | None:
+    """Time of the first message; None where the clock had not been set."""
+    start_s = min(entries[0].time_ns for entries in log.entries.values() if entries) / 1e9
+    return start_s if start_s > RESULTS.clock_set_unix_s else None
+
+
+def mean_battery_V(rows_flown: pd.DataFrame) -> float | None:
+    """Mean voltage of the battery over the runs; None where it was not measured. rows_flown: of `air_data`."""
+    if "battery_V" not in rows_flown or rows_flown["battery_V"].isna().all():
+        return None
+    return float(rows_flown["battery_V"].mean())
+
+
+def _lower_triangle(matrix: NDArray[np.float64]) -> list[list[float]]:
+    return [row[: i + 1] for i, row in enumerate(matrix.tolist())]
+
+
+def _fingerprint(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()[:12]
+
+
+def method_result(estimate: MethodEstimate, condition: Condition, largest_CL: float) -> MethodResult:
+    """A method's curve over the lift coefficients of its data, and its points, at one weight and density.
+
+    largest_CL : of level flight at the slowest speed flown. Gusts and pull-ups take lift coefficients beyond that; the
+    curve ends there, or at a method's own slowest steady point.
+    """
+    polar = estimate.polar
+    smallest, largest = estimate.flown_CL
+    largest = min(largest, max([largest_CL, *(point.CL for point in estimate.points)]))
+    return MethodResult(
+        name=estimate.method.name,
+        title=estimate.method.title,
+        equations=estimate.method.equations,
+        taken_as_measured=list(estimate.method.taken_as_measured),
+        drag_polar=[] if polar is None else polar.A.tolist(),
+        power_required=power_curve(polar, condition, (smallest, largest)) if polar and smallest < largest else [],
+        points=[_point(point, condition) for point in estimate.points],
+        notes=list(estimate.notes),
+        not_flown=list(estimate.not_flown),
+    )
+
+
+def _point(point: SteadyPoint, condition: Condition) -> MethodPoint:
+    """A steady point at another weight and density, with the same lift and drag coefficients."""
+    V = float(speed_at(point.CL, condition))
+    unit = condition.rho * V**3 * condition.wing_area_m2 / 2
+    power, half = unit * point.CD, NORMAL_95 * unit * point.CD_error
+    return MethodPoint(
+        speed_mps=V, power_W=power, power_lo_W=power - half, power_hi_W=power + half, start_s=point.start_s
     )

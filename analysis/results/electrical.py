@@ -6,17 +6,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.electrical.drag import DragEstimate, DragWithheld
-from analysis.electrical.estimate import ElectricalEstimate, FlownAircraft
-from analysis.electrical.flight_table import FlightTable
-from analysis.electrical.simulated_truth import SimulatedTruth
-from analysis.electrical.thrust_balance import aerodynamics
+from analysis.curve import maximum_lift_to_drag
 from analysis.estimation.noise import NORMAL_95
-from analysis.polar import maximum_lift_to_drag
-from analysis.results.autopilot_parameters import typed_in
-from analysis.results.electrical_parameters import flight_values
-from analysis.results.trust import with_trust
-from analysis.schema import (
+from analysis.methods.whole_flight.curve import ElectricalEstimate, FlownAircraft
+from analysis.methods.whole_flight.drag import DragEstimate, DragWithheld
+from analysis.methods.whole_flight.flight_table import FlightTable
+from analysis.methods.whole_flight.simulated_truth import SimulatedTruth
+from analysis.methods.whole_flight.thrust_balance import aerodynamics
+from analysis.performance.autopilot_parameters import flight_values, typed_in
+from analysis.records.flight import (
     AircraftResult,
     ConditionResult,
     CurveStatus,
@@ -30,8 +28,9 @@ from analysis.schema import (
     Results,
     SpeedInterval,
 )
+from analysis.results.evidence import with_trust
 from analysis.settings import CURVES
-from analysis.signals.settings import FLIGHT
+from analysis.sources.grid_settings import FLIGHT
 from flight.arrays import Array
 from flight.atmosphere import SEA_LEVEL_DENSITY
 from flight.version import version

@@ -5,7 +5,7 @@ import io
 
 import msgspec
 
-from analysis.schema import Results
+from analysis.records.flight import Results
 
 
 def to_json(results: Results) -> bytes:

@@ -6,12 +6,12 @@ from types import MappingProxyType
 import numpy as np
 import pandas as pd
 
-from analysis.drag.dynamic import POLAR, DynamicEstimate
-from analysis.ground.thrust_prior import J_REFERENCE, THRUST
+from analysis.curve import Condition
+from analysis.methods.dynamic import POLAR, DynamicEstimate
+from analysis.methods.thrust_prior import J_REFERENCE, THRUST
 from analysis.performance.request import density_altitude_m
-from analysis.polar import Condition
+from analysis.records.flight import AirFound, Correlation, ParameterResult, PathResult, RunResidual, Track
 from analysis.results.settings import RESULTS
-from analysis.schema import AirFound, Correlation, ParameterResult, PathResult, RunResidual, Track
 from analysis.trajectory.consistency import Consistency, consistency_checks
 from analysis.trajectory.observability import sensor_error_estimates
 from analysis.trajectory.reconstruction import Trajectory

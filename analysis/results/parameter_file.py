@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.polar import Condition, speed_at
-from analysis.results.autopilot_parameters import INAV, PLANE, PX4
-from analysis.schema import AutopilotParameter, Interval, Results
+from analysis.curve import Condition, speed_at
+from analysis.performance.autopilot_parameters import INAV, PLANE, PX4
+from analysis.records.flight import AutopilotParameter, Interval, Results
 from flight.atmosphere import SEA_LEVEL_DENSITY
 from flight.errors import InputError
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import msgspec
 
-from analysis.schema import Results
+from analysis.records.flight import Results
 
 OUTPUT, QUIET = ("-o", "--output"), ("-q", "--quiet")  # options that change no result
 

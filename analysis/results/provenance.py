@@ -4,9 +4,9 @@ import hashlib
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+from analysis.air.contents import LogContents, Replacements
 from analysis.flight import Recorded
-from analysis.log_contents import LogContents, Replacements
-from analysis.schema import Clock, ImplausibleReadings, Provenance, SensorHealth, SourceFile
+from analysis.records.flight import Clock, ImplausibleReadings, Provenance, SensorHealth, SourceFile
 from flight.log_entries import STATUS_CODE
 from flight.log_reader import Log
 from flight.messages import Comparison, Event, Gps, Status, Tick

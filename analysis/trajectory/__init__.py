@@ -17,7 +17,7 @@ the air's motion along the body axes [m/s], and two filter states of gusts. Air 
 
 The moving air: a slow wind, level, that is a random walk of the time and grows with height by the logarithmic profile
 (`dryden.mean_wind_profile`); and gusts by Dryden's spectra (`process`). A mean updraft is no state: it is an error that
-the interval of drag contains (`updraft`, `analysis.drag.covariance`).
+the interval of drag contains (`updraft`, `analysis.methods.consider`).
 
 Sensor errors (`equations.SENSOR_ERRORS`) are constant over the flight; a positive one makes the sensor read high, or
 late. "Prior" is what is known of them before the flight, 1 sigma.

@@ -7,7 +7,7 @@ the gyros integrate. No sensor error is estimated: each keeps its prior, which i
 import numpy as np
 import pandas as pd
 
-from analysis.airdata.magnetometer import Compass
+from analysis.air.magnetometer import Compass
 from analysis.trajectory.block_means import BlockMeans, moving_average
 from analysis.trajectory.equations import MEASUREMENT_INPUTS, PREDICTED_FLOW, SENSOR_ERRORS, STATES
 from analysis.trajectory.priors import WIND, SensorPriors

@@ -3,8 +3,8 @@
 import numpy as np
 import pandas as pd
 
-from analysis.signals.channels import least_height_m, speed_scale_of
-from analysis.signals.smoothing import stretches
+from analysis.sources.daemon import least_height_m, speed_scale_of
+from analysis.sources.grid import stretches
 from analysis.trajectory.settings import PREDICTION
 from flight.arrays import Array, BoolArray
 

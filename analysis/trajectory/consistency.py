@@ -22,8 +22,8 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from analysis.schema import Check, ConsistencyCheck
-from analysis.signals.settings import STATISTICS
+from analysis.records.flight import Check, ConsistencyCheck
+from analysis.sources.grid_settings import STATISTICS
 from analysis.trajectory.equations import PREDICTED_FLOW, SENSOR_ERRORS, STATES, NamedArrays
 from analysis.trajectory.reconstruction import Trajectory
 from analysis.trajectory.settings import CONSISTENCY, PREDICTION, SHOWN

@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.signals.settings import STATISTICS
+from analysis.sources.grid_settings import STATISTICS
 from analysis.trajectory.dryden import GaussMarkov, SecondOrderGust
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.settings import GUSTS

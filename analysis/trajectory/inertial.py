@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.signals.smoothing import CubicSpline, without_gaps
+from analysis.sources.grid import CubicSpline, without_gaps
 from analysis.trajectory.block_means import BLOCK, BlockMeans
 from analysis.trajectory.equations import SENSOR_ERRORS, NamedArrays, corrected_force, vibration
 from analysis.trajectory.settings import SENSORS

@@ -3,9 +3,9 @@
 import numpy as np
 import pandas as pd
 
-from analysis.airdata.magnetometer import Compass
-from analysis.signals.settings import CHANNELS, RECEIVER
-from analysis.signals.smoothing import CubicSpline, without_gaps
+from analysis.air.magnetometer import Compass
+from analysis.sources.grid import CubicSpline, without_gaps
+from analysis.sources.grid_settings import CHANNELS, RECEIVER
 from analysis.trajectory.block_means import BLOCK, BlockMeans, block_mean, moving_average
 from analysis.trajectory.equations import MEASUREMENTS
 from analysis.trajectory.settings import PRIORS, SENSORS

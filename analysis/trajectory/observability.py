@@ -20,9 +20,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy import special
 
-from analysis.schema import SensorError
+from analysis.records.flight import SensorError
 from analysis.settings import EVIDENCE
-from analysis.signals.settings import STATISTICS
+from analysis.sources.grid_settings import STATISTICS
 from analysis.trajectory.consistency import time_shift_notes
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.priors import PRIOR_MEAN, ZEROS

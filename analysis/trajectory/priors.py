@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.signals.rest import mean_at_rest
-from analysis.signals.settings import STATISTICS
+from analysis.sources.grid_settings import STATISTICS
+from analysis.sources.rest import mean_at_rest
 from analysis.trajectory.block_means import BlockMeans, moving_average
 from analysis.trajectory.dryden import mean_wind_profile
 from analysis.trajectory.equations import SENSOR_ERRORS, STATES

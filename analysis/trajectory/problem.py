@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.airdata.magnetometer import Compass
-from analysis.signals.settings import STATISTICS
+from analysis.air.magnetometer import Compass
+from analysis.sources.grid_settings import STATISTICS
 from analysis.trajectory.block_means import BLOCK, BlockMeans
 from analysis.trajectory.equations import (
     MEASUREMENTS,

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from analysis.airdata.magnetometer import Compass
+from analysis.air.magnetometer import Compass
 from analysis.trajectory.block_means import BlockMeans
 from analysis.trajectory.dryden import mean_wind_profile
 from analysis.trajectory.equations import (

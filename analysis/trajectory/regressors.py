@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import linalg
 
-from analysis.signals.smoothing import CubicSpline, local_quadratic, stretches, without_gaps
+from analysis.sources.grid import CubicSpline, local_quadratic, stretches, without_gaps
 from analysis.trajectory.block_means import BlockMeans
 from analysis.trajectory.equations import (
     ALPHA_REGRESSORS,

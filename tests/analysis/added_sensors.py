@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.autopilot_logs.recording import AIRSPEED_PRESSURE, FORCE_X, FORCE_Y, FORCE_Z, GPS, FlightRecording
-from analysis.electrical.estimate import ElectricalEstimate, estimate
-from analysis.electrical.flight_table import flight_table
+from analysis.methods.whole_flight.curve import ElectricalEstimate, estimate
+from analysis.methods.whole_flight.flight_table import flight_table
+from analysis.sources.recording import AIRSPEED_PRESSURE, FORCE_X, FORCE_Y, FORCE_Z, GPS, FlightRecording
 from flight.errors import InputError
 
 Sensors = frozenset[str]

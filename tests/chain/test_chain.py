@@ -12,11 +12,11 @@ import pytest
 from mcap.reader import make_reader
 from running import command, done
 
-from analysis.pooling.pool import pool_results
-from analysis.schema import Results
+from analysis.flights.pool import pool_results
+from analysis.records.flight import Results
 from flight.aircraft import load_aircraft
 from flight.messages import SECOND_TOPICS, TYPE_OF_TOPIC
-from tests.analysis.report.named_speeds import below_slowest
+from tests.analysis.pages.named_speeds import below_slowest
 from tests.documented_commands import Walk
 
 pytestmark = pytest.mark.xdist_group("chain")

@@ -9,11 +9,11 @@ import pandas as pd
 import pytest
 from running import done, read_once, rewritten
 
-from analysis.airdata.flight_data import flight_data
-from analysis.airdata.magnetometer import MAGNETOMETER_FILE, MagnetometerCalibration
-from analysis.log_contents import Replacements, contents
+from analysis.air.contents import Replacements, contents
+from analysis.air.flight_data import flight_data
+from analysis.air.magnetometer import MAGNETOMETER_FILE, MagnetometerCalibration
+from analysis.records.flight import Results
 from analysis.results.flight_found import path_result
-from analysis.schema import Results
 from analysis.trajectory.consistency import consistency
 from analysis.trajectory.observability import sensor_error_estimates, trajectory_notes
 from analysis.trajectory.priors import SensorPriors

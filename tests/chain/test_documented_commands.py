@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 from running import rewritten
 
-from analysis.schema import Trust
+from analysis.records.flight import Trust
 from flight.aircraft import load_aircraft
 from sim.plan import load_plan
 from sim.sensors import load_budget

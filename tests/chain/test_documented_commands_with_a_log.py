@@ -16,7 +16,7 @@ import pytest
 from test_documented_commands import quick_commands
 
 from analysis import pipeline
-from analysis.planning import search
+from analysis.missions import search
 from flight.propeller_files import load_propeller
 from sim.plan import load_plan
 from tests.documented_commands import PAGES, ROOT, TUTORIAL, Walk, do, every_command_in, run, steps_in

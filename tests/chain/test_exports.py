@@ -17,8 +17,8 @@ from nbclient import NotebookClient
 from scipy import special
 from scipy.io import loadmat
 
-from analysis.exports.derived import LAYOUTS
-from analysis.exports.tables import WITHOUT_UNIT
+from analysis.pages.exports.derived import LAYOUTS
+from analysis.pages.exports.tables import WITHOUT_UNIT
 from flight.units import UNIT_OF_SUFFIX
 from sim.sensors import draw, load_budget
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from running import done, read_once, rewritten
 
-from analysis.campaign.campaign import read_results
+from analysis.flights.campaign.campaign import read_results
+from analysis.flights.pool import pool_results
 from analysis.performance.analysis import compute
 from analysis.performance.request import Request
-from analysis.pooling.pool import pool_results
 from flight.aircraft import load_aircraft
 
 pytestmark = pytest.mark.xdist_group("chain")

@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from analysis.schema import Results
+from analysis.records.flight import Results
 from flightpower import Options, analyze
 from tests.browser import CHROMIUM, Browser
 

@@ -9,7 +9,7 @@ import msgspec
 import pytest
 from running import command, done
 
-from analysis.schema import Results
+from analysis.records.flight import Results
 
 pytestmark = pytest.mark.xdist_group("chain")
 

@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from analysis.maneuvers.kinds import LEVEL_RUNS
-from analysis.schema import Results
+from analysis.records.flight import Results
 from daq.run_monitor import RunMonitor
 from daq.sensors import Sample
 from daq.tick_means import FIELDS, TickMeans

@@ -7,7 +7,7 @@ import pytest
 from test_run_monitor import means_at
 
 from analysis.cli.plan import PlanOptions, flight_plan
-from analysis.planning.card import runs_to_tick_off
+from analysis.missions.card import runs_to_tick_off
 from daq.flight_card import FlightCard, PlannedRun, load_card
 from daq.run_monitor import RunMonitor
 from flight.aircraft import load_aircraft

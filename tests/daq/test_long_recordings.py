@@ -108,7 +108,7 @@ def test_the_analysis_reads_one_file_as_it_reads_the_flight(split, whole):
     """The same channels on the same grid, but for the ends, where splines have less to lean on."""
     import numpy as np
 
-    from analysis.signals.channels import synchronize
+    from analysis.sources.daemon import synchronize
 
     _, parts = split
     _, [one] = whole

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from analysis.ground import thrust_prior
+from analysis.methods import thrust_prior
 from daq import energy_balance, run_monitor
 from daq.energy_balance import EnergyBalance, PowerInterval, inverted
 from daq.legs import KEPT_ROWS, Legs, Row

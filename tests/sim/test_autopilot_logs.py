@@ -8,9 +8,9 @@ from pymavlink import DFReader
 from pyulog import ULog
 from typer.testing import CliRunner
 
-from analysis.autopilot_logs.ardupilot import read_ardupilot
-from analysis.autopilot_logs.px4 import read_px4
-from analysis.autopilot_logs.recording import CURRENT, VOLTAGE
+from analysis.sources.ardupilot import read_ardupilot
+from analysis.sources.px4 import read_px4
+from analysis.sources.recording import CURRENT, VOLTAGE
 from flight.errors import InputError
 from sim.__main__ import app
 from sim.ardupilot_log import write_ardupilot_log

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.airdata.line_calibration import find_steps, fit_lag, through
-from analysis.airdata.tubing import air, low_frequency_lag_s
+from analysis.air.tubing import air, low_frequency_lag_s
+from analysis.calibrations.tubing import find_steps, fit_lag, through
 from flight.aircraft import PneumaticLine, load_aircraft
 from flight.complete_aircraft import as_complete, load_complete_aircraft
 from flight.errors import InputError

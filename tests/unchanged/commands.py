@@ -14,8 +14,8 @@ from unittest import mock
 
 import typer
 
-from analysis.pooling.pool import pool_results
-from analysis.report import write
+from analysis.flights.pool import pool_results
+from analysis.pages import write
 from tests.documented_commands import MODULES
 from tests.unchanged.stored_values import numbers_printed, of_files
 

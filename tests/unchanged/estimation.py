@@ -13,7 +13,6 @@ import disturbed
 import hard_cases
 import twins
 
-from analysis.drag import aircraft_models
 from analysis.estimation import uncertainty as errors
 from analysis.estimation.data import band_matrix, split
 from analysis.estimation.equation_error import fit_equation_error, fit_equation_error_in_band
@@ -25,7 +24,9 @@ from analysis.estimation.problem import FitOptions
 from analysis.estimation.starts import best_of_starts
 from analysis.estimation.term_selection import orthogonal_functions, stepwise
 from analysis.estimation.validation import cross_validate, predict
-from tests.analysis.drag.test_aircraft_models import (
+from analysis.methods import aircraft_models
+from tests.analysis.estimation.models import longitudinal, pitch_and_height
+from tests.analysis.methods.test_aircraft_models import (
     ALL_MODELS,
     BENCH_NOISE,
     NEXSTAR,
@@ -34,7 +35,6 @@ from tests.analysis.drag.test_aircraft_models import (
     measured,
     three_two_one_one,
 )
-from tests.analysis.estimation.models import longitudinal, pitch_and_height
 
 Contents = dict[str, Any]
 BAND_HZ = (0.15, 2.5)

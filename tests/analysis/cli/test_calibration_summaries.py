@@ -6,20 +6,19 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.airdata.magnetometer import MagnetometerCalibration
-from analysis.airdata.transducers import TransducerCalibration, TransducerLine
-from analysis.autopilot_logs.recognize import Autopilot
-from analysis.autopilot_logs.recording import GPS
-from analysis.cli.calibrate.airspeed import autopilot_airspeed
-from analysis.cli.calibrate.airspeed import summary as of_airspeed
-from analysis.cli.calibrate.magnetometer import summary as of_magnetometer
-from analysis.cli.calibrate.surfaces import _angle_deg
-from analysis.cli.calibrate.transducers import pressures_Pa
-from analysis.cli.calibrate.transducers import summary as of_transducers
-from analysis.cli.calibrate.weight_and_balance import summary as of_weight
-from analysis.cli.calibrate.weight_and_balance import support
-from analysis.electrical.airspeed_gps import AirspeedErrors
-from analysis.ground.weight_and_balance import WeightAndBalance
+from analysis.air.magnetometer import MagnetometerCalibration
+from analysis.air.transducers import TransducerCalibration, TransducerLine
+from analysis.calibrations.airspeed import autopilot_airspeed
+from analysis.calibrations.airspeed import summary as of_airspeed
+from analysis.calibrations.magnetometer import summary as of_magnetometer
+from analysis.calibrations.surfaces import _angle_deg
+from analysis.calibrations.transducers import pressures_Pa
+from analysis.calibrations.transducers import summary as of_transducers
+from analysis.calibrations.weight_and_balance import WeightAndBalance, support
+from analysis.calibrations.weight_and_balance import summary as of_weight
+from analysis.methods.whole_flight.airspeed_gps import AirspeedErrors
+from analysis.sources.recognize import Autopilot
+from analysis.sources.recording import GPS
 from analysis.trajectory.consistency import AirspeedCalibration
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2
@@ -131,13 +130,17 @@ def test_the_scale_s_error_under_an_autopilot_is_that_of_the_comparison_with_gps
     )
     loading = []
     errors = AirspeedErrors(0.02, 1.0, np.diag([0.003**2, 4.0]), 4.0, 0.0)
-    monkeypatch.setattr("analysis.autopilot_logs.read.read_autopilot_log", lambda *_: None)
-    monkeypatch.setattr("analysis.electrical.flight_table.flight_table", lambda _, W, S: loading.append(W / S) or flown)
-    monkeypatch.setattr("analysis.electrical.airspeed_gps.airspeed_errors", lambda _: errors)
+    monkeypatch.setattr("analysis.sources.autopilot.read_autopilot_log", lambda *_: None)
+    monkeypatch.setattr(
+        "analysis.methods.whole_flight.flight_table.flight_table", lambda _, W, S: loading.append(W / S) or flown
+    )
+    monkeypatch.setattr("analysis.methods.whole_flight.airspeed_gps.airspeed_errors", lambda _: errors)
     found = autopilot_airspeed(tmp_path / "log.ulg", Autopilot.PX4)
     assert (found.scale, found.scale_error, found.wind_mps) == (0.02, pytest.approx(0.003), 4.0)
     assert found.one_way == pytest.approx(0.0, abs=1e-9) and loading == [60.0] and found.unsupported == ""
     assert found.notes[0] == "of the flight"
-    monkeypatch.setattr("analysis.electrical.airspeed_gps.airspeed_errors", lambda _: errors._replace(wind_mps=None))
+    monkeypatch.setattr(
+        "analysis.methods.whole_flight.airspeed_gps.airspeed_errors", lambda _: errors._replace(wind_mps=None)
+    )
     with pytest.raises(InputError, match="no GPS velocity in flight"):
         autopilot_airspeed(tmp_path / "log.ulg", Autopilot.PX4)

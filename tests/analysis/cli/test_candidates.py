@@ -5,10 +5,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from analysis.cli import one_log
-from analysis.cli.options import Options
 from analysis.maneuvers.kinds import Maneuvers, RejectedManeuver
 from analysis.maneuvers.runs_file import NoCurve
+from analysis.options import Options
+from analysis.pages import one_log
 from flight.errors import InputError
 from flight.runs import ACCELERATION, Rejection, RunRejected
 

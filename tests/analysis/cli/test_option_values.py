@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from analysis.cli.calibrate.probe import probe
-from analysis.cli.calibrate.transducers import transducers
-from analysis.cli.calibrate.weight_and_balance import weight_and_balance
+from analysis.calibrations.probe import probe
+from analysis.calibrations.transducers import transducers
+from analysis.calibrations.weight_and_balance import weight_and_balance
 from analysis.cli.plan import plan
 from daq.__main__ import check, zero
 

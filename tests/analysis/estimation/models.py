@@ -4,7 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from analysis.drag.aircraft_models import (
+from analysis.estimation.model import Model, NamedValues, Parameter
+from analysis.methods.aircraft_models import (
     CLq_with_prior,
     Constants,
     Flow,
@@ -20,7 +21,6 @@ from analysis.drag.aircraft_models import (
     thrust_parameters,
     wind_axis_derivative,
 )
-from analysis.estimation.model import Model, NamedValues, Parameter
 from flight import motion
 from flight.aerodynamics import lift_slope
 from flight.aircraft import Aircraft

@@ -24,7 +24,6 @@ from disturbed import (
     nonlinear_record,
 )
 
-from analysis.drag import aircraft_models
 from analysis.estimation import uncertainty
 from analysis.estimation.data import Segment
 from analysis.estimation.filter_error import ProcessNoise, fit_filter_error
@@ -36,6 +35,7 @@ from analysis.estimation.output_error import fit_output_error
 from analysis.estimation.problem import FitOptions
 from analysis.estimation.process_noise import noise_key
 from analysis.estimation.simulation import Record
+from analysis.methods import aircraft_models
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from analysis.drag import aircraft_models
 from analysis.estimation.data import Segment
 from analysis.estimation.output_error import fit_output_error
 from analysis.estimation.simulation import build_simulator
+from analysis.methods import aircraft_models
 from flight.aircraft import load_aircraft
 
 pytestmark = pytest.mark.slow

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.airdata.air import bank_angle
+from analysis.air.air import bank_angle
 from analysis.maneuvers.find_level import find_runs
 from flight.runs import LEVEL_RUN, RunRejected
 

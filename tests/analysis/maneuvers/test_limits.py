@@ -19,7 +19,7 @@ from analysis.maneuvers.kinds import (
 )
 from analysis.maneuvers.quality import SmoothedMotion, notes, too_low, without_data
 from analysis.maneuvers.runs_file import nearest_miss
-from analysis.signals.channels import SPEED_SCALE
+from analysis.sources.daemon import SPEED_SCALE
 from flight.runs import LEVEL_RUN, Rejection, RunRejected, larger
 from tests.analysis.maneuvers.test_find import RATE_HZ, flight, up_and_down
 

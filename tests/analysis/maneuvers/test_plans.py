@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from methods import drawn, fly
 
-from analysis.airdata.air import bank_angle
+from analysis.air.air import bank_angle
 from analysis.maneuvers import runs_file
 from analysis.maneuvers.find import find
 from analysis.maneuvers.kinds import Maneuvers, Unsuitable

@@ -6,14 +6,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.flown import flown_condition, flown_lift
+from analysis.air.flown import flown_condition, flown_lift
+from analysis.curve import speed_at
 from analysis.maneuvers.find import find, find_steady
 from analysis.maneuvers.find_level import find_runs
 from analysis.maneuvers.find_loads import find_loads
 from analysis.maneuvers.kinds import Unsuitable
 from analysis.maneuvers.quality import too_low
-from analysis.polar import speed_at
-from analysis.signals.channels import SPEED_SCALE, speed_scale
+from analysis.sources.daemon import SPEED_SCALE, speed_scale
 from flight.aircraft import Aircraft, load_aircraft
 from flight.runs import RunRejected, flying_Pa
 from flight.units import GRAVITY_MPS2

@@ -3,7 +3,7 @@
 import pytest
 from motor_data import RHO
 
-from analysis.polar import Condition
+from analysis.curve import Condition
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,8 @@ from motor_data import (
     steady_points,
 )
 
-from analysis.drag.dynamic import DynamicEstimate
+from analysis.curve import Condition, Polar, speed_at
+from analysis.methods.dynamic import DynamicEstimate
 from analysis.performance.analysis import (
     ConditionPerformance,
     _whole_speeds,
@@ -30,8 +31,7 @@ from analysis.performance.full_throttle import FullThrottle, fit_full_throttle
 from analysis.performance.level_flight import PerformanceModel
 from analysis.performance.propagation import ParameterVector, combine_independent, exact
 from analysis.performance.request import Request, TitledCondition
-from analysis.polar import Condition, Polar, speed_at
-from analysis.schema import CurveStatus, Interval
+from analysis.records.flight import CurveStatus, Interval
 from flight.runs import AIRCRAFT_SIZE
 from sim.plant import plant_of
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from analysis.curve import Condition
 from analysis.performance.request import FlownCondition, Request, density_altitude_m, requested_conditions
-from analysis.polar import Condition
 from flight.atmosphere import density, pressure_at, temperature_at
 
 TEST = Condition(weight_N=37.7, rho=1.19, wing_area_m2=0.4636)

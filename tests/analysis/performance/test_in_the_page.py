@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 from motor_data import POLAR, model_of
 
+from analysis.curve import Condition
 from analysis.estimation.noise import NORMAL_95
+from analysis.pages.html_page import to_json
+from analysis.pages.other_conditions import embedded_model
 from analysis.performance.analysis import performance_at
 from analysis.performance.climb import full_throttle_performance
 from analysis.performance.level_flight import PerformanceModel
 from analysis.performance.power_train import PowerTrainModel
 from analysis.performance.propagation import ParameterVector
 from analysis.performance.request import TitledCondition
-from analysis.polar import Condition
-from analysis.report.html_page import to_json
-from analysis.report.other_conditions import embedded_model
-from analysis.schema import Interval
+from analysis.records.flight import Interval
 from flight.propeller import FOLD, WINDMILL, Propeller
 from tests.browser import CHROMIUM, Browser
 
@@ -33,7 +33,7 @@ ENERGY_J = 3600 * 74 * 0.8
 
 @pytest.fixture(scope="module")
 def browser(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Browser:
-    script = resources.files("analysis.report").joinpath("templates", "performance.js").read_text("utf-8")
+    script = resources.files("analysis.pages").joinpath("templates", "performance.js").read_text("utf-8")
     page: Path = tmp_path_factory.mktemp("page") / "page.html"
     page.write_text(f"<!doctype html><script>{script}</script>")
     browser.show(page, 800)

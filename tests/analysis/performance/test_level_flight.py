@@ -5,10 +5,10 @@ import pytest
 from motor_data import ALONG_PATH, LOSSLESS, NO_CORRECTION, POLAR, RHO, height_of, incidence_of, model_of, steady_points
 from scipy.optimize import brentq
 
+from analysis.curve import lift_coefficient, speed_at
 from analysis.performance.level_flight import level_flight
 from analysis.performance.power_train import PowerTrainModel, fit_power_train
 from analysis.performance.propagation import combine_independent, exact
-from analysis.polar import lift_coefficient, speed_at
 from sim.plant import plant_of
 from sim.propulsion import power_train as true_train
 from sim.trim import Trimmer

@@ -11,7 +11,7 @@ from analysis.performance.full_throttle import fit_full_throttle
 from analysis.performance.level_flight import level_flight
 from analysis.performance.power_train import fit_power_train
 from analysis.performance.propagation import combine_independent, exact
-from analysis.schema import ComputationModel
+from analysis.records.flight import ComputationModel
 
 
 @pytest.mark.parametrize("with_full_throttle", [False, True])

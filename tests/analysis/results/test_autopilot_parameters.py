@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from analysis.results.autopilot_parameters import FlightValues, around, of_power_required, typed_in, wing_loading_of
+from analysis.performance.autopilot_parameters import FlightValues, around, of_power_required, typed_in, wing_loading_of
 from flight.atmosphere import SEA_LEVEL_DENSITY
 
 

@@ -5,11 +5,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from analysis.electrical.airspeed_gps import AirspeedErrors
-from analysis.electrical.drag import DragWithheld
-from analysis.electrical.energy_balance import FlightConditions
+from analysis.curve import maximum_lift_to_drag
 from analysis.estimation.noise import NORMAL_95
-from analysis.polar import maximum_lift_to_drag
+from analysis.methods.whole_flight.airspeed_gps import AirspeedErrors
+from analysis.methods.whole_flight.drag import DragWithheld
+from analysis.methods.whole_flight.energy_balance import FlightConditions
+from analysis.performance.autopilot_parameters import flight_values
+from analysis.records.flight import SpeedInterval
 from analysis.results.electrical import (
     ElectricalFindings,
     UsedBattery,
@@ -19,9 +21,7 @@ from analysis.results.electrical import (
     _polar,
     _warnings,
 )
-from analysis.results.electrical_parameters import flight_values
-from analysis.schema import SpeedInterval
-from analysis.signals.settings import FLIGHT
+from analysis.sources.grid_settings import FLIGHT
 from flight.atmosphere import SEA_LEVEL_DENSITY
 from flight.units import GRAVITY_MPS2
 

@@ -8,10 +8,9 @@ import msgspec
 import pytest
 
 from analysis.cli import parameters
-from analysis.polar import Condition, speed_at
-from analysis.results.autopilot_parameters import FlightValues, around, typed_in
-from analysis.results.parameter_file import CRUISE, FASTEST, SLOWEST, For, StallMargin, parameter_file
-from analysis.schema import (
+from analysis.curve import Condition, speed_at
+from analysis.performance.autopilot_parameters import FlightValues, around, typed_in
+from analysis.records.flight import (
     AircraftResult,
     AvailableResult,
     ConditionResult,
@@ -27,6 +26,7 @@ from analysis.schema import (
     SpeedInterval,
     Trust,
 )
+from analysis.results.parameter_file import CRUISE, FASTEST, SLOWEST, For, StallMargin, parameter_file
 from flight.errors import InputError
 
 NONE = SpeedInterval(speed_mps=None, lo_mps=None, hi_mps=None, inside_flown_range=False)

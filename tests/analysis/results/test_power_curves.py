@@ -7,14 +7,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from analysis.drag.dynamic import DynamicEstimate
-from analysis.drag.method import SteadyPoint
+from analysis.curve import Condition, Polar, best_range_lift, minimum_power_lift
 from analysis.estimation.noise import NORMAL_95
-from analysis.polar import Condition, Polar, best_range_lift, minimum_power_lift
-from analysis.results import power_curves
+from analysis.methods.dynamic import DynamicEstimate
+from analysis.methods.method import SteadyPoint
+from analysis.records.flight import ConditionResult, CurveStatus, PowerPoint
+from analysis.results import curves as power_curves
+from analysis.results.assemble import _point
 from analysis.results.files import to_csv
-from analysis.results.methods import _point
-from analysis.schema import ConditionResult, CurveStatus, PowerPoint
 
 AT = Condition(weight_N=37.7, rho=1.19, wing_area_m2=0.4636)
 CD0, K = 0.04, 0.06

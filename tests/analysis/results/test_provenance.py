@@ -9,13 +9,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from analysis.air.contents import Replacements
 from analysis.flight import Recorded
-from analysis.log_checks.structure import receiver_notes
-from analysis.log_contents import Replacements
+from analysis.records.flight import Provenance
 from analysis.results.flight_found import autocorrelation, parameter_correlation, track
 from analysis.results.previous import replaced
 from analysis.results.provenance import provenance
-from analysis.schema import Provenance
+from analysis.sources.structure import receiver_notes
 from flight.log_entries import LogEntry, entries_of
 from flight.log_reader import Log
 from flight.messages import Comparison, Event, Gps, Imu, Status, Tick

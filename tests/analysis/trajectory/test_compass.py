@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from test_reconstruction import flown as fly
 
-from analysis.airdata.magnetometer import compass
-from analysis.ground.magnetometer import calibrate
+from analysis.air.magnetometer import compass
+from analysis.calibrations.magnetometer import calibrate
 from analysis.trajectory.block_means import BlockMeans
 from analysis.trajectory.equations import (
     MEASUREMENT_INPUTS,

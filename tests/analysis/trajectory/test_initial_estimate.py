@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.airdata.transducers import play
+from analysis.air.transducers import play
 from analysis.trajectory.block_means import moving_average
 from analysis.trajectory.equations import SENSOR_ERRORS, STATES
 from analysis.trajectory.priors import (

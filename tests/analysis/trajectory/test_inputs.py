@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from exact_motion import RATE_HZ, RHO, exact_motion
 
-from analysis.airdata.magnetometer import Compass
+from analysis.air.magnetometer import Compass
 from analysis.trajectory.block_means import BLOCK, BlockMeans, block_mean
 from analysis.trajectory.equations import MEASUREMENT_INPUTS, MEASUREMENTS, PROCESS_INPUTS, SENSOR_ERRORS, STATES
 from analysis.trajectory.inertial import CHANNELS, InertialInputs

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from test_reconstruction import flown as fly
 
-from analysis.results import trust
+from analysis.results import evidence as trust
 from analysis.results.flight_found import path_result
 from analysis.trajectory import observability
 from analysis.trajectory.block_means import block_mean

@@ -1,0 +1,204 @@
+"""The attachments of a log: aircraft file, propeller table, calibrations, zeros."""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import PurePath
+from types import MappingProxyType
+from typing import NamedTuple
+
+from analysis.air.flight_data import Calibrations
+from analysis.air.magnetometer import MAGNETOMETER_FILE, MagnetometerCalibration
+from analysis.air.probe import PROBE_FILE, ProbeCalibration
+from analysis.air.thrust_stand import ThrustStand
+from analysis.air.transducers import TRANSDUCERS_FILE, TransducerCalibration
+from analysis.sources.rest import ZERO_FILE
+from flight.aircraft import Aircraft, parse_aircraft
+from flight.errors import InputError
+from flight.log_reader import Log
+from flight.propeller import Propeller
+from flight.propeller_files import load_propeller, parse_propeller
+
+# By attachment that an analysis needs, the option instead.
+REMEDIES = {
+    "aircraft.toml": "--aircraft FILE (`flightpower new aircraft` writes a template)",
+    "propeller.csv": '--propeller NAME or FILE (or [propulsion] propeller = "apc-12x8e" in the aircraft file)',
+    "probe.json": "--probe FILE (`calibrate probe` writes it)",
+}
+
+
+class LogContents(NamedTuple):
+    """What an analysis takes from a log beside its measurements.
+
+    zero : by channel, the reading in still air that `daq zero` took; None if the log has none
+    notes : damage of the log, in sentences
+    """
+
+    aircraft: Aircraft
+    propeller: Propeller
+    probe: ProbeCalibration
+    magnetometer: MagnetometerCalibration | None
+    zero: dict[str, float] | None
+    notes: list[str]
+    transducers: TransducerCalibration | None = None
+    thrust_stand: ThrustStand | None = None
+
+    @property
+    def calibrations(self) -> Calibrations:
+        return Calibrations(self.probe, self.magnetometer, self.zero, self.transducers)
+
+
+class Replacements(NamedTuple):
+    """Used instead of the contents of the log where not None.
+
+    weight_N : of the aircraft     zero : by channel
+    files : where these were read from, or the name of a shipped propeller, by the attachment that each replaces
+    """
+
+    aircraft: Aircraft | None = None
+    propeller: Propeller | None = None
+    probe: ProbeCalibration | None = None
+    magnetometer: MagnetometerCalibration | None = None
+    zero: dict[str, float] | None = None
+    weight_N: float | None = None
+    transducers: TransducerCalibration | None = None
+    thrust_stand: ThrustStand | None = None
+    files: Mapping[str, str] = MappingProxyType({})
+
+
+def contents(log: Log, replacements: Replacements = Replacements()) -> LogContents:
+    """The contents of a log; `replacements` are used instead of its own.
+
+    Raises InputError if attachments are missing and no argument replaces them, naming all of them, or one is malformed.
+    """
+    recorded = _recorded_aircraft(log, needed=replacements.aircraft is None)
+    aircraft = replacements.aircraft or recorded
+    lacking = _lacking(log, replacements, [one for one in (aircraft, recorded) if one])
+    if lacking or aircraft is None:
+        raise _not_in_log(log, lacking)
+    installation = aircraft.installation.name or _installation_of_tray(log)
+    notes = damage(log)
+    if replacements.weight_N is not None:
+        aircraft = aircraft.weighing(replacements.weight_N)
+    propeller = replacements.propeller or _propeller(log, aircraft, recorded)
+    if replacements.thrust_stand is not None:
+        replacements.thrust_stand.check_table(propeller, replacements.files.get("thrust_stand.json", "--thrust-stand"))
+        aircraft = replacements.thrust_stand.applied_to(aircraft)
+    elif replacements.propeller and (note := _of_another_table(aircraft, replacements.propeller)):
+        aircraft = replace(aircraft, propulsion=replace(aircraft.propulsion, static_thrust_ratio=None))
+        notes.append(note)
+    propeller = propeller.with_beyond_zero_thrust(aircraft.propulsion.beyond_zero_thrust)
+    zero = ZERO_FILE.parsed_if_any(log.attachments.get("zero.json"), f"{log.path}: zero.json")
+    return LogContents(
+        replace(aircraft, installation=replace(aircraft.installation, name=installation)),
+        propeller,
+        replacements.probe or PROBE_FILE.parsed(log.attachments["probe.json"], "probe.json"),
+        replacements.magnetometer
+        or MAGNETOMETER_FILE.parsed_if_any(log.attachments.get("magnetometer.json"), f"{log.path}: magnetometer.json"),
+        replacements.zero or (zero.by_channel() if zero else None),
+        notes,
+        replacements.transducers
+        or TRANSDUCERS_FILE.parsed_if_any(log.attachments.get("transducers.json"), f"{log.path}: transducers.json"),
+        replacements.thrust_stand,
+    )
+
+
+def aircraft_of(log: Log) -> Aircraft:
+    """The aircraft file in a log. Raises InputError when there is none, or it is malformed."""
+    recorded = _recorded_aircraft(log, needed=True)
+    if recorded is None:
+        raise _not_in_log(log, ["aircraft.toml"])
+    return recorded
+
+
+def _recorded_aircraft(log: Log, *, needed: bool) -> Aircraft | None:
+    """The log's own aircraft file; None where there is none. Raises InputError when it is needed and malformed."""
+    data = log.attachments.get("aircraft.toml")
+    if data is None:
+        return None
+    try:
+        return parse_aircraft(data.decode("utf-8", errors="replace"), f"{log.path}: aircraft.toml")
+    except InputError:
+        if needed:
+            raise
+        return None
+
+
+def propeller_of(log: Log, aircraft: Aircraft) -> Propeller:
+    """The propeller that an aircraft file names, else that of the log.
+
+    The log's table is that of the propeller its own aircraft file names. Raises InputError when there is none, or it is
+    malformed.
+    """
+    return _propeller(log, aircraft, _recorded_aircraft(log, needed=False))
+
+
+def _propeller(log: Log, aircraft: Aircraft, recorded: Aircraft | None) -> Propeller:
+    in_log = recorded.propulsion.propeller if recorded else None
+    name = aircraft.propulsion.propeller
+    table = log.attachments.get("propeller.csv")
+    if table is not None and name in (None, in_log):
+        return parse_propeller(table.decode("utf-8", errors="replace"), in_log or "propeller.csv")
+    name = name or in_log
+    if name is not None:
+        return load_propeller(name)
+    raise _not_in_log(log, ["propeller.csv"])
+
+
+def _installation_of_tray(log: Log) -> str:
+    """[installation] name of the tray file; empty where there is none."""
+    try:
+        tray = tomllib.loads(log.attachments.get("tray.toml", b"").decode("utf-8", errors="replace"))
+    except tomllib.TOMLDecodeError:
+        return ""
+    section = tray.get("installation")
+    name = section.get("name") if isinstance(section, dict) else None
+    return name if isinstance(name, str) else ""
+
+
+def _of_another_table(aircraft: Aircraft, propeller: Propeller) -> str:
+    """A sentence if the aircraft file has thrust on a stand, but against another propeller's table; else empty."""
+    named = aircraft.propulsion.propeller
+    if aircraft.propulsion.static_thrust_ratio is None or named is None:
+        return ""
+    if propeller.name in (named, PurePath(named).stem):
+        return ""
+    return (
+        f"propulsion.static_thrust_ratio of the aircraft file belongs to the propeller {named} and is not used with"
+        f" {propeller.name}: give --thrust-stand with a result of `calibrate thrust` for this table."
+    )
+
+
+def damage(log: Log) -> list[str]:
+    """Parts of the log that are torn or cannot be decoded, in sentences."""
+    notes = [f"The log is torn ({log.torn}); the part before is used."] if log.torn else []
+    for topic, found in sorted(log.undecodable_of.items()):
+        left_out = "1 message is" if found.count == 1 else f"{found.count} messages are"
+        notes.append(f"{left_out} left out: {topic}: {found.mistake}.")
+    return notes
+
+
+def _lacking(log: Log, replacements: Replacements, aircraft: list[Aircraft]) -> list[str]:
+    """The attachments that are needed, but neither in the log nor replaced. aircraft: that used, and the log's own."""
+    propeller_named = any(one.propulsion.propeller for one in aircraft)
+    given = {
+        "aircraft.toml": bool(aircraft),
+        "propeller.csv": replacements.propeller is not None or propeller_named,
+        "probe.json": replacements.probe is not None,
+    }
+    return [name for name in REMEDIES if not given[name] and name not in log.attachments]
+
+
+def _not_in_log(log: Log, names: list[str]) -> InputError:
+    similar = [f"{match} is not {name}" for name in names if (match := _other_case(log, name))]
+    if similar:
+        return InputError(f"{log.path}: the attachment {', '.join(similar)}: rename it")
+    return InputError(
+        f"{log.path}: no {', '.join(names)} in the log; attach {'it' if len(names) == 1 else 'them'} to the log (the"
+        f" daemon attaches what the tray file names), or give {', '.join(REMEDIES[name] for name in names)}"
+    )
+
+
+def _other_case(log: Log, name: str) -> str | None:
+    """The attachment of that name but for capitals, or with its path."""
+    return next((found for found in log.attachments if PurePath(found).name.lower() == name), None)

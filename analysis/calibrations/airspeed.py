@@ -1,0 +1,108 @@
+"""`calibrate airspeed`"""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from analysis.calibrations.runner import Calibrated, OptionalFile, calibration
+from analysis.estimation.noise import NORMAL_95
+from analysis.options import AircraftOption, ProbeOption, refuse_drag_options
+from analysis.sources.recognize import Autopilot, autopilot_of
+from flight.errors import InputError
+
+if TYPE_CHECKING:
+    from analysis.trajectory.consistency import AirspeedCalibration
+
+
+@calibration(OptionalFile)
+def airspeed(
+    log: Annotated[
+        Path,
+        typer.Argument(metavar="LOG", help="A log recorded by the daemon, or one of PX4 (.ulg) or ArduPilot (.BIN)."),
+    ],
+    aircraft: AircraftOption = None,
+    probe: ProbeOption = None,
+) -> Calibrated:
+    """Estimate the scale error of the airspeed and the wind, from flight on several headings with GPS.
+
+    Fly two legs or more of half a minute at a steady speed, there and back along one line, better along two crossing
+    lines; turns help. A steady wind changes the ground speed by opposite amounts on opposite headings; the mean
+    difference is the scale error. On one heading only, wind and scale error cannot be told apart, and a note says so.
+    `analyze` estimates the same for each flight. Exit code 1 and no file if the standard error of the
+    scale stays above 0.8 of what it was before the flight, as without GPS.
+
+    To rehearse it: `sim fly --plan airspeed-box -o out/box`.
+
+    \b
+    Examples:
+      calibrate airspeed log.mcap
+      calibrate airspeed log.mcap --probe probe.json -o airspeed.json
+      calibrate airspeed log.ulg                     a log of PX4 or ArduPilot
+    """
+    from analysis.air.contents import Replacements
+    from analysis.air.probe import PROBE_FILE
+    from analysis.flight import recorded, synchronized, trajectory_with
+    from analysis.trajectory.consistency import calibrate
+    from flight.aircraft import load_aircraft
+    from flight.log_reader import read_log
+
+    autopilot = autopilot_of(log)
+    if autopilot:
+        refuse_drag_options(log, "the log is an autopilot's", probe=probe, aircraft=aircraft)
+        return _calibrated(autopilot_airspeed(log, autopilot), [], log)
+    given = Replacements(
+        aircraft=load_aircraft(aircraft) if aircraft else None, probe=PROBE_FILE.load(probe) if probe else None
+    )
+    flight = synchronized(recorded(read_log(log), given))
+    if not flight.table["flying"].any():
+        raise InputError(f"{log}: no flight in this log")
+    found = calibrate(flight.table, trajectory_with(flight, flight.data))
+    return _calibrated(found, list(flight.notes), log)
+
+
+def autopilot_airspeed(log: Path, autopilot: Autopilot) -> "AirspeedCalibration":
+    """Scale and wind of a flight under PX4 or ArduPilot. Raises InputError."""
+    from analysis.methods.whole_flight.airspeed_gps import airspeed_errors, one_way
+    from analysis.methods.whole_flight.flight_table import flight_table
+    from analysis.sources.autopilot import read_autopilot_log
+    from analysis.sources.recording import GPS
+    from analysis.trajectory.consistency import AirspeedCalibration, notes_on, why_not_determined
+
+    typical_N, area_m2 = 60.0, 1.0  # their ratio recognizes flight
+    flight = flight_table(read_autopilot_log(log, autopilot), typical_N, area_m2)
+    if flight.first_wind_mps is not None:
+        raise InputError(f"{log}: the log lacks airspeed, whose scale could be determined")
+    found = airspeed_errors(flight)
+    if found.wind_mps is None or found.wind_from_deg is None:
+        raise InputError(f"{log}: no GPS velocity in flight: neither scale nor wind can be determined")
+    table = flight.table[flight.flown]
+    spread = one_way(table[GPS[0]].to_numpy(), table[GPS[1]].to_numpy(), found)
+    error = float(found.covariance[0, 0] ** 0.5)
+    notes = [*flight.notes, *notes_on(spread, error, found.prior_sigma)]
+    return AirspeedCalibration(
+        found.scale,
+        error,
+        found.wind_mps,
+        found.wind_from_deg,
+        spread,
+        notes,
+        why_not_determined(error, found.prior_sigma),
+    )
+
+
+def _calibrated(found: "AirspeedCalibration", notes: list[str], log: Path) -> Calibrated:
+    content = {name: value for name, value in found._asdict().items() if name != "unsupported"}
+    content = {"format": "flightpower-airspeed-1", "source": log.name, **content}
+    return Calibrated(summary(found, notes), content, unsupported=found.unsupported)
+
+
+def summary(found: "AirspeedCalibration", notes: list[str]) -> list[str]:
+    """The result in lines, with the notes on the log after those on the result."""
+    side = "high" if found.scale >= 0 else "low"
+    half = NORMAL_95 * found.scale_error
+    return [
+        f"airspeed reads {100 * abs(found.scale):.2f} ± {100 * half:.2f} % too {side} (95 % interval)",
+        f"wind {found.wind_mps:.1f} m/s from {found.wind_from_deg:.0f} deg, mean of the flight",
+        *(f"note: {note}" for note in found.notes + notes),
+    ]

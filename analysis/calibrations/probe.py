@@ -1,0 +1,508 @@
+"""A five-port probe's calibration from wind-tunnel measurements: their file, the fit, and whether speed matters.
+
+The error of the slope of alpha is part of the calibration; whether it depends on speed shows in the slope of an
+angle's residual at each tunnel speed.
+"""
+
+import math
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+from scipy import special
+from scipy.spatial import ConvexHull
+
+from analysis.air.probe import FittedMap, Powers, ProbeCalibration, fit_map, polynomial_of_order, terms
+from analysis.air.settings import TUNNEL
+from analysis.calibrations.runner import Calibrated, CalibrationFile, calibration
+from analysis.estimation.noise import NORMAL_95
+from analysis.pages.charts.style import BLUE, INK, PALETTE, RED, SYMBOLS, Figure, rounded, styled
+from analysis.pages.html_page import HtmlTable, html_figure, render_page
+from analysis.settings import FLOWN
+from analysis.sources.check_settings import UNITS
+from analysis.sources.grid_settings import STATISTICS
+from flight.arrays import Array
+from flight.atmosphere import density
+from flight.command_line import quantity
+from flight.errors import InputError
+from flight.files import check_new_file
+from flight.probe_maps import FORMAT
+from flight.unit_columns import csv_rows, si_column
+
+
+@dataclass(frozen=True)
+class TunnelData:
+    """Measurements of a tunnel calibration in SI units, arrays (n,).
+
+    dp_alpha_Pa : lower minus upper port     dp_beta_Pa : right minus left port     q_c_Pa : center minus static
+    """
+
+    speed_mps: Array
+    alpha_rad: Array
+    beta_rad: Array
+    dp_alpha_Pa: Array
+    dp_beta_Pa: Array
+    q_c_Pa: Array
+    static_Pa: Array
+    temperature_K: Array
+
+    @property
+    def C_alpha(self) -> Array:
+        """dp_alpha/q_c [-], (n,)."""
+        return self.dp_alpha_Pa / self.q_c_Pa
+
+    @property
+    def C_beta(self) -> Array:
+        """dp_beta/q_c [-], (n,)."""
+        return self.dp_beta_Pa / self.q_c_Pa
+
+
+# Column of the file: (field, unit).
+_COLUMNS = {
+    "speed": ("speed_mps", "m/s"),
+    "alpha": ("alpha_rad", "rad"),
+    "beta": ("beta_rad", "rad"),
+    "dp_alpha": ("dp_alpha_Pa", "Pa"),
+    "dp_beta": ("dp_beta_Pa", "Pa"),
+    "q_c": ("q_c_Pa", "Pa"),
+    "static": ("static_Pa", "Pa"),
+    "temperature": ("temperature_K", "K"),
+}
+
+
+def read_tunnel(path: str | Path) -> TunnelData:
+    """The measurements in a CSV file whose header names each column with its unit, `alpha [deg]`.
+
+    Raises InputError naming file and cause.
+    """
+    path = Path(path)
+    rows = csv_rows(path)
+    if len(rows) < 2:
+        raise InputError(f"{path}: holds no measurements")
+    header, *lines = rows
+    values: dict[str, Array] = {}
+    for i, title in enumerate(header):
+        match = re.fullmatch(r"\s*(\w+)\s*\[(.+)\]\s*", title)
+        if match is None or match[1] not in _COLUMNS:
+            raise InputError(f"{path}: column {title!r}: must be one of {', '.join(_COLUMNS)}, followed by its [unit]")
+        name, unit = _COLUMNS[match[1]]
+        values[name] = si_column(lines, i, match[2], unit, f"{path}: {title}")
+        wrong = ~np.isfinite(values[name])
+        if wrong.any():
+            first = ",".join(lines[int(wrong.argmax())])
+            raise InputError(f"{path}: column {title!r}: not a number in every line; the first without: {first}")
+    missing = [title for title, (name, _) in _COLUMNS.items() if name not in values]
+    if missing:
+        raise InputError(f"{path}: no column {', '.join(missing)}")
+    return TunnelData(**values)
+
+
+def dynamic_pressure(tunnel: TunnelData) -> Array:
+    """Dynamic pressure of the free stream from speed and density [Pa], (n,)."""
+    return np.asarray(density(tunnel.static_Pa, tunnel.temperature_K) * tunnel.speed_mps**2 / 2)
+
+
+class SlopeAtSpeed(NamedTuple):
+    """A straight line through an angle's residual at one tunnel speed: offset at zero angle, slope and its error."""
+
+    speed_mps: float
+    points: int
+    offset_rad: float
+    slope: float
+    slope_error: float
+
+
+class SpeedDependence(NamedTuple):
+    """Whether the slope of an angle depends on speed."""
+
+    speeds: list[SlopeAtSpeed]
+    chi_squared: float  # of the slopes about their mean
+    spread: float  # standard deviation of the slope from speed to speed, without noise; 0 if noise explains it
+
+    @property
+    def significant(self) -> bool:
+        return self.spread > 0
+
+
+def speed_dependence(tunnel: TunnelData, residual_rad: Array, angle_rad: Array) -> SpeedDependence:
+    """The slope of an angle's residual at each speed, within TUNNEL.slope_range_rad. residual_rad, angle_rad : (n,)."""
+    small = np.abs(angle_rad) <= TUNNEL.slope_range_rad
+    groups = _speed_groups(tunnel.speed_mps)
+    at_speeds = []
+    for group in range(groups.max() + 1):
+        mine = small & (groups == group)
+        x, y = angle_rad[mine], residual_rad[mine]
+        if len(x) < STATISTICS.fewest_readings or np.ptp(x) == 0:
+            continue
+        x_mean = x - x.mean()
+        slope = float(x_mean @ y / (x_mean @ x_mean))
+        left = y - y.mean() - slope * x_mean
+        error = float(np.sqrt(left @ left / (len(x) - 2) / (x_mean @ x_mean)))
+        offset = float(y.mean() - slope * x.mean())
+        at_speeds.append(SlopeAtSpeed(float(tunnel.speed_mps[mine].mean()), len(x), offset, slope, error))
+    if len(at_speeds) < 2:
+        return SpeedDependence(at_speeds, 0.0, 0.0)
+    slopes, errors = np.array([f.slope for f in at_speeds]), np.array([f.slope_error for f in at_speeds])
+    mean = np.average(slopes, weights=1 / errors**2)
+    chi_squared = float(np.sum(((slopes - mean) / errors) ** 2))
+    if chi_squared < special.chdtri(len(at_speeds) - 1, STATISTICS.false_alarm_rate):
+        return SpeedDependence(at_speeds, chi_squared, 0.0)
+    beyond = max(float(np.var(slopes, ddof=1) - np.mean(errors**2)), 0.0)
+    return SpeedDependence(at_speeds, chi_squared, float(np.sqrt(beyond)))
+
+
+def _speed_groups(speed_mps: Array) -> NDArray[np.int64]:
+    """The number of the tunnel speed to which each point belongs, from 0; a new one begins after a step of speed."""
+    order = np.argsort(speed_mps)
+    steps = np.diff(speed_mps[order]) > FLOWN.nearby * speed_mps[order][:-1]
+    group = np.empty(len(order), dtype=np.int64)
+    group[order] = np.concatenate([[0], np.cumsum(steps)])
+    return group
+
+
+def calibrate(tunnel: TunnelData, source: str = "", *, angle_scale_sigma: float = 0.0) -> ProbeCalibration:
+    """Smooth maps through a tunnel's measurements, the order of each chosen by cross-validation.
+
+    angle_scale_sigma: relative standard error of the tunnel's own angles (turntable, blockage, walls). The measurements
+    do not show it.
+    Raises InputError if there are too few points, points without flow or at one angle only, or if they do not support
+    a calibration: the maps predict too little of the variance of alpha or beta at points left out, or
+    the standard error of the slope of alpha exceeds TUNNEL.largest_slope_sigma.
+    """
+    if np.any(tunnel.speed_mps > UNITS.plausible.tip_mps[1]):
+        raise InputError(f"{source}: speeds above {UNITS.plausible.tip_mps[1]:.0f} m/s; is their unit right?")
+    qbar = dynamic_pressure(tunnel)
+    if len(qbar) < STATISTICS.fewest_values:
+        raise InputError(
+            f"{source}: {len(qbar)} points are too few to calibrate a probe; {STATISTICS.fewest_values} are needed"
+        )
+    if np.any(tunnel.q_c_Pa <= 0) or np.any(qbar <= 0):
+        raise InputError(f"{source}: q_c and speed must be positive at every point")
+    if min(np.ptp(tunnel.alpha_rad), np.ptp(tunnel.beta_rad)) == 0:
+        raise InputError(f"{source}: alpha and beta must both vary; measure over a grid of angles")
+    C_alpha, C_beta = tunnel.C_alpha, tunnel.C_beta
+    q_ratio = fit_map(C_alpha, C_beta, tunnel.q_c_Pa / qbar, qbar, exponent=-0.5).map
+    ratio = q_ratio(C_alpha, C_beta)
+    x, y = C_alpha * ratio, C_beta * ratio  # dp_alpha/qbar, dp_beta/qbar
+    alpha, alpha_covariance, weight = fit_map(x, y, tunnel.alpha_rad, qbar)
+    beta = fit_map(x, y, tunnel.beta_rad, qbar).map
+    for name, fitted, measured in (("alpha", alpha, tunnel.alpha_rad), ("beta", beta, tunnel.beta_rad)):
+        spread = float(np.std(measured))
+        if fitted.residual_rms**2 > (1 - TUNNEL.least_predicted) * spread**2:
+            raise InputError(
+                f"{source}: the pressures do not determine {name}: points left out are predicted within"
+                f" {np.degrees(fitted.residual_rms):.2f} deg rms, of {np.degrees(spread):.2f} deg that they vary by;"
+                f" measure at more angles {name}, and check the tubes"
+            )
+
+    slope_of = _slope_by_coefficient(alpha, (float(x.min()), float(x.max())))
+    noise = np.sqrt(slope_of(alpha.powers) @ alpha_covariance @ slope_of(alpha.powers))
+    others = [
+        polynomial_of_order(x, y, tunnel.alpha_rad, weight, order)[0] for order in _equal_orders(alpha, len(qbar))
+    ]
+    slope, *other_slopes = (slope_of(one.powers) @ np.array(one.coefficients) for one in (alpha, *others))
+    form = max((abs(other - slope) for other in other_slopes), default=0.0)
+    with_speed = speed_dependence(tunnel, alpha(x, y) - tunnel.alpha_rad, tunnel.alpha_rad)
+
+    sigma = float(np.sqrt(noise**2 + form**2 + with_speed.spread**2 + angle_scale_sigma**2))
+    if sigma > TUNNEL.largest_slope_sigma and angle_scale_sigma <= TUNNEL.largest_slope_sigma:
+        raise InputError(
+            f"{source}: the slope of alpha is uncertain by {100 * sigma:.0f} % (1 sigma): measure at more angles and"
+            " longer at each"
+        )
+    corners = np.column_stack([C_alpha, C_beta])[ConvexHull(np.column_stack([C_alpha, C_beta])).vertices]
+    return ProbeCalibration(
+        format=FORMAT,
+        source=source,
+        points=len(qbar),
+        alpha_rad=alpha,
+        beta_rad=beta,
+        q_ratio=q_ratio,
+        alpha_scale_sigma=sigma,
+        hull=[(float(a), float(b)) for a, b in corners],
+        alpha_limits_rad=(float(tunnel.alpha_rad.min()), float(tunnel.alpha_rad.max())),
+        beta_limits_rad=(float(tunnel.beta_rad.min()), float(tunnel.beta_rad.max())),
+    )
+
+
+def _slope_by_coefficient(alpha: FittedMap, x_range: tuple[float, float]) -> Callable[[Powers], Array]:
+    """A function of powers: by how much each coefficient changes the slope of alpha, (k,).
+
+    The slope is that of a straight line over the angles of normal flight at dp_beta = 0, relative to the slope of
+    `alpha` itself.
+    """
+    x = np.linspace(*x_range, 401)
+    angle = alpha(x, np.zeros_like(x))
+    x, angle = x[np.abs(angle) <= TUNNEL.slope_range_rad], angle[np.abs(angle) <= TUNNEL.slope_range_rad]
+    centered = angle - angle.mean()
+    return lambda powers: (centered / (centered @ centered)) @ terms(x, np.zeros_like(x), powers)
+
+
+def _equal_orders(best: FittedMap, points: int) -> list[int]:
+    """Other orders that predict as well as the best within the standard error of an rms of so many points."""
+    limit = best.residual_rms * (1 + 1 / np.sqrt(2 * points))
+    good = [k for k, rms in enumerate(best.tried_rms, start=1) if rms < limit]
+    return [k for k in good if k != best.order]
+
+
+@calibration(CalibrationFile, "probe.json")
+def probe(
+    tunnel: Annotated[
+        Path, typer.Argument(metavar="TUNNEL", help="CSV with a header such as `speed [m/s],alpha [deg],…`")
+    ],
+    output: Path,
+    replace: bool,
+    report: Annotated[
+        Path | None,
+        typer.Option("--report", metavar="FILE", help="Report page to write; default: beside the calibration, .html"),
+    ] = None,
+    angle_scale: Annotated[
+        float,
+        typer.Option(
+            "--angle-scale",
+            parser=quantity("--angle-scale", "%", '"0.5 %"', least=0, most=20.0),
+            metavar="PERCENT",
+            help="Standard error of the tunnel's own angles, in percent.",
+        ),
+    ] = 0.5,
+) -> Calibrated:
+    """Calibrate a five-port probe from wind-tunnel measurements.
+
+    The tunnel file has the columns speed, alpha, beta, dp_alpha (lower minus upper port), dp_beta (right minus left),
+    q_c (center minus static), static and temperature, each with its unit in brackets. Measure at three speeds or more,
+    so that a dependence on speed shows. Measure at angles beyond those that will be flown: the analysis leaves out
+    results outside the measured range.
+
+    The report page shows the residuals of the calibration, the effect of speed, and the range of validity. The file
+    contains the standard error of the slope of alpha (alpha_scale_sigma). Errors of the turntable and of the tunnel
+    walls are part of it; the measurements do not show them: give them by --angle-scale. Nothing is written if the
+    points do not support a calibration: less than 90 % of the variance of alpha or beta is predicted at points left
+    out, or the slope is uncertain by more than 10 % (1 sigma).
+
+    To rehearse it: `sim tunnel -o tunnel.csv`.
+
+    \b
+    Example:
+      calibrate probe tunnel.csv -o probe.json --angle-scale 1
+    with tunnel.csv such as
+      speed [m/s],alpha [deg],beta [deg],dp_alpha [Pa],dp_beta [Pa],q_c [Pa],
+      static [hPa],temperature [degC]     (on one line; then a line a point)
+    """
+
+    where = report or output.with_suffix(".html")
+    if where == output:
+        raise InputError(f"{where}: report and calibration cannot be the same file; name another with --report")
+    check_new_file(where, replace=replace)
+    measured = read_tunnel(tunnel)
+    found = calibrate(measured, tunnel.name, angle_scale_sigma=angle_scale / 100)
+    html = render(measured, found, angle_scale_sigma=angle_scale / 100)
+    return Calibrated(summary(found), found, pages={where: html})
+
+
+def summary(calibration: "ProbeCalibration") -> list[str]:
+    """The result in lines."""
+    lines = [f"{calibration.points} points, order of the polynomials by cross-validation:"]
+    for name, fitted, scale, unit in (
+        ("alpha", calibration.alpha_rad, math.degrees(1), "deg"),
+        ("beta", calibration.beta_rad, math.degrees(1), "deg"),
+        ("q_c/qbar", calibration.q_ratio, 100, "%"),
+    ):
+        rms = f"{fitted.residual_rms * scale:.3f} {unit}"
+        lines.append(f"  {name:9} order {fitted.order}, error of left-out points {rms} weighted rms")
+    return [*lines, f"standard error of the slope of alpha: {100 * calibration.alpha_scale_sigma:.2f} %"]
+
+
+def render(tunnel: TunnelData, calibration: ProbeCalibration, *, angle_scale_sigma: float) -> str:
+    """The page as one HTML file. angle_scale_sigma: relative standard error of the angles of the tunnel itself."""
+    C_alpha, C_beta = tunnel.dp_alpha_Pa / tunnel.q_c_Pa, tunnel.dp_beta_Pa / tunnel.q_c_Pa
+    ratio = tunnel.q_c_Pa / dynamic_pressure(tunnel)
+    alpha, beta, predicted_ratio = calibration.maps(C_alpha, C_beta)
+    alpha_error_rad = alpha - tunnel.alpha_rad
+    residuals = (
+        np.degrees(alpha_error_rad),
+        np.degrees(beta - tunnel.beta_rad),
+        100 * (predicted_ratio / ratio - 1),
+    )
+    dependence = speed_dependence(tunnel, alpha_error_rad, tunnel.alpha_rad)
+    drawn: dict[str, Figure | Sequence[Figure]] = {
+        "residuals": residual_maps(tunnel, residuals),
+        "sections": sections(tunnel, calibration),
+        "speed": by_speed(dependence),
+        "hull": valid_range(C_alpha, C_beta, calibration),
+        "orders": polynomial_orders(calibration),
+    }
+    return render_page(
+        "probe_calibration.html",
+        source=f"{calibration.source}, {calibration.points} points",
+        slope_percent=f"{100 * calibration.alpha_scale_sigma:.2f}",
+        slope_parts=slope_parts(calibration, dependence, angle_scale_sigma),
+        quality=_quality(calibration, residuals),
+        speed_effect=speed_effect(dependence),
+        validity=validity(calibration),
+        figures={name: html_figure(figure, name) for name, figure in drawn.items()},
+    )
+
+
+def slope_parts(calibration: ProbeCalibration, dependence: SpeedDependence, angle_scale_sigma: float) -> str:
+    """What the error of the slope of alpha consists of; the parts add as squares."""
+    parts = [f"angles of the tunnel {100 * angle_scale_sigma:.2f} %"] if angle_scale_sigma else []
+    parts += [f"speed {100 * dependence.spread:.2f} %"] if dependence.significant else []
+    rest = calibration.alpha_scale_sigma**2 - angle_scale_sigma**2 - dependence.spread**2
+    parts.append(f"noise and fit of the polynomial {100 * np.sqrt(max(rest, 0.0)):.2f} %")
+    return ", ".join(parts)
+
+
+def _quality(calibration: ProbeCalibration, residuals: tuple[Array, Array, Array]) -> HtmlTable:
+    surfaces = (calibration.alpha_rad, calibration.beta_rad, calibration.q_ratio)
+    quantities = (("alpha", "deg", np.degrees(1.0)), ("beta", "deg", np.degrees(1.0)), ("q_c/q", "%", 100.0))
+    rows = [
+        (
+            name,
+            f"{surface.order}",
+            f"{factor * surface.residual_rms:.3f} {unit}",
+            f"{np.sqrt(np.mean(residual**2)):.3f} {unit}",
+            f"{np.max(np.abs(residual)):.3f} {unit}",
+        )
+        for (name, unit, factor), surface, residual in zip(quantities, surfaces, residuals, strict=True)
+    ]
+    header = ("quantity", "polynomial order", "error of left-out points, rms", "residual, rms", "largest residual")
+    return HtmlTable(header, rows, numbers=True)
+
+
+def speed_effect(dependence: SpeedDependence) -> str:
+    """Whether the slope of alpha depends on tunnel speed, in a sentence."""
+    if len(dependence.speeds) < 2:
+        return (
+            "Measured at one speed only, so that a dependence on speed cannot be seen. Measure at three speeds or more."
+        )
+    if not dependence.significant:
+        return "The slope is the same at all speeds within its noise: one calibration for all of them."
+    return (
+        f"The slope differs between speeds by {100 * dependence.spread:.1f} %, more than noise explains. Suspect"
+        " Reynolds-number effects, a leak, or a wrong tunnel speed. The error of the slope above includes this."
+    )
+
+
+def validity(calibration: ProbeCalibration) -> str:
+    """Where the calibration holds, in a sentence."""
+    within = [
+        f"{name} from {np.degrees(limits[0]):.0f} to {np.degrees(limits[1]):.0f} deg"
+        for name, limits in (("alpha", calibration.alpha_limits_rad), ("beta", calibration.beta_limits_rad))
+        if limits is not None
+    ]
+    angles = f", for {' and '.join(within)}" if within else ""
+    return f"The calibration holds inside the line{angles}."
+
+
+QUANTITIES = ("alpha, deg", "beta, deg", "q<sub>c</sub>/q, %")
+
+
+def residual_maps(tunnel: TunnelData, residuals: tuple[Array, Array, Array]) -> list[Figure]:
+    """Residuals of QUANTITIES over the two angles; the speeds of a setting are drawn side by side."""
+    figures = []
+    speeds = np.unique(np.round(tunnel.speed_mps, 1))
+    aside = np.interp(tunnel.speed_mps, speeds, np.linspace(-0.9, 0.9, len(speeds))) if len(speeds) > 1 else 0.0
+    for name, residual in zip(QUANTITIES, residuals, strict=True):
+        figure = Figure()
+        end = float(np.percentile(np.abs(residual), 99))  # of the color scale: outliers saturate
+        figure.add_scatter(
+            x=rounded(np.degrees(tunnel.alpha_rad) + aside), y=rounded(np.degrees(tunnel.beta_rad)), mode="markers",
+            showlegend=False, name=name, customdata=rounded(residual), hovertemplate="%{customdata}<extra></extra>",
+            marker={"size": 5, "color": rounded(residual), "colorscale": "RdBu", "cmin": -end, "cmax": end,
+                    "colorbar": {"thickness": 10, "tickfont": {"size": 13}}},
+        )  # fmt: skip
+        figure.update_xaxis(title="alpha, deg")
+        figure.update_yaxis(title="beta, deg")
+        figures.append(styled(figure, 400, hover="closest"))
+        figure.update_layout(margin={"l": 64, "r": 8, "t": 46, "b": 64}, title={"text": name, "font": {"size": 18}})
+    return figures
+
+
+def sections(tunnel: TunnelData, calibration: ProbeCalibration) -> list[Figure]:
+    """C_alpha against alpha and C_beta against beta near zero of the other angle (the source's Figs 5.8, 5.9)."""
+    figures = []
+    speeds = np.round(tunnel.speed_mps).astype(int)
+    for angle, other, dp, name in (
+        (tunnel.alpha_rad, tunnel.beta_rad, tunnel.dp_alpha_Pa, "alpha"),
+        (tunnel.beta_rad, tunnel.alpha_rad, tunnel.dp_beta_Pa, "beta"),
+    ):
+        figure = Figure()
+        near = np.abs(other) <= np.radians(1)
+        C = dp / tunnel.q_c_Pa
+        for k, speed in enumerate(np.unique(speeds)):
+            at_speed = near & (speeds == speed)
+            marker = {"size": 7, "color": PALETTE[k % len(PALETTE)], "symbol": SYMBOLS[k % len(SYMBOLS)]}
+            figure.add_scatter(
+                x=rounded(np.degrees(angle[at_speed])), y=rounded(C[at_speed]), mode="markers", name=f"{speed} m/s",
+                marker=marker,
+            )  # fmt: skip
+        if near.any():
+            line = np.linspace(C[near].min(), C[near].max(), 80)
+            zero = np.zeros_like(line)
+            predicted = calibration.maps(line, zero)[0] if name == "alpha" else calibration.maps(zero, line)[1]
+            figure.add_scatter(
+                x=rounded(np.degrees(predicted)), y=rounded(line), mode="lines", name="calibration",
+                line={"color": INK, "width": 1.5},
+            )  # fmt: skip
+        figure.update_xaxis(title=f"{name}, deg")
+        figure.update_yaxis(title=f"C<sub>{name}</sub>")
+        figures.append(styled(figure, 420, hover="closest"))
+    return figures
+
+
+def by_speed(dependence: SpeedDependence) -> list[Figure]:
+    """Residual of alpha at each tunnel speed: error of the slope with its 95 % interval, and offset at zero."""
+    V = np.array([at.speed_mps for at in dependence.speeds])
+    offset = np.array([np.degrees(at.offset_rad) for at in dependence.speeds])
+    slope = np.array([100 * at.slope for at in dependence.speeds])
+    half_width = np.array([100 * NORMAL_95 * at.slope_error for at in dependence.speeds])
+    bars = {"array": rounded(half_width), "thickness": 2, "color": BLUE} if len(V) else None
+    figures = []
+    for values, name, title, error in (
+        (slope, "slope", "error of slope, %", bars),
+        (offset, "offset", "offset of alpha, deg", None),
+    ):
+        figure = Figure()
+        interval: dict[str, Any] = {"error_y": error} if error else {}
+        figure.add_scatter(
+            x=V, y=rounded(values), mode="markers", marker={"size": 10, "color": BLUE}, showlegend=False, name=name,
+            **interval,
+        )  # fmt: skip
+        figure.add_zero_line({"color": INK, "width": 1})
+        figure.update_yaxis(title=title)
+        figure.update_xaxis(title="tunnel speed, m/s", rangemode="tozero")
+        figures.append(styled(figure, 340, hover="closest"))
+    return figures
+
+
+def valid_range(C_alpha: Array, C_beta: Array, calibration: ProbeCalibration) -> Figure:
+    """The measured points and the convex hull within which the calibration holds."""
+    corners = np.array([*calibration.hull, calibration.hull[0]])
+    figure = Figure()
+    figure.add_scatter(x=rounded(C_alpha), y=rounded(C_beta), mode="markers", name="measured",
+                       marker={"size": 5, "color": BLUE})  # fmt: skip
+    figure.add_scatter(x=corners[:, 0], y=corners[:, 1], mode="lines", name="results outside this line are flagged",
+                       line={"color": RED, "width": 2})  # fmt: skip
+    figure.update_xaxis(title="C<sub>alpha</sub>", constrain="domain")
+    figure.update_yaxis(title="C<sub>beta</sub>", scaleanchor="x")
+    return styled(figure, 460, hover="closest")
+
+
+def polynomial_orders(calibration: ProbeCalibration) -> Figure:
+    """Cross-validation error of each polynomial order that was tried; a diamond marks the chosen one."""
+    figure = Figure()
+    surfaces = (calibration.alpha_rad, calibration.beta_rad, calibration.q_ratio)
+    for name, surface, factor, color in zip(QUANTITIES, surfaces, (*np.degrees([1, 1]), 100.0), PALETTE, strict=False):
+        tried = factor * np.array(surface.tried_rms)
+        orders = np.arange(1, len(tried) + 1)
+        figure.add_scatter(x=orders, y=rounded(tried), name=name, line={"color": color, "width": 2})
+        figure.add_scatter(x=[surface.order], y=[tried[surface.order - 1]], mode="markers", showlegend=False,
+                           name="chosen", marker={"size": 13, "color": color, "symbol": "diamond"})  # fmt: skip
+    figure.update_xaxis(title="order of the polynomial (diamond: chosen)", dtick=1)
+    figure.update_yaxis(title="error of left-out points, rms", type="log")
+    return styled(figure, 380)

@@ -1,0 +1,304 @@
+"""A strapped run-up of the motor: what its vibration adds to the accelerometer, the motor's constant, the battery.
+
+The log has stretches of held motor speed n. On the strapped aircraft the mean specific force changes with n for two
+reasons: the accelerometer's zero moves with vibration, in proportion to n^2 as the force of an imbalance does, and
+the aircraft leans as the thrust pulls at its straps. How far it leans follows from the gyros between the stretches;
+their zeros are those of the stretches before and after, in which the aircraft does not turn. What remains is fitted by
+a constant, a drift in time and a term in n^2, for each axis; the residuals give its error.
+"""
+
+from itertools import pairwise
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+import numpy as np
+import pandas as pd
+import typer
+
+from analysis.air.settings import GROUND, STAND_LIMITS
+from analysis.air.transducers import steady_stretches
+from analysis.calibrations.runner import AircraftFileLines, Calibrated, LogFile, calibration
+from analysis.calibrations.settings import RUN_UP
+from analysis.calibrations.thrust import ScaleErrorOption, StandReadings, doubts, student_fit
+from analysis.calibrations.thrust import summary as thrust_summary
+from analysis.sources.grid_settings import STATISTICS
+from flight.aircraft import VIBRATION_REVPS, Aircraft, Propulsion
+from flight.arrays import Array
+from flight.atmosphere import density
+from flight.command_line import numbers_and_unit
+from flight.errors import InputError
+from flight.motion import body_from_earth
+from flight.units import GRAVITY_MPS2, to_si
+
+if TYPE_CHECKING:
+    from analysis.air.thrust_stand import ThrustStand
+
+FORCES, RATES = ("ax_mps2", "ay_mps2", "az_mps2"), ("p_radps", "q_radps", "r_radps")
+
+
+class HeldSpeed(NamedTuple):
+    """A motor speed that was held: rows of the table, and means over them; 0 rev/s with the motor stopped."""
+
+    rows: slice
+    time_s: float
+    revps: float
+    mean: pd.Series
+
+
+class VibrationOffset(NamedTuple):
+    """What the accelerometer reads more at VIBRATION_REVPS, by axis (3,) [m/s^2], and its standard error."""
+
+    offset_mps2: Array
+    error_mps2: Array
+
+    @property
+    def sigma_in_flight_mps2(self) -> float:
+        """Standard deviation of forward and downward axis in flight, where nothing holds the aircraft."""
+        in_flight = np.hypot(self.error_mps2, RUN_UP.transfer * self.offset_mps2)
+        return float(max(in_flight[0], in_flight[2]))
+
+
+class Battery(NamedTuple):
+    """Voltage without load and inner resistance, each with its standard error."""
+
+    voltage_V: float
+    voltage_error_V: float
+    resistance_ohm: float
+    resistance_error_ohm: float
+
+
+def held_speeds(table: pd.DataFrame, source: str) -> list[HeldSpeed]:
+    """Stretches of held motor speed, in order of time. table: of `signals.channels.synchronize`.
+
+    Raises InputError where the log does not begin and end with a motor that stands, or has too few speeds.
+    """
+    revps = table["n_revps"].fillna(0.0).to_numpy()  # a standing motor sends no messages
+    t_s = table.index.to_numpy()
+    step_s = float(t_s[1] - t_s[0])
+    settling = round(GROUND.reference_s / step_s)
+    allowed = STAND_LIMITS.same_speed * float(revps.max())
+    found = []
+    for first, last in steady_stretches(revps, allowed, settling):
+        rows = slice(first + settling, last + 1 - settling)
+        if (last - first) * step_s >= GROUND.held_s[0]:
+            held = float(revps[rows].mean())
+            found.append(HeldSpeed(rows, float(t_s[rows].mean()), held, table.iloc[rows].mean()))
+    turning = [one for one in found if one.revps > 0]
+    if len(found) < 2 or found[0].revps > 0 or found[-1].revps > 0:
+        raise InputError(f"{source}: begin and end with the motor stopped for ten seconds")
+    distinct = np.diff(np.sort([one.revps for one in turning])) > allowed
+    if len(turning) == 0 or distinct.sum() + 1 < STAND_LIMITS.fewest_speeds:
+        raise InputError(
+            f"{source}: {distinct.sum() + 1 if turning else 0} motor speeds were held for {GROUND.held_s[0]:g} s; hold"
+            f" {STAND_LIMITS.fewest_speeds} or more for ten seconds each, up to full throttle and down again"
+        )
+    return found
+
+
+def vibration_offset(table: pd.DataFrame, held: list[HeldSpeed]) -> VibrationOffset:
+    """Offset of the accelerometer in proportion to the square of the motor's speed."""
+    force = np.array([[one.mean[name] for name in FORCES] for one in held])
+    without_lean = force - _by_lean(table, held, force[0])
+    time_s = np.array([one.time_s for one in held])
+    square = np.array([(one.revps / VIBRATION_REVPS) ** 2 for one in held])
+    X = np.column_stack([np.ones(len(held)), (time_s - time_s.mean()) / np.ptp(time_s), square])
+    by_axis = [student_fit(X, of_axis) for of_axis in without_lean.T]
+    return VibrationOffset(*(np.array([values[2] for values in column]) for column in zip(*by_axis, strict=True)))
+
+
+def _by_lean(table: pd.DataFrame, held: list[HeldSpeed], at_rest: Array) -> Array:
+    """Change of the specific force (k, 3) in the held stretches since the first, by how the aircraft leans."""
+    x, y, z = at_rest
+    pitch, roll = np.arctan2(x, np.hypot(y, z)), np.arctan2(-y, -z)
+    step_s = float(table.index[1] - table.index[0])
+    rates, t_s = table[list(RATES)].fillna(0.0).to_numpy(), table.index.to_numpy()
+    times = [one.time_s for one in held]
+    zeros = np.column_stack([np.interp(t_s, times, [one.mean[name] for one in held]) for name in RATES])
+    turned = np.zeros((len(held), 3))
+    for i, (before, after) in enumerate(pairwise(held), start=1):
+        between = slice(before.rows.stop, after.rows.start)
+        turned[i] = turned[i - 1] + (rates - zeros)[between].sum(axis=0) * step_s
+    # Small turns: of roll by p, of pitch by the part of q and r about the level lateral axis.
+    leaned_roll = roll + turned[:, 0]
+    leaned_pitch = pitch + turned[:, 1] * np.cos(roll) - turned[:, 2] * np.sin(roll)
+    down = (0.0, 0.0, -GRAVITY_MPS2)
+    leaned = np.column_stack(body_from_earth(down, (leaned_roll, leaned_pitch, np.zeros(len(held)))))
+    return np.asarray(leaned - leaned[0])
+
+
+def speed_over_constant(held: list[HeldSpeed], propulsion: Propulsion) -> float | None:
+    """Motor speed at full throttle over kV (V - I R). None where it was not held, or something was not measured."""
+    kv, resistance = propulsion.motor_kv_rpm_per_volt, propulsion.motor_resistance_ohm
+    if kv is None or resistance is None:
+        return None
+    ratios = [
+        60 * one.revps / (kv * (one.mean["battery_V"] - one.mean["battery_A"] * resistance))
+        for one in held
+        if one.mean["throttle"] >= 1 - STAND_LIMITS.same_speed
+    ]
+    known = [float(ratio) for ratio in ratios if np.isfinite(ratio)]
+    return float(np.median(known)) if known else None
+
+
+def battery(held: list[HeldSpeed]) -> Battery | None:
+    """By voltage and current of the held stretches; None where these were not measured."""
+    volts, amperes = (np.array([one.mean[name] for one in held]) for name in ("battery_V", "battery_A"))
+    known = np.isfinite(volts) & np.isfinite(amperes)
+    if known.sum() < STATISTICS.fewest_readings:
+        return None
+    volts, amperes = volts[known], amperes[known]
+    X = np.column_stack([np.ones(len(volts)), -amperes])
+    return Battery(*(float(value) for pair in zip(*student_fit(X, volts), strict=True) for value in pair))
+
+
+def thrust_readings(held: list[HeldSpeed], thrust_N: list[float | None], source: str) -> StandReadings:
+    """Thrust as read from a scale at each speed that was held, None where it was not read; as readings on a stand.
+
+    Raises InputError if there is not one for each.
+    """
+    turning = [one for one in held if one.revps > 0]
+    if len(turning) != len(thrust_N):
+        raise InputError(
+            f"{source}: {len(thrust_N)} readings of thrust for {len(turning)} motor speeds: {in_words(held)}; give one"
+            " for each, in order, and - for one not read"
+        )
+    read = [(one, thrust) for one, thrust in zip(turning, thrust_N, strict=True) if thrust is not None]
+    first = held[0].mean  # the tray warms up: its first temperature is that of the air
+    rho = float(density(first["static_Pa"], first["static_temperature_K"]))
+    return StandReadings(
+        np.array([one.revps for one, _ in read]), np.array([thrust for _, thrust in read]), np.full(len(read), rho)
+    )
+
+
+def in_words(held: list[HeldSpeed]) -> str:
+    """The speeds that were held, to be matched with the thrusts written down."""
+    turning = [one for one in held if one.revps > 0]
+    return ", ".join(
+        f"{number}: {60 * one.revps:.0f} rpm at {one.time_s:.0f} s" for number, one in enumerate(turning, 1)
+    )
+
+
+UNCHECKED = (
+    "the number of poles was not checked: that needs full throttle, and throttle, voltage and current in the log, and"
+    " motor_kv_rpm_per_volt and motor_resistance in its aircraft file"
+)
+
+
+EXAMPLE = '"6.1 12 - 27 12.1 6 N"'
+
+
+@calibration(AircraftFileLines)
+def run_up(
+    log: LogFile,
+    thrust: Annotated[
+        str,
+        typer.Option(
+            "--thrust",
+            metavar="LIST",
+            help="Thrust read from a scale between tail and strap at each motor speed, in order, with its unit at the"
+            f" end, and - for one not read: {EXAMPLE}.",
+        ),
+    ] = "",
+    scale_error: ScaleErrorOption = 1.0,
+) -> Calibrated:
+    """Run the motor up on the strapped aircraft: vibration on the accelerometer, the motor's constant, the battery.
+
+    Strap the aircraft down outdoors, out of the wind, tail to a post, with a scale in between if you have one, and stay
+    clear of the propeller. Start the daemon and let all stand still for ten seconds. Hold three motor speeds or more
+    for ten seconds each, up to full throttle and down again, and write the thrusts down. Stop the motor for ten
+    seconds.
+
+    Vibration moves the zero of an accelerometer, in proportion to the square of the motor's speed; level flight cannot
+    tell that from drag. The lines printed for the aircraft file correct for it, and say how well. Motor speed at full
+    throttle is compared with kV (V - I R): the number of poles is wrong if the two differ by a tenth. Voltage against
+    current gives the battery's resistance; thrust gives the same as `calibrate thrust`.
+
+    Run this command without --thrust first: it lists the speeds found. Exit code 1 and no lines if the motor's speed
+    contradicts its constant; exit code 2 if too few speeds were held.
+
+    To rehearse it: `sim fly --plan run-up -o out/run-up`.
+
+    \b
+    Examples:
+      calibrate run-up log.mcap
+      calibrate run-up log.mcap --thrust "4.9 9.1 16 23 16 9 4.8 N"
+    """
+    from analysis.air.contents import aircraft_of, propeller_of
+    from analysis.calibrations.thrust import calibrate
+    from analysis.results.settings import TRUST
+    from analysis.sources.daemon import synchronize
+    from flight.log_reader import read_log
+
+    read = thrusts_N(thrust)
+    recorded = read_log(log)
+    aircraft, table = aircraft_of(recorded), synchronize(recorded).table
+    held = held_speeds(table, str(log))
+    offset, fitted = vibration_offset(table, held), battery(held)
+    ratio = speed_over_constant(held, aircraft.propulsion)
+    lines = [f"motor speeds held: {in_words(held)}", *summary(offset, fitted, ratio)]
+    warnings, stand, unsupported = [], None, ""
+    if ratio is None:
+        warnings.append(UNCHECKED)
+    elif abs(ratio - 1) > TRUST.motor_constant:
+        unsupported = wrong_speed(ratio, aircraft)
+    if read:
+        propeller = propeller_of(recorded, aircraft)
+        readings = thrust_readings(held, read, str(log))
+        stand, not_known = calibrate(readings, propeller, scale_error / 100, log.name)
+        lines += thrust_summary(stand)
+        warnings += doubts(stand, readings, propeller, aircraft)
+        unsupported = unsupported or not_known
+    return Calibrated(lines, to_toml(offset, fitted, stand), warnings=warnings, unsupported=unsupported)
+
+
+def thrusts_N(text: str) -> list[float | None]:
+    """Thrusts [N] of a list with its unit at the end; None for -. Raises InputError naming --thrust."""
+    numbers, unit = numbers_and_unit(text, "--thrust", EXAMPLE)
+    values = [None if word == "-" else to_si(f"{word} {unit}", "N", "--thrust") for word in numbers]
+    if numbers and (not any(values) or not all(value is None or value > 0 for value in values)):
+        raise InputError(f"--thrust {text!r}: positive numbers and their unit are needed, such as {EXAMPLE}")
+    return values
+
+
+def wrong_speed(ratio: float, aircraft: Aircraft) -> str:
+    """What contradicts the motor's constant, and the number of poles that would not."""
+    said = f"motor speed at full throttle is {ratio:.2f} times kV (V - I R)"
+    pairs = aircraft.propulsion.pole_pairs
+    if pairs is None or round(pairs * ratio) == pairs:
+        return f"{said}: check the number of poles, kV, resistance and the power module"
+    return f"{said}: the motor has {2 * round(pairs * ratio)} poles rather than {2 * pairs}, or kV or voltage are wrong"
+
+
+def summary(offset: "VibrationOffset", battery: "Battery | None", ratio: float | None) -> list[str]:
+    """The result in lines."""
+    from analysis.estimation.noise import NORMAL_95
+
+    axes = ", ".join(
+        f"{axis} {value:+.3f} ± {NORMAL_95 * error:.3f}"
+        for axis, value, error in zip(("forward", "right", "down"), *offset, strict=True)
+    )
+    lines = [f"offset of the accelerometer at 100 rev/s, m/s² (95 % interval): {axes}"]
+    if ratio is not None:
+        lines.append(f"motor speed at full throttle is {ratio:.3f} times kV (V - I R)")
+    if battery is not None:
+        lines.append(
+            f"battery {battery.voltage_V:.2f} ± {NORMAL_95 * battery.voltage_error_V:.2f} V without load,"
+            f" {1e3 * battery.resistance_ohm:.1f} ± {1e3 * NORMAL_95 * battery.resistance_error_ohm:.1f} mohm"
+        )
+    return lines
+
+
+def to_toml(offset: "VibrationOffset", battery: "Battery | None", stand: "ThrustStand | None") -> str:
+    """The sections of an aircraft file."""
+    vector = ", ".join(f'"{value:.3f} m/s^2"' for value in offset.offset_mps2)
+    propulsion, uncertainty = [], [f'accelerometer_vibration = "{offset.sigma_in_flight_mps2:.2g} m/s^2"']
+    if battery is not None:
+        propulsion.append(f'battery_resistance = "{battery.resistance_ohm:.4f} ohm"')
+    if stand is not None:
+        propulsion.append(f"static_thrust_ratio = {stand.ratio:.4f}")
+        uncertainty.append(f'static_thrust_ratio = "{100 * stand.ratio_error / stand.ratio:.2g} %"')
+    sections = {
+        "installation": [f"accelerometer_vibration = [{vector}]"], "propulsion": propulsion, "uncertainty": uncertainty
+    }  # fmt: skip
+    return "\n".join(
+        f"[{name}]\n" + "".join(f"{line}\n" for line in lines) for name, lines in sections.items() if lines
+    )

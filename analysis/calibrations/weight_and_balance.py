@@ -1,0 +1,182 @@
+"""Weight and center of gravity from readings of scales under the wheels or in a suspension, with their errors."""
+
+from collections.abc import Sequence
+from typing import Annotated, NamedTuple
+
+import numpy as np
+import typer
+
+from analysis.calibrations.runner import AircraftFileLines, Calibrated, calibration
+from analysis.sources.grid_settings import STATISTICS
+from flight.aircraft import Uncertainty
+from flight.command_line import numbers_and_unit, quantity
+from flight.errors import InputError
+from flight.units import to_si
+
+
+class Support(NamedTuple):
+    """One wheel or point of suspension: position [m] aft of the datum (None if not measured), readings [kg]."""
+
+    position_m: float | None
+    readings_kg: tuple[float, ...]
+
+
+class ScaleErrors(NamedTuple):
+    """Standard deviations: of one reading [kg], of the scale's gain, common to all, and of a position [m]."""
+
+    reading_kg: float
+    gain: float
+    position_m: float
+
+
+class WeightAndBalance(NamedTuple):
+    """Mass [kg] and position of the center of gravity aft of the datum [m], each with its standard error.
+
+    position_m, position_error_m : None if a support's position was not measured
+    unsupported : why the readings do not support a result; empty if they do
+    """
+
+    mass_kg: float
+    mass_error_kg: float
+    position_m: float | None
+    position_error_m: float | None
+    unsupported: str
+
+
+def weighed(supports: Sequence[Support], errors: ScaleErrors) -> WeightAndBalance:
+    """The sum of the supports' means, and the center of their moments.
+
+    The scatter of repeated readings counts where it is larger than the stated error of a reading. Raises InputError
+    for no support, and for a sum that is not positive.
+    """
+    if not supports:
+        raise InputError("--scale: give the reading under each wheel or point of suspension")
+    mass = np.array([np.mean(support.readings_kg) for support in supports])
+    total = float(mass.sum())
+    if not total > 0:
+        raise InputError(f"--scale: the readings add up to {total:g} kg; subtract what is not part of the aircraft")
+    spread = np.array([np.std(s.readings_kg, ddof=1) if len(s.readings_kg) > 1 else 0.0 for s in supports])
+    counts = np.array([len(support.readings_kg) for support in supports])
+    sigma = np.maximum(spread, errors.reading_kg) / np.sqrt(counts)
+    mass_error = float(np.hypot(np.sqrt(np.sum(sigma**2)), errors.gain * total))
+    position = position_error = None
+    known = [support.position_m for support in supports if support.position_m is not None]
+    if len(known) == len(supports):
+        x = np.array(known)
+        position = float(mass @ x / total)  # a gain that is common to all scales does not move it
+        by_mass, by_position = (x - position) / total * sigma, mass / total * errors.position_m
+        position_error = float(np.sqrt(np.sum(by_mass**2) + np.sum(by_position**2)))
+    return WeightAndBalance(total, mass_error, position, position_error, _why_not(supports, errors, mass_error / total))
+
+
+def _why_not(supports: Sequence[Support], errors: ScaleErrors, share: float) -> str:
+    for number, support in enumerate(supports, start=1):
+        apart = max(support.readings_kg) - min(support.readings_kg)
+        if apart > STATISTICS.sigmas * np.sqrt(2) * errors.reading_kg:
+            return (
+                f"readings of support {number} differ by {1e3 * apart:.0f} g, more than three times their error: let"
+                " the scale settle, and weigh without wind"
+            )
+    largest = 10 * Uncertainty.weight_fraction  # of what the analysis assumes without a weighing
+    if share > largest:
+        return (
+            f"the standard error of the weight is {100 * share:.1f} %, more than {100 * largest:.0f} %:"
+            " use a better scale"
+        )
+    return ""
+
+
+def to_toml(found: WeightAndBalance) -> str:
+    """The sections of an aircraft file."""
+    decimals = max(0, 4 - int(np.floor(np.log10(found.mass_kg))))
+    return (
+        f'[mass]\nweight = "{found.mass_kg:.{decimals}f} kg"\n\n'
+        f'[uncertainty]\nweight = "{100 * found.mass_error_kg / found.mass_kg:.2g} %"\n'
+    )
+
+
+EXAMPLE = '--scale "0.12 m: 1.25 1.26 kg"'
+
+
+@calibration(AircraftFileLines)
+def weight_and_balance(
+    scale: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--scale",
+            metavar="READINGS",
+            help="One wheel or point of suspension: its position aft of a datum, then the readings with their unit at"
+            ' the end: "0.12 m: 1.25 1.26 kg". Once for each. Without a position, the weight alone is found.',
+        ),
+    ] = None,
+    reading_error: Annotated[
+        float,
+        typer.Option(
+            "--reading-error",
+            metavar="MASS",
+            parser=quantity("--reading-error", "kg", '"5 g"', above=0, most=100),
+            help='Error of one reading, 1 sigma, in kg or with a unit: "5 g".',
+        ),
+    ] = 0.005,
+    gain_error: Annotated[
+        float,
+        typer.Option(
+            "--gain-error",
+            metavar="SHARE",
+            parser=quantity("--gain-error", "%", '"0.1%"', least=0, most=10),
+            help="Error common to all readings, as a share of the weight, 1 sigma, in %.",
+        ),
+    ] = 0.1,
+    position_error: Annotated[
+        float,
+        typer.Option(
+            "--position-error",
+            metavar="LENGTH",
+            parser=quantity("--position-error", "m", '"2 mm"', above=0, most=10),
+            help='Error of a position, 1 sigma, in m or with a unit: "2 mm".',
+        ),
+    ] = 0.002,
+) -> Calibrated:
+    """Compute weight and center of gravity with their errors, from scales under the wheels or in a suspension.
+
+    Set the aircraft level and ready to fly on one scale a wheel, or hang it from spring scales; indoors. Measure the
+    position of each support aft of a datum, such as the leading edge. Read each scale several times, the aircraft
+    lifted off in between. The result is the weight with its uncertainty for the aircraft file ([mass] weight and
+    [uncertainty] weight), which enters the interval of the power curve, and the center of gravity, from which the
+    positions of probe and IMU are measured.
+
+    Exit code 1 and no file if readings of one support contradict each other, or the weight stays uncertain by 2 %.
+
+    \b
+    Examples:
+      calibrate weight-and-balance --scale "4.08 4.09 kg"
+      calibrate weight-and-balance --scale "0.0 m: 1.2 kg" --scale "0.4 m: 2.9 kg"
+    """
+
+    errors = ScaleErrors(reading_error, gain_error / 100, position_error)
+    found = weighed([support(text) for text in scale or []], errors)
+    return Calibrated(summary(found), to_toml(found), unsupported=found.unsupported)
+
+
+def support(text: str) -> "Support":
+    """A support of the text after --scale. Raises InputError naming the option."""
+
+    position, _, readings = text.rpartition(":")
+    numbers, unit = numbers_and_unit(readings, "--scale", EXAMPLE)
+    if not numbers:
+        raise InputError(f"--scale {text!r}: numbers and their unit are needed, such as {EXAMPLE}")
+    values = tuple(to_si(f"{number} {unit}", "kg", "--scale") for number in numbers)
+    return Support(to_si(position.strip(), "m", "--scale") if position.strip() else None, values)
+
+
+def summary(found: "WeightAndBalance") -> list[str]:
+    """The result in lines."""
+    from analysis.estimation.noise import NORMAL_95
+
+    lines = [f"weight {found.mass_kg:.3f} ± {NORMAL_95 * found.mass_error_kg:.3f} kg (95 % interval)"]
+    if found.position_m is None or found.position_error_m is None:
+        lines.append("note: a support has no position, so the center of gravity is not computed")
+    else:
+        half_mm = 1e3 * NORMAL_95 * found.position_error_m
+        lines.append(f"center of gravity {1e3 * found.position_m:.1f} ± {half_mm:.1f} mm aft of the datum")
+    return lines

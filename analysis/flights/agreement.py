@@ -1,0 +1,281 @@
+"""Do the flights agree? Each flight against the others, a test of homogeneity of all, and trends.
+
+The estimates of two flights are correlated, since both were drawn to the same prior. For the shared parameters x, each
+estimate is v_f - x = a_f e + n_f + sum of c_f: e is the error of the prior's mean, n_f the flight's own error, and c_f
+the effect of errors that all flights have in common. Both tests use the covariance of the differences that follows.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import chdtrc, ndtr
+
+from analysis.flights.flight_statistics import INSTALLATION_ERRORS, POLAR, POOLED, FlightStatistics, M
+from analysis.flights.joint import FlightStack, PooledEstimate, Prior, take, without_each
+from analysis.flights.pool_settings import POOLING
+from analysis.records.pool import Trend, TrendQuantity
+from analysis.results.settings import TRUST
+from analysis.settings import EVIDENCE
+from flight.arrays import Array
+
+_N_POLAR = len(POLAR)
+POLAR_PART, INSTALLATION_PART = slice(_N_POLAR), slice(-len(INSTALLATION_ERRORS), None)
+_OF_POLAR = np.eye(M)[POLAR_PART]
+
+
+class Difference(NamedTuple):
+    """One flight minus a pool: difference (M,) and its covariance (M, M).
+
+    p, p_installation : probability of a larger difference of the polar, and of the errors of the installation
+    """
+
+    value: Array
+    covariance: Array
+    p: float
+    p_installation: float
+
+    @property
+    def standardized(self) -> Array:
+        sigma = np.sqrt(np.diag(self.covariance))
+        return np.where(sigma > 0, self.value / np.where(sigma > 0, sigma, 1.0), 0.0)
+
+
+class Test(NamedTuple):
+    """A chi-square test. p : probability of a larger value if nothing differs"""
+
+    chi_square: float
+    degrees_of_freedom: int
+    p: float
+
+    @property
+    def differs(self) -> bool:
+        """Whether something differs, with at most `EVIDENCE.false_alarms` of false alarms."""
+        return self.p < EVIDENCE.false_alarms
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether it is evidence against taking the flights together: all that is said of a pool has this level."""
+        return self.p < TRUST.false_alarm_rate
+
+
+class GeneralizedFit(NamedTuple):
+    """Generalized least squares: parameters (q,), their covariance (q, q) and the weighted sum of squared residuals."""
+
+    values: Array
+    covariance: Array
+    chi_square: float
+
+
+class LikelyCause(NamedTuple):
+    """Why a flight differs from others: `parameter` of POOLED, its difference in SI and in standard deviations."""
+
+    parameter: str
+    difference: float
+    standard_deviations: float
+
+
+def differences_in_pool(stack: FlightStack, pool: PooledEstimate) -> list[Difference]:
+    """Each flight minus the pool that it is part of."""
+    (W,) = pool.influences
+    by_others = np.einsum("fij,fjk,flk->il", W, stack.own_covariance, W, optimize=True)
+    # Of flight f less W_f of the same errors: (1 - W) C (1 - W)' instead of W C W'.
+    cross = W @ stack.own_covariance
+    own = stack.own_covariance - cross - cross.transpose(0, 2, 1)
+    return _differences(
+        stack.values - pool.x,
+        by_others + own,
+        stack.prior_part - pool.prior_part,
+        pool.prior_covariance,
+        [change - np.einsum("fij,fj->i", W, change, optimize=True) for change in stack.changes.values()],
+    )
+
+
+def differences_to_others(stack: FlightStack, prior: Prior) -> list[Difference]:
+    """Each flight minus the pool of all others, of two flights or more."""
+    others = without_each(stack, prior)
+    return _differences(
+        stack.values - others.x,
+        stack.own_covariance + others.by_others,
+        stack.prior_part - others.prior_part,
+        prior.covariance,
+        [change - others.changes[name] for name, change in stack.changes.items()],
+    )
+
+
+def _differences(
+    values: Array, own: Array, prior_part: Array, prior_covariance: Array, changes: Sequence[Array]
+) -> list[Difference]:
+    """Of n flights, values (n, M), from a pool each.
+
+    own : (n, M, M) covariance by the errors that each flight has of its own     prior_part : (n, M, M) derivative by
+    an error of the prior's mean     changes : (n, M) each, by errors that all flights have in common
+    """
+    covariance = own + prior_part @ prior_covariance @ prior_part.transpose(0, 2, 1)
+    for change in changes:
+        covariance = covariance + change[:, :, None] * change[:, None, :]
+    p, p_installation = (
+        chdtrc(values[:, part].shape[1], quadratic_form(values[:, part], covariance[:, part, part])).tolist()
+        for part in (POLAR_PART, INSTALLATION_PART)
+    )
+    return [Difference(*one) for one in zip(values, covariance, p, p_installation, strict=True)]
+
+
+def outliers(stack: FlightStack, prior: Prior, false_alarms: float) -> dict[int, Difference]:
+    """By number, flights that differ from the pool of those that agree; the worst is taken out first.
+
+    Polar and installation are tested, each at the level `false_alarms` over the number of tests. At most half of the
+    flights are named, and none of two: which of them is wrong is not known.
+    """
+    n = len(stack.values)
+    agreeing, differing = list(range(n)), dict[int, Difference]()
+    while len(agreeing) > 2 and 2 * (len(differing) + 1) <= n:
+        differences = differences_to_others(take(stack, agreeing), prior)
+        p = [min(difference.p, difference.p_installation) for difference in differences]
+        worst = int(np.argmin(p))
+        if p[worst] >= false_alarms / (2 * n):
+            break
+        differing[agreeing[worst]] = differences[worst]
+        del agreeing[worst]
+    return differing
+
+
+def mounted_anew(stack: FlightStack, prior: Prior) -> frozenset[int]:
+    """Numbers of the flights that deny having one installation: those that differ, or all where the others differ, too.
+
+    stack: of the flights as their files say
+    """
+    if len(stack.values) < 2 or not homogeneity(stack, prior, INSTALLATION_PART).differs:
+        return frozenset()
+    n = len(stack.values)
+    level = EVIDENCE.false_alarms / (2 * n)
+    differing = outliers(stack, prior, EVIDENCE.false_alarms)
+    moved = {i for i, difference in differing.items() if difference.p_installation < level}
+    others = [i for i in range(n) if i not in moved]
+    if moved and not homogeneity(take(stack, others), prior, INSTALLATION_PART).differs:
+        return frozenset(moved)
+    return frozenset(range(n))
+
+
+class ErrorParts(NamedTuple):
+    """Errors of what n flights estimate alone, k values each: those of each flight's own, and those that all share.
+
+    own : (n, k, k) covariance     shared : (n, k, m) changes by m independent errors of one standard deviation each
+    """
+
+    own: Array
+    shared: Array
+
+    def whitened(self, columns: Array) -> Array:
+        """Columns (n, k, c), each by the inverse of a root of each flight's own covariance.
+
+        A flight that adds nothing to the prior has no variance of its own: then rounding's.
+        """
+        k = self.own.shape[1]
+        rounding = np.finfo(float).eps * np.sum(self.shared**2, axis=2)
+        own = self.own + rounding[:, :, None] * np.eye(k)
+        scale = 1 / np.sqrt(np.einsum("fkk->fk", own))
+        factor = np.linalg.cholesky(own * scale[:, :, None] * scale[:, None, :])
+        return np.linalg.solve(factor, columns * scale[:, :, None])
+
+
+def error_parts(stack: FlightStack, prior: Prior, of: Array = _OF_POLAR) -> ErrorParts:
+    """Of the values `of` (k, M) times the parameters of each flight."""
+    covariance = prior.covariance
+    scale = np.sqrt(np.where(np.diag(covariance) > 0, np.diag(covariance), 1.0))
+    eigenvalues, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    root = scale[:, None] * vectors * np.sqrt(np.maximum(eigenvalues, 0.0))
+    shared = [of @ stack.prior_part @ root, *((change @ of.T)[:, :, None] for change in stack.changes.values())]
+    return ErrorParts(of @ stack.own_covariance @ of.T, np.concatenate(shared, axis=2))
+
+
+def least_squares(values: Array, design: Array, errors: ErrorParts) -> GeneralizedFit:
+    """Generalized least squares of values (n, k) on a design (n, k, q).
+
+    The shared errors are estimated beside the q parameters, each with its variance as prior: the same as with the
+    covariance (n k, n k) of all values (Tapley et al. 2004, sec. 4.5), but in a time that grows with n.
+    """
+    n, k, q = design.shape
+    m = errors.shared.shape[2]
+    columns = np.concatenate([design, errors.shared, values[:, :, None]], axis=2)
+    white = errors.whitened(columns).reshape(n * k, q + m + 1)
+    A = np.vstack([white[:, :-1], np.eye(q + m)[q:]])
+    z = np.concatenate([white[:, -1], np.zeros(m)])
+    norm_of_column = np.linalg.norm(A, axis=0)
+    Q, R = np.linalg.qr(A / norm_of_column)
+    residual = z - Q @ (Q.T @ z)
+    inverse = np.linalg.inv(R)
+    found = inverse @ (Q.T @ z) / norm_of_column
+    covariance = inverse @ inverse.T / np.outer(norm_of_column, norm_of_column)
+    return GeneralizedFit(found[:q], covariance[:q, :q], float(residual @ residual))
+
+
+def homogeneity(stack: FlightStack, prior: Prior, part: slice = POLAR_PART) -> Test:
+    """Whether the flights differ by more than their errors: generalized least squares on common parameters."""
+    values = stack.values[:, part]
+    n, k = values.shape
+    errors = error_parts(stack, prior, np.eye(M)[part])
+    chi_square = least_squares(values, np.tile(np.eye(k), (n, 1, 1)), errors).chi_square
+    degrees_of_freedom = k * (n - 1)
+    return Test(chi_square, degrees_of_freedom, float(chdtrc(degrees_of_freedom, chi_square)))
+
+
+def likely_cause(difference: Difference) -> LikelyCause | None:
+    """The correction of thrust or error of the installation that differs most, in standard deviations.
+
+    None where none is conspicuous.
+    """
+    z = difference.standardized
+    most = max(range(_N_POLAR, M), key=lambda i: abs(z[i]))
+    if abs(z[most]) < EVIDENCE.contradiction:
+        return None
+    return LikelyCause(POOLED[most], float(difference.value[most]), float(abs(z[most])))
+
+
+def quadratic_form(d: Array, C: Array) -> Array:
+    """d' C^-1 d, of d (..., k) and C (..., k, k)."""
+    scale = 1 / np.sqrt(np.diagonal(C, axis1=-2, axis2=-1))
+    scaled = d * scale
+    solution = np.linalg.solve(C * scale[..., :, None] * scale[..., None, :], scaled[..., None])[..., 0]
+    return np.asarray(np.sum(scaled * solution, axis=-1))
+
+
+def trends(flights: Sequence[FlightStatistics], deviations_percent: Array, errors: ErrorParts) -> list[Trend]:
+    """Change of power over date, temperature and battery voltage, by generalized least squares.
+
+    deviations_percent (n,): of each flight from a common curve, with its errors (k = 1). The change is that
+    from the lowest to the highest value flown. Quantities that fewer than `POOLING.fewest_for_trend` flights have, or
+    that are the same in all, are left out.
+    """
+    found = []
+    for quantity, unit, values in (
+        (TrendQuantity.DATE, "days since 1970", [_or_nan(f.content.pooling.start_unix_s) / 86400.0 for f in flights]),
+        (TrendQuantity.TEMPERATURE, "K", [_or_nan(f.content.air_temperature_K) for f in flights]),
+        (TrendQuantity.BATTERY, "V", [_or_nan(f.content.pooling.battery_V) for f in flights]),
+    ):
+        x = np.array(values)
+        known = np.isfinite(x)
+        if known.sum() < POOLING.fewest_for_trend or np.ptp(x[known]) < 1e-9 * np.abs(x[known]).max():
+            continue
+        X = np.stack([np.ones(known.sum()), x[known] - x[known].mean()], axis=1)
+        of_known = ErrorParts(errors.own[known], errors.shared[known])
+        fit = least_squares(deviations_percent[known, None], X[:, None, :], of_known)
+        slope, error = float(fit.values[1]), float(np.sqrt(fit.covariance[1, 1]))
+        lowest, highest = float(x[known].min()), float(x[known].max())
+        found.append(
+            Trend(
+                quantity=quantity,
+                unit=unit,
+                lowest=lowest,
+                highest=highest,
+                change_percent=slope * (highest - lowest),
+                standard_error_percent=error * (highest - lowest),
+                p=float(2 * ndtr(-abs(slope / error))),
+                flights=int(known.sum()),
+            )
+        )
+    return found
+
+
+def _or_nan(value: float | None) -> float:
+    return float("nan") if value is None else value

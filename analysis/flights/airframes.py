@@ -1,0 +1,123 @@
+"""Curves of the airframes of a fleet, and of the fleet: an airframe is a draw of it."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy.optimize import minimize
+
+from analysis.curve import Polar
+from analysis.flights.changes import Change, find_changes, series
+from analysis.flights.flight_statistics import FlightStatistics
+from analysis.flights.pool import Pool, pool
+from flight.arrays import Array
+from flight.errors import InputError
+
+if TYPE_CHECKING:
+    from analysis.flights.dataset import Dataset
+
+
+class Airframe(NamedTuple):
+    """The flights of one airframe in one configuration.
+
+    pool : of the flights since the last change     changes : of drag and propulsion, the first first
+    """
+
+    name: str
+    configuration: str
+    flights: tuple[FlightStatistics, ...]
+    pool: Pool
+    changes: tuple[Change, ...]
+
+    @property
+    def kind(self) -> tuple[float, str]:
+        """Wing area and propeller, which airframes of one fleet have in common."""
+        return self.flights[0].aircraft.wing_area_m2, self.flights[0].propeller_table
+
+
+class FleetCurve(NamedTuple):
+    """Polar of the mean airframe, and how airframes differ: covariance (3, 3) of the coefficients among them."""
+
+    mean: Polar
+    among_airframes: Array
+
+    @property
+    def of_another(self) -> Polar:
+        """What is known of an airframe of this fleet that has not flown yet."""
+        return Polar(self.mean.A, self.mean.covariance + self.among_airframes)
+
+
+def airframes(dataset: "Dataset", alarms_a_year: float, unread: list[str], names: Sequence[str] = ()) -> list[Airframe]:
+    """Airframes, each in its configurations; all where no names are given.
+
+    alarms_a_year : false ones that are accepted of an airframe that does not change     unread : receives a line for
+    each file that cannot be read. Raises InputError for a name that the dataset lacks.
+    """
+    found, known = [], dataset.airframes
+    for name in names:
+        if name not in known:
+            raise InputError(f"{dataset.address}: no airframe {name}; there are {', '.join(known)}")
+    for name in names or known:
+        for configuration, flights in dataset.flights(name, unread).items():
+            found.append(airframe(name, configuration, flights, alarms_a_year))
+    return found
+
+
+def airframe(name: str, configuration: str, flights: Sequence[FlightStatistics], alarms_a_year: float) -> Airframe:
+    """From its flights in one configuration, in the order of their dates. alarms_a_year: as of `airframes`"""
+    whole = pool(flights)
+    told = _changes(whole, alarms_a_year)
+    lately = pool(flights[told[-1].since :]) if told else whole
+    return Airframe(name, configuration, tuple(flights), lately, tuple(told))
+
+
+def _changes(whole: Pool, alarms_a_year: float) -> list[Change]:
+    """By date, or one flight a day where a flight has none."""
+    flights = whole.flights
+    starts = [one.content.pooling.start_unix_s for one in flights]
+    dated = [start for start in starts if start is not None]
+    times = np.array(dated) / 86400.0 if len(dated) == len(flights) else np.arange(len(flights), dtype=float)
+    if len(flights) < 3:
+        return []
+    flights_a_year = 365.25 * len(flights) / max(times[-1] - times[0], len(flights))  # one a day at most
+    return find_changes(series(whole), times, flights_a_year / alarms_a_year)
+
+
+def fleet_curve(fleet: Sequence[Airframe]) -> FleetCurve:
+    """Of airframes of one kind, three or more: the mean and the scatter among them by restricted maximum likelihood.
+
+    Each airframe's polar is a draw about the mean, seen with its own error (Gasparrini et al. 2012, multivariate
+    random-effects meta-analysis).
+    """
+    values = np.stack([one.pool.polar.A for one in fleet])
+    own = np.stack([one.pool.polar.covariance for one in fleet])
+    scale = np.sqrt(np.mean(np.einsum("fkk->fk", own), axis=0))
+    among = scale[:, None] * random_effects(values / scale, own / np.outer(scale, scale)) * scale
+    weights = np.linalg.inv(own + among)
+    covariance = np.linalg.inv(weights.sum(axis=0))
+    mean = covariance @ np.einsum("fij,fj->i", weights, values)
+    return FleetCurve(Polar(mean, covariance), among)
+
+
+def random_effects(values: Array, own: Array) -> Array:
+    """Covariance (k, k) among n draws, values (n, k), each seen with an error of covariance own (n, k, k)."""
+    k = values.shape[1]
+    lower = np.tril_indices(k)
+
+    def among(parameters: Array) -> Array:
+        L = np.zeros((k, k))
+        L[lower] = parameters
+        return np.asarray(L @ L.T)
+
+    def minus_twice_likelihood(parameters: Array) -> float:
+        total = own + among(parameters)
+        weights = np.linalg.inv(total)
+        information = weights.sum(axis=0)
+        mean = np.linalg.solve(information, np.einsum("fij,fj->i", weights, values))
+        residual = values - mean
+        misfit = np.einsum("fi,fij,fj->", residual, weights, residual)
+        return float(np.linalg.slogdet(total)[1].sum() + np.linalg.slogdet(information)[1] + misfit)
+
+    spread = np.cov(values.T).reshape(k, k)
+    start = np.linalg.cholesky(spread + np.eye(k) * np.trace(spread) / k * 1e-6)[lower]
+    return among(minimize(minus_twice_likelihood, start, method="BFGS").x)

@@ -1,0 +1,218 @@
+"""Logs where they lie: in folders, and at addresses that fsspec reaches (`s3://`, `gs://`, `https://`).
+
+Each address is listed once. A log is read when it is analyzed, into a copy that goes with the analysis. Credentials
+are found by the library of the address in its own ways, such as the environment or a file in the home folder.
+"""
+
+import hashlib
+import re
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path, PurePath, PurePosixPath
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from analysis.flights.campaign.settings import CAMPAIGN
+from flight.errors import InputError
+
+if TYPE_CHECKING:
+    from fsspec import AbstractFileSystem
+
+T = TypeVar("T")
+
+ADDRESS = re.compile(r"[a-z][a-z0-9+.-]+://", re.IGNORECASE)
+SUFFIXES = frozenset({".mcap", ".ulg", ".bin", ".log", ".tlog", ".data"})  # of the files that a folder counts as logs
+# By which a store tells that an object was written anew: the first that it gives.
+VERSIONS = (
+    "ETag",
+    "etag",
+    "md5Hash",
+    "generation",
+    "LastModified",
+    "Last-Modified",
+    "last_modified",
+    "mtime",
+    "created",
+)
+FOR_GOOD = (FileNotFoundError, PermissionError, IsADirectoryError, ImportError, ValueError)  # asking again is no help
+
+
+@dataclass(frozen=True)
+class RemoteLog:
+    """A log as its address was listed. version: changes when it is written anew; empty where the store says none."""
+
+    address: str
+    size: int | None
+    version: str
+
+    def __str__(self) -> str:
+        return shown(self.address)
+
+    @property
+    def place(self) -> PurePosixPath:
+        """As the path of a file: bucket or host, folders, name."""
+        return PurePosixPath("/", str(self).split("://", 1)[1])
+
+
+Log = Path | RemoteLog
+
+
+@dataclass
+class FoundLogs:
+    """Logs in the order of what was given. failures: a line for each place that cannot be listed or has no logs.
+
+    in_folders: whether a folder was among what was given.
+    """
+
+    logs: list[Log] = field(default_factory=list)
+    failures: list[str] = field(default_factory=list)
+    in_folders: bool = False
+
+
+def is_address(text: str) -> bool:
+    return ADDRESS.match(text) is not None
+
+
+def shown(address: str) -> str:
+    """As it is written anywhere: without the signature, which follows a question mark in an address of the web."""
+    return address.split("?", 1)[0] if address.startswith("http") else address
+
+
+def place(log: Log) -> PurePath:
+    """Absolute."""
+    return log.absolute() if isinstance(log, Path) else log.place
+
+
+def find_logs(given: Sequence[str]) -> FoundLogs:
+    """Files as they are given; of a folder and of an address that is one, the logs in it and below, by their suffix."""
+    found = FoundLogs()
+    for one in given:
+        try:
+            if is_address(one):
+                listed = _listed(one)
+                found.in_folders |= [str(log) for log in listed] != [shown(one)]
+                found.logs += listed
+            elif (folder := Path(one)).is_dir():
+                found.in_folders = True
+                inside = sorted(path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES)
+                if not inside:
+                    raise InputError(f"{folder}: no logs in this folder")
+                found.logs += inside
+            else:
+                found.logs.append(Path(one))
+        except InputError as error:
+            found.failures.append(str(error))
+    return found
+
+
+def file_system(address: str) -> tuple["AbstractFileSystem", str]:
+    """The file system of an address, and the path in it. Raises InputError."""
+    try:
+        from fsspec.core import url_to_fs
+    except ModuleNotFoundError:
+        raise InputError(f'{shown(address)}: fsspec is not installed; in the clone: pip install ".[fleet]"') from None
+    try:
+        fs, path = url_to_fs(address)
+    except (ImportError, ValueError) as error:
+        raise InputError(f"{shown(address)}: cannot be reached ({error})") from None
+    return fs, path.rstrip("/")
+
+
+def _listed(address: str) -> list[RemoteLog]:
+    """The log at an address, or those below it. Raises InputError."""
+    if "@" in address.split("://", 1)[1].split("/", 1)[0]:
+        raise InputError("an address with a password in it: give it in the library's own way, such as ~/.netrc")
+    fs, path = file_system(address)
+    fs.invalidate_cache()
+    web = address.startswith("http")
+
+    def entries() -> Mapping[str, Mapping[str, Any]]:
+        if not address.endswith("/"):
+            info = fs.info(path)
+            if info["type"] != "directory":
+                return {info["name"]: info}
+        if not web:
+            return dict(fs.find(path, detail=True))
+        names = [name for name in fs.ls(f"{path}/", detail=False) if _is_log(name)]
+        with ThreadPoolExecutor() as pool:
+            return dict(zip(names, pool.map(fs.info, names), strict=True))
+
+    found = _asked(address, entries)
+    logs = [
+        RemoteLog(fs.unstrip_protocol(name), info.get("size"), _version(info))
+        for name, info in sorted(found.items())
+        if len(found) == 1 or _is_log(name)
+    ]
+    if not logs:
+        raise InputError(f"{shown(address)}: no logs there")
+    return logs
+
+
+def _is_log(name: str) -> bool:
+    return PurePosixPath(shown(name)).suffix.lower() in SUFFIXES
+
+
+def _version(info: Mapping[str, Any]) -> str:
+    return next((str(info[name]) for name in VERSIONS if info.get(name)), "")
+
+
+def _asked(address: str, ask: Callable[[], T]) -> T:
+    """What a store answers; it is asked again where it fails or wants to be asked less often. Raises InputError."""
+    pause_s, left_s = 1.0, CAMPAIGN.connect_s
+    while True:
+        try:
+            return ask()
+        except Exception as error:  # of each library its own kinds
+            if pause_s > left_s or isinstance(error, FOR_GOOD):
+                cause = " ".join(str(error).replace(address, shown(address)).split()) or type(error).__name__
+                raise InputError(f"{shown(address)}: cannot be read ({cause})") from None
+            time.sleep(pause_s)
+            pause_s, left_s = 2 * pause_s, left_s - pause_s
+
+
+def fetch(log: RemoteLog, to: Path) -> str:
+    """Copy a log into a file. Returns the SHA-256 digest of its content. Raises InputError."""
+    fs, path = file_system(log.address)
+
+    def copied() -> None:
+        fs.get_file(path, str(to))
+        if log.size is not None and to.stat().st_size != log.size:
+            raise OSError(f"{to.stat().st_size} bytes of {log.size}, or it was written anew meanwhile")
+
+    _asked(log.address, copied)
+    with to.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def content_digest(log: RemoteLog) -> str:
+    """SHA-256 of the content. Raises InputError."""
+    with TemporaryDirectory(prefix="flightpower-") as folder:
+        return fetch(log, Path(folder, "log"))
+
+
+def name_by_address(folder: Path, copy: Path, log: Log) -> None:
+    """In the results below a folder, write the address of a log where they have the path of its copy."""
+    for path in folder.rglob("*") if copy != log else ():
+        if path != copy and path.is_file() and str(copy).encode() in (content := path.read_bytes()):
+            path.write_bytes(content.replace(str(copy).encode(), str(log).encode()))
+
+
+@contextmanager
+def as_file(log: Log, folder: Path) -> Iterator[tuple[Path, str]]:
+    """A log as a file of its own name, and the digest of a copied one. The copy is below `folder` until the end.
+
+    Raises InputError when it cannot be copied. Those that are raised meanwhile name the log, not its copy.
+    """
+    if isinstance(log, Path):
+        yield log, ""
+        return
+    with TemporaryDirectory(prefix=".log-", dir=folder) as temporary:
+        copy = Path(temporary, log.place.name)
+        digest = fetch(log, copy)
+        try:
+            yield copy, digest
+        except InputError as error:
+            raise InputError(str(error).replace(str(copy), str(log))) from None

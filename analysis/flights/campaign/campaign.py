@@ -1,0 +1,268 @@
+"""Many logs into many folders: what is done stays, the rest runs, each failure is one line; all read for the pool."""
+
+import contextlib
+import shutil
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+import msgspec
+
+from analysis.flights.campaign.addresses import FoundLogs, Log, RemoteLog, place
+from analysis.flights.campaign.cluster import cluster
+from analysis.flights.campaign.folders import (
+    RESULTS,
+    LogFile,
+    Record,
+    complete,
+    digests,
+    edited_runs,
+    inputs_digest,
+    intact,
+    key,
+    names,
+    partial_folder,
+    put_aside,
+    record_of,
+    records,
+)
+from analysis.flights.campaign.processes import Analyze, Job, Outcome, load_ahead, processors, run_jobs
+from flight.errors import InputError
+
+
+@dataclass(frozen=True)
+class Work:
+    """What is done with each log. settings: the values that results depend on, as text.
+
+    files: by log, (option, file) of every other file that its analysis reads; of a log at an address, only those that
+    options name. Raises InputError. preload: modules that all need.
+    """
+
+    analyze: Analyze
+    settings: str = ""
+    files: Callable[[Log], Sequence[tuple[str, Path]]] = lambda log: ()
+    preload: Sequence[str] = ()
+
+
+class Monitor(Protocol):
+    """Receives the progress of the jobs."""
+
+    def planned(self, jobs: int, kept: int) -> None: ...
+
+    def step(self, name: str, step: str) -> None: ...
+
+    def failed(self, error: str) -> None: ...
+
+    def ended(self, name: str, outcome: Outcome) -> None: ...
+
+
+@dataclass
+class Campaign:
+    """folders: of the flights that are complete, in order of their names. failures, notes: one line each."""
+
+    folders: list[Path] = field(default_factory=list)
+    failures: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    kept: int = 0  # folders that were complete before
+    processor_seconds: float = 0.0  # of all analyses
+    peak_bytes: int = 0  # the most memory of a process
+
+
+class Planned(NamedTuple):
+    job: Job
+    inputs: str  # digest of what the results depend on beside the log
+    log: LogFile  # as it was before the analysis
+
+
+def run(
+    found: FoundLogs, output: Path, work: Work, monitor: Monitor, *, jobs: int, scheduler: str | None = None
+) -> Campaign:
+    """Analyze logs into folders below `output`, `jobs` at a time, or on the cluster of a scheduler.
+
+    `output` belongs to the caller (`folders.exclusive`). Raises InputError when it cannot be written.
+    """
+    if scheduler is None:
+        load_ahead(work.preload)
+    campaign = Campaign(failures=list(found.failures))
+    planned = {one.job.name: one for one in _plan(found.logs, output, work, jobs, campaign)}
+    campaign.kept = len(campaign.folders)
+    for failure in campaign.failures:
+        monitor.failed(failure)
+    monitor.planned(len(planned), campaign.kept)
+
+    def new_folder(name: str) -> Path:
+        return partial_folder(output, name)
+
+    def step(job: Job, text: str) -> None:
+        monitor.step(job.name, text)
+
+    place = processors(work.analyze, jobs, step) if scheduler is None else cluster(scheduler, work.analyze, step)
+    with place as computers:
+        for job, partial, outcome in run_jobs((one.job for one in planned.values()), computers, new_folder):
+            if outcome.error:
+                shutil.rmtree(partial, ignore_errors=True)
+                campaign.failures.append(outcome.error)
+            else:
+                _, inputs, log = planned[job.name]
+                log = msgspec.structs.replace(log, digest=outcome.digest or log.digest)
+                complete(partial, output / job.name, key=key(log.digest, inputs), log=log, runs=job.runs)
+                campaign.folders.append(output / job.name)
+            campaign.processor_seconds += outcome.processor_seconds
+            campaign.peak_bytes = max(campaign.peak_bytes, outcome.peak_bytes)
+            monitor.ended(job.name, outcome)
+    campaign.folders.sort(key=lambda folder: folder.name)
+    campaign.failures.sort()
+    return campaign
+
+
+def _plan(logs: Sequence[Log], output: Path, work: Work, jobs: int, campaign: Campaign) -> list[Planned]:
+    """The jobs that are left. Folders that are complete, unreadable logs and repeated ones go into `campaign`."""
+    by_digest: dict[str, Log] = {}
+    earlier = records(output)
+    known = _known_digest(logs, earlier.values())
+    for log, found in zip(logs, digests(logs, known, jobs), strict=True):
+        if isinstance(found, InputError):
+            campaign.failures.append(str(found))
+        elif found in by_digest:
+            campaign.notes.append(f"{log}: has the same content as {by_digest[found]}; used once")
+        else:
+            by_digest[found] = log
+    named = list(zip(by_digest.items(), names([place(log) for log in by_digest.values()]), strict=True))
+    with contextlib.suppress(OSError, InputError):  # what cannot be renamed is refused below
+        campaign.notes += _rename(output, {name: LogFile.of(log, found) for (found, log), name in named}, earlier)
+    planned = []
+    for (found, log), name in named:
+        folder = output / name
+        try:
+            record = record_of(folder)
+            file = LogFile.of(log, found)
+            if record and not _belongs(folder, record, file):
+                raise InputError(f"{folder}: is of another log, {record.log.path}; move it")
+            runs = edited_runs(folder, record)
+            files = work.files(log)
+            inputs = inputs_digest(work.settings, files, runs)
+            done = record is not None and record.key == key(found, inputs) and intact(folder, record)
+        except (InputError, OSError) as error:
+            campaign.failures.append(str(error))
+            continue
+        if done:
+            campaign.folders.append(folder)
+        else:
+            planned.append(Planned(Job(name, log, runs, tuple(path for _, path in files)), inputs, file))
+    return planned
+
+
+def _rename(output: Path, logs: Mapping[str, LogFile], earlier: Mapping[Path, Record]) -> list[str]:
+    """Give the earlier folders of the logs the names they have now: a log was moved, or has got a namesake.
+
+    logs : by name. The folder of another log that has such a name is put aside, with a line.
+    Raises OSError, InputError.
+    """
+    notes = []
+    records, wanted = dict(earlier), {log.digest for log in logs.values()}
+    of_digest = {record.log.digest: folder for folder, record in reversed(list(earlier.items()))}  # of copies the first
+    for name, log in logs.items():
+        folder = output / name
+        if folder in records and not _belongs(folder, records[folder], log):
+            aside = put_aside(folder)
+            records[aside] = other = records.pop(folder)
+            if of_digest[other.log.digest] == folder:
+                of_digest[other.log.digest] = aside
+            if other.log.digest not in wanted:
+                notes.append(f"{folder}: was of another log, {other.log.path}; is {aside} now")
+        own = of_digest.get(log.digest)
+        if own and not folder.exists():
+            own.rename(folder)
+            records[folder], of_digest[log.digest] = records.pop(own), folder
+    return notes
+
+
+def _belongs(folder: Path, record: Record, log: LogFile) -> bool:
+    """Whether a folder is of this log, or of an earlier content of the same file, without a list of runs by hand."""
+    same_file = record.log.path == log.path and edited_runs(folder, record) is None
+    return record.log.digest == log.digest or same_file
+
+
+def _known_digest(logs: Iterable[Log], records: Iterable[Record]) -> Callable[[Log], str | None]:
+    """By log, its digest where it was analyzed before and has not changed since.
+
+    A log at an address that differs from all others in its size is no copy of one, and need not be read for that: what
+    stands for its digest is unlike any until its analysis reads it.
+    """
+    by_path = {record.log.path: record.log for record in records}
+    sizes = Counter(one.size for one in by_path.values())
+    for log in logs:
+        with contextlib.suppress(OSError):
+            sizes[log.stat().st_size if isinstance(log, Path) else log.size or 0] += 1
+
+    def known(log: Log) -> str | None:
+        found = by_path.get(str(log.absolute() if isinstance(log, Path) else log))
+        with contextlib.suppress(OSError):
+            if found and (found.changed_ns or found.version) and found == LogFile.of(log, found.digest):
+                return found.digest
+        return f"unread {log}" if isinstance(log, RemoteLog) and log.size and sizes[log.size] == 1 else None
+
+    return known
+
+
+# Parts of results.json that the joint estimate does not use, and that would take most of the memory.
+UNUSED = ("methods", "one_by_one", "cross_check", "power_required_standard", "interval_parts", "path", "runs")
+OF_USE = ("battery_energy_Wh", "power_train", "model")  # and what of `use` a pool takes
+
+
+class FlightResults(NamedTuple):
+    """Contents of results.json, `log` in them being the folder's name. left_out: why others are not in the pool."""
+
+    to_pool: list[dict[str, Any]]
+    electrical: list[dict[str, Any]]  # flights that give electrical power only
+    left_out: list[str]
+
+
+def read_results(folders: Sequence[Path]) -> FlightResults:
+    """The results in flights' folders. Flights without statistics for pooling are left out, with a reason.
+
+    Raises InputError when a file cannot be read.
+    """
+    found = FlightResults([], [], [])
+    for folder in folders:
+        content = read_json(folder / RESULTS)
+        content["log"] = folder.name
+        content = {name: value for name, value in content.items() if name not in UNUSED}
+        if isinstance(content.get("use"), dict):
+            content["use"] = {name: content["use"].get(name) for name in OF_USE}
+        if content.get("pooling") is not None:
+            found.to_pool.append(content)
+        elif content.get("electrical") is not None:
+            found.electrical.append(content)
+        else:
+            found.left_out.append(f"{folder.name}: its curve is not by the dynamic method, and is not pooled")
+    if found.to_pool:
+        only = "gives electrical power only, which is not pooled with drag"
+        found.left_out.extend(f"{one['log']}: {only}" for one in found.electrical)
+    return found
+
+
+def flight_folders_of(folder: Path) -> list[Path]:
+    """The flights' folders of a pool, of a folder with several, or the folder itself where it is that of one flight.
+
+    Raises InputError when there are no results.
+    """
+    if not folder.is_dir():
+        raise InputError(f"{folder}: is not a folder; give one that `analyze` wrote")
+    if not (folder / RESULTS).is_file():
+        found = sorted(path.parent for path in folder.glob(f"*/{RESULTS}"))
+        if not found:
+            raise InputError(f"{folder}: no {RESULTS} in it; give a folder that `analyze` wrote")
+        return found
+    flights = read_json(folder / RESULTS).get("flights")
+    return [folder] if flights is None else [folder / str(flight["log"]) for flight in flights]
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """The content of a results.json. Raises InputError when it cannot be read."""
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=dict[str, Any])
+    except (OSError, msgspec.DecodeError, msgspec.ValidationError) as error:
+        raise InputError(f"{path}: cannot be read ({error}); analyze the log again") from None

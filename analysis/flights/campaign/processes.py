@@ -1,0 +1,236 @@
+"""One analysis among many, and how it ended; where many run: on the processors of this computer."""
+
+import multiprocessing
+import multiprocessing.forkserver
+import os
+import signal
+import sys
+import threading
+import time
+import traceback
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+from analysis.flights.campaign.addresses import Log, as_file, name_by_address
+from analysis.flights.campaign.settings import CAMPAIGN
+from flight.errors import InputError
+
+Progress = Callable[[str], None]
+
+
+class Analyze(Protocol):
+    """The analysis of one log: writes its results into `folder`. It is pickled to reach other processes.
+
+    Raises InputError when the log cannot be used.
+    """
+
+    def __call__(self, log: Path, folder: Path, runs: Path | None, progress: Progress) -> None: ...
+
+    def under(self, root: Path) -> "Analyze":
+        """The same where the files that it reads were copied to the same paths below `root`."""
+        ...
+
+
+@dataclass(frozen=True)
+class Job:
+    """An analysis to be run. name: of its folder. runs: an edited list of runs. files: others that it reads."""
+
+    name: str
+    log: Log
+    runs: Path | None = None
+    files: tuple[Path, ...] = ()
+
+
+class Outcome(NamedTuple):
+    """How a job ended: elapsed and processor time, the most memory of its process, and one line where it failed.
+
+    digest: SHA-256 of a log that was at an address.
+    """
+
+    error: str = ""
+    seconds: float = 0.0
+    processor_seconds: float = 0.0
+    peak_bytes: int = 0
+    digest: str = ""
+
+
+def run_job(analyze: Analyze, job: Job, folder: Path, progress: Progress) -> Outcome:
+    """Run one job in this process, which is its own: the memory of the process is limited. Never raises."""
+    start, processor_start = time.monotonic(), time.process_time()
+    limit_memory(round(CAMPAIGN.memory_GB * 2**30))
+    error, found = "", ""
+    try:
+        with as_file(job.log, folder) as (log, found):
+            analyze(log, folder, job.runs, progress)
+            name_by_address(folder, log, job.log)
+    except InputError as cause:
+        error = str(cause)
+    except MemoryError:
+        error = f"{job.log}: needs more than {CAMPAIGN.memory_GB:.0f} GB of memory; analyze it alone"
+    except BaseException as cause:
+        where = traceback.extract_tb(cause.__traceback__)[-1]
+        error = (
+            f"{job.log}: {type(cause).__name__}: {cause} ({Path(where.filename).name}:{where.lineno}), an error of the"
+            " software; analyze it alone for the details, and report it"
+        )
+    seconds, processor_seconds = time.monotonic() - start, time.process_time() - processor_start
+    return Outcome(" ".join(error.splitlines()), seconds, processor_seconds, peak_bytes(), found)
+
+
+def below(root: Path, path: Path) -> Path:
+    """An absolute path below `root`; a relative one as it is, for a process that works below `root`."""
+    return root / path.relative_to(path.anchor) if path.is_absolute() else path
+
+
+def limit_memory(limit_bytes: int) -> None:
+    """Allocations of this process beyond the limit raise MemoryError. On Linux only."""
+    if sys.platform == "linux":
+        import resource
+
+        _, hard = resource.getrlimit(resource.RLIMIT_DATA)
+        most = limit_bytes if hard == resource.RLIM_INFINITY else min(limit_bytes, hard)
+        resource.setrlimit(resource.RLIMIT_DATA, (most, hard))
+
+
+def peak_bytes() -> int:
+    """The most memory that this process had; 0 where the system does not say."""
+    if os.name != "posix":
+        return 0
+    import resource
+
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+
+
+class Returned(NamedTuple):
+    """What a job gives back. files: of the flight's folder by name, where the job could not write there itself."""
+
+    outcome: Outcome
+    files: Mapping[str, bytes] = {}
+
+
+class Computers(NamedTuple):
+    """Where jobs run. submit: begins a job that writes into a folder. at_once: jobs that keep them busy."""
+
+    submit: Callable[[Job, Path], "Future[Returned]"]
+    at_once: Callable[[], int]
+
+
+def run_jobs(
+    jobs: Iterable[Job], computers: Computers, new_folder: Callable[[str], Path]
+) -> Iterator[tuple[Job, Path, Outcome]]:
+    """Run jobs; yields each with its folder when it ends. new_folder: by name, the folder of a job's results.
+
+    No more jobs are begun than keep the computers busy: logs and results of the others need no memory.
+    """
+    waiting, running = deque(jobs), dict[Future[Returned], tuple[Job, Path]]()
+    while waiting or running:
+        while waiting and len(running) < computers.at_once():
+            job = waiting.popleft()
+            folder = new_folder(job.name)
+            try:
+                running[computers.submit(job, folder)] = job, folder
+            except OSError as error:  # a log that was there a moment ago
+                yield job, folder, Outcome(f"{job.log}: could not be read ({error.strerror or error})")
+        for future in wait(running, return_when=FIRST_COMPLETED).done:
+            job, folder = running.pop(future)
+            yield job, folder, _outcome(future, job, folder)
+
+
+def _outcome(future: "Future[Returned]", job: Job, folder: Path) -> Outcome:
+    try:
+        outcome, files = future.result()
+    except (Exception, CancelledError) as error:
+        return Outcome(f"{job.log}: could not be analyzed ({type(error).__name__}: {error})".splitlines()[0])
+    for name, content in files.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+    return outcome
+
+
+START_METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
+
+
+def load_ahead(modules: Sequence[str]) -> None:
+    """Begin to load modules that all jobs need, once for all of them, and return meanwhile."""
+    if START_METHOD == "forkserver":
+        multiprocessing.set_forkserver_preload(list(modules))
+        multiprocessing.forkserver.ensure_running()
+
+
+@contextmanager
+def processors(analyze: Analyze, count: int, step: Callable[[Job, str], None]) -> Iterator[Computers]:
+    """This computer: `count` threads, each of which waits for the process of one job.
+
+    Not a ProcessPoolExecutor: a process that dies breaks the whole pool there, and fails the jobs of all others.
+    step: called with each step of a job. Jobs that still run at the end are killed.
+    """
+    processes = OwnProcesses(analyze, step)
+    with ThreadPoolExecutor(count) as threads:
+        try:
+            yield Computers(lambda job, folder: threads.submit(processes.run, job, folder), lambda: count)
+        finally:
+            processes.kill()
+
+
+class OwnProcesses:
+    """Runs each job in a process of its own, so that memory stays flat and a crash costs one job."""
+
+    def __init__(self, analyze: Analyze, step: Callable[[Job, str], None]):
+        self._analyze, self._step = analyze, step
+        self._context: Any = multiprocessing.get_context(START_METHOD)
+        self._lock, self._ended, self._running = threading.Lock(), False, set[Any]()
+
+    def run(self, job: Job, folder: Path) -> Returned:
+        """Start the process of a job, and wait for its end."""
+        receiver, sender = self._context.Pipe(duplex=False)
+        process = self._context.Process(target=_in_process, args=(self._analyze, job, folder, sender), daemon=True)
+        with self._lock:  # multiprocessing looks at all processes when it starts one, and not from several threads
+            if self._ended:
+                raise CancelledError
+            process.start()
+            self._running.add(process)
+        sender.close()
+        with receiver:
+            while isinstance(message := _received(receiver), str):
+                self._step(job, message)
+        with self._lock:
+            process.join()
+            self._running.discard(process)
+        return Returned(message or Outcome(f"{job.log}: {_death(process.exitcode)}"))
+
+    def kill(self) -> None:
+        """End all that run; start no more."""
+        with self._lock:
+            self._ended = True
+            for process in self._running:
+                process.kill()
+
+
+def _in_process(analyze: Analyze, job: Job, folder: Path, sender: Connection) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that waits for this one
+    # Where that process was killed, sending fails, and this one ends.
+    outcome = run_job(analyze, job, folder, sender.send)
+    with suppress(OSError):
+        sender.send(outcome)
+
+
+def _received(receiver: Connection) -> Any:
+    """A step, an outcome, or None when the process ended without one."""
+    try:
+        return receiver.recv()
+    except (EOFError, OSError):
+        return None
+
+
+def _death(exit_code: int | None) -> str:
+    if exit_code is not None and exit_code < 0:
+        name = signal.Signals(-exit_code).name
+        return f"its process was ended by {name}; is there enough memory? Analyze it alone"
+    return f"its process ended with exit code {exit_code}; analyze it alone"

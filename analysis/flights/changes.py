@@ -1,0 +1,198 @@
+"""Since when has an airframe had more drag, or less thrust? Steps and drifts over its flights.
+
+Each flight estimates drag and thrust, both as a share of the airframe's own. The estimate is drawn to its prior, so
+that a change of one shows in part in the other; the model of the pool says by how much (`analysis.flights.joint`).
+After each flight the best step and the best drift in both are found by generalized least squares, from any flight on.
+A change is told where the fit improves by more than it does by chance once in as many flights as are allowed for a
+false alarm (the generalized likelihood ratio; Basseville and Nikiforov 1993, sec. 2.4.3).
+"""
+
+import math
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import lambertw, ndtri
+
+from analysis.flights.agreement import ErrorParts, error_parts
+from analysis.flights.flight_statistics import POLAR, POOLED, M
+from analysis.flights.joint_pool import JointPool
+from analysis.records.fleet import Shape, What
+from analysis.settings import EVIDENCE
+from flight.arrays import Array
+
+_N_POLAR, _THRUST = len(POLAR), POOLED.index("thrust_scale")
+_SHARES = len(("drag", "thrust"))
+
+
+class Series(NamedTuple):
+    """Drag and thrust of n flights as shares of the airframe's own.
+
+    values : (n, 2)     by_truth : (n, 2, 2) change of the values by a change of drag and of thrust     errors : k = 2
+    """
+
+    values: Array
+    by_truth: Array
+    errors: ErrorParts
+
+
+class Change(NamedTuple):
+    """A change from one flight on, until the next change or the last flight.
+
+    since, found : numbers of the first flight that differs and of the one after which this was told
+    drag, thrust : change as a share; of a drift until the last of these flights     covariance : (2, 2) of both
+    """
+
+    shape: Shape
+    since: int
+    found: int
+    drag: float
+    thrust: float
+    covariance: Array
+
+    @property
+    def errors(self) -> tuple[float, float]:
+        """Standard errors of drag and thrust."""
+        drag, thrust = np.sqrt(np.diag(self.covariance))
+        return float(drag), float(thrust)
+
+    @property
+    def what(self) -> What:
+        """What differs from 0 at the level `EVIDENCE.rare_false_alarms`; the surer of the two where neither does."""
+        z = np.abs([self.drag, self.thrust]) / self.errors
+        sure = z > -ndtri(EVIDENCE.rare_false_alarms / 2)
+        if sure.all():
+            return What.BOTH
+        return What.DRAG if z[0] > z[1] else What.PROPULSION
+
+
+def series(pool: JointPool) -> Series:
+    """Of the flights of one airframe and configuration, at the middle of the lift coefficients that they flew."""
+    flights, stack, A = pool.flights, pool.as_stated, pool.polar.A
+    CL = np.sqrt(np.median([one.flown_CL[0] for one in flights]) * np.median([one.flown_CL[1] for one in flights]))
+    gradient = CL ** np.arange(_N_POLAR)
+    of_flight = np.zeros((_SHARES, M))
+    of_flight[0, :_N_POLAR], of_flight[1, _THRUST] = gradient / (gradient @ A), 1.0
+    changed = np.zeros((M, _SHARES))
+    changed[:_N_POLAR, 0], changed[_THRUST, 1] = A, 1.0
+    by_truth = of_flight @ (np.eye(M) - stack.prior_part) @ changed
+    return Series(stack.values @ of_flight.T, by_truth, error_parts(stack, pool.prior, of_flight))
+
+
+def least_gain(flights_per_false_alarm: float) -> float:
+    """By how much the weighted sum of squared residuals falls by chance once in so many flights."""
+    # Of the improvement h, chi-square with two degrees of freedom, the best over all flights and both shapes exceeds a
+    # level h / 2 times as often as a single one, exp(-h / 2), as the extremes of chi-square fields do (Siegmund and
+    # Venkatraman 1995): h / 2 exp(-h / 2) is the rate of false alarms.
+    return -2 * float(lambertw(-1 / max(flights_per_false_alarm, math.e), -1).real)
+
+
+def find_changes(of_flights: Series, times: Array, flights_per_false_alarm: float) -> list[Change]:
+    """All changes, in the order of the flights, as they would have been told flight by flight.
+
+    A flight that differs from those before and after it is no change: it is passed over.
+
+    times : (n,) ascending, of the flights     flights_per_false_alarm : of an unchanged airframe, in the mean
+    """
+    threshold = least_gain(flights_per_false_alarm)
+    equations = _normal_equations(of_flights)
+    kept = np.arange(len(times))
+    while True:
+        changes = _told(equations[kept], times[kept], threshold)
+        odd = [one.since for one, following in pairwise(changes) if following.since == one.since + 1]
+        if not odd:
+            break
+        kept = np.delete(kept, odd)
+    return [one._replace(since=int(kept[one.since]), found=int(kept[one.found])) for one in changes]
+
+
+def _told(equations: Array, times: Array, threshold: float) -> list[Change]:
+    """The changes as they are told flight by flight, estimated by all flights until the next one."""
+    told: list[tuple[int, int, Shape]] = []
+    start, n = 0, len(times)
+    sums = _sums(equations, times)
+    for end in range(3, n + 1):
+        if end - start < 3:
+            continue
+        best = _best(sums, times, slice(start, end))
+        if best.gain > threshold:
+            told.append((start, end - 1, best.shape))
+            start = best.since if best.shape is Shape.STEP else end - 1
+    changes = []
+    for (begin, found, _), following in pairwise([*told, (n, n, Shape.STEP)]):
+        best = _best(sums, times, slice(begin, max(following[0], found + 1)))
+        drag, thrust = best.change.tolist()
+        changes.append(Change(best.shape, best.since, found, drag, thrust, best.covariance))
+    return changes
+
+
+class _Best(NamedTuple):
+    gain: float
+    shape: Shape
+    since: int
+    change: Array
+    covariance: Array
+
+
+def _normal_equations(of_flights: Series) -> Array:
+    """(n, c, c): products of the whitened columns mean, shared errors, change, values of each flight."""
+    values, by_truth, errors = of_flights
+    n = len(values)
+    columns = [np.broadcast_to(np.eye(_SHARES), (n, _SHARES, _SHARES)), errors.shared, by_truth, values[:, :, None]]
+    white = errors.whitened(np.concatenate(columns, axis=2))
+    return np.asarray(white.transpose(0, 2, 1) @ white)
+
+
+class _Sums(NamedTuple):
+    """Sums over the flights before each of n + 1, of c columns.
+
+    known : (n + 1, c, c) products of all columns
+    change : (3, n + 1, c, 2) those with the columns of the change, times powers 0 to 2 of the time since the first
+    """
+
+    known: Array
+    change: Array
+
+
+def _sums(equations: Array, times: Array) -> _Sums:
+    """Of _normal_equations: what any part of the flights needs is a difference of two of these."""
+    since = (times - times[0])[:, None, None]
+    with_change = equations[:, :, -1 - _SHARES : -1]
+    return _Sums(_before_each(equations), np.stack([_before_each(since**power * with_change) for power in (0, 1, 2)]))
+
+
+def _before_each(of_flights: Array) -> Array:
+    return np.concatenate([np.zeros_like(of_flights[:1]), of_flights.cumsum(axis=0)])
+
+
+def _best(sums: _Sums, times: Array, part: slice) -> _Best:
+    """The step or drift, from the second flight of a part on, that improves the fit most."""
+    G, t = sums.known[part.stop] - sums.known[part.start], (times[part] - times[0])[:, None, None]
+    before = len(G) - 1 - _SHARES  # columns of mean and shared errors
+    change, value = slice(before, before + _SHARES), -1
+    A = G[:before, :before]
+    A[_SHARES:, _SHARES:] += np.eye(before - _SHARES)
+    inverse = np.linalg.inv(A)
+    known = inverse @ G[:before, value]
+    zeroth, first, second = sums.change[:, part.stop, None] - sums.change[:, part.start + 1 : part.stop]
+    start = t[:-1]  # of a drift: the flight before
+    length = np.maximum(t[-1] - start, np.finfo(float).tiny)
+    found = []
+    for shape, linear, square in (
+        (Shape.STEP, zeroth, zeroth[:, change]),
+        (
+            Shape.DRIFT,
+            (first - start * zeroth) / length,
+            (second - 2 * start * first + start**2 * zeroth)[:, change] / length**2,
+        ),
+    ):
+        B = linear[:, :before]
+        information = square - B.transpose(0, 2, 1) @ inverse @ B
+        vector = linear[:, value] - known @ B
+        seen = np.linalg.eigvalsh(information)[:, 0] > np.finfo(float).eps * np.trace(square[0])
+        information[~seen] = np.eye(_SHARES)
+        estimate = np.linalg.solve(information, vector[:, :, None])[:, :, 0]
+        gain = np.where(seen, np.sum(estimate * vector, axis=1), 0.0)
+        k = int(np.argmax(gain))
+        found.append(_Best(float(gain[k]), shape, part.start + 1 + k, estimate[k], np.linalg.inv(information[k])))
+    return max(found, key=lambda one: one.gain)

@@ -1,0 +1,164 @@
+"""Statistics of flights as rows of a Parquet dataset, partitioned by airframe, wherever fsspec reaches.
+
+A row is what a pool reads of a flight's `results.json`, a few kilobytes, and the columns by which flights are chosen.
+Files are added and never changed: an addition writes one file for each airframe, named by its content. The same flight
+added twice is one flight, and the order of additions does not matter.
+"""
+
+import hashlib
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+from urllib.parse import quote, unquote
+
+import msgspec
+
+from analysis.flights.campaign.addresses import file_system
+from analysis.flights.flight_statistics import FlightContent, FlightStatistics, of_content, read_statistics
+from analysis.records.flight import POOLING_FORMAT
+from flight.errors import InputError
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+
+class Added(NamedTuple):
+    """Numbers of flights that were new and that the dataset had already."""
+
+    new: int
+    known: int
+
+
+class StoredFlight(NamedTuple):
+    """flight: fingerprint of its estimates     configuration: fingerprint of what flights of one pool have in common"""
+
+    flight: str
+    configuration: str
+    content: FlightContent
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """The rows below a folder or an address such as s3://bucket/fleet.
+
+    Raises InputError where the file system is not known or does not answer.
+    """
+
+    address: str
+
+    def add(self, results: Iterable[Mapping[str, Any]]) -> Added:
+        """Add the contents of results.json. Flights that are there already are left as they are."""
+        new: dict[str, list[StoredFlight]] = defaultdict(list)
+        count = 0
+        for one in results:
+            flight = stored(one)
+            new[flight.content.aircraft.name].append(flight)
+            count += 1
+        added = 0
+        for airframe, flights in new.items():
+            known = set(self._column(airframe, "flight"))
+            fresh = {one.flight: one for one in flights if one.flight not in known}
+            if fresh:
+                self._write(airframe, [fresh[key] for key in sorted(fresh)])
+                added += len(fresh)
+        return Added(added, count - added)
+
+    @property
+    def airframes(self) -> list[str]:
+        """Names, in order."""
+        fs, root = file_system(self.address)
+        if not fs.exists(root):
+            raise InputError(f"{self.address}: no flights there; add some with `flightpower fleet add`")
+        return sorted(unquote(path.rsplit("=", 1)[1]) for path in fs.glob(f"{root}/airframe=*"))
+
+    def flights(self, airframe: str, unread: list[str] | None = None) -> dict[str, list[FlightStatistics]]:
+        """Flights of an airframe by configuration, each in the order of their dates.
+
+        unread: receives a line for each file that cannot be read; raises InputError for the first where it is None
+        """
+        found: dict[str, tuple[str, FlightContent]] = {}
+        for table in self._tables(airframe, ["flight", "configuration", "format", "content"], unread):
+            for row in table.to_pylist():
+                if row["format"] == POOLING_FORMAT:
+                    found[row["flight"]] = (
+                        row["configuration"],
+                        msgspec.msgpack.decode(row["content"], type=FlightContent),
+                    )
+        by_configuration: dict[str, list[FlightStatistics]] = defaultdict(list)
+        for key in sorted(found, key=lambda key: (found[key][1].pooling.start_unix_s or 0.0, key)):
+            configuration, content = found[key]
+            by_configuration[configuration].append(of_content(content))
+        return dict(by_configuration)
+
+    def _tables(self, airframe: str, columns: list[str], unread: list[str] | None = None) -> Iterator["pa.Table"]:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        fs, root = file_system(self.address)
+        for path in sorted(fs.glob(f"{_folder(root, airframe)}/*.parquet")):
+            try:
+                with fs.open(path, "rb") as stream:
+                    yield pq.read_table(stream, columns=columns)
+            except (OSError, pa.ArrowException) as error:
+                line = f"{path}: cannot be read ({error}); its flights are left out; remove it and add them again"
+                if unread is None:
+                    raise InputError(line) from None
+                unread.append(line)
+
+    def _column(self, airframe: str, name: str) -> list[str]:
+        return [value for table in self._tables(airframe, [name]) for value in table[name].to_pylist()]
+
+    def _write(self, airframe: str, flights: list[StoredFlight]) -> None:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        schema = pa.schema(
+            [
+                ("flight", pa.string()),
+                ("log", pa.string()),
+                ("configuration", pa.string()),
+                ("start_unix_s", pa.float64()),
+                ("format", pa.string()),
+                ("content", pa.binary()),
+            ]
+        )
+        rows = [
+            {
+                "flight": one.flight,
+                "log": one.content.log,
+                "configuration": one.configuration,
+                "start_unix_s": one.content.pooling.start_unix_s,
+                "format": one.content.pooling.format,
+                "content": msgspec.msgpack.encode(one.content),
+            }
+            for one in flights
+        ]
+        name = hashlib.sha256("".join(one.flight for one in flights).encode()).hexdigest()[:24]
+        fs, root = file_system(self.address)
+        folder = _folder(root, airframe)
+        fs.makedirs(folder, exist_ok=True)
+        with fs.transaction, fs.open(f"{folder}/{name}.parquet", "wb") as stream:  # whole, or not at all
+            pq.write_table(pa.Table.from_pylist(rows, schema=schema), stream, compression="zstd")
+
+
+def stored(results: Mapping[str, Any]) -> StoredFlight:
+    """A flight's row, without what a mission is computed from. Raises InputError as `read_statistics` does."""
+    content = msgspec.structs.replace(read_statistics(results).content, use=None)
+    of_flight = content.pooling
+    common = (
+        content.aircraft.wing_area_m2,
+        of_flight.propeller_table,
+        of_flight.installation,
+        of_flight.probe_calibration,
+        msgspec.to_builtins(of_flight.prior_measurements or []),
+    )
+    return StoredFlight(_fingerprint(of_flight.values), _fingerprint(common), content)
+
+
+def _fingerprint(value: Any) -> str:
+    return hashlib.sha256(msgspec.msgpack.encode(value)).hexdigest()[:24]
+
+
+def _folder(root: str, airframe: str) -> str:
+    return f"{root}/airframe={quote(airframe, safe='')}"

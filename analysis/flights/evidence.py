@@ -1,0 +1,197 @@
+"""What speaks against a pool or a comparison: the evidence against each flight, and against flights as one."""
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from enum import Enum
+
+from msgspec.structs import replace
+
+from analysis.flights.agreement import Difference, LikelyCause, Test, likely_cause
+from analysis.flights.flight_statistics import FlightStatistics
+from analysis.records.flight import ElectricalFlight, Evidence, EvidenceKind, PartOfResult, Trust
+from analysis.results.evidence import worst_first
+from analysis.results.settings import TRUST
+from analysis.trajectory.observability import SENSOR_ERROR_KINDS, SensorErrorKind
+
+
+def against_flights(flights: Sequence[FlightStatistics]) -> Iterator[Evidence]:
+    """The evidence of each flight's own results, with its name."""
+    for flight in flights:
+        yield from _of_results(flight.name, flight.content.evidence)
+
+
+def against_electrical(flights: Sequence[ElectricalFlight]) -> list[Evidence]:
+    """The same of flights that give electrical power only, the worst first."""
+    return worst_first(one for flight in flights for one in _of_results(flight.log, flight.evidence))
+
+
+def _of_results(log: str, evidence: list[Evidence] | None) -> Iterator[Evidence]:
+    if evidence is None:
+        yield Evidence(
+            kind=EvidenceKind.NO_VERDICT,
+            level=Trust.DOUBTFUL,
+            part=PartOfResult.CURVE,
+            log=log,
+            text="Its results are of an earlier version, which gave no verdict: analyze the log again.",
+        )
+    for one in evidence or ():
+        yield replace(one, log=log)
+
+
+def against_polars(test: Test | None) -> Iterator[Evidence]:
+    """Of the test of whether the curves of the flights agree; None for one flight."""
+    if test and test.doubtful:
+        yield _doubt(EvidenceKind.FLIGHTS_DIFFER, test.p, polars_text(test))
+
+
+def against_installation(test: Test | None) -> Iterator[Evidence]:
+    """Of the test of whether the flights have one installation; None where they do not say so."""
+    if test and test.doubtful:
+        yield _doubt(EvidenceKind.INSTALLATIONS_DIFFER, test.p, installations_text(test))
+
+
+def against_outliers(flights: Sequence[FlightStatistics], outliers: dict[int, Difference]) -> Iterator[Evidence]:
+    """Flights that differ from all others. outliers: of `agreement.outliers`."""
+    limit = TRUST.false_alarm_rate / (2 * len(flights))
+    for i, difference in sorted(outliers.items()):
+        kind = EvidenceKind.FLIGHTS_DIFFER if difference.p < limit else EvidenceKind.INSTALLATIONS_DIFFER
+        text = f"It differs from the other flights: {cause_text(likely_cause(difference))}"
+        p = min(difference.p, difference.p_installation)
+        yield _doubt(kind, p, text, log=flights[i].name, limit=limit)
+
+
+def _doubt(
+    kind: EvidenceKind, p: float, text: str, *, log: str = "", limit: float = TRUST.false_alarm_rate
+) -> Evidence:
+    return Evidence(
+        kind=kind,
+        level=Trust.DOUBTFUL,
+        part=PartOfResult.CURVE,
+        log=log,
+        figure=p,
+        limit=limit,
+        false_alarm_rate=TRUST.false_alarm_rate,
+        text=text,
+    )
+
+
+_PROPELLER = "another or a damaged propeller?"
+
+
+_CAUSES = {
+    "alpha_bias": "was the probe or the tray touched?",
+    "beta_bias": "was the probe touched?",
+    "alpha_scale": "a tube of the probe partly blocked or loose, or another calibration?",
+    "V_scale": "a leak or water in the lines of airspeed or static pressure?",
+    "air_data_lag": "a tube kinked, exchanged, or with water in it?",
+    "thrust_scale": "another or a damaged propeller, or a wrong number of pole pairs?",
+    "thrust_slope": _PROPELLER,
+    "thrust_beyond": _PROPELLER,
+}
+
+
+_KINDS = SENSOR_ERROR_KINDS | {
+    "thrust_scale": SensorErrorKind("scale of thrust", ""),
+    "thrust_slope": SensorErrorKind("slope of thrust", ""),
+    "thrust_beyond": SensorErrorKind("thrust beyond the propeller's table", ""),
+}
+
+
+def cause_text(cause: LikelyCause | None) -> str:
+    """Why a flight is likely to differ from the others."""
+    if cause is None:
+        return (
+            "no sensor or thrust error stands out: weight, rising or sinking air, or something changed on the aircraft"
+            " (surface, gear, flaps)?"
+        )
+    kind = _KINDS[cause.parameter]
+    factor, unit = kind.shown
+    return (
+        f"the {kind.title} differs by {factor * cause.difference:+.2g} {unit}, {cause.standard_deviations:.1f} standard"
+        f" deviations: {_CAUSES[cause.parameter]}"
+    )
+
+
+def polars_text(test: Test, outliers: Sequence[str] = ()) -> str:
+    """Whether the curves of the flights agree. outliers: names of those that differ from all others."""
+    named = f" {' and '.join(outliers)} {'differ' if len(outliers) > 1 else 'differs'} from the others."
+    if not test.doubtful:
+        agree = f"The curves of the flights agree within their errors (p = {test.p:.2g})"
+        return f"{agree}, taken together, but{named}" if outliers else f"{agree}."
+    return (
+        f"The curves of the flights differ by more than their errors explain (p = {test.p:.2g}): the interval of the"
+        f" pooled curve may be too narrow.{named if outliers else ''} Look at the outliers and trends: something"
+        " changed between flights, or an error is larger than assumed."
+    )
+
+
+def installations_text(test: Test) -> str:
+    """Whether the errors of the installation are the same in all flights."""
+    if not test.differs:
+        return f"The errors of the installation are the same in all flights within their errors (p = {test.p:.2g})."
+    if not test.doubtful:
+        return (
+            f"The errors of the installation may differ between flights (p = {test.p:.2g}): they are taken to be"
+            " mounted anew, which is no doubt but widens the interval."
+        )
+    return (
+        f"The errors of the installation differ between flights (p = {test.p:.2g}): probe, tubes or tray were moved,"
+        " and they are taken to be mounted anew. Give the flights before and after different [installation] names,"
+        " or none."
+    )
+
+
+NOT_NAMED = (
+    "The aircraft file has no [installation] name: the probe is taken to be mounted anew for each flight. Give flights"
+    " between which nothing was moved one name."
+)
+
+
+class SharedErrors(Enum):
+    """Which errors two configurations share, so that they cancel in the difference."""
+
+    COMMON_PART = (
+        "The files name no installation: the probe is taken to be mounted anew for each flight, and only the common"
+        " part of these errors cancels."
+    )
+    INSTALLATION_AND_PROPELLER = "Errors of installation and propeller table cancel, since both share them."
+    INSTALLATION = "Errors of the installation cancel, since both share it; those of the two propeller tables do not."
+    PROPELLER = "Errors of the propeller table cancel; those of the two installations do not."
+    AIRCRAFT = "Errors of current meter, airspeed, mass and thermometer cancel, since both are of one aircraft."
+    NONE = "No error cancels: installations and propellers differ."
+
+
+NOT_ONE_VEHICLE = (
+    "Errors of current meter, airspeed, mass and thermometer are not taken to cancel, since A and B were logged by"
+    " different autopilots: where only the board was exchanged, the interval is wider than need be."
+)
+
+
+def one_vehicle(a: Sequence[ElectricalFlight], b: Sequence[ElectricalFlight]) -> bool:
+    """Whether the same boards logged both, as far as the logs say which."""
+    of_a, of_b = ({one.vehicle for one in flights if one.vehicle} for flights in (a, b))
+    return not of_a or not of_b or of_a == of_b
+
+
+def vehicle_notes(flights: Sequence[ElectricalFlight]) -> list[str]:
+    """A sentence for each name with flights of several boards, and for each board with flights of several names."""
+    of_name, of_vehicle = (defaultdict[str, dict[str, list[str]]](lambda: defaultdict(list)) for _ in range(2))
+    for one in flights:
+        if one.vehicle:
+            of_name[one.aircraft.title][one.vehicle].append(one.log)
+            of_vehicle[one.vehicle][one.aircraft.title].append(one.log)
+    notes = [
+        f"{name}: flights of {len(vehicles)} autopilots, {_listed(vehicles)}. Where these are of several aircraft and"
+        " no board was exchanged, analyze the logs of each into a folder of its own."
+        for name, vehicles in of_name.items()
+        if len(vehicles) > 1
+    ]
+    return notes + [
+        f"Autopilot {vehicle}: flights of {len(names)} names, {_listed(names)}. Give one aircraft one name."
+        for vehicle, names in of_vehicle.items()
+        if len(names) > 1
+    ]
+
+
+def _listed(logs: dict[str, list[str]]) -> str:
+    return "; ".join(f"{name} ({', '.join(of_name)})" for name, of_name in logs.items())

@@ -1,0 +1,157 @@
+"""What is written and drawn of a fleet: `fleet.json` from its airframes."""
+
+from collections import defaultdict
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from itertools import pairwise
+
+from analysis.curve import Polar, power_required
+from analysis.estimation.noise import NORMAL_95
+from analysis.flights.airframes import Airframe, fleet_curve
+from analysis.flights.changes import Change
+from analysis.flights.flight_statistics import FlightContent
+from analysis.flights.joint_pool import JointPool
+from analysis.flights.pool import power_points
+from analysis.records.fleet import (
+    AirframeResult,
+    ChangeResult,
+    Contradiction,
+    ContradictionResult,
+    FleetCurveResult,
+    FleetResults,
+    Shape,
+    What,
+)
+from analysis.records.flight import ConditionResult, PowerPoint
+from analysis.results.evidence import trust_by
+from flight.version import version
+
+
+def fleet_results(fleet: Sequence[Airframe], left_out: Sequence[str]) -> FleetResults:
+    """What is written and drawn of a fleet."""
+    kinds: dict[tuple[float, str], list[Airframe]] = defaultdict(list)
+    for one in fleet:
+        kinds[one.kind].append(one)
+    return FleetResults(
+        software_version=version(),
+        flights=sum(len(one.flights) for one in fleet),
+        airframes=[_airframe(one) for one in fleet],
+        curves=[_curve(of_kind) for of_kind in kinds.values() if len(of_kind) > 2],
+        contradictions=_contradictions(fleet),
+        left_out=list(left_out),
+    )
+
+
+def _contradictions(fleet: Sequence[Airframe]) -> list[ContradictionResult]:
+    """By airframe, the first of each kind, in the order of the dates."""
+    found: list[ContradictionResult] = []
+    by_name: dict[str, list[FlightContent]] = defaultdict(list)
+    for airframe in fleet:
+        by_name[airframe.name] += (flight.content for flight in airframe.flights)
+    for name, flights in by_name.items():
+        flights.sort(key=lambda one: (one.pooling.start_unix_s or 0.0, one.log))
+        first = flights[0]
+        size = first.aircraft.wing_area_m2, first.aircraft.span_m
+        other = next((one for one in flights if (one.aircraft.wing_area_m2, one.aircraft.span_m) != size), None)
+        if other:
+            said = f"{name}: {other.log} has another wing area or span than {first.log}: two aircraft of one name?"
+            found.append(_contradiction(Contradiction.SIZE, name, other, first, f"{said} Give each its own."))
+        left: dict[str, FlightContent] = {}
+        dated = [one for one in flights if one.pooling.start_unix_s is not None and one.pooling.installation]
+        for before, one in pairwise(dated):
+            if one.pooling.installation in left:
+                earlier = left[one.pooling.installation]
+                said = (
+                    f"{name}: {one.log} names the installation {one.pooling.installation!r} of {earlier.log} again,"
+                    f" after {before.log} with {before.pooling.installation!r}: give what was mounted anew a new name,"
+                    " or two airframes their own names."
+                )
+                found.append(_contradiction(Contradiction.INSTALLATION, name, one, earlier, said))
+                break
+            if one.pooling.installation != before.pooling.installation:
+                left[before.pooling.installation] = before
+    return found
+
+
+def _contradiction(
+    kind: Contradiction, airframe: str, later: FlightContent, earlier: FlightContent, text: str
+) -> ContradictionResult:
+    return ContradictionResult(kind=kind, airframe=airframe, log=later.log, earlier_log=earlier.log, text=text)
+
+
+def _airframe(one: Airframe) -> AirframeResult:
+    first, last = one.flights[0].content, one.flights[-1].content
+    return AirframeResult(
+        name=one.name,
+        title=last.aircraft.title,
+        configuration=one.configuration,
+        installation=one.flights[0].installation,
+        propeller=last.aircraft.propeller,
+        flights=len(one.flights),
+        pooled_flights=len(one.pool.flights),
+        first_unix_s=first.pooling.start_unix_s,
+        last_unix_s=last.pooling.start_unix_s,
+        test=_condition(one.pool),
+        power_required=power_points(one.pool),
+        trust=trust_by(one.pool.evidence),
+        evidence=one.pool.evidence,
+        changes=[_change(one, change) for change in one.changes],
+    )
+
+
+def _condition(pool: JointPool) -> ConditionResult:
+    return ConditionResult(weight_N=pool.condition.weight_N, air_density_kgpm3=pool.condition.rho)
+
+
+def _points(pool: JointPool, polar: Polar) -> list[PowerPoint]:
+    """Power of another polar at the speeds and the condition of a pool."""
+    power, error = power_required(pool.curve_speeds_mps, polar, pool.condition)
+    half = NORMAL_95 * error
+    return [
+        PowerPoint(speed_mps=v, power_W=p, power_lo_W=p - h, power_hi_W=p + h)
+        for v, p, h in zip(pool.curve_speeds_mps.tolist(), power.tolist(), half.tolist(), strict=True)
+    ]
+
+
+def _curve(airframes: Sequence[Airframe]) -> FleetCurveResult:
+    """At weight and density of the airframe with the most flights."""
+    curve = fleet_curve(airframes)
+    at = max(airframes, key=lambda one: len(one.pool.flights)).pool
+    return FleetCurveResult(
+        airframes=[one.name for one in airframes],
+        test=_condition(at),
+        mean=_points(at, curve.mean),
+        another=_points(at, curve.of_another),
+    )
+
+
+def _change(airframe: Airframe, change: Change) -> ChangeResult:
+    since, found = airframe.flights[change.since].content, airframe.flights[change.found].content
+    drag_error, thrust_error = change.errors
+    drag, thrust = 100 * change.drag, 100 * change.thrust
+    drag_half, thrust_half = 100 * NORMAL_95 * drag_error, 100 * NORMAL_95 * thrust_error
+    said = " and ".join(
+        f"{name} {'up' if percent > 0 else 'down'} {abs(percent):.1f} % ± {half:.1f}"
+        for name, percent, half, alone in (
+            ("drag", drag, drag_half, What.PROPULSION),
+            ("thrust", thrust, thrust_half, What.DRAG),
+        )
+        if change.what is not alone
+    )
+    when = f"flight {change.since + 1}, {since.log}"
+    if since.pooling.start_unix_s is not None:
+        when = datetime.fromtimestamp(since.pooling.start_unix_s, UTC).strftime("%d %B %Y").lstrip("0")
+    unchanged = {What.DRAG: ", thrust unchanged", What.PROPULSION: ", drag unchanged", What.BOTH: ""}[change.what]
+    slowly = "slowly " if change.shape is Shape.DRIFT else ""
+    return ChangeResult(
+        what=change.what,
+        shape=change.shape,
+        since_log=since.log,
+        since_unix_s=since.pooling.start_unix_s,
+        found_log=found.log,
+        drag_percent=drag,
+        drag_half_width_percent=drag_half,
+        thrust_percent=thrust,
+        thrust_half_width_percent=thrust_half,
+        text=f"{said} {slowly}since {when}{unchanged}",
+    )

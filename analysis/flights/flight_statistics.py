@@ -1,0 +1,250 @@
+"""The statistics of one flight as arrays, read from its `results.json`."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+
+from analysis.curve import Condition
+from analysis.records.flight import POOLING_FORMAT as FORMAT
+from analysis.records.flight import (
+    AircraftResult,
+    ComputationModel,
+    ConditionResult,
+    Evidence,
+    PoolingStatistics,
+    PowerPoint,
+    SlowestFlown,
+    Trust,
+)
+from flight.arrays import Array
+from flight.errors import InputError
+
+POLAR = ("A0", "A1", "A2")
+THRUST_CORRECTIONS = ("thrust_scale", "thrust_slope", "thrust_beyond")  # the last beyond the propeller's table
+INSTALLATION_ERRORS = ("alpha_bias", "alpha_scale", "beta_bias", "V_scale", "air_data_lag")
+POOLED = POLAR + THRUST_CORRECTIONS + INSTALLATION_ERRORS  # shared by flights of one aircraft and installation
+M = len(POOLED)
+
+
+class SharedMeasurement(NamedTuple):
+    """A linear combination of the shared parameters that was measured before the flights. coefficients: (M,)"""
+
+    name: str
+    coefficients: tuple[float, ...]
+    value: float
+    sigma: float
+
+    @property
+    def information(self) -> Array:
+        """(M, M)."""
+        row = np.array(self.coefficients) / self.sigma
+        return np.outer(row, row)
+
+    @property
+    def vector(self) -> Array:
+        """(M,), what it adds to information times mean."""
+        return np.array(self.coefficients) * self.value / self.sigma**2
+
+
+class FlightPowerTrain(msgspec.Struct, frozen=True):
+    measured: bool
+
+
+class FlightUse(msgspec.Struct, frozen=True, kw_only=True):
+    """What a pool reads of `analysis.records.flight.PerformanceResult`."""
+
+    battery_energy_Wh: float
+    power_train: FlightPowerTrain
+    model: ComputationModel | None = None
+
+
+class FlightContent(msgspec.Struct, frozen=True, kw_only=True):
+    """What a pool reads of a flight's results.json (`analysis.records.flight.Results`)."""
+
+    log: str
+    aircraft: AircraftResult
+    test: ConditionResult
+    air_temperature_K: float | None = None
+    air_pressure_Pa: float | None = None
+    slowest_flown: SlowestFlown | None = None
+    use: FlightUse | None = None
+    power_required: list[PowerPoint] = []
+    pooling: PoolingStatistics
+    trust: Trust = Trust.TRUSTED
+    evidence: list[Evidence] | None = None  # null in results of earlier versions, which have no verdict
+
+
+class FlightStatistics(NamedTuple):
+    """One flight. Arrays in the order of POOLED, (M,) or (M, M); `content` is what its results.json says beside these.
+
+    values, covariance : the flight's own estimate; errors that no residual shows are in `changes`
+    weighting_covariance : (k, k) of the first k, which are not errors of the installation, for given errors of it: its
+        inverse weighs data and prior in the estimate. Colored residuals make `covariance` larger
+    prior_mean, prior_information : of that estimate; information 0 where there is no prior
+    prior_measurements : that add to this prior
+    changes : by error, change of the values by one standard deviation
+    polar_covariance : (3, 3) of the flight's own curve
+    """
+
+    name: str
+    values: Array
+    covariance: Array
+    weighting_covariance: Array
+    prior_mean: Array
+    prior_information: Array
+    changes: dict[str, Array]
+    polar_covariance: Array
+    flown_CL: tuple[float, float]
+    condition: Condition
+    aircraft: AircraftResult
+    propeller_table: str
+    installation: str
+    probe_calibration: str
+    content: FlightContent
+    prior_measurements: tuple[SharedMeasurement, ...] = ()
+
+    @property
+    def prior_matrix(self) -> Array:
+        """Information (M, M) of the prior."""
+        return sum((one.information for one in self.prior_measurements), np.diag(self.prior_information))
+
+    @property
+    def prior_vector(self) -> Array:
+        """(M,), information times mean of the prior."""
+        return sum((one.vector for one in self.prior_measurements), self.prior_information * self.prior_mean)
+
+
+def read_statistics(results: Path | Mapping[str, Any]) -> FlightStatistics:
+    """The statistics of a flight, from its results.json or from the content of it.
+
+    Raises InputError where the file cannot be read, or holds no statistics for pooling.
+    """
+    if isinstance(results, Path):
+        where, content = str(results), _read(results)
+    else:
+        where, content = f"results of {results.get('log', 'a flight')}", results
+    found = content.get("pooling")
+    if found is None:
+        raise InputError(
+            f"{where}: no statistics for pooling; analyze the log again with this version, or leave this flight out if"
+            " its curve is not by the dynamic method (`methods_tried`)"
+        )
+    if found.get("format") != FORMAT:
+        raise InputError(
+            f"{where}: statistics for pooling in the format {found.get('format')}, not {FORMAT}; analyze the log again"
+        )
+    try:
+        return of_content(msgspec.convert(content, FlightContent))
+    except (ValueError, IndexError, msgspec.ValidationError) as error:
+        raise InputError(f"{where}: malformed statistics for pooling ({error}); analyze the log again") from None
+
+
+def _read(path: Path) -> Mapping[str, Any]:
+    try:
+        content = json.loads(path.read_text("utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: cannot be read as results.json ({error})") from None
+    if not isinstance(content, dict):
+        raise InputError(f"{path}: not a results.json; give the results.json that `analyze` wrote")
+    return content
+
+
+def of_content(content: FlightContent) -> FlightStatistics:
+    """The statistics as arrays. Raises ValueError or IndexError for malformed ones."""
+    of_flight, test = content.pooling, content.test
+    names, weighting = of_flight.names, of_flight.weighting_covariance
+    kept = [names.index(name) for name in POOLED]
+    drag = [names.index(name) for name in POLAR + THRUST_CORRECTIONS]
+    sigma = np.array([np.inf if s is None else s for s in of_flight.prior_sigma])[kept]
+    statistics = FlightStatistics(
+        name=content.log,
+        values=np.array(of_flight.values)[kept],
+        covariance=_symmetric(of_flight.covariance, len(names))[np.ix_(kept, kept)],
+        weighting_covariance=_symmetric(weighting, len(weighting))[np.ix_(drag, drag)],
+        prior_mean=np.array(of_flight.prior_mean)[kept],
+        prior_information=sigma**-2.0,
+        changes={name: np.array(change)[kept] for name, change in of_flight.changes.items()},
+        polar_covariance=np.array(of_flight.polar_covariance),
+        flown_CL=of_flight.flown_CL,
+        condition=Condition(test.weight_N, test.air_density_kgpm3, content.aircraft.wing_area_m2),
+        aircraft=content.aircraft,
+        propeller_table=of_flight.propeller_table,
+        installation=of_flight.installation,
+        probe_calibration=of_flight.probe_calibration,
+        content=content,
+        prior_measurements=tuple(
+            SharedMeasurement(one.name, tuple(one.coefficients.get(name, 0.0) for name in POOLED), one.value, one.sigma)
+            for one in of_flight.prior_measurements or []
+        ),
+    )
+    finite = (
+        statistics.values,
+        statistics.covariance,
+        statistics.weighting_covariance,
+        statistics.polar_covariance,
+    )
+    if not all(np.isfinite(array).all() for array in finite):
+        raise ValueError("not a finite number")
+    return statistics
+
+
+def _symmetric(lower_triangle: Sequence[Sequence[float]], size: int) -> Array:
+    lower = np.zeros((size, size))
+    for i, row in enumerate(lower_triangle):
+        lower[i, : i + 1] = row
+    return np.asarray(lower + np.tril(lower, -1).T)
+
+
+def check_one_aircraft(flights: Sequence[FlightStatistics]) -> None:
+    """Raises InputError for flights of two aircraft, propellers or installations, naming two of them."""
+    first = flights[0]
+    for other in flights[1:]:
+        for differs, what, values, advice in (
+            (
+                (first.aircraft.name, first.aircraft.wing_area_m2)
+                != (other.aircraft.name, other.aircraft.wing_area_m2),
+                "two aircraft",
+                (first.aircraft.name, other.aircraft.name),
+                "pool each alone, and compare the two pools",
+            ),
+            (
+                first.propeller_table != other.propeller_table,
+                "two propellers, or two tables of one",
+                (first.aircraft.propeller, other.aircraft.propeller),
+                "pool each alone, and compare the two pools",
+            ),
+            (
+                first.installation != other.installation,
+                "two installations",
+                (first.installation or "none named", other.installation or "none named"),
+                "pool each alone and compare the two pools, or give both one [installation] name in the aircraft file"
+                " if nothing was moved between them",
+            ),
+            (
+                first.prior_measurements != other.prior_measurements,
+                "two measurements of thrust on a stand",
+                (_measured(first), _measured(other)),
+                "analyze both logs with one file of `calibrate thrust` (`--thrust-stand`), or pool each alone and"
+                " compare the two pools",
+            ),
+            (
+                first.probe_calibration != other.probe_calibration,
+                "two calibrations of the probe or its transducers",
+                (first.probe_calibration, other.probe_calibration),
+                "analyze both logs with one calibration (`--probe`, `--transducers`), or pool each alone and compare"
+                " the two pools",
+            ),
+        ):
+            if differs:
+                raise InputError(
+                    f"{what} in one pool: {first.name} has {values[0]}, {other.name} has {values[1]}; their errors are"
+                    f" not the same; {advice}"
+                )
+
+
+def _measured(flight: FlightStatistics) -> str:
+    return ", ".join(f"{one.value:+.3f} ± {one.sigma:.3f}" for one in flight.prior_measurements) or "none"

@@ -1,0 +1,279 @@
+"""The joint estimate of several flights: normal equations over what they share, each prior used once.
+
+A flight is estimated in two steps: the errors of its installation along the flight path, and then drag and thrust for
+these errors. What drag shows of the errors is not used, so a pool may not use it either: the prior of thrust would
+move the airspeed scale. Each step has a prior, and the normal equations of each are added over the flights without the
+prior and with the prior once (Tapley et al. 2004, sec. 4.5): those of the first step alone, those of the second at the
+pooled errors. Together their matrix is triangular by blocks. A flight's own errors (biases of the IMU, wind, gusts,
+zeros) have been marginalized: they are in its covariance.
+
+Where nothing says that the probe stayed mounted, each flight has its own deviation from the shared errors of the
+installation, with the variance Q. The prior of the shared part is smaller by Q, so that a single flight has its own
+prior again. A flight that denies the installation it is said to have is taken to be mounted anew: its deviation has the
+variance of the prior.
+"""
+
+from collections.abc import Collection, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.flights.flight_statistics import INSTALLATION_ERRORS, POOLED, FlightStatistics, M
+from analysis.flights.pool_settings import POOLING
+from analysis.methods.assumed_values import ZERO_STEPS
+from analysis.methods.consider import DENSITY, UPDRAFT
+from flight.arrays import Array
+
+# Errors that each flight has its own of; others are common to all flights.
+OWN_CHANGES = frozenset({UPDRAFT, DENSITY, *ZERO_STEPS.values()})
+_INSTALLATION = np.array([name in INSTALLATION_ERRORS for name in POOLED])
+
+
+class FlightStack(NamedTuple):
+    """Flights in the normal equations: arrays (n, M) or (n, M, M).
+
+    values : the flights' own estimates
+    normal_matrix, vector : matrix and right-hand side of the normal equations without the prior; deviations of a
+        flight's own installation are marginalized
+    gain : derivative of `vector` by the flight's own estimate
+    prior_part : derivative of the flight's own estimate by an error of the prior's mean
+    own_covariance : of the flight's own estimate for given shared parameters
+    changes : (n, M) by error that no residual shows and that all flights have in common
+    """
+
+    values: Array
+    normal_matrix: Array
+    vector: Array
+    gain: Array
+    prior_part: Array
+    own_covariance: Array
+    changes: dict[str, Array]
+
+
+class Prior(NamedTuple):
+    """Of the shared parameters (k,): information (k, k), 0 where there is no prior, and information times mean (k,)."""
+
+    information: Array
+    vector: Array
+
+    @property
+    def covariance(self) -> Array:
+        """(k, k); 0 where there is no prior."""
+        known = np.diag(self.information) > 0
+        covariance = np.zeros(self.information.shape)
+        own = self.information[np.ix_(known, known)]
+        scale = 1 / np.sqrt(np.diag(own))
+        off_diagonal = own - np.diag(np.diag(own))
+        if not off_diagonal.any():
+            covariance[known, known] = 1 / np.diag(own)
+        else:
+            covariance[np.ix_(known, known)] = np.linalg.inv(own * np.outer(scale, scale)) * np.outer(scale, scale)
+        return covariance
+
+
+class Group(NamedTuple):
+    """Flights whose parameters are the same among all that are estimated.
+
+    columns : (M,) where these are     counts : (n,) how many flights like each there are, each with its own errors
+    """
+
+    stack: FlightStack
+    columns: NDArray[np.intp]
+    counts: Array
+
+
+class WithoutEach(NamedTuple):
+    """The joint estimates without each of n flights in turn.
+
+    x : (n, M)     prior_part : (n, M, M) derivative of x by an error of the prior's mean
+    by_others : (n, M, M) covariance by the errors that each of the other flights has of its own
+    changes : (n, M) by error that all flights have in common
+    """
+
+    x: Array
+    prior_part: Array
+    by_others: Array
+    changes: dict[str, Array]
+
+    def total(self, prior_covariance: Array) -> Array:
+        """(n, M, M) of `PooledEstimate`."""
+        by_changes = sum(change[:, :, None] * change[:, None, :] for change in self.changes.values())
+        return np.asarray(_congruent(self.prior_part, prior_covariance) + self.by_others + by_changes)
+
+
+class PooledEstimate(NamedTuple):
+    """The solution x (k,), and influences (n, k, M) of each group's estimates on it.
+
+    prior_part : (k, k) derivative of x by an error of the prior's mean     prior_covariance : (k, k)
+    total : (k, k) covariance with the errors that no residual shows, the floor of `analysis.methods.consider` excepted
+    """
+
+    x: Array
+    influences: list[Array]
+    prior_part: Array
+    prior_covariance: Array
+    total: Array
+
+
+def remounting_variance(flight: FlightStatistics, *, anew: bool) -> Array:
+    """Variance (M,) of a flight's own deviations: 0 where the installation has a name. anew: it denies the name."""
+    if flight.installation and not anew:
+        return np.zeros(M)
+    share = 1.0 if anew else POOLING.remounted
+    with np.errstate(divide="ignore"):
+        return np.where(_INSTALLATION, share**2 / flight.prior_information, 0.0)
+
+
+def stacked(flights: Sequence[FlightStatistics], anew: Collection[int] = ()) -> FlightStack:
+    """Flights as arrays. anew: numbers of those that were mounted anew, whatever their files say."""
+    normal_matrix, vector, gain, prior_part, own_covariance = (
+        np.stack(part)
+        for part in zip(
+            *(
+                _normal_equations(flight, remounting_variance(flight, anew=i in anew))
+                for i, flight in enumerate(flights)
+            ),
+            strict=True,
+        )
+    )
+    names = sorted({name for flight in flights for name in flight.changes} - OWN_CHANGES)
+    changes = {name: np.stack([flight.changes.get(name, np.zeros(M)) for flight in flights]) for name in names}
+    values = np.stack([flight.values for flight in flights])
+    return FlightStack(values, normal_matrix, vector, gain, prior_part, own_covariance, changes)
+
+
+def take(stack: FlightStack, numbers: Sequence[int]) -> FlightStack:
+    """Some of the flights, by number."""
+    at = list(numbers)
+    changes = {name: change[at] for name, change in stack.changes.items()}
+    arrays = {name: getattr(stack, name)[at] for name in FlightStack._fields if name != "changes"}
+    return FlightStack(**arrays, changes=changes)
+
+
+class _DataInformation(NamedTuple):
+    """What the data say: information (k, k) without the prior, and by how much (k, k) the covariance of the estimate
+    exceeds what follows from it and the prior (colored residuals, random draws)."""
+
+    information: Array
+    excess: Array
+
+
+def _without_prior(covariance: Array, prior: Array) -> _DataInformation:
+    """Of an estimate with this covariance, the prior's information (k, k) included."""
+    scale = np.sqrt(np.diag(covariance))
+    own, vectors = np.linalg.eigh(np.linalg.inv(covariance / np.outer(scale, scale)) - prior * np.outer(scale, scale))
+    information = (vectors * np.maximum(own, 0.0)) @ vectors.T / np.outer(scale, scale)
+    excess = np.zeros_like(covariance)
+    if own[0] < -1e-9 * own[-1]:
+        excess = covariance - np.linalg.inv(information + prior)
+    return _DataInformation(information, excess)
+
+
+def _normal_equations(flight: FlightStatistics, Q: Array) -> tuple[Array, Array, Array, Array, Array]:
+    """Of `FlightStack`: normal_matrix, vector, gain, prior_part, own_covariance. Q: (M,) of the flight's deviations.
+
+    s: errors of the installation, the first step, with the covariance S_ss. r: drag and thrust, the second step, which
+    change by `slope` times s and have the covariance S_rr - slope S_ss slope' for given s. Their data and priors were
+    weighed by D, as for white residuals.
+    """
+    P, S = flight.prior_matrix, flight.covariance
+    s, r = np.flatnonzero(_INSTALLATION), np.flatnonzero(~_INSTALLATION)
+    ss, rr, rs = np.ix_(s, s), np.ix_(r, r), np.ix_(r, s)
+    slope = np.linalg.solve(S[ss], S[rs].T).T
+    first = _without_prior(S[ss], P[ss])
+    D = flight.weighting_covariance
+    second = _DataInformation(_inverse(D) - P[rr], S[rr] - slope @ S[rs].T - D)
+    gain, inverse, noise, excess = (np.zeros((M, M)) for _ in range(4))
+    gain[ss], gain[rr] = first.information + P[ss], second.information + P[rr]
+    gain[rs] = -gain[rr] @ slope
+    inverse[ss], inverse[rr] = np.linalg.inv(gain[ss]), np.linalg.inv(gain[rr])
+    inverse[rs] = slope @ inverse[ss]
+    noise[ss], noise[rr] = first.information, second.information
+    by_first = np.zeros((M, len(s)))
+    by_first[s], by_first[r] = np.eye(len(s)), slope
+    excess[rr] = second.excess
+    excess = excess + by_first @ first.excess @ by_first.T
+
+    normal_matrix, vector = gain - P, gain @ flight.values - flight.prior_vector
+    moved = Q > 0
+    shrink = np.eye(M)
+    if moved.any():
+        inner = np.linalg.inv(normal_matrix[np.ix_(moved, moved)] + np.diag(1 / Q[moved]))
+        shrink[:, moved] -= normal_matrix[:, moved] @ inner
+    score = noise + normal_matrix @ np.diag(Q) @ normal_matrix.T
+    own_covariance = inverse @ score @ inverse.T + excess
+    for name, change in flight.changes.items():
+        if name in OWN_CHANGES:
+            own_covariance = own_covariance + np.outer(change, change)
+    return shrink @ normal_matrix, shrink @ vector, shrink @ gain, inverse @ P, own_covariance
+
+
+def shared_prior(flights: Sequence[FlightStatistics]) -> Prior:
+    """The prior of what the flights share; the widest, where theirs differ. What was measured on a stand is that of
+    the first: flights of one propeller have the same."""
+    widest = np.min([flight.prior_information for flight in flights], axis=0)
+    share = 1.0 if flights[0].installation else 1 - POOLING.remounted**2
+    own = np.where(_INSTALLATION, widest / share, widest)
+    measured = flights[0].prior_measurements
+    return Prior(
+        sum((one.information for one in measured), np.diag(own)),
+        sum((one.vector for one in measured), own * flights[0].prior_mean),
+    )
+
+
+def solve(groups: Sequence[Group], prior: Prior) -> PooledEstimate:
+    """Solve for all parameters (k,) that the flights share."""
+    H, b = prior.information.copy(), prior.vector.copy()  # not symmetric: the first step does not see the second
+    for stack, at, counts in groups:
+        H[np.ix_(at, at)] += np.tensordot(counts, stack.normal_matrix, 1)
+        b[at] += counts @ stack.vector
+    solution = _inverse(H)
+    influences = [solution[:, at] @ stack.gain for stack, at, _ in groups]
+    prior_covariance = prior.covariance
+    prior_part = solution @ prior.information
+    total = prior_part @ prior_covariance @ prior_part.T
+    changes: dict[str, Array] = {}
+    for W, (stack, _, counts) in zip(influences, groups, strict=True):
+        total += np.einsum("f,fij,fjk,flk->il", counts, W, stack.own_covariance, W, optimize=True)
+        for name, change in stack.changes.items():
+            changes[name] = changes.get(name, 0.0) + np.einsum("f,fij,fj->i", counts, W, change, optimize=True)
+    for change in changes.values():
+        total += np.outer(change, change)
+    return PooledEstimate(solution @ b, influences, prior_part, prior_covariance, total)
+
+
+def pooled_estimate(stack: FlightStack, prior: Prior, counts: Sequence[float] = ()) -> PooledEstimate:
+    """The joint estimate (M,) of flights of one aircraft and installation. counts: of `Group`; one where empty."""
+    times = np.array(counts or np.ones(len(stack.values)), dtype=float)
+    return solve([Group(stack, np.arange(M), times)], prior)
+
+
+def without_each(stack: FlightStack, prior: Prior) -> WithoutEach:
+    """The joint estimates of all flights but one, for each of two flights or more."""
+    noise = _congruent(stack.gain, stack.own_covariance)
+    gained = {name: np.einsum("fij,fj->fi", stack.gain, change) for name, change in stack.changes.items()}
+    solution = _inverse(prior.information + _of_others(stack.normal_matrix))
+    return WithoutEach(
+        np.einsum("fij,fj->fi", solution, prior.vector + _of_others(stack.vector)),
+        solution @ prior.information,
+        _congruent(solution, _of_others(noise)),
+        {name: np.einsum("fij,fj->fi", solution, _of_others(change)) for name, change in gained.items()},
+    )
+
+
+def _of_others(of_flights: Array) -> Array:
+    """Sum over all flights but one, for each."""
+    return np.asarray(of_flights.sum(axis=0) - of_flights)
+
+
+def _congruent(W: Array, C: Array) -> Array:
+    """W C W', each (..., M, M)."""
+    return np.asarray(W @ C @ np.swapaxes(W, -1, -2))
+
+
+def _inverse(H: Array) -> Array:
+    """Of matrices (..., k, k) whose parameters have different units."""
+    scale = 1 / np.sqrt(np.diagonal(H, axis1=-2, axis2=-1))
+    scales = scale[..., :, None] * scale[..., None, :]
+    return np.asarray(np.linalg.inv(H * scales) * scales)

@@ -1,1 +1,0 @@
-"""Refuses logs that other software wrote wrongly: messages, clock, units, axes. Each module judges one of these."""

@@ -1,0 +1,123 @@
+"""Where the interval of the curve comes from: its variance by source, of which the whole is the sum.
+
+Errors that no residual shows are independent of all others. Errors of sensors and of thrust were estimated from one
+flight and are correlated, so that what is gained by knowing one of them exactly depends on which others are known. Each
+gets the mean of its gain over all orders in which they could become known (Shapley 1953; for variances Owen 2014,
+SIAM/ASA J. Uncertainty Quantification 2, 245-251): shares that are never negative and add up. Noise of the runs is what
+is left when all of them are known.
+"""
+
+from collections import defaultdict
+from collections.abc import Iterable
+from enum import StrEnum
+from itertools import combinations
+from math import comb
+
+import numpy as np
+
+from analysis.curve import Condition, lift_coefficient
+from analysis.methods import consider as covariance
+from analysis.methods.assumed_values import ASSUMED_VALUES
+from analysis.methods.consider import JointEstimate
+from analysis.methods.dynamic import DynamicEstimate
+from analysis.methods.rejected_assumptions import Assumption
+from flight.aircraft import Aircraft
+from flight.arrays import Array
+
+
+class Source(StrEnum):
+    """What the interval of the curve comes from, as it is named in the report."""
+
+    NOISE = "noise of the runs"
+    AIRSPEED = "airspeed"
+    ANGLE_OF_ATTACK = "angle of attack"
+    ACCELEROMETER = "accelerometer"
+    PROPELLER = "thrust of the propeller"
+    WEIGHT = "weight"
+    DENSITY = "air density"
+    UPDRAFT = "updraft"
+    TRANSDUCERS = "pressure transducers"
+    AIRCRAFT_FILE = "keys missing in the aircraft file"
+    POLAR_SHAPE = "shape of the drag polar"
+    OTHER_SENSORS = "other sensor errors"
+    SHARED = "errors common to all runs"
+
+
+OF_SENSOR_ERROR = {
+    "V_scale": Source.AIRSPEED, "q_c_zero": Source.AIRSPEED,
+    "alpha_bias": Source.ANGLE_OF_ATTACK, "alpha_scale": Source.ANGLE_OF_ATTACK,
+    "dp_alpha_zero": Source.ANGLE_OF_ATTACK, "alpha_per_g": Source.ANGLE_OF_ATTACK,
+    "ax_bias": Source.ACCELEROMETER, "ay_bias": Source.ACCELEROMETER, "az_bias": Source.ACCELEROMETER,
+    "updraft": Source.UPDRAFT, "ax_vibration": Source.ACCELEROMETER, "az_vibration": Source.ACCELEROMETER,
+}  # fmt: skip
+OF_CHANGE = {
+    covariance.UPDRAFT: Source.UPDRAFT, covariance.WEIGHT: Source.WEIGHT, covariance.DENSITY: Source.DENSITY,
+    str(Assumption.THRUST_TABLE): Source.PROPELLER, str(Assumption.PARABOLIC_POLAR): Source.POLAR_SHAPE,
+} | {f"{assumed.key} {i}": Source.AIRCRAFT_FILE for i, assumed in enumerate(ASSUMED_VALUES)}  # fmt: skip
+
+
+def variance_by_source(
+    estimate: DynamicEstimate, aircraft: Aircraft, condition: Condition, V: Array
+) -> dict[Source, Array]:
+    """Variance (n,) of power required [W^2] at true airspeeds V (n,) [m/s], by source; sources of no effect left out.
+
+    Of a curve by another method than the dynamic one only noise and what is common to all runs are told apart.
+    """
+    CL = lift_coefficient(V, condition)
+    gradient = (
+        0.5 * condition.rho * condition.wing_area_m2 * (V**3)[:, None] * np.stack([np.ones_like(V), CL, CL**2], 1)
+    )
+    if estimate.joint is None:
+        noise, shared = (
+            np.einsum("ni,ij,nj->n", gradient, part[:3, :3], gradient) for part in (estimate.noise, estimate.systematic)
+        )
+        return {Source.NOISE: noise, Source.SHARED: shared}
+    joint = estimate.joint
+    found: dict[Source, Array] = defaultdict(lambda: np.zeros(len(V)))
+    for name, change in joint.changes.items():
+        if name == covariance.DENSITY:  # kept for the comparison of flights; here at the density of this one
+            changed = joint.values[:3] + change[:3]
+            change = covariance.at_nominal_density(changed, aircraft) - joint.values[:3]
+        found[OF_CHANGE.get(name, Source.TRANSDUCERS)] += (gradient @ change[:3]) ** 2
+    for source, shares in shares_of_correlated(joint, gradient).items():
+        found[source] += shares
+    total = np.einsum("ni,ij,nj->n", gradient, estimate.polar.covariance, gradient)
+    found[Source.NOISE] = np.maximum(total - np.sum(list(found.values()), axis=0), 0.0)
+    return {source: found[source] for source in Source if np.any(found.get(source, 0.0))}
+
+
+def shares_of_correlated(joint: JointEstimate, gradient: Array) -> dict[Source, Array]:
+    """Variance (n,) that belongs to each source among the errors of `joint` other than A0, A1, A2.
+
+    gradient : (n, 3) of a quantity by A0, A1, A2
+    """
+    members: dict[Source, list[int]] = defaultdict(list)
+    k = len(joint.weighting_covariance)
+    for i, name in enumerate(joint.names[3:], start=3):
+        members[Source.PROPELLER if i < k else OF_SENSOR_ERROR.get(name, Source.OTHER_SENSORS)].append(i)
+
+    sigma = np.sqrt(np.diag(joint.covariance))
+    sigma[sigma == 0] = 1.0
+    correlation = joint.covariance / np.outer(sigma, sigma)
+    power = gradient * sigma[:3]
+
+    def explained(sources: Iterable[Source]) -> Array:
+        """Variance that goes when these are known exactly."""
+        rows = [i for source in sources for i in members[source]]
+        with_them, own = power @ correlation[:3, rows], correlation[np.ix_(rows, rows)]
+        return np.asarray(np.sum(with_them * np.linalg.lstsq(own, with_them.T, rcond=None)[0].T, axis=1))
+
+    every = frozenset(members)
+    by_known = {frozenset(known): explained(known) for n in range(len(every) + 1) for known in combinations(members, n)}
+    orders = [1 / (len(every) * comb(len(every) - 1, n)) for n in range(len(every))]
+    return {
+        source: np.sum(
+            [
+                orders[len(known)] * (by_known[known | {source}] - value)
+                for known, value in by_known.items()
+                if source not in known
+            ],
+            axis=0,
+        )
+        for source in members
+    }

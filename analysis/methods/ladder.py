@@ -1,0 +1,223 @@
+"""All estimates of drag from one flight: by the best method that it allows, by all others, and the cross-check."""
+
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from analysis.curve import unphysical
+from analysis.flight import Reconstructed
+from analysis.maneuvers.runs_file import NoCurve
+from analysis.methods import cross_check, dynamic, likelihood
+from analysis.methods.assumed_values import (
+    AssumptionUncertainty,
+    assumption_uncertainty,
+    with_assumption_uncertainty,
+    with_transducer_uncertainty,
+)
+from analysis.methods.comparison import DYNAMIC
+from analysis.methods.cross_check import CrossCheck
+from analysis.methods.dynamic import DynamicEstimate
+from analysis.methods.likelihood import LikelihoodEstimates
+from analysis.methods.method import MethodEstimate
+from analysis.methods.methods import energy_of_runs, every_method, fallback, narrower, tried, why_not
+from analysis.methods.methods_from_runs import ENERGY
+from analysis.methods.rerun import EstimateRerun
+from analysis.methods.run_agreement import one_kind_against_another, runs_against_others
+from analysis.records.flight import DisagreementResult, MethodTried, RunAgainstOthers, WhyNot
+from analysis.trajectory.equations import vibration
+from analysis.trajectory.reconstruction import Trajectory
+from flight.errors import InputError
+from flight.units import GRAVITY_MPS2
+
+
+@dataclass(frozen=True)
+class DragEstimates:
+    """All estimates of drag from one flight.
+
+    main : the polar of the power curve, valid over the lift coefficients flown_CL, which are others than those of
+        `Reconstructed` where there was no run
+    methods, one_by_one : by all other methods; from each acceleration and deceleration alone
+    cross_check : None where the flight has no run for it, in gusts, and where it failed
+    cross_check_differs : it leaves the simultaneous 95 % band of the difference from the power curve
+    runs_against_others : each run against the others of its kind, by the method of the curve
+    accelerations_against_decelerations : by energy, where the curve is by it
+    likelihood : the maximum-likelihood methods, where these were asked for
+    ladder : the methods that were tried for the curve, the best first, down to the one that gives it
+    """
+
+    main: DynamicEstimate
+    flown_CL: tuple[float, float]
+    methods: list[MethodEstimate]
+    one_by_one: list[MethodEstimate]
+    disagreements: list[DisagreementResult]
+    cross_check: CrossCheck | None
+    warnings: list[str]
+    cross_check_differs: bool = False
+    runs_against_others: list[RunAgainstOthers] = field(default_factory=list)
+    accelerations_against_decelerations: RunAgainstOthers | None = None
+    likelihood: LikelihoodEstimates = field(default_factory=lambda: LikelihoodEstimates([], None, {}))
+    ladder: list[MethodTried] = field(default_factory=list)
+
+
+class _Curve(NamedTuple):
+    """What depends on the method that gives the power curve: fields of DragEstimates."""
+
+    main: DynamicEstimate
+    flown_CL: tuple[float, float]
+    ladder: list[MethodTried]
+    warnings: list[str]
+    runs_against_others: list[RunAgainstOthers]
+    accelerations_against_decelerations: RunAgainstOthers | None = None
+    cross_check: CrossCheck | None = None
+    cross_check_differs: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimated(Reconstructed):
+    """The record of a flight with all estimates of drag."""
+
+    drag: DragEstimates
+
+
+def estimated(flight: Reconstructed, *, by_likelihood: bool = False) -> Estimated:
+    """The record with `estimate`."""
+    flight.progress(f"estimating drag from {len(flight.maneuvers.for_drag)} runs")
+    drag = estimate(flight, by_likelihood=by_likelihood)
+    return Estimated(**flight.known() | {"drag": drag, "notes": (*flight.notes, *drag.warnings)})
+
+
+def estimate(flight: Reconstructed, *, by_likelihood: bool = False) -> DragEstimates:
+    """Dynamic method, all other methods, and cross-check.
+
+    by_likelihood: the two maximum-likelihood methods are applied, too.
+    The best method that gives a curve gives that of the flight. Raises NoCurve, beginning with the log's name, when
+    none does.
+    """
+    trajectory, aircraft = flight.trajectory, flight.aircraft
+    by_runs, first, assumptions = estimate_by_runs(flight)
+    flight.progress("applying all other methods")
+    others = every_method(
+        trajectory, flight.maneuvers.maneuvers, aircraft, flight.propeller, flight.condition,
+        dynamic=by_runs, dynamic_CL=flight.flown_CL,
+    )  # fmt: skip
+    by_source = LikelihoodEstimates([], None, {})
+    if by_likelihood:
+        flight.progress("applying the maximum-likelihood methods")
+        by_source = likelihood.estimate(flight)
+    if by_runs is None:
+        try:
+            curve = _by_another_method(flight, others.by_method, first)
+        except InputError as error:
+            by_dynamic = f"; {first.title}: {first.text}" if flight.maneuvers.level_runs else ""
+            advice = "fly or keep more runs, longer, over more speeds; or weight, wing area, propeller table, a unit or"
+            raise NoCurve(f"{error}{by_dynamic}; {advice} delay in the log is wrong", flight.maneuvers) from None
+    else:
+        agreement = runs_against_others(others.one_by_one, flight.condition, aircraft.uncertainty)
+        check, differs, notes = _cross_checked(flight, by_runs)
+        notes = [*(assumptions.notes if assumptions else []), *by_runs.warnings, *notes]
+        curve = _Curve(by_runs, flight.flown_CL, [first], notes, agreement, None, check, differs)
+    return DragEstimates(
+        methods=[*others.by_method, *by_source.methods],
+        one_by_one=others.one_by_one,
+        disagreements=others.disagreements,
+        likelihood=by_source,
+        **curve._asdict(),
+    )
+
+
+def by_simpler_method(flight: Reconstructed, dynamic: DragEstimates) -> Estimated | None:
+    """The record with the curve of a simpler method, where the flight path of the dynamic one is in misfit.
+
+    Such a path is wrong in something that no residual locates, and the dynamic method takes attitude and angle of
+    attack from it; the simpler ones do without. None where these give no curve, or one with a wider interval.
+    flight : with the path as measured     dynamic : the estimates along the path in misfit
+    """
+    try:
+        drag = estimate(flight)
+    except NoCurve:
+        return None
+    if not narrower((drag.main.polar, drag.flown_CL), (dynamic.main.polar, dynamic.flown_CL)):
+        return None
+    ladder = [tried(DYNAMIC, DYNAMIC_TITLE, WhyNot.MISFIT), *drag.ladder[1:]]
+    likelihood = dynamic.likelihood
+    drag = replace(drag, ladder=ladder, methods=[*drag.methods, *likelihood.methods], likelihood=likelihood)
+    return Estimated(**flight.known() | {"drag": drag, "notes": (*flight.notes, *drag.warnings)})
+
+
+def _by_another_method(flight: Reconstructed, methods: list[MethodEstimate], first: MethodTried) -> _Curve:
+    """The curve of the best method below the dynamic one, which does not give it: `first`. Raises InputError."""
+    other, flown_CL, lower = fallback(methods, flight.trajectory, flight.aircraft, flight.name)
+    by, ladder = lower[-1], [first, *lower]
+    assumptions = _uncertainty_by_assumptions(flight, by.name)
+    main = with_assumption_uncertainty(other, assumptions)
+    reasons = "; ".join(f"{one.title}: {one.text}" for one in ladder[:-1])
+    warnings = [f"{main.warnings[0]} Not by better ones: {reasons}.", *main.warnings[1:]]
+    notes = [*(assumptions.notes if assumptions else []), *warnings]
+    if by.name != ENERGY.name:
+        return _Curve(replace(main, warnings=warnings), flown_CL, ladder, notes, [])
+    runs = energy_of_runs(flight.trajectory, flight.maneuvers.level_runs, flight.aircraft, flight.propeller)
+    condition, uncertainty = flight.condition, flight.aircraft.uncertainty
+    return _Curve(
+        replace(main, warnings=warnings),
+        flown_CL,
+        ladder,
+        notes,
+        runs_against_others(runs.one_by_one, condition, uncertainty),
+        one_kind_against_another(runs.accelerations, runs.decelerations, condition, uncertainty),
+    )
+
+
+def _uncertainty_by_assumptions(flight: Reconstructed, method: str = "") -> AssumptionUncertainty | None:
+    """By what the aircraft file lacks, and by errors of the transducers that no residual shows: the analysis is run
+    again with each of them. method: of the curve, where that is not the dynamic one."""
+    rerun, aircraft = EstimateRerun(flight, method), flight.aircraft
+    by_file = assumption_uncertainty(rerun, aircraft, flight.propeller, flight.condition, flight.flown_CL)
+    return with_transducer_uncertainty(by_file, rerun.values_with_air, flight.table, aircraft)
+
+
+DYNAMIC_TITLE = "dynamic method"
+
+
+def estimate_by_runs(flight: Reconstructed) -> tuple[DynamicEstimate | None, MethodTried, AssumptionUncertainty | None]:
+    """The dynamic method's estimate; None where it gives no curve, and why. With the uncertainty by assumptions."""
+    runs = flight.maneuvers.level_runs
+    if not runs:
+        return None, tried(DYNAMIC, DYNAMIC_TITLE, WhyNot.NOT_FLOWN, "accelerations or decelerations"), None
+    if flight.trajectory.as_measured:
+        return None, tried(DYNAMIC, DYNAMIC_TITLE, WhyNot.NO_TRAJECTORY), None
+    assumptions = _uncertainty_by_assumptions(flight)
+    estimate = dynamic.estimate_polar(flight.trajectory, runs, flight.aircraft, flight.propeller)
+    estimate = with_assumption_uncertainty(estimate, assumptions)
+    reason, details = why_not(estimate.polar, flight.flown_CL), unphysical(estimate.polar, flight.flown_CL)
+    return (None if reason else estimate), tried(DYNAMIC, DYNAMIC_TITLE, reason, details), assumptions
+
+
+def without_model_errors(table: pd.DataFrame, trajectory: Trajectory) -> pd.DataFrame:
+    """Air data without the errors that runs alone cannot tell from drag: those that grow with motor speed and load
+    factor, as the whole flight shows them. table: as of `air_data`."""
+    shaken = vibration(table["n_revps"].to_numpy())
+    excess_load = -table["az_mps2"] / GRAVITY_MPS2 - 1
+    return table.assign(
+        ax_mps2=table["ax_mps2"] - trajectory.value("ax_vibration") * shaken,
+        az_mps2=table["az_mps2"] - trajectory.value("az_vibration") * shaken,
+        alpha_rad=table["alpha_rad"] - trajectory.value("alpha_per_g") * excess_load,
+    )
+
+
+def _cross_checked(flight: Reconstructed, main: DynamicEstimate) -> tuple[CrossCheck | None, bool, list[str]]:
+    """The cross-check on the runs alone, whether it differs from the power curve, and warnings."""
+    flight.progress("cross-checking on the runs alone")
+    try:
+        check = cross_check.on_runs_alone(
+            without_model_errors(flight.table, flight.trajectory), flight.maneuvers.level_runs, flight.aircraft,
+            flight.propeller,
+            gust_mps=flight.trajectory.gust_mps, zeroed=flight.data.zeroed,
+        )  # fmt: skip
+    except (InputError, np.linalg.LinAlgError) as error:
+        return None, False, [f"The cross-check on the runs alone failed: {error}."]
+    if check is None:
+        return None, False, []
+    compared = cross_check.disagreement(main.polar, check, flight.condition, flight.flown_CL)
+    return check, compared.differs, compared.warnings

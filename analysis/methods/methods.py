@@ -1,0 +1,215 @@
+"""All methods on one flight, each run alone, and the pairs of methods that disagree; the curve without runs."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from analysis.curve import Condition, Polar, unphysical
+from analysis.estimation.noise import NORMAL_95
+from analysis.maneuvers.kinds import LEVEL_RUNS, Maneuver
+from analysis.methods.causes import ErrorEstimate, estimate_errors
+from analysis.methods.comparison import disagreements
+from analysis.methods.dynamic import TRAJECTORY_DID_NOT_CONVERGE, DynamicEstimate, parameter_list
+from analysis.methods.forces import FlightForces
+from analysis.methods.method import Method, MethodEstimate, MethodInputs, estimate_with, method_inputs
+from analysis.methods.methods_from_runs import (
+    ACCELERATIONS,
+    DECELERATIONS,
+    DIRECT,
+    ENERGY,
+    FROM_SPEED,
+    ONE_RUN,
+    VARIED_LIFT,
+)
+from analysis.methods.steady_points import PIW_VIW_THREE, PIW_VIW_TWO, W_DELTA, W_DELTA_SLOW
+from analysis.methods.thrust_prior import THRUST, thrust_prior
+from analysis.records.flight import CurveStatus, DisagreementResult, MethodTried, WhyNot
+from analysis.settings import CURVES
+from analysis.trajectory.reconstruction import Trajectory
+from flight.aircraft import Aircraft
+from flight.arrays import Array
+from flight.errors import InputError
+from flight.propeller import Propeller
+from flight.runs import ACCELERATION, DECELERATION
+
+ALL_METHODS: tuple[Method, ...] = (
+    PIW_VIW_THREE, PIW_VIW_TWO, W_DELTA, W_DELTA_SLOW, DIRECT, FROM_SPEED, VARIED_LIFT, ENERGY, ACCELERATIONS,
+    DECELERATIONS,
+)  # fmt: skip
+
+
+class MethodEstimates(NamedTuple):
+    """The estimates of all methods; one_by_one: of each acceleration and deceleration alone."""
+
+    by_method: list[MethodEstimate]
+    one_by_one: list[MethodEstimate]
+    disagreements: list[DisagreementResult]
+
+
+def every_method(
+    trajectory: Trajectory,
+    runs: list[Maneuver],
+    aircraft: Aircraft,
+    propeller: Propeller,
+    condition: Condition,
+    *,
+    dynamic: DynamicEstimate | None = None,
+    dynamic_CL: tuple[float, float] = (0.0, 0.0),
+) -> MethodEstimates:
+    """ALL_METHODS on the runs of any kind, each run alone, and the pairs that disagree at one weight and density.
+
+    dynamic: None where the flight has no run for it, or it is not compared. dynamic_CL: its lift coefficients.
+    """
+    inputs, errors = _inputs(FlightForces(trajectory, aircraft, propeller), runs)
+    by_method = [estimate_with(method, inputs) for method in ALL_METHODS]
+    differ = disagreements(dynamic, dynamic_CL, by_method, errors, condition)
+    return MethodEstimates(by_method, _one_by_one(ONE_RUN, inputs), differ)
+
+
+def _inputs(flight_forces: FlightForces, runs: list[Maneuver]) -> tuple[MethodInputs, dict[str, ErrorEstimate]]:
+    t, trajectory = flight_forces.t_s, flight_forces.trajectory
+    in_level_runs = np.zeros(len(t), dtype=bool)
+    for run in runs:
+        in_level_runs |= (run.kind in LEVEL_RUNS) & (t >= run.start_s) & (t <= run.end_s)
+    errors = estimate_errors(flight_forces, trajectory, in_level_runs)
+    return method_inputs(flight_forces, trajectory, runs, errors), errors
+
+
+def _one_by_one(method: Method, inputs: MethodInputs) -> list[MethodEstimate]:
+    """By each acceleration and deceleration alone."""
+    return [
+        estimate_with(replace(method, title=run.name, kinds=(run.kind,)), replace(inputs, runs=[run]))
+        for run in inputs.runs
+        if run.kind in LEVEL_RUNS
+    ]
+
+
+class EnergyOfRuns(NamedTuple):
+    """Estimates by energy: of each run alone, of the accelerations, of the decelerations."""
+
+    one_by_one: list[MethodEstimate]
+    accelerations: MethodEstimate
+    decelerations: MethodEstimate
+
+
+def energy_of_runs(
+    trajectory: Trajectory, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller
+) -> EnergyOfRuns:
+    """What tells whether runs agree by their energy. runs: accelerations and decelerations."""
+    inputs, _ = _inputs(FlightForces(trajectory, aircraft, propeller), runs)
+    accelerations, decelerations = (
+        estimate_with(replace(ENERGY, title=f"{kind}s", kinds=(kind,)), inputs) for kind in (ACCELERATION, DECELERATION)
+    )
+    return EnergyOfRuns(_one_by_one(ENERGY, inputs), accelerations, decelerations)
+
+
+def one_method(
+    name: str, trajectory: Trajectory, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller
+) -> MethodEstimate:
+    """By one of ALL_METHODS alone, without comparisons."""
+    inputs, _ = _inputs(FlightForces(trajectory, aircraft, propeller), runs)
+    (method,) = (one for one in ALL_METHODS if one.name == name)
+    return estimate_with(method, inputs)
+
+
+# The ladder below the dynamic method: the energy of runs takes speed and height alone, the others other maneuvers.
+LADDER = (ENERGY.name, PIW_VIW_THREE.name, VARIED_LIFT.name)
+
+
+def why_not(polar: Polar | None, flown_CL: tuple[float, float]) -> WhyNot:
+    """Why a polar is no curve over these lift coefficients."""
+    if polar is None:
+        return WhyNot.NO_ESTIMATE
+    if unphysical(polar, flown_CL):
+        return WhyNot.UNPHYSICAL
+    return WhyNot.NONE if informative(polar, flown_CL) else WhyNot.NO_INFORMATION
+
+
+def informative(polar: Polar, flown_CL: tuple[float, float]) -> bool:
+    """Whether the 95 % interval of drag stays above zero over most of these lift coefficients."""
+    drag, sigma = _drag_and_error(polar, flown_CL)
+    return bool(np.mean(drag > NORMAL_95 * sigma) > 0.5)
+
+
+def narrower(one: tuple[Polar, tuple[float, float]], other: tuple[Polar, tuple[float, float]]) -> bool:
+    """Whether the interval of drag of one polar is narrower than that of another, in the mean over the lift
+    coefficients of both. Each with its own range."""
+    (a, of_a), (b, of_b) = one, other
+    common = max(of_a[0], of_b[0]), min(of_a[1], of_b[1])
+    (drag_a, error_a), (drag_b, error_b) = (_drag_and_error(polar, common) for polar in (a, b))
+    return bool(common[0] < common[1] and np.mean(error_a / drag_a) < np.mean(error_b / drag_b))
+
+
+def _drag_and_error(polar: Polar, flown_CL: tuple[float, float]) -> tuple[Array, Array]:
+    """Drag coefficient and its standard error at lift coefficients over this range."""
+    CL = np.linspace(*flown_CL, CURVES.points)
+    terms = np.stack([np.ones_like(CL), CL, CL**2], axis=1)
+    return terms @ polar.A, np.sqrt(np.einsum("ni,ij,nj->n", terms, polar.covariance, terms))
+
+
+def tried(name: str, title: str, reason: WhyNot, details: str = "") -> MethodTried:
+    """A method on the ladder with its reason in words. details: what the reason does not tell."""
+    text = f"{reason}: {details}" if reason and details else str(reason)
+    return MethodTried(name=name, title=title, reason=reason, text=text)
+
+
+class Fallback(NamedTuple):
+    """The power curve by another method, and the range of lift coefficients of its data.
+
+    tried : the methods of the ladder down to it, the best first
+    """
+
+    estimate: DynamicEstimate
+    flown_CL: tuple[float, float]
+    tried: list[MethodTried]
+
+
+def fallback(estimates: list[MethodEstimate], trajectory: Trajectory, aircraft: Aircraft, log: str) -> Fallback:
+    """The power curve of a flight by the best of the LADDER that gives one.
+
+    It has the form of the dynamic method's estimate; the corrections of thrust are those of their prior.
+    Raises InputError, beginning with `log`, with the reasons when none gives a polar.
+    """
+    by_method = {estimate.method.name: estimate for estimate in estimates}
+    candidates = [by_method[name] for name in LADDER if name in by_method]
+    reasons: list[MethodTried] = []
+    for best in candidates:
+        reason = WhyNot.NOT_FLOWN if best.not_flown else why_not(best.polar, best.flown_CL)
+        details = unphysical(best.polar, best.flown_CL) if best.polar else ", ".join(best.notes)
+        details = " or ".join(best.not_flown) or details
+        reasons.append(tried(best.method.name, best.method.title, reason, details))
+        if reason is WhyNot.NONE:
+            break
+    if not reasons or reasons[-1].reason is not WhyNot.NONE or best.polar is None:
+        listed = "; ".join(f"{one.title}: {one.text}" for one in reasons)
+        flown = any(one.name == ENERGY.name and one.reason is not WhyNot.NOT_FLOWN for one in reasons)
+        without = "" if flown else "no acceleration or deceleration to analyze, and "
+        raise InputError(f"{log}: {without}no method gives a curve: {listed}")
+    noise, systematic = np.zeros((5, 5)), np.zeros((5, 5))
+    noise[:3, :3], systematic[:3, :3] = best.noise, best.systematic
+    # The method's own covariance is that of independent errors of the table.
+    prior = thrust_prior(aircraft)
+    sensitivity = np.stack([best.sensitivities[name] for name in THRUST], axis=1)
+    independent = np.diag([aircraft.uncertainty.thrust_scale_fraction**2, aircraft.uncertainty.thrust_slope**2])
+    by_stand = sensitivity @ (prior.covariance - independent) @ sensitivity.T
+    systematic[:3, :3] += by_stand
+    systematic[3:, 3:] = prior.covariance
+    systematic[:3, 3:] = sensitivity @ prior.covariance
+    systematic[3:, :3] = systematic[:3, 3:].T
+    polar = Polar(best.polar.A + sensitivity @ prior.mean, best.polar.covariance + by_stand)
+    values = np.concatenate([polar.A, prior.mean])
+    warning = f"The curve is from another method, {best.method.title}; it is not pooled with those of other flights."
+    known = trajectory.converged or trajectory.as_measured
+    estimate = DynamicEstimate(
+        polar=polar,
+        parameters=parameter_list(values, noise + systematic, trajectory),
+        status=CurveStatus.BY_ANOTHER_METHOD if known else CurveStatus.TRAJECTORY_NOT_CONVERGED,
+        verdict=f"by {best.method.title}" if known else TRAJECTORY_DID_NOT_CONVERGE,
+        warnings=[warning],
+        fits=[],
+        values=values,
+        noise=noise,
+        systematic=systematic,
+    )
+    return Fallback(estimate, best.flown_CL, reasons)

@@ -1,0 +1,167 @@
+"""Methods that use runs as measured, to compare with the dynamic method: direct drag, and the energy of a run.
+
+Direct drag is the drag at every instant of a run, regressed on lift (2.18)-(2.21). From the accelerometers (2.16), with
+the angle of attack as measured: a difference from the dynamic method shows that this angle is not aligned with the IMU.
+From speed (2.22), with the pitch attitude that the accelerometer alone would level: a difference shows that the
+accelerometer is biased. Accelerations and decelerations apart, with the airspeed not corrected for lag: a difference
+between them shows an air-data lag or a wrong propeller table. The observation is drag over mass [m/s^2], whose errors
+are of one size; those of C_D are not.
+
+Energy: work of thrust less the gain of kinetic and potential energy is the work of drag (2.23)-(2.26).
+Edot = (T cos(alpha) - D) V is used in its integral, E(t) - E(0): nothing noisy is differentiated. Speed and height are
+taken as measured. Accelerometers, gyros and angles serve only for the part of the weight that thrust carries. A
+difference from the dynamic method that errors of airspeed, lag and thrust do not explain shows a wrong pitch attitude
+of the trajectory. Energies and work are over mass [m^2/s^2].
+"""
+
+from collections.abc import Callable, Mapping
+from functools import partial
+
+import numpy as np
+import pandas as pd
+
+from analysis.maneuvers.kinds import LEVEL_RUNS, LOAD_FACTOR_MANEUVERS, Maneuver
+from analysis.methods.causes import CAUSES
+from analysis.methods.method import Method
+from analysis.methods.regression import RunRegression, TimeSeriesRegression, run_data
+from analysis.records.flight import Cause
+from analysis.trajectory.settings import SHOWN
+from flight.aircraft import Aircraft
+from flight.arrays import Array
+from flight.errors import InputError
+from flight.runs import ACCELERATION, DECELERATION
+from flight.units import GRAVITY_MPS2 as g
+
+# The quantities of the force balance, and the columns of the methods' table that they are taken from.
+ALONG_TRAJECTORY = {
+    "ax": "ax",
+    "az": "az",
+    "alpha": "alpha",
+    "thrust_x_over_m": "thrust_x_over_m_mps2",
+    "qS_over_m": "qS_over_m_mps2",
+}
+ALPHA_MEASURED = ALONG_TRAJECTORY | {"alpha": "alpha_measured"}
+THETA_MEASURED = ALONG_TRAJECTORY | {"theta": "theta_measured", "bank": "bank", "Vdot": "Vdot"}
+AIRSPEED_LAGGED = ALONG_TRAJECTORY | {
+    "thrust_x_over_m": "thrust_x_over_m_lagged_mps2",
+    "qS_over_m": "qS_over_m_lagged_mps2",
+}
+
+
+def from_accelerometers(f: Mapping[str, Array]) -> tuple[Array, Array]:
+    """Drag (2.16), (2.20) and lift (2.19), both over mass [m/s^2]."""
+    alpha, az = f["alpha"], f["az"]
+    forward = f["ax"] - f["thrust_x_over_m"]
+    return -forward * np.cos(alpha) - az * np.sin(alpha), forward * np.sin(alpha) - az * np.cos(alpha)
+
+
+def from_speed(f: Mapping[str, Array]) -> tuple[Array, Array]:
+    """Drag (2.22), its flight path angle from pitch attitude and angle of attack, and lift as above [m/s^2]."""
+    _, lift = from_accelerometers(f)
+    alpha, theta = f["alpha"], f["theta"]
+    sin_gamma = np.cos(alpha) * np.sin(theta) - np.sin(alpha) * np.cos(theta) * np.cos(f["bank"])
+    return f["thrust_x_over_m"] * np.cos(alpha) - f["Vdot"] - g * sin_gamma, lift
+
+
+def _direct_method(
+    name: str,
+    title: str,
+    equations: str,
+    kinds: tuple[str, ...],
+    *taken_as_measured: str,
+    columns: Mapping[str, str],
+    drag_and_lift: Callable[[Mapping[str, Array]], tuple[Array, Array]] = from_accelerometers,
+) -> Method:
+    """A regression of drag on lift, with the propeller table as it is. taken_as_measured: other errors than its own."""
+
+    def regression(table: pd.DataFrame, runs: list[Maneuver], _: Aircraft) -> TimeSeriesRegression:
+        regressions = []
+        for run, t, data in run_data(table, runs, tuple(columns.values())):
+            f = {quantity: data[column] for quantity, column in columns.items()}
+            drag, lift = drag_and_lift(f)
+            CL = lift / f["qS_over_m"]
+            X = f["qS_over_m"][:, None] * CL[:, None] ** np.arange(3)
+            regressions.append(RunRegression(run.name, t, X, drag, CL))
+        return TimeSeriesRegression(regressions)
+
+    return Method(name, title, equations, kinds, (*taken_as_measured, *CAUSES[Cause.PROPELLER_TABLE]), regression)
+
+
+DIRECT = _direct_method(
+    "direct", "direct drag, accelerometers", "(2.16), (2.18)-(2.21)", (*LEVEL_RUNS, *LOAD_FACTOR_MANEUVERS),
+    "alpha_bias", "alpha_scale", "lag", columns=ALPHA_MEASURED,
+)  # fmt: skip
+FROM_SPEED = _direct_method(
+    "direct-speed", "direct drag, speed and pitch attitude", "(2.22), (2.18)-(2.21)",
+    (*LEVEL_RUNS, *LOAD_FACTOR_MANEUVERS), "pitch", columns=THETA_MEASURED, drag_and_lift=from_speed,
+)  # fmt: skip
+ONE_RUN = _direct_method(
+    "run", "one run alone, propeller table as it is", "(2.16), (2.18)-(2.21) along the path", LEVEL_RUNS,
+    columns=ALONG_TRAJECTORY,
+)  # fmt: skip
+VARIED_LIFT = _direct_method(
+    "varied-lift", "roller coasters and wind-up turns", "(2.16), (2.18)-(2.21) along the path", LOAD_FACTOR_MANEUVERS,
+    columns=ALONG_TRAJECTORY,
+)  # fmt: skip
+ACCELERATIONS, DECELERATIONS = (
+    _direct_method(
+        f"{kind}s", f"{kind}s alone, propeller table as it is", "(2.16), (2.18)-(2.21)", (kind,), "lag",
+        columns=AIRSPEED_LAGGED,
+    )
+    for kind in (ACCELERATION, DECELERATION)
+)  # fmt: skip
+
+
+COLUMNS = (
+    "V_measured", "height_measured", "thrust_x_over_m_measured_mps2", "qS_over_m_measured_mps2", "alpha", "bank",
+)  # fmt: skip
+
+
+def regression(table: pd.DataFrame, runs: list[Maneuver], _: Aircraft) -> TimeSeriesRegression:
+    """Work of drag since the start of a run on the integrals of qS V, qS V CL, qS V CL^2, all over mass."""
+    if table["gust_mps"].iloc[0] > SHOWN.turbulent_mps:
+        raise InputError("too turbulent for the energy method: gusts change the speed as slowly as the run does")
+    regressions = []
+    for run, t, data in run_data(table, runs, COLUMNS):
+        V, height, thrust_over_m, qS_over_m, alpha, bank = (data[name] for name in COLUMNS)
+        CL = (g / np.cos(bank) - thrust_over_m * np.sin(alpha)) / qS_over_m  # level: n_z = 1 (2.19)
+        energy = V**2 / 2 + g * height  # (2.23)
+        work = _integral(thrust_over_m * np.cos(alpha) * V, t) - energy
+        X = np.stack([_integral(qS_over_m * V * CL**i, t) for i in range(3)], axis=1)
+        # The energy at the start is not known better than at any other instant: only differences count.
+        gusts = partial(_work_of_gusts, table, t, V)
+        regressions.append(RunRegression(run.name, t, X - X.mean(axis=0), work - work.mean(), CL, gusts))
+    return TimeSeriesRegression(regressions)
+
+
+def _work_of_gusts(table: pd.DataFrame, t: Array, V: Array) -> Array:
+    """Covariance (n, n) of the work that gusts add over a run, about its mean [(m^2/s^2)^2].
+
+    Air rising at w adds g w per second; a gust u along the flight path adds V times its change.
+    """
+    apart_s = np.abs(t[:, None] - t)
+    vertical, along = (_gust_covariance(table, name, apart_s) for name in ("gust", "gust_along"))
+    integral = np.tril(np.full_like(apart_s, t[1] - t[0]))
+    center = np.eye(len(t)) - 1 / len(t)
+    by_vertical, by_along = center @ integral * g, center * V
+    return by_vertical @ vertical @ by_vertical.T + by_along @ along @ by_along.T
+
+
+def _gust_covariance(table: pd.DataFrame, name: str, apart_s: Array) -> Array:
+    """Covariance [m^2/s^2] of first-order gusts at instants apart_s (n, n) from each other."""
+    sigma_mps, time_s = (float(table[f"{name}_{unit}"].iloc[0]) for unit in ("mps", "s"))
+    return np.asarray(sigma_mps**2 * np.exp(-apart_s / time_s))
+
+
+def _integral(rate: Array, t: Array) -> Array:
+    return np.concatenate([[0.0], np.cumsum(np.diff(t) * (rate[1:] + rate[:-1]) / 2)])
+
+
+ENERGY = Method(
+    name="energy",
+    title="energy",
+    equations="(2.23)-(2.26)",
+    kinds=LEVEL_RUNS,
+    taken_as_measured=("airspeed_scale", "lag", "thrust_scale", "thrust_slope"),
+    regression=regression,
+)

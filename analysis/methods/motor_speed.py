@@ -1,0 +1,70 @@
+"""Motor speed that is counted wrong: pulses lost above some speed, or a wrong number of poles.
+
+Thrust of the table goes with the square of motor speed. Accelerations are flown with fast motors and decelerations with
+slow ones, at the same speeds of flight: an error of the counter above some motor speed is a step of drag between them,
+which scale and slope of thrust do not follow. It is tested in every flight, at each of several motor speeds and at
+zero, which is a wrong number of poles; what the flight shows beyond doubt is corrected and estimated with the rest.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from analysis.estimation.fit import Fit
+from analysis.estimation.model import Model, NamedValues, Parameter
+from analysis.methods import consider as covariance
+from analysis.methods.forces import THRUST_BY_MOTOR_SPEED, FlightForces, MotorSpeedError
+from analysis.methods.settings import MOTOR_SPEED
+
+PARAMETER = "motor_speed"
+
+
+def suspect(fit: Fit, flight_forces: FlightForces) -> MotorSpeedError | None:
+    """The error of motor speed that the runs show most clearly, by a linear estimate; None where none is possible.
+
+    fit: of the drag model along the nominal forces, without such an error.
+    """
+    forces = flight_forces.nominal
+    rows = np.concatenate([np.searchsorted(forces.index, one.segment.t_s) for one in fit.segment_fits])
+    n, by_speed = (np.nan_to_num(x)[rows] for x in (forces["n"].to_numpy(), flight_forces.by_motor_speed(forces)))
+    sigma = float(np.sqrt(fit.noise_covariance[0, 0]))
+    residuals = np.concatenate([fit.residuals[one.segment.name][:, 0] for one in fit.segment_fits]) / sigma
+    others, first = np.zeros((len(residuals), len(fit.names))), 0
+    for one in fit.segment_fits:
+        others[first : first + len(one.segment), one.columns] = one.white.S[:, 0]
+        first += len(one.segment)
+    best, most = None, 0.0
+    for above in (0.0, *np.quantile(n, MOTOR_SPEED.tested)):
+        column = np.where(np.isfinite(residuals), -by_speed * (n > above) / sigma, 0.0)
+        with_others = others.T @ column
+        known = column @ column - with_others @ fit.covariance @ with_others
+        information = float(known) + MOTOR_SPEED.least_pole_share**-2
+        score = float(column @ np.nan_to_num(residuals))
+        gain, error = score**2 / information, MotorSpeedError(float(above), score / information)
+        if gain > most and (error.share > 0 or error.by_poles):  # pulses are lost, not added
+            best, most = error, gain
+    return best
+
+
+def with_motor_speed(model: Model) -> Model:
+    """The drag model with what is left of the error of motor speed, a share of it."""
+
+    def drag(x: NamedValues, u: NamedValues, p: NamedValues) -> Sequence[Any]:
+        (without,) = model.output_function(x, u, p)
+        return (without - u.thrust_by_motor_speed * p.motor_speed,)
+
+    return replace(
+        model,
+        name=f"{model.name}, motor speed",
+        inputs=(*model.inputs, THRUST_BY_MOTOR_SPEED),
+        output_function=drag,
+        parameters=(*model.parameters, Parameter(name=PARAMETER, start=0.0, prior_sigma=MOTOR_SPEED.least_pole_share)),
+    )
+
+
+def share_and_error(fit: Fit) -> tuple[float, float]:
+    """What is left of the share by a fit, and its standard error."""
+    i = fit.names.index(PARAMETER)
+    return float(fit.values[i]), float(np.sqrt(covariance.of_noise(fit)[i, i]))

@@ -1,0 +1,124 @@
+"""What the runs themselves deny: a parabolic polar, and a propeller table as good as assumed.
+
+Each assumption is tested by an estimate without it. Where the test rejects it, the change of the estimate is added to
+the interval, with a warning.
+"""
+
+from dataclasses import replace
+from enum import StrEnum
+from typing import NamedTuple
+
+import numpy as np
+
+from analysis.estimation.data import Segment
+from analysis.estimation.fit import Fit
+from analysis.estimation.model import Model, NamedValues, Parameter
+from analysis.estimation.output_error import fit_output_error
+from analysis.methods import consider as covariance
+from analysis.methods.thrust_prior import STAND
+from analysis.settings import EVIDENCE, FLOWN
+from analysis.sources.grid_settings import STATISTICS
+from flight.arrays import Array
+
+THRUST_TITLES = {
+    "thrust_scale": "scale of thrust",
+    "thrust_slope": "slope of thrust over advance ratio",
+    "thrust_beyond": "thrust beyond the propeller's table",
+    STAND: "thrust at rest, against the stand",
+}
+
+
+class Assumption(StrEnum):
+    """What a flight may reject. The values are keys of `pooling.changes` in results.json."""
+
+    THRUST_TABLE = "doubt of thrust"
+    PARABOLIC_POLAR = "doubt of the polar's shape"
+
+
+class RejectedAssumption(NamedTuple):
+    """change : (m,) of the estimates without the assumption     warning : for the reader"""
+
+    assumption: Assumption
+    change: Array
+    warning: str
+
+
+def rejected_assumptions(fit: Fit) -> list[RejectedAssumption]:
+    """Of the drag model, by its fit."""
+    return _thrust_rejected(fit) + _shape_rejected(fit)
+
+
+def _thrust_rejected(fit: Fit) -> list[RejectedAssumption]:
+    """Errors of thrust beyond what the prior allows, and a stand that the flight contradicts by as much.
+
+    The estimate is repeated with each of these priors as wide as the estimate is off.
+    """
+    sigma = {q.name: q.prior_sigma for q in fit.model.parameters if q.name in THRUST_TITLES}
+    values = dict(zip(fit.names, fit.values, strict=True))
+    beyond = {
+        name: values[name] / s for name, s in sigma.items() if s and abs(values[name]) > EVIDENCE.contradiction * s
+    }
+    measured = {m.name: m.deviation(values) for m in fit.model.prior_measurements}
+    beyond |= {name: z for name, z in measured.items() if abs(z) > EVIDENCE.contradiction}
+    if not beyond:
+        return []
+    wider = tuple(
+        replace(q, prior_sigma=q.prior_sigma * abs(beyond[q.name])) if q.name in beyond and q.prior_sigma else q
+        for q in fit.model.parameters
+    )
+    measurements = tuple(
+        replace(m, sigma=m.sigma * abs(beyond[m.name])) if m.name in beyond else m for m in fit.model.prior_measurements
+    )
+    repeated = fit_output_error(replace(fit.model, parameters=wider, prior_measurements=measurements), _segments(fit))
+    named = "; ".join(f"{THRUST_TITLES[name]}: {z:+.1f} standard deviations" for name, z in beyond.items())
+    return [
+        RejectedAssumption(
+            Assumption.THRUST_TABLE,
+            repeated.values - fit.values,
+            f"The propeller's thrust differs from its table by more than assumed ({named}). The interval is wider by"
+            " what a less certain table changes. Check the propeller, its table, and the number of pole pairs"
+            f"{', and repeat the measurement on the stand' if STAND in beyond else ''}.",
+        )
+    ]
+
+
+def _shape_rejected(fit: Fit) -> list[RejectedAssumption]:
+    """A quartic term of lift that the residuals require. The change is that to the parabola through the quartic polar
+    at the ends and in the middle of the lift coefficients flown."""
+    with_quartic = fit_output_error(_quartic(fit.model), _segments(fit))
+    i = with_quartic.names.index("A4")
+    error = float(np.sqrt(covariance.of_noise(with_quartic)[i, i]))
+    quartic = float(with_quartic.values[i])
+    low, high = np.percentile(np.concatenate([segment.u["CL"] for segment in _segments(fit)]), FLOWN.robust_percentiles)
+    CL = np.array([low, (low + high) / 2, high])
+    powers = np.vander(CL, 3, increasing=True)
+    values = np.delete(with_quartic.values, i)
+    values[:3] += np.linalg.solve(powers, quartic * CL**4)
+    significant = with_quartic.verdict.ok and abs(quartic) > STATISTICS.sigmas * error
+    if not significant or np.max(np.abs(powers @ values[:3] / (powers @ fit.values[:3]) - 1)) < EVIDENCE.negligible:
+        return []
+    return [
+        RejectedAssumption(
+            Assumption.PARABOLIC_POLAR,
+            values - fit.values,
+            f"Drag is no parabola of lift: a quartic term is {abs(quartic) / error:.1f} times its standard error. The"
+            " interval is wider by what this term changes; most at the slowest and the fastest speed.",
+        )
+    ]
+
+
+def _quartic(model: Model) -> Model:
+    def drag(x: NamedValues, u: NamedValues, p: NamedValues) -> tuple[object, ...]:
+        (parabolic,) = model.output_function(x, u, p)
+        return (parabolic + u.qS_over_m * p.A4 * u.CL**4,)
+
+    return replace(
+        model,
+        name=f"{model.name}, quartic",
+        output_function=drag,
+        parameters=(*model.parameters, Parameter(name="A4", start=0.0)),
+    )
+
+
+def _segments(fit: Fit) -> list[Segment]:
+    return [segment_fit.segment for segment_fit in fit.segment_fits]

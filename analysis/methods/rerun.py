@@ -1,0 +1,86 @@
+"""The estimate of a flight again, with another aircraft file, propeller or air data.
+
+An error of what is taken as known, such as the place of the probe, shows in no residual. It acts on everything from
+the synchronized channels on: its effect on the polar is found by running all of that again with the error made by one
+standard deviation. Maneuvers, weight and density stay those of the flight, so that nothing else changes.
+"""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import pandas as pd
+
+from analysis.air.flight_data import FlightData, flight_data
+from analysis.flight import Reconstructed, trajectory_with
+from analysis.methods import dynamic
+from analysis.methods.dynamic import DynamicEstimate
+from analysis.methods.methods import fallback, one_method
+from analysis.trajectory.priors import upwash_slope_sigma
+from analysis.trajectory.reconstruction import Trajectory
+from flight.aircraft import Aircraft
+from flight.arrays import Array
+from flight.propeller import Propeller
+
+
+class EstimateRerun(NamedTuple):
+    """Runs the analysis of a flight again, from the channels to the polar.
+
+    method: another than the dynamic one, by its name, where the curve is from it
+    slope_sigma, an argument of `estimate` and `values`: prior standard deviation of the slope of angle of attack by
+    upwash
+    """
+
+    flight: Reconstructed
+    method: str = ""
+
+    def estimate(self, aircraft: Aircraft, propeller: Propeller, slope_sigma: float) -> DynamicEstimate:
+        """The polar of the power curve with its covariance."""
+        trajectory = self._trajectory(aircraft, slope_sigma)
+        if self.method:
+            return self._by_another_method(trajectory, aircraft, propeller)
+        return dynamic.estimate_polar(trajectory, self.flight.maneuvers.level_runs, aircraft, propeller)
+
+    def values(self, aircraft: Aircraft, propeller: Propeller, slope_sigma: float) -> Array:
+        """A0, A1, A2 and the two corrections of thrust (5,), without their covariance."""
+        return self._values(self._trajectory(aircraft, slope_sigma), aircraft, propeller)
+
+    def values_with_air(self, air: pd.DataFrame) -> Array:
+        """The same by other air data; by the flight's own table the trajectory is not reconstructed again."""
+        flight, trajectory = self.flight, self.flight.trajectory
+        if air is not flight.table:
+            flight.progress("repeating the estimate with other air data")
+            trajectory = self._reconstructed(flight.data._replace(table=air), upwash_slope_sigma(flight.aircraft))
+        return self._values(trajectory, flight.aircraft, flight.propeller)
+
+    def _values(self, trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) -> Array:
+        """By another method than the dynamic one the whole estimate is made all the same."""
+        if self.method:
+            return self._by_another_method(trajectory, aircraft, propeller).values
+        return dynamic.estimate_values(trajectory, self.flight.maneuvers.level_runs, aircraft, propeller)
+
+    def _by_another_method(self, trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) -> DynamicEstimate:
+        flight = self.flight
+        found = one_method(self.method, trajectory, flight.maneuvers.maneuvers, aircraft, propeller)
+        return fallback([found], trajectory, aircraft, flight.name).estimate
+
+    def _trajectory(self, aircraft: Aircraft, slope_sigma: float) -> Trajectory:
+        """It does not depend on the propeller, and is the flight's own where nothing has changed."""
+        flight = self.flight
+        if aircraft is flight.aircraft and slope_sigma == upwash_slope_sigma(flight.aircraft):
+            return flight.trajectory
+        flight.progress("repeating the estimate with other values for what the aircraft file lacks")
+        data = flight.data
+        if aircraft is not flight.aircraft:
+            data = flight_data(flight.log, aircraft, flight.propeller, flight.contents.calibrations)
+        return self._reconstructed(data, slope_sigma)
+
+    def _reconstructed(self, data: FlightData, slope_sigma: float) -> Trajectory:
+        flight = self.flight
+        found = trajectory_with(
+            flight,
+            data,
+            prior_factor=flight.prior_factor,
+            slope_sigma=slope_sigma,
+            as_measured=flight.trajectory.as_measured,
+        )
+        return replace(found, eddies_mps=flight.trajectory.eddies_mps)

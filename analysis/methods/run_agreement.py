@@ -1,0 +1,121 @@
+"""Each acceleration and deceleration against the others of its kind: the flight's own certificate.
+
+One run alone and the others, each alone, give power at one lift coefficient. Their difference has the noise of both,
+an error of the path's slope in each, which residuals of some seconds do not show (D changes by L times the slope), and
+what errors that they share (trajectory, propeller's table) change in it: runs of one kind are flown alike, so that most
+of these cancel, whatever their size. A defect that is not the same in all runs does not cancel.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from analysis.curve import Condition, speed_at
+from analysis.methods.causes import error_prior_sigma
+from analysis.methods.method import MethodEstimate
+from analysis.methods.settings import COMPARISON
+from analysis.records.flight import RunAgainstOthers
+from analysis.settings import CURVES
+from flight.aircraft import Uncertainty
+from flight.arrays import Array
+
+
+class _Differences(NamedTuple):
+    """Drag coefficients by one run and by the others at lift coefficients, and standard errors of the differences, each
+    (k,)."""
+
+    CL: Array
+    CD: Array
+    CD_others: Array
+    standard_error: Array
+
+
+def runs_against_others(
+    runs: Sequence[MethodEstimate], condition: Condition, uncertainty: Uncertainty
+) -> list[RunAgainstOthers]:
+    """The comparison of each run that shares lift coefficients with another of its kind; of others there is none."""
+    known = [run for run in runs if run.polar is not None]
+    compared = []
+    for run in known:
+        others = [other for other in known if other is not run and other.method.kinds == run.method.kinds]
+        lift = np.linspace(*run.flown_CL, 2 * len(known) + 1)  # finer than the ends of the others' ranges
+        if found := _compared(run, others, lift, condition, uncertainty):
+            compared.append(found)
+    return compared
+
+
+def one_kind_against_another(
+    one: MethodEstimate, other: MethodEstimate, condition: Condition, uncertainty: Uncertainty
+) -> RunAgainstOthers | None:
+    """The accelerations against the decelerations, or the like: what differs by thrust or lag. None without both."""
+    if one.polar is None or other.polar is None:
+        return None
+    return _compared(one, [other], np.linspace(*one.flown_CL, CURVES.points), condition, uncertainty)
+
+
+def _compared(
+    run: MethodEstimate, others: list[MethodEstimate], lift: Array, condition: Condition, uncertainty: Uncertainty
+) -> RunAgainstOthers | None:
+    """At the lift coefficient, of `lift`, where their difference is known best; None where they share none."""
+    found = _differences(run, others, lift, uncertainty)
+    if found is None:
+        return None
+    best = int(np.argmin(found.standard_error / np.abs(found.CD)))
+    CL, CD, CD_others, standard_error = (float(values[best]) for values in found)
+    V = float(speed_at(CL, condition))
+    power_by_CD = condition.rho * V**3 * condition.wing_area_m2 / 2  # (3.45)
+    return RunAgainstOthers(
+        run=run.method.title,
+        kind=run.method.kinds[0],
+        speed_mps=V,
+        power_W=power_by_CD * CD,
+        others_W=power_by_CD * CD_others,
+        standard_error_W=power_by_CD * standard_error,
+        z=(CD - CD_others) / standard_error,
+    )
+
+
+def _differences(
+    run: MethodEstimate, others: list[MethodEstimate], lift: Array, uncertainty: Uncertainty
+) -> _Differences | None:
+    """Where others cover the lift coefficient, these weighed by their noise. Shared errors change the difference by the
+    difference of their effects. None where they cover none."""
+    if not others:
+        return None
+    ends = np.array([one.flown_CL for one in others])
+    covering = (ends[:, 0] <= lift[:, None]) & (lift[:, None] <= ends[:, 1])
+    shared = covering.any(axis=1)
+    CL, covering = lift[shared], covering[shared]
+    if not len(CL):
+        return None
+    rows = np.stack([np.ones_like(CL), CL, CL**2], axis=1)
+    noise = np.stack([_variance(rows, one.noise) for one in others], axis=1)
+    weight = covering / noise
+    weight /= weight.sum(axis=1, keepdims=True)
+    weighed = (weight[:, :, None] * rows[:, None, :]).reshape(len(CL), -1)
+
+    def by_others(values: list[Array]) -> Array:
+        """The weighed mean (k, n) of what changes the polars by (3, n) each."""
+        return np.asarray(weighed @ np.concatenate([value.reshape(3, -1) for value in values]))
+
+    CD, CD_others = rows @ _polar(run), by_others([_polar(one) for one in others])[:, 0]
+    variance = _variance(rows, run.noise) + np.sum(weight**2 * noise, axis=1)
+    variance += (COMPARISON.run_slope_rad * CL) ** 2 * (1 + np.sum(weight**2, axis=1))
+    by_trajectory = rows @ run.trajectory_deviations - by_others([one.trajectory_deviations for one in others])
+    variance += np.sum(by_trajectory**2, axis=1)
+    sigma = error_prior_sigma(uncertainty)
+    for name, sensitivity in run.sensitivities.items():
+        change = rows @ sensitivity - by_others([one.sensitivities[name] for one in others])[:, 0]
+        variance += (change * sigma[name]) ** 2
+    return _Differences(CL, CD, CD_others, np.sqrt(variance))
+
+
+def _variance(rows: Array, covariance: Array) -> Array:
+    """Of each row's combination of the polar's coefficients, (k,)."""
+    return np.asarray(np.einsum("ki,ij,kj->k", rows, covariance, rows))
+
+
+def _polar(run: MethodEstimate) -> Array:
+    assert run.polar is not None
+    return run.polar.A

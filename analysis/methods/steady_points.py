@@ -1,0 +1,211 @@
+"""The classic methods, from steady level points: means over steady runs, PIW-VIW (2.1)-(2.6) and W/delta (2.11).
+
+Speed comes from the trajectory, power from the uncorrected propeller table: a difference between these points and the
+dynamic method shows a wrong table.
+
+PIW-VIW makes power and speed independent of weight and density. PIW VIW = m0 VIW^4 + b0 is a straight line only for a
+polar with least drag at zero lift; a CL_minD adds a term m1 VIW^2. Both forms are linear in the polar:
+m0 = rho_sl S A0/2, m1 = W_s A1, b0 = 2 W_s^2 A2/(rho_sl S).
+
+W/delta: drag and weight over the pressure ratio form one curve over Mach number. The low-subsonic form (2.13) is the
+same in speed and temperature; both lack a CL_minD.
+"""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from analysis.maneuvers.kinds import STEADY, Maneuver
+from analysis.methods.causes import CAUSES
+from analysis.methods.method import Method, SteadyPoint
+from analysis.methods.regression import THREE_TERM, TWO_TERM, PointRegression
+from analysis.methods.settings import REGRESSION, STEADY_POINTS
+from analysis.records.flight import Cause
+from analysis.settings import EVIDENCE, FLOWN
+from flight.aircraft import Aircraft
+from flight.arrays import Array
+from flight.atmosphere import GAS_CONSTANT_AIR, SEA_LEVEL_DENSITY, SEA_LEVEL_PRESSURE_PA
+from flight.errors import InputError
+from flight.units import GRAVITY_MPS2 as g
+
+COLUMNS = (
+    "thrust_x_over_m_mps2", "alpha", "V", "Vdot", "gamma", "climb", "bank", "rho", "static_Pa", "temperature_K",
+)  # fmt: skip
+
+
+class SteadyMeans(NamedTuple):
+    """Means over each of n steady runs, each (n,)."""
+
+    V: Array  # true airspeed [m/s]
+    power_W: Array  # T V cos(alpha) (3.47), less the rates of kinetic and potential energy
+    power_error_W: Array  # its standard error
+    lift_N: Array  # weight over the cosine of bank, less T sin(alpha)
+    rho: Array  # [kg/m^3]
+    static_Pa: Array
+    temperature_K: Array
+    start_s: Array
+
+    def lift_coefficient(self, aircraft: Aircraft) -> Array:
+        return np.asarray(2 * self.lift_N / (self.rho * self.V**2 * aircraft.geometry.wing_area_m2))
+
+
+def steady_means(table: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft) -> SteadyMeans:
+    """The means of all steady runs. Raises InputError when none has thrust data."""
+    m = aircraft.mass_kg
+    t_s, values = table.index.to_numpy(), np.stack([table[name].to_numpy() for name in COLUMNS])
+    gust_mps, gust_s = (float(table[name].iloc[0]) for name in ("gust_mps", "gust_s"))
+    rows = []
+    for run in runs:
+        within = slice(*np.searchsorted(t_s, (run.start_s, np.nextafter(run.end_s, np.inf))))
+        known = ~np.isnan(values[COLUMNS.index("thrust_x_over_m_mps2"), within])
+        if known.sum() < REGRESSION.fewest_blocks:
+            continue
+        t, f = t_s[within][known], dict(zip(COLUMNS, values[:, within][:, known], strict=True))
+        thrust_over_m, alpha, V = f["thrust_x_over_m_mps2"], f["alpha"], f["V"]
+        along_V, across_V = thrust_over_m * np.cos(alpha), thrust_over_m * np.sin(alpha)
+        mean_Vdot = _slope(t, V)
+        drag_over_m = along_V - f["Vdot"] - g * np.sin(f["gamma"])
+        power_W = m * (_mean(along_V * V) - mean_Vdot * V.mean() - g * _mean(f["climb"]))
+        scatter_W = m * _error_of_mean(drag_over_m * V, t[1] - t[0])
+        gusts_W = m * g * mean_gust_mps(gust_mps, gust_s, t[-1] - t[0])
+        error_W = np.sqrt(scatter_W**2 + gusts_W**2 + (EVIDENCE.negligible * power_W) ** 2)
+        lift_N = m * _mean(g / np.cos(f["bank"]) - across_V)
+        air = (_mean(f[name]) for name in ("rho", "static_Pa", "temperature_K"))
+        rows.append((V.mean(), power_W, error_W, lift_N, *air, run.start_s))
+    if not rows:
+        raise InputError("no steady point has thrust data")
+    return SteadyMeans(*np.array(rows).T)
+
+
+def _mean(x: Array) -> float:
+    """The mean of the values that are not NaN."""
+    total = float(x.sum())
+    return total / len(x) if math.isfinite(total) else float(np.nansum(x) / np.isfinite(x).sum())
+
+
+def _slope(t: Array, x: Array) -> float:
+    """Of the straight line fitted by least squares."""
+    from_mean = t - t.mean()
+    return float(from_mean @ (x - x.mean()) / (from_mean @ from_mean))
+
+
+def require_speeds(points: SteadyMeans, terms: int) -> None:
+    """Raises InputError unless there are as many different speeds as terms to fit, and all powers are positive."""
+    if np.any(points.power_W <= 0):
+        raise InputError("by the propeller table a steady point has no positive power")
+    different, last = 0, 0.0
+    for V in np.sort(points.V):
+        if V > last * (1 + 2 * FLOWN.nearby):
+            different, last = different + 1, V
+    if different < terms:
+        raise InputError(f"steady points at {terms} different speeds are needed, there are {different}")
+
+
+def steady_points(table: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft) -> list[SteadyPoint]:
+    """The steady points as lift and drag coefficients, which hold for any weight and density."""
+    points = steady_means(table, runs, aircraft)
+    unit_W = points.rho * points.V**3 * aircraft.geometry.wing_area_m2 / 2  # power at C_D = 1
+    columns = (
+        points.lift_coefficient(aircraft),
+        points.power_W / unit_W,
+        points.power_error_W / unit_W,
+        points.start_s,
+    )
+    return [SteadyPoint(*(float(x) for x in row)) for row in zip(*columns, strict=True)]
+
+
+def mean_gust_mps(gust_mps: float, gust_s: float, seconds: float) -> float:
+    """Standard deviation of the mean vertical gust over so many seconds [m/s], for the power W w that it lifts with.
+
+    The mean of a first-order process of standard deviation sigma and time constant T: sigma sqrt(2 T/seconds).
+    """
+    return float(gust_mps * np.sqrt(min(1.0, 2 * gust_s / seconds)))
+
+
+def _error_of_mean(x: Array, step_s: float) -> float:
+    """Standard error of the mean of a colored record, with Bartlett's window over `STEADY_POINTS.correlation_s`."""
+    e, n = x - x.mean(), len(x)
+    window = min(n - 1, round(STEADY_POINTS.correlation_s / step_s))
+    lags = np.arange(1, window + 1)
+    products = np.correlate(np.concatenate([e, np.zeros(window)]), e)  # from lag 0 on
+    variance = float(products[0] + 2 * (1 - lags / (window + 1)) @ products[1:]) / n
+    return float(np.sqrt(max(variance, 0.0) / n))
+
+
+def steady_method(
+    name: str,
+    title: str,
+    equations: str,
+    terms: Array,
+    regression: Callable[[SteadyMeans, Aircraft], tuple[Array, Array]],
+) -> Method:
+    """A classic method: a straight regression of power or drag at steady points, with the propeller table as it is.
+
+    terms : columns (3, k) of the polar's A that it fits
+    regression : of (points, aircraft); X (n, 3) and z (n,), proportional to power
+    """
+
+    def point_regression(table: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft) -> PointRegression:
+        points = steady_means(table, runs, aircraft)
+        require_speeds(points, terms.shape[1])
+        X, z = regression(points, aircraft)
+        sigma = z * points.power_error_W / points.power_W
+        return PointRegression(X, z, sigma, terms, points.lift_coefficient(aircraft))
+
+    return Method(
+        name=name,
+        title=title,
+        equations=equations,
+        kinds=(STEADY,),
+        taken_as_measured=CAUSES[Cause.PROPELLER_TABLE],
+        regression=point_regression,
+        points=steady_points,
+        two_term=terms is TWO_TERM,
+    )
+
+
+def piw_viw(points: SteadyMeans, aircraft: Aircraft) -> tuple[Array, Array]:
+    """PIW (2.5) [W] and VIW (2.3) [m/s], each (n,), for the aircraft's standard weight at sea level."""
+    sigma, w = points.rho / SEA_LEVEL_DENSITY, points.lift_N / aircraft.mass.standard_weight_N
+    return points.power_W * np.sqrt(sigma) / w**1.5, points.V * np.sqrt(sigma / w)
+
+
+def _piw_viw_regression(points: SteadyMeans, aircraft: Aircraft) -> tuple[Array, Array]:
+    PIW, VIW = piw_viw(points, aircraft)
+    S, Ws = aircraft.geometry.wing_area_m2, aircraft.mass.standard_weight_N
+    q = SEA_LEVEL_DENSITY * S / 2
+    return np.stack([q * VIW**4, Ws * VIW**2, np.full_like(VIW, Ws**2 / q)], axis=1), PIW * VIW
+
+
+PIW_VIW_THREE = steady_method(
+    "piw-viw", "PIW-VIW, three terms", "(2.1)-(2.6) with the term in VIW^2", THREE_TERM, _piw_viw_regression
+)
+PIW_VIW_TWO = steady_method("piw-viw-two-term", "PIW-VIW, two terms", "(2.1)-(2.6)", TWO_TERM, _piw_viw_regression)
+
+
+def _w_delta_regression(points: SteadyMeans, qS_over_delta_N: Array) -> tuple[Array, Array]:
+    """D/delta = A0 (q S/delta) + A2 (W/delta)^2 / (q S/delta)."""
+    delta = points.static_Pa / SEA_LEVEL_PRESSURE_PA
+    lift_over_delta = points.lift_N / delta
+    X = np.stack([qS_over_delta_N, lift_over_delta, lift_over_delta**2 / qS_over_delta_N], axis=1)
+    return X, points.power_W / points.V / delta
+
+
+def mach_form(points: SteadyMeans, aircraft: Aircraft) -> tuple[Array, Array]:
+    """(2.11): over Mach number."""
+    gamma = 1.4  # ratio of specific heats of air
+    M = points.V / np.sqrt(gamma * GAS_CONSTANT_AIR * points.temperature_K)
+    return _w_delta_regression(points, gamma * SEA_LEVEL_PRESSURE_PA * M**2 * aircraft.geometry.wing_area_m2 / 2)
+
+
+def speed_form(points: SteadyMeans, aircraft: Aircraft) -> tuple[Array, Array]:
+    """(2.13): over true airspeed and temperature."""
+    q_over_delta_Pa = SEA_LEVEL_PRESSURE_PA * points.V**2 / (2 * GAS_CONSTANT_AIR * points.temperature_K)
+    return _w_delta_regression(points, q_over_delta_Pa * aircraft.geometry.wing_area_m2)
+
+
+W_DELTA = steady_method("w-delta", "W/δ", "(2.11)", TWO_TERM, mach_form)
+W_DELTA_SLOW = steady_method("w-delta-low-subsonic", "W/δ, low-subsonic", "(2.13)", TWO_TERM, speed_form)

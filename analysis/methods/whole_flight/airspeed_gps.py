@@ -1,0 +1,158 @@
+"""Scale and zero of the airspeed, and the wind, from airspeed against GPS ground speed on changing headings.
+
+The horizontal wind is constant but for a linear trend. What it does besides is in the residuals, which are correlated
+over seconds; their most likely standard deviation and correlation time are estimated too (`most_likely_noise`).
+
+`most_probable` gives the maximum a posteriori parameters here, and those of the energy balance in `fit`.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from analysis.methods.whole_flight.flight_table import FlightTable
+from analysis.methods.whole_flight.settings import GPS
+from analysis.sources import recording
+from analysis.sources.autopilot_settings import READABLE
+from analysis.sources.grid_settings import FLIGHT
+from flight.arrays import Array
+
+TOLERANCE = 1e-6  # of the cost and of the parameters, relative
+
+
+def correlation(apart_s: Array, time_s: float) -> Array:
+    """Correlation matrix of first-order noise at instants `apart_s` (n, n) from each other."""
+    return np.asarray((1 - GPS.white_share) * np.exp(-apart_s / time_s) + GPS.white_share * np.eye(len(apart_s)))
+
+
+def most_probable(
+    residual: Callable[[Array], Array],
+    whiten: Array,
+    mean: Array,
+    sigma: Array,
+    start: Array,
+    *,
+    measured: tuple[Array, Array] | None = None,
+) -> tuple[Array, Array]:
+    """Maximum a posteriori parameters (m,), and the derivative (n + m + k, m) of whitened residuals and priors there.
+
+    residual: of (m,), (n,). whiten: (n, n), the inverse of a root of its covariance. mean, sigma: (m,) of the prior.
+    measured: rows (k, m) and values (k,) of combinations that were measured before, in units of their errors.
+    """
+    rows, values = measured or (np.zeros((0, len(mean))), np.zeros(0))
+
+    from scipy.optimize import least_squares  # takes 0.2 s to import, which other analyses do not need
+
+    def cost(x: Array) -> Array:
+        return np.concatenate([whiten @ residual(x), (x - mean) / sigma, rows @ x - values])
+
+    found = least_squares(cost, start, x_scale=sigma, ftol=TOLERANCE, xtol=TOLERANCE)
+    return found.x, np.asarray(found.jac)
+
+
+def most_likely_noise(residual: Array, apart_s: Array, times_s: Sequence[float]) -> tuple[float, float]:
+    """Standard deviation and correlation time of greatest likelihood, the latter out of `times_s`."""
+    best = (np.inf, 1.0, times_s[0])
+    for time_s in times_s:
+        factor = np.linalg.cholesky(correlation(apart_s, time_s))
+        white = solve_triangular(factor, residual, lower=True, check_finite=False)
+        variance = float(np.mean(white**2))
+        cost = len(residual) * np.log(variance) + 2 * float(np.sum(np.log(np.diag(factor))))
+        best = min(best, (cost, float(np.sqrt(variance)), time_s))
+    return best[1], best[2]
+
+
+class AirspeedErrors(NamedTuple):
+    """scale : fraction by which airspeed reads high; zero_Pa : remaining zero of the pitot; covariance (2, 2) of both.
+
+    wind_mps, wind_from_deg : mean over the flight; None where the log has no GPS
+    wind, wind_covariance : (4,) of `ground_velocity.WIND`, (4, 4), where airspeed is the velocity by GPS less the wind
+    """
+
+    scale: float
+    zero_Pa: float
+    covariance: Array
+    wind_mps: float | None
+    wind_from_deg: float | None
+    prior_sigma: float = GPS.scale_sigma  # of the scale
+    wind: Array | None = None
+    wind_covariance: Array | None = None
+
+    @property
+    def by_gps(self) -> float:
+        """How far GPS determines true airspeed, 0 to 1: to that part an error of density changes the scale instead."""
+        if self.wind is not None:
+            return 1.0
+        return 1.0 - min(1.0, float(self.covariance[0, 0]) / self.prior_sigma**2)
+
+
+def one_way(north_mps: Array, east_mps: Array, errors: AirspeedErrors) -> float:
+    """Length of the mean heading vector over ground velocities (n,): 0 for even headings, 1 for a single one."""
+    toward = np.radians((errors.wind_from_deg or 0.0) + 180.0)
+    wind = (errors.wind_mps or 0.0) * complex(np.cos(toward), np.sin(toward))
+    through_air = north_mps + 1j * east_mps - wind
+    return float(np.abs(np.nanmean(np.exp(1j * np.angle(through_air)))))
+
+
+def true_airspeed(pressure_Pa: Array, rho: Array, scale: float, zero_Pa: float) -> Array:
+    """True airspeed (n,) [m/s] from the pitot's pressure."""
+    return np.asarray(np.sqrt(2 * np.maximum(pressure_Pa - zero_Pa, 1.0) / rho) / (1 + scale))
+
+
+def by_wind(wind: Array, covariance: Array) -> AirspeedErrors:
+    """Of an airspeed that is the velocity by GPS less a wind (4,) with this covariance (4, 4)."""
+    wind_mps, wind_from_deg = float(np.hypot(wind[0], wind[1])), float(np.degrees(np.arctan2(-wind[1], -wind[0])) % 360)
+    return AirspeedErrors(0.0, 0.0, np.zeros((2, 2)), wind_mps, wind_from_deg, wind=wind, wind_covariance=covariance)
+
+
+def airspeed_errors(flight: FlightTable, most_points: int = GPS.most_points) -> AirspeedErrors:
+    """The most probable errors of a flight's airspeed, given their priors and GPS."""
+    prior_sigma = np.array([GPS.scale_sigma, flight.zero_sigma_Pa])
+    table, step_s = flight.table, float(flight.table.index[1] - flight.table.index[0])
+    has_gps = table[list(recording.GPS)].notna().all(axis=1).to_numpy()
+    rows = np.flatnonzero(flight.flown & has_gps)
+    rows = rows[:: max(round(FLIGHT.smoothing_s / step_s), len(rows) // most_points, 1)]
+    if len(rows) < READABLE.fewest_samples:
+        return AirspeedErrors(0.0, 0.0, np.diag(prior_sigma**2), None, None)
+    t_s = table.index.to_numpy()
+    pressure, rho = (table[name].to_numpy()[rows] for name in ("pressure_Pa", "rho"))
+    # A GPS velocity is that of GPS.latency_s before.
+    north, east, down = (np.interp(t_s[rows] + GPS.latency_s, t_s[has_gps], table[n][has_gps]) for n in recording.GPS)
+    elapsed = t_s[rows] - t_s[rows].mean()
+    priors = np.array([*prior_sigma, GPS.wind_sigma_mps, GPS.wind_sigma_mps, GPS.trend_mps2, GPS.trend_mps2])
+    apart_s = np.abs(elapsed[:, None] - elapsed)
+
+    def by_pitot(x: Array) -> Array:
+        """Right where gusts and noise are in the pitot's airspeed alone: no parameter acts on it."""
+        return np.asarray(np.sqrt(np.maximum((1 + x[0]) ** 2 * through_air(x) + 2 * x[1] / rho, 0.1)) - seen)
+
+    def by_gps(x: Array) -> Array:
+        """Right where they are in the velocity by GPS, as slow gusts are, which carry the aircraft along."""
+        return np.asarray(np.sqrt(through_air(x)) - true_airspeed(pressure, rho, x[0], x[1]))
+
+    def through_air(x: Array) -> Array:
+        air_n, air_e = north - x[2] - x[4] * elapsed, east - x[3] - x[5] * elapsed
+        return np.asarray(air_n**2 + air_e**2 + down**2)
+
+    seen, start = true_airspeed(pressure, rho, 0.0, 0.0), np.array([0.0, 0.0, np.mean(north), np.mean(east), 0.0, 0.0])
+    (x, covariance), (other, other_covariance) = (_solved(of, priors, start, apart_s) for of in (by_pitot, by_gps))
+    # The truth is between both regressions (R. Frisch, 1934), evenly; no flight says less than its prior.
+    x, half = (x + other) / 2, (x - other)[:2] / 2
+    before = np.diag(1 / prior_sigma**2)
+    by_flight = np.linalg.inv((covariance + other_covariance) / 2) - before
+    by_flight = by_flight - np.outer(by_flight @ half, by_flight @ half) / (3 + half @ by_flight @ half)
+    covariance = np.asarray(np.linalg.inv(before + by_flight), dtype=float)
+    wind_mps, wind_from_deg = float(np.hypot(x[2], x[3])), float(np.degrees(np.arctan2(-x[3], -x[2])) % 360)
+    return AirspeedErrors(float(x[0]), float(x[1]), covariance, wind_mps, wind_from_deg)
+
+
+def _solved(residual: Callable[[Array], Array], sigma_of: Array, start: Array, apart_s: Array) -> tuple[Array, Array]:
+    """Most probable parameters (6,), and the covariance (2, 2) of the first two, with the most likely noise."""
+    x, sigma, time_s = start, 1.0, GPS.correlation_s[0]
+    for _ in range(3):
+        whiten = np.linalg.inv(np.linalg.cholesky(sigma**2 * correlation(apart_s, time_s)))
+        x, jacobian = most_probable(residual, whiten, np.zeros(len(sigma_of)), sigma_of, x)
+        sigma, time_s = most_likely_noise(residual(x), apart_s, GPS.correlation_s)
+    return x, np.asarray(np.linalg.inv(jacobian.T @ jacobian)[:2, :2], dtype=float)

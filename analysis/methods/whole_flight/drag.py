@@ -1,0 +1,161 @@
+"""Power required and shaft power of level flight, where a propeller's table gives thrust."""
+
+from collections.abc import Callable, Sequence
+from enum import Enum, auto
+from typing import NamedTuple
+
+import numpy as np
+
+from analysis.estimation.model import PriorMeasurement
+from analysis.methods.whole_flight.curve import ElectricalEstimate, drag_prior, lift_prior
+from analysis.methods.whole_flight.energy_balance import FlightConditions, drag_power
+from analysis.methods.whole_flight.fit import (
+    SharedErrors,
+    most_probable_fit,
+    samples_of,
+    shared_errors,
+    with_standard_error,
+)
+from analysis.methods.whole_flight.flight_table import FlightTable
+from analysis.methods.whole_flight.settings import SHARED, THRUST, WINDOWS
+from analysis.methods.whole_flight.thrust_balance import PARAMETERS, MotorConstants, ThrustBalance, aerodynamics
+from analysis.sources import recording
+from analysis.sources.grid_settings import FLIGHT
+from flight.aircraft import Uncertainty
+from flight.arrays import Array
+from flight.propeller import Propeller
+from flight.propeller_speed import revps_for_thrust
+
+
+class DragLacks(Enum):
+    """Why drag is not known."""
+
+    PROPELLER = auto()
+    MOTOR_SPEED = auto()
+    POSSIBLE_EFFICIENCY = auto()
+
+
+class DragWithheld(NamedTuple):
+    """motor_efficiency : shaft power by the table over electrical power; None where it is not known"""
+
+    lacks: DragLacks = DragLacks.PROPELLER
+    motor_efficiency: float | None = None
+
+    def sentence(self) -> str:
+        """For the report."""
+        match self.lacks:
+            case DragLacks.PROPELLER:
+                return (
+                    "Drag and shaft power are not known: they take the propeller's table (--propeller) and motor speed"
+                    " (ESC telemetry or RPM messages) or the motor's constants (in an aircraft file, --aircraft)."
+                )
+            case DragLacks.MOTOR_SPEED:
+                return (
+                    "Drag and shaft power are not known: beside the propeller's table they take motor speed in the log"
+                    " (ESC telemetry or RPM messages), or the motor's constants (kv, resistance, no-load current) in an"
+                    " aircraft file (--aircraft)."
+                )
+            case DragLacks.POSSIBLE_EFFICIENCY:
+                return (
+                    "Drag is not known: by the propeller's table and motor speed the shaft takes"
+                    f" {100 * (self.motor_efficiency or 0.0):.0f} % of the electrical power, which no motor does; check"
+                    " the table, and the pole pairs that the speed was counted with."
+                )
+
+
+class ThrustSource(NamedTuple):
+    """What thrust follows from. motor: where motor speed is not measured; uncertainty: of the table; stand: thrust
+    measured at rest.
+    """
+
+    propeller: Propeller | None = None
+    motor: MotorConstants | None = None
+    uncertainty: Uncertainty = Uncertainty()
+    stand: Sequence[PriorMeasurement] = ()
+
+
+class DragEstimate(NamedTuple):
+    """Power required (n,) [W] at the speeds of the electrical curve, its standard error, and what it is made of.
+
+    shaft_W, shaft_error_W : (n,) shaft power of level flight; NaN where the table does not reach
+    motor_efficiency : shaft power by the table over electrical power, mean of the flight under power
+    """
+
+    V_mps: Array
+    power_W: Array
+    error_W: Array
+    shaft_W: Array
+    shaft_error_W: Array
+    parameters: Array
+    parameter_covariance: Array
+    shared: SharedErrors
+    conditions: FlightConditions
+    motor_efficiency: float
+    measured_speed: bool
+
+    def quantity(self, of: Callable[[Array, FlightConditions], Array]) -> tuple[Array, Array]:
+        """A quantity (n,) of parameters and conditions, and its standard error."""
+        return with_standard_error(of, self.parameters, self.parameter_covariance, self.shared, self.conditions)
+
+
+def drag_estimate(
+    flight: FlightTable,
+    electrical: ElectricalEstimate,
+    span_m: float,
+    source: ThrustSource,
+    most_windows: int = WINDOWS.most,
+) -> DragEstimate | DragWithheld:
+    """The estimate, or what it would take."""
+    measured = bool(flight.table[recording.MOTOR][flight.flown].notna().mean() > FLIGHT.measured_share)
+    propeller, motor, uncertainty, stand = source
+    if propeller is None:
+        return DragWithheld()
+    if not measured and motor is None:
+        return DragWithheld(DragLacks.MOTOR_SPEED)
+    c, airspeed = electrical.conditions, electrical.airspeed
+    samples = samples_of(flight, airspeed.scale, airspeed.zero_Pa, airspeed.wind)
+    if samples.motor_revps is not None:
+        known = np.isfinite(samples.motor_revps)
+        if measured:
+            samples = samples._replace(
+                motor_revps=np.interp(samples.t_s, samples.t_s[known], samples.motor_revps[known])
+            )
+    balance = ThrustBalance(samples, c, propeller, None if measured else motor, most_windows)
+    powered = balance.motor_W() > 0.2 * np.percentile(balance.motor_W(), 95)
+    efficiency = float(np.sum(balance.shaft_W()[powered]) / np.sum(balance.motor_W()[powered]))
+    if not THRUST.motor_efficiency[0] < efficiency < THRUST.motor_efficiency[1]:
+        return DragWithheld(DragLacks.POSSIBLE_EFFICIENCY, efficiency)
+    mean, sigma = drag_prior(span_m, c.wing_area_m2)
+    lift_mean, lift_sigma = lift_prior(span_m, c.wing_area_m2)
+    thrust_sigma = uncertainty.thrust_scale_fraction, uncertainty.thrust_slope
+    rows = np.array([one.row(PARAMETERS) for one in stand]).reshape(len(stand), len(PARAMETERS))
+    values = np.array([one.value / one.sigma for one in stand])
+    fit = most_probable_fit(
+        balance,
+        np.array([*mean, 0.0, 0.0, *lift_mean]),
+        np.array([*sigma, *thrust_sigma, *lift_sigma]),
+        (rows, values),
+    )
+    power_sigma = SHARED.current if measured else float(np.hypot(SHARED.current, SHARED.motor_constants))
+    shared = [
+        *shared_errors(
+            flight, balance, fit, airspeed, power_sigma=power_sigma, updraft_share=SHARED.updraft_share_for_drag
+        )
+    ]
+    V = electrical.V_mps
+
+    def required(parameters: Array, given: FlightConditions) -> Array:
+        return drag_power(V, 1.0, 0.0, aerodynamics(parameters), given)
+
+    def shaft(parameters: Array, given: FlightConditions) -> Array:
+        thrust_N = required(parameters, given) / V
+        scale, slope = parameters[4:6]
+        revps = revps_for_thrust(propeller, V, thrust_N, given.rho, thrust_scale=scale, thrust_slope=slope)
+        return np.asarray(propeller.thrust_and_power(V, revps, given.rho)[1])
+
+    (power, error), (shaft_W, shaft_error) = (
+        with_standard_error(of, fit.parameters, fit.covariance, shared, c) for of in (required, shaft)
+    )
+    return DragEstimate(
+        V, power, error, shaft_W, shaft_error, fit.parameters, fit.covariance, shared, c, efficiency, measured
+    )

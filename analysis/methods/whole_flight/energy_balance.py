@@ -1,0 +1,335 @@
+"""Energy balance of an ordinary flight: electrical power against drag and change of energy, (2.23)-(2.26).
+
+Balance: P eta = D V + dE/dt, averaged over windows. P is the motor's electrical power, eta its efficiency to thrust,
+E = m (g h + V^2/2). The derivative is moved to the window's weight (integration by parts), so nothing noisy is
+differentiated. C_L comes from the accelerometer. A second balance, m V a = dE/dt with the specific force a along the
+path, has the same gusts in its residuals and no drag: both together show the motion of the air.
+
+Efficiency of an unknown motor and propeller (`efficiency`): propellers are alike when efficiency is drawn against
+V (rho D^2 / P)^(1/3) = J / c_P^(1/3), relative to its maximum: the APC 10x5E and 12x8E agree with the form within 0.02
+up to the maximum. Beyond it they differ, and so the fall is a parameter. The unknown diameter and the motor's losses
+are in the two scales. `PowerLaw` replaces this form where thrust is not a propeller's.
+
+Covariance of the residuals (`by_air`, `by_efficiency`, `by_angle`, `of_both`): air rising at w does the work m g w per
+second, and a gust u along the path changes the kinetic energy relative to the air by m V u. Both are first-order noise,
+averaged by the windows. The efficiency is not exactly a function of its argument; that error is in proportion to the
+useful power. The balance with the accelerometer has the same motion of the air with the opposite sign, and the errors
+of an angle of attack that follows from C_L.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from analysis.methods.whole_flight.ground_velocity import WIND, GroundVelocity, gusts
+from analysis.methods.whole_flight.settings import PRIOR, RESIDUALS, SHARED, WINDOWS
+from flight.arrays import Array
+from flight.units import GRAVITY_MPS2 as g
+
+
+def advance(V: Array, power_W: Array, rho: Array | float) -> Array:
+    """V (rho / P)^(1/3), proportional to J / c_P^(1/3) [m^(-2/3)]."""
+    return np.asarray(V * np.cbrt(rho / np.maximum(power_W, 1e-3)))
+
+
+def efficiency(x: Array, maximum: float, x_at_maximum: float, fall: float) -> Array:
+    """Thrust times airspeed over the motor's electrical power; zero where the propeller no longer pulls."""
+    u = x / x_at_maximum
+    rising = 1 - np.abs(1 - np.minimum(u, 1.0)) ** PRIOR.rise_exponent
+    falling = 1 - fall * (np.maximum(u, 1.0) - 1) ** 2
+    return np.asarray(maximum * np.maximum(np.where(u < 1, rising, falling), 0.0))
+
+
+def idling(x: Array, x_at_maximum: float, fall: float) -> Array:
+    """How far the propeller idles: 0 where it pulls, 1 where it hardly takes power."""
+    zero_thrust = 1 + 1 / np.sqrt(fall)
+    return np.asarray(np.clip((x / x_at_maximum - zero_thrust) / zero_thrust, 0.0, 1.0))
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Windows of one shape. centers_s : (n,)     offsets_s, weight, slope : (k,) weight and its derivative in a window,
+    each summing with the step to averages"""
+
+    centers_s: Array
+    offsets_s: Array
+    weight: Array
+    slope: Array
+
+
+def by_air(windows: Windows, mass_kg: float, V_mps: float, sigma_w_mps: float, time_s: float) -> Array:
+    """Covariance (n, n) [W^2] by vertical and longitudinal air motion of this size and correlation time."""
+    lags = _lags(windows)
+    vertical = (mass_kg * g * sigma_w_mps) ** 2 * _at_lags(lags, windows, windows.weight, time_s)
+    along = (mass_kg * V_mps * sigma_w_mps) ** 2 * _at_lags(lags, windows, windows.slope, time_s)
+    return np.asarray(vertical + along)
+
+
+def by_efficiency(windows: Windows, useful_W: Array, share: float) -> Array:
+    """Covariance (n, n) [W^2] by the form of the efficiency, wrong by a share of it."""
+    return np.asarray(share**2 * np.outer(useful_W, useful_W) * np.exp(-_lags(windows) / RESIDUALS.efficiency_s))
+
+
+def by_angle(windows: Windows, mass_kg: float, V_mps: Array, sigma_rad: float, time_s: float) -> Array:
+    """Covariance (n, n) [W^2] by errors of the angle of attack, at the airspeeds V_mps (n,) of the windows."""
+    lift_W = mass_kg * g * V_mps * sigma_rad
+    return np.asarray(np.outer(lift_W, lift_W) * _at_lags(_lags(windows), windows, windows.weight, time_s))
+
+
+def by_horizontal_gusts(windows: Windows, change: Array, sigma_w_mps: float, time_s: float) -> Array:
+    """Covariance (n, n) or (2 n, 2 n) [W^2] by gusts that go with vertical ones of this size and correlation time.
+
+    change: of the residuals with the wind, as `EnergyBalance.by_wind`.
+    """
+    size, scale = gusts()
+    correlation = (size * sigma_w_mps) ** 2 * _at_lags(_lags(windows), windows, windows.weight, scale * time_s)
+    times = len(change) // len(correlation)
+    return np.asarray(change @ change.T * np.tile(correlation, (times, times)))
+
+
+def uncorrelated(windows: Windows) -> Array:
+    return np.asarray(RESIDUALS.white_W**2 * np.eye(len(windows.centers_s)))
+
+
+def of_both(air: Array, of_drag: Array, of_force: Array) -> Array:
+    """Covariance (2 n, 2 n) of both balances: the air's motion with opposite signs, and what only one contains."""
+    return np.block([[air + of_drag, -air], [-air, air + of_force]])
+
+
+def _lags(windows: Windows) -> Array:
+    return np.asarray(np.abs(windows.centers_s[:, None] - windows.centers_s))
+
+
+def _at_lags(lags: Array, windows: Windows, weight: Array, time_s: float) -> Array:
+    """Covariance of two weighted means of first-order noise of variance 1, whose windows are `lags` apart."""
+    step = float(windows.offsets_s[1] - windows.offsets_s[0])
+    overlap = np.convolve(weight, weight[::-1])  # sum over the pairs of offsets with one difference
+    differences = step * (np.arange(len(overlap)) - len(weight) + 1)
+    beyond = np.arange(0.0, windows.offsets_s[-1] * 2 + 6 * time_s + step, step)
+    values = np.exp(-np.abs(beyond[:, None] + differences) / time_s) @ overlap
+    return np.asarray(np.interp(lags, beyond, values, right=0.0))
+
+
+# The natural logarithms of CD0, K, x_at_maximum, fall and angle over C_L, and the logit of the efficiency, keep them
+# possible. The last four are sideslip over C_Y, and those of
+# the angle of attack, alpha_0 + C_L (angle over C_L) + C_T (angle over C_T).
+PARAMETERS = ("ln_CD0", "ln_K", "CL_minD", "K4", "logit_efficiency", "ln_x", "ln_fall", "idle_drag", "ln_beta_per_CY",
+              "alpha_0", "ln_alpha_per_CL", "alpha_per_CT")  # fmt: skip
+
+
+class PowerLaw(NamedTuple):
+    """Efficiency in proportion to powers of airspeed and motor power; the speed and power where it has its value."""
+
+    V_mps: float
+    power_W: float
+
+
+class FlightConditions(NamedTuple):
+    """What stays the same in a flight.
+
+    idle_sigma_W : standard deviation of idle_power_W          updraft_mps : mean over the flight
+            power_scale : true over measured electrical power
+    power_law : instead of a propeller's efficiency
+    """
+
+    mass_kg: float
+    wing_area_m2: float
+    rho: float
+    idle_power_W: float
+    updraft_mps: float = 0.0
+    power_scale: float = 1.0
+    power_law: PowerLaw | None = None
+    idle_sigma_W: float = SHARED.idle_power_W
+
+
+class Samples(NamedTuple):
+    """Measurements (n,), uniform in time within each stretch. stretches: slices of rows
+
+    force_x_mps2 : specific force along the accelerometer's first axis; None where it is not measured
+    load_variance, side_variance : of load factor, and of side force over weight, within the smoothing of the samples
+    ground : where airspeed is not measured; the wind is then among the parameters, the last ones
+    """
+
+    t_s: Array
+    V_mps: Array
+    height_m: Array
+    power_W: Array
+    load_factor: Array
+    stretches: list[slice]
+    motor_revps: Array | None = None
+    force_x_mps2: Array | None = None
+    load_variance: Array | float = 0.0
+    side_variance: Array | float = 0.0
+    ground: GroundVelocity | None = None
+
+
+@dataclass(frozen=True)
+class DragAndEfficiency:
+    """The parameters in their usual form. CD = CD0 + K (CL - CL_minD)^2 + K4 (CL - CL_minD)^4 above CL_minD"""
+
+    CD0: float
+    K: float
+    CL_minD: float
+    K4: float
+    efficiency: float
+    x_at_maximum: float
+    fall: float
+    idle_drag: float  # drag of the idling propeller over that of CD0
+
+    @classmethod
+    def of(cls, parameters: Array) -> "DragAndEfficiency":
+        CD0, K, CL_minD, K4, efficiency, x, fall, idle = parameters[:8]
+        exp = np.exp
+        return cls(exp(CD0), exp(K), CL_minD, K4, 1 / (1 + exp(-efficiency)), exp(x), exp(fall), idle)
+
+
+class EnergyBalance:
+    """The balance of one flight. windows : over which it is averaged     V_mps, power_W : (n,) their means"""
+
+    def __init__(self, samples: Samples, conditions: FlightConditions, most_windows: int = WINDOWS.most):
+        self.samples, self.conditions = samples, conditions
+        step_s = float(np.median(np.diff(samples.t_s)))
+        length_s = sum(rows.stop - rows.start for rows in samples.stretches) * step_s
+        spacing_s = step_s * round(max(WINDOWS.length_s / 4, length_s / most_windows) / step_s)
+        window_s = max(WINDOWS.length_s, 2 * spacing_s)
+        count = 2 * round(window_s / step_s / 2) + 1
+        u = (np.arange(count) - count // 2) / (count - 1)
+        weight = 1 + np.cos(2 * np.pi * u)
+        offsets_s = u * (count - 1) * step_s
+        slope = np.sin(2 * np.pi * u)
+        slope = slope / -(slope @ offsets_s)  # exact for a straight line
+        starts = [
+            start
+            for rows in samples.stretches
+            for start in range(rows.start, rows.stop - count + 1, round(spacing_s / step_s))
+        ]
+        self._rows = np.array(starts, dtype=int)[:, None] + np.arange(count)
+        centers_s = samples.t_s[self._rows[:, count // 2]]
+        self.windows = Windows(centers_s, offsets_s, weight / weight.sum(), slope)
+        self.V_mps, self.power_W = self._mean(samples.V_mps), self._mean(samples.power_W)
+        self._x = advance(samples.V_mps, self._motor_power(conditions), conditions.rho)
+
+    def residual(
+        self, parameters: Array, samples: Samples | None = None, given: FlightConditions | None = None
+    ) -> Array:
+        """Useful power less that of drag and of the change of energy, mean of each window (n,) [W]; then, where the
+        accelerometer shows it, the change of energy less the power of the force along the path: (2 n,) together.
+
+        samples, given: perturbed ones, for the effect of an error.
+        """
+        s, c = samples or self.samples, given or self.conditions
+        if s.ground is not None:
+            s, parameters = s._replace(V_mps=s.ground.airspeed(parameters[-len(WIND) :])), parameters[: -len(WIND)]
+        drag_W, useful_W = self._drag_and_useful_W(parameters, s, c)
+        energy = c.mass_kg * (g * s.height_m + s.V_mps**2 / 2)
+        by_air_W = c.mass_kg * g * c.updraft_mps + self._mean(by_gusts_W(s, parameters, c))
+        change = -energy[self._rows] @ self.windows.slope - by_air_W
+        of_drag = self._mean(useful_W - drag_W) - change
+        if s.force_x_mps2 is None:
+            return np.asarray(of_drag)
+        return np.concatenate([of_drag, change - self._mean(_along_path_W(s, s.force_x_mps2, useful_W, parameters, c))])
+
+    def by_wind(self, parameters: Array) -> Array:
+        """Change of the residuals with the wind to the north and to the east, (n or 2 n, 2) [W s/m]."""
+        columns = []
+        for i in (-len(WIND), 1 - len(WIND)):
+            changed = np.array(parameters)
+            changed[i] += 0.1
+            columns.append((self.residual(changed) - self.residual(parameters)) / 0.1)
+        return np.stack(columns, axis=1)
+
+    def useful_W(self, parameters: Array) -> Array:
+        """Thrust times airspeed, mean of each window (n,) [W]."""
+        return self._mean(self._drag_and_useful_W(parameters, self.samples, self.conditions)[1])
+
+    def middle(self) -> PowerLaw:
+        """Median airspeed and motor power, the latter where the motor works."""
+        motor_W = self._mean(self._motor_power(self.conditions))
+        working = motor_W[motor_W > 0.2 * np.percentile(motor_W, 95)]
+        return PowerLaw(float(np.median(self.V_mps)), max(float(np.median(working)) if len(working) else 0.0, 1.0))
+
+    def powered_x(self) -> float:
+        """Median argument of the efficiency where the motor works."""
+        motor = self._motor_power(self.conditions)
+        rows = np.unique(self._rows)
+        working = rows[motor[rows] > 0.2 * np.percentile(motor[rows], 95)]
+        return float(np.median(self._x[working])) if len(working) else 1.0
+
+    def _motor_power(self, c: FlightConditions) -> Array:
+        return np.asarray(np.maximum(c.power_scale * self.samples.power_W - c.idle_power_W, 0.0))
+
+    def _drag_and_useful_W(self, parameters: Array, s: Samples, c: FlightConditions) -> tuple[Array, Array]:
+        p = DragAndEfficiency.of(parameters)
+        useful, idle = useful_power(s.V_mps, self._motor_power(c), parameters, c)
+        return drag_power(s.V_mps, s.load_factor, idle, p, c, load_variance=s.load_variance), useful
+
+    def _mean(self, values: Array) -> Array:
+        return np.asarray(values[self._rows] @ self.windows.weight)
+
+
+def by_gusts_W(s: Samples, parameters: Array, c: FlightConditions) -> Array:
+    """Power (n,) [W] that the aircraft gains from gusts (Katzmayr effect).
+
+    A gust turns lift forward by the angle of attack that it adds, and side force by the sideslip; the means of these
+    products follow from the variances of both forces.
+    """
+    ln_beta_per_CY, _, ln_alpha_per_CL, _ = parameters[-4:]
+    qS = c.rho * s.V_mps**2 / 2 * c.wing_area_m2
+    angles = np.exp(ln_alpha_per_CL) * s.load_variance + np.exp(ln_beta_per_CY) * s.side_variance
+    return np.asarray(s.V_mps * (c.mass_kg * g) ** 2 / qS * angles)
+
+
+def useful_power(V: Array, motor_W: Array, parameters: Array, c: FlightConditions) -> tuple[Array, Array]:
+    """Thrust times airspeed [W], and how far the propeller idles, of airspeed and motor power.
+
+    By the power law the parameters of the efficiency are its logarithm and the exponents of speed and power.
+    """
+    if c.power_law is None:
+        p, x = DragAndEfficiency.of(parameters), advance(V, motor_W, c.rho)
+        return motor_W * efficiency(x, p.efficiency, p.x_at_maximum, p.fall), idling(x, p.x_at_maximum, p.fall)
+    ln_efficiency, of_speed, of_power = parameters[4:7]
+    share = np.maximum(motor_W, 1e-3) / c.power_law.power_W
+    useful = motor_W * np.exp(ln_efficiency + of_speed * np.log(V / c.power_law.V_mps) + of_power * np.log(share))
+    return np.asarray(useful), np.asarray(np.clip(1 - 10 * share, 0.0, 1.0))
+
+
+def _along_path_W(s: Samples, force_x_mps2: Array, useful_W: Array, parameters: Array, c: FlightConditions) -> Array:
+    """Power (n,) [W] of thrust less drag, by the accelerometer turned by the angle of attack."""
+    _, alpha_0, ln_alpha_per_CL, alpha_per_CT = parameters[-4:]
+    lift_N, qS = s.load_factor * c.mass_kg * g, c.rho * s.V_mps**2 / 2 * c.wing_area_m2
+    alpha = alpha_0 + np.exp(ln_alpha_per_CL) * lift_N / qS + alpha_per_CT * useful_W / s.V_mps / qS
+    forward_N = c.mass_kg * force_x_mps2 * np.cos(alpha) - lift_N * np.sin(alpha)
+    return np.asarray(s.V_mps * forward_N - by_gusts_W(s, parameters, c))
+
+
+def drag_power(
+    V: Array,
+    load_factor: Array | float,
+    idle: Array | float,
+    p: DragAndEfficiency,
+    c: FlightConditions,
+    *,
+    load_variance: Array | float = 0.0,
+) -> Array:
+    """Drag times airspeed [W]. load_variance: of the load factor about its mean, which induces drag as well."""
+    qS = c.rho * V**2 / 2 * c.wing_area_m2
+    above = load_factor * c.mass_kg * g / qS - p.CL_minD
+    CL_variance = load_variance * (c.mass_kg * g / qS) ** 2
+    CD = p.CD0 * (1 + idle * p.idle_drag) + p.K * (above**2 + CL_variance) + p.K4 * np.maximum(above, 0.0) ** 4
+    return np.asarray(qS * V * CD)
+
+
+def level_power(V: Array, parameters: Array, c: FlightConditions) -> Array:
+    """Electrical power of steady level flight (n,) [W]; NaN where the motor cannot give it."""
+    p = DragAndEfficiency.of(parameters)
+    drag_W = drag_power(V, 1.0, 0.0, p, c)
+    motor = np.geomspace(0.5, 1e5, 600)
+    surplus = useful_power(V[:, None], motor, parameters, c)[0] - drag_W[:, None]
+    enough = surplus >= 0
+    first = np.maximum(np.argmax(enough, axis=1), 1)
+    at = np.arange(len(V))
+    low, high = surplus[at, first - 1], surplus[at, first]
+    share = low / (low - high)
+    found = motor[first - 1] + share * (motor[first] - motor[first - 1])
+    return np.where(enough.any(axis=1), found + c.idle_power_W, np.nan)

@@ -1,0 +1,255 @@
+"""Fit of an energy balance: most probable parameters, the air's motion, and what the whole flight shares."""
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from analysis.methods.whole_flight.airspeed_gps import AirspeedErrors, most_probable, true_airspeed
+from analysis.methods.whole_flight.energy_balance import (
+    EnergyBalance,
+    FlightConditions,
+    Samples,
+    by_air,
+    by_angle,
+    by_efficiency,
+    by_horizontal_gusts,
+    of_both,
+    uncorrelated,
+)
+from analysis.methods.whole_flight.flight_table import FlightTable
+from analysis.methods.whole_flight.ground_velocity import ground_velocity
+from analysis.methods.whole_flight.settings import RESIDUALS, SHARED, WINDOWS
+from analysis.sources import recording
+from analysis.sources.grid import without_gaps
+from analysis.sources.grid_settings import FLIGHT
+from flight.arrays import Array
+
+SharedErrors = list[tuple[Array, FlightConditions]]
+
+
+SIGMAS_MPS = tuple(0.02 * 1.25**i for i in range(26))  # 0.02 to 5
+ANGLES_RAD = tuple(0.0005 * 1.25**i for i in range(22))  # to 0.05: of the angle of attack
+SHARES = tuple(0.002 * 1.25**i for i in range(20))  # to 0.14
+STEP = 0.2  # of numerical derivatives, in standard deviations
+
+
+class Fit(NamedTuple):
+    """gain : (m, n) change of the parameters with each window's residual
+    minus_2_log_evidence : of the model, for comparison with another on the same windows
+    """
+
+    parameters: Array
+    covariance: Array
+    gain: Array
+    residual_W: Array
+    gust_mps: float
+    gust_s: float
+    minus_2_log_evidence: float
+
+
+def samples_of(flight: FlightTable, scale: float, zero_Pa: float, wind: Array | None = None) -> Samples:
+    """By the pitot, corrected for its scale and zero; with a wind (4,), by GPS less the wind."""
+    table = flight.table
+    if wind is None:
+        V = true_airspeed(table["pressure_Pa"].to_numpy(), table["rho"].to_numpy(), scale, zero_Pa)
+    else:
+        V = ground_velocity(table, flight.flown, wind[:2]).airspeed(wind)
+    load_factor = table["load_factor"].fillna(1.0).to_numpy()
+    height, power = table["height_m"].to_numpy(), table["power_W"].to_numpy()
+    revps = table[recording.MOTOR].to_numpy()
+    both = table[["force_x_mps2", "load_factor"]].notna().all(axis=1).to_numpy()
+    force_x = without_gaps(table["force_x_mps2"].to_numpy())
+    has_force = float(np.mean(both[flight.flown])) > FLIGHT.measured_share
+    return Samples(
+        table.index.to_numpy(),
+        V,
+        height,
+        power,
+        load_factor,
+        flight.airborne,
+        revps,
+        force_x if has_force else None,
+        table["load_variance"].to_numpy(),
+        table["side_variance"].to_numpy(),
+    )
+
+
+def most_probable_fit(
+    balance: EnergyBalance,
+    mean: Array,
+    sigma: Array,
+    measured: tuple[Array, Array] | None = None,
+    least_share: float = RESIDUALS.efficiency_share.mean,
+) -> Fit:
+    """Maximum a posteriori parameters, and the sizes of errors by maximum likelihood, in turns. measured: of
+    `most_probable`. least_share: error of the efficiency's form, of which a flight shows too little.
+
+    What the balance with the accelerometer contains beside the motion of the air is the error of the angle of attack,
+    and so is what the sum of both balances contains beside the error of the efficiency's form.
+    """
+    windows, mass_kg, V = balance.windows, balance.conditions.mass_kg, float(np.mean(balance.V_mps))
+    n, with_force = len(balance.V_mps), balance.samples.force_x_mps2 is not None
+    white = uncorrelated(windows)
+    along_mps = 0.0 if balance.samples.ground is not None else V  # a gust along the path changes no velocity by GPS
+    vertical = [by_air(windows, mass_kg, along_mps, 1.0, time_s) for time_s in WINDOWS.times_s]
+    angles = [by_angle(windows, mass_kg, balance.V_mps, 1.0, time_s) for time_s in WINDOWS.times_s]
+    unlikely = [
+        (np.log(time_s * V / RESIDUALS.gust_length_m.mean) / RESIDUALS.gust_length_m.sigma) ** 2
+        for time_s in WINDOWS.times_s
+    ]
+    gust_mps, angle_rad = RESIDUALS.first_gust_mps, RESIDUALS.first_angle_rad
+    gust_s = angle_s = RESIDUALS.first_s
+    parameters, share = mean, RESIDUALS.efficiency_share.mean
+    prior = RESIDUALS.efficiency_share
+    unlikely_shares = [(np.log(np.array(SHARES) / prior.mean) / prior.sigma) ** 2]
+    horizontal: Array | None = None
+
+    def first(both: Array) -> Array:
+        return both[:n]
+
+    def second(both: Array) -> Array:
+        return both[n:]
+
+    def of_gusts(part: Callable[[Array], Array], size_mps: float, time_s: float) -> Array | float:
+        """What horizontal gusts do to a part of the residuals; nothing to a measured airspeed's."""
+        if horizontal is None:
+            return 0.0
+        return by_horizontal_gusts(windows, part(horizontal), size_mps, time_s)
+
+    for _ in range(3):
+        air = by_air(windows, mass_kg, along_mps, gust_mps, gust_s)
+        of_drag = by_efficiency(windows, balance.useful_W(parameters), share) + white
+        noise = air + of_drag
+        if with_force:
+            of_force = by_angle(windows, mass_kg, balance.V_mps, angle_rad, angle_s) + white
+            noise = of_both(air, of_drag, of_force)
+        if balance.samples.ground is not None:
+            horizontal = balance.by_wind(parameters)
+        noise = noise + of_gusts(lambda both: both, gust_mps, gust_s)
+        whiten = np.linalg.inv(np.linalg.cholesky(noise))
+        parameters, jacobian = most_probable(balance.residual, whiten, mean, sigma, parameters, measured=measured)
+        residual = balance.residual(parameters)
+        of_drag = by_efficiency(windows, balance.useful_W(parameters), share) + white
+        airs = [one + of_gusts(first, 1.0, time_s) for one, time_s in zip(vertical, WINDOWS.times_s, strict=True)]
+        gust_mps, gust_s = _size_and_time(residual[:n], of_drag, airs, SIGMAS_MPS, unlikely)
+        air = by_air(windows, mass_kg, along_mps, gust_mps, gust_s)
+        of_form = [by_efficiency(windows, balance.useful_W(parameters), 1.0)]
+        share = max(
+            least_share,
+            _size_and_time(
+                residual[:n], air + of_gusts(first, gust_mps, gust_s) + white, of_form, SHARES, unlikely_shares
+            )[0],
+        )
+        if with_force:
+            # Its residual hides an error of the angle under motion of the air, the sum of both under that of the form.
+            shown = (
+                (residual[n:], air + of_gusts(second, gust_mps, gust_s) + white),
+                (
+                    first(residual) + second(residual),
+                    of_drag + of_gusts(lambda x: x[:n] + x[n:], gust_mps, gust_s) + white,
+                ),
+            )
+            equal = [0.0] * len(WINDOWS.times_s)
+            angle_rad, angle_s = max(_size_and_time(*one, angles, ANGLES_RAD, equal) for one in shown)
+    information = jacobian.T @ jacobian
+    estimate_covariance = np.asarray(np.linalg.inv(information), dtype=float)
+    gain = -estimate_covariance @ jacobian[: len(residual)].T @ whiten
+    evidence = (
+        float(np.sum((whiten @ residual) ** 2) + np.sum(((parameters - mean) / sigma) ** 2))
+        - 2 * float(np.sum(np.log(np.diag(whiten))))
+        + float(np.linalg.slogdet(information * np.outer(sigma, sigma))[1])
+    )
+    return Fit(parameters, estimate_covariance, gain, residual[:n], gust_mps, gust_s, evidence)
+
+
+def _size_and_time(
+    residual: Array, fixed: Array, by_time: list[Array], sizes: tuple[float, ...], unlikely: Sequence[Array | float]
+) -> tuple[float, float]:
+    """Standard deviation and correlation time of one part of the residuals: root mean square, and geometric mean, over
+    what is probable given the residuals. A short flight leaves them uncertain, and their most likely values are too
+    small more often than too large.
+
+    fixed: covariance of the rest. by_time: of the part at size 1, for each of WINDOWS.times_s. unlikely: their
+    cost, as chi squared.
+    """
+    found = []
+    factor = np.linalg.inv(np.linalg.cholesky(fixed))
+    for one, cost_of_time in zip(by_time, unlikely, strict=True):
+        # In the eigenvectors of one matrix relative to the other both are diagonal for every size.
+        values, vectors = np.linalg.eigh(factor @ one @ factor.T)
+        white = (vectors.T @ factor @ residual) ** 2
+        variance = 1 + np.square(sizes)[:, None] * np.maximum(values, 0.0)
+        found.append(np.sum(white / variance + np.log(variance), axis=1) + cost_of_time)
+    costs = np.concatenate(found)
+    sigmas, times_s = np.tile(sizes, len(by_time)), np.repeat(WINDOWS.times_s[: len(by_time)], len(sizes))
+    weight = np.exp((costs.min() - costs) / 2)
+    weight /= weight.sum()
+    return float(np.sqrt(weight @ sigmas**2)), float(np.exp(weight @ np.log(times_s)))
+
+
+def derivatives(
+    quantity: Callable[[Array, FlightConditions], Array],
+    parameters: Array,
+    covariance: Array,
+    shared: SharedErrors,
+    conditions: FlightConditions,
+) -> tuple[Array, Array]:
+    """Of a quantity (n,) of parameters and conditions: derivative (m, n) by the parameters, and its change (k, n) with
+    each error that the whole flight shares."""
+    rows = []
+    for i, sigma in enumerate(np.sqrt(np.diag(covariance))):
+        step = np.zeros(len(parameters))
+        step[i] = STEP * sigma
+        above, below = (quantity(parameters + sign * step, conditions) for sign in (1, -1))
+        rows.append(np.nan_to_num((above - below) / (2 * step[i])))
+    gradient, nominal = np.array(rows), quantity(parameters, conditions)
+    effects = [np.nan_to_num(quantity(parameters, given) - nominal) + change @ gradient for change, given in shared]
+    return gradient, np.array(effects)
+
+
+def with_standard_error(
+    quantity: Callable[[Array, FlightConditions], Array],
+    parameters: Array,
+    covariance: Array,
+    shared: SharedErrors,
+    conditions: FlightConditions,
+) -> tuple[Array, Array]:
+    """A quantity (n,) of parameters and conditions, and its standard error."""
+    gradient, effects = derivatives(quantity, parameters, covariance, shared, conditions)
+    variance = np.einsum("in,ij,jn->n", gradient, covariance, gradient) + (effects**2).sum(axis=0)
+    return quantity(parameters, conditions), np.sqrt(variance)
+
+
+def shared_errors(
+    flight: FlightTable,
+    balance: EnergyBalance,
+    fit: Fit,
+    airspeed: AirspeedErrors,
+    *,
+    power_sigma: float = SHARED.current,
+    updraft_share: float = SHARED.updraft_share,
+) -> Iterator[tuple[Array, FlightConditions]]:
+    """The parameters' change with each independent error of one standard deviation, and the conditions with it."""
+    c = balance.conditions
+    nominal = balance.residual(fit.parameters)
+
+    def error(samples: Samples, given: FlightConditions) -> tuple[Array, FlightConditions]:
+        return fit.gain @ (balance.residual(fit.parameters, samples, given) - nominal), given
+
+    if airspeed.wind is None:
+        for scale, zero_Pa in np.linalg.cholesky(airspeed.covariance).T:
+            yield error(samples_of(flight, airspeed.scale + scale, airspeed.zero_Pa + zero_Pa), c)
+    elif balance.samples.ground is None and airspeed.wind_covariance is not None:  # the wind is no parameter here
+        for change in np.linalg.cholesky(airspeed.wind_covariance).T:
+            yield error(samples_of(flight, 0.0, 0.0, airspeed.wind + change), c)
+    heavier, warmer = 1 + SHARED.mass, 1 - flight.rho_sigma
+    # GPS shows true airspeed: where it determines the scale, an error of density changes the scale, not the airspeed.
+    thinner = balance.samples._replace(V_mps=balance.samples.V_mps / warmer ** ((1 - airspeed.by_gps) / 2))
+    yield error(thinner, c._replace(rho=c.rho * warmer))
+    yield error(balance.samples, c._replace(mass_kg=c.mass_kg * heavier))
+    yield error(balance.samples, c._replace(power_scale=1 + power_sigma))
+    yield error(balance.samples, c._replace(idle_power_W=c.idle_power_W + c.idle_sigma_W))
+    yield error(
+        balance.samples, c._replace(updraft_mps=float(np.hypot(SHARED.least_updraft_mps, updraft_share * fit.gust_mps)))
+    )

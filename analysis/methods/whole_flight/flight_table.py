@@ -1,0 +1,407 @@
+"""The channels of an ordinary flight on one time base, and the stretches in which the aircraft was airborne.
+
+`resampled` smooths a channel and interpolates it, without bridging long gaps.
+
+`flight_table` corrects the pitot's zero by the time on the ground, takes air temperature from the thermometer that
+shows the air, and finds the flight by airspeed, GPS and height.
+"""
+
+from collections.abc import Mapping
+from enum import StrEnum
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from analysis.methods.whole_flight.ground_velocity import circle_center, height_factor
+from analysis.methods.whole_flight.settings import SHARED, TEMPERATURE, WINDOWS, ZERO
+from analysis.sources import recording
+from analysis.sources.autopilot_settings import READABLE
+from analysis.sources.grid import resampled, smoothed, stretches
+from analysis.sources.grid_settings import FLIGHT
+from analysis.sources.recording import Channel, FlightRecording
+from flight.arrays import Array, BoolArray
+from flight.atmosphere import density, height_at, temperature_at
+from flight.errors import InputError
+from flight.units import GRAVITY_MPS2 as g
+
+
+class Needed(NamedTuple):
+    """A sensor that the balance cannot do without, and its channels."""
+
+    title: str
+    channels: frozenset[str]
+
+
+NO_AIRSPEED = (
+    "No airspeed sensor in this log: airspeed is the velocity by GPS less the wind, which is estimated with the curve."
+)
+NEEDED = (
+    Needed("airspeed: a pitot tube and its sensor, or GPS", recording.OF_AIRSPEED),
+    Needed("static pressure: a barometer", recording.OF_BAROMETER),
+    Needed("battery voltage and current: a power module", recording.OF_BATTERY),
+)
+
+
+class FlightTable(NamedTuple):
+    """One flight on a uniform grid of FLIGHT.step_s.
+
+    table : index t_s; pressure_Pa (pitot, zero corrected; or by GPS, `_first_wind`), rho, height_m, power_W,
+        load_factor, force_x_mps2, load_variance and side_variance (of load factor, and of side force over weight,
+        within a smoothing window), motor_revps, GPS, wind_factor (`height_factor`), throttle (NaN throughout where
+        power does not follow it); NaN in gaps
+    airborne : slices of rows          flown : the same as an array (n,)
+    zero_sigma_Pa : standard deviation of the pitot's zero          rho_sigma : of density, relative
+    idle_power_W, idle_sigma_W : drawn from the battery with the motor off, and its standard deviation
+    first_wind_mps : (2,), north and east, where no sensor measures the airspeed
+    """
+
+    table: pd.DataFrame
+    airborne: list[slice]
+    flown: BoolArray
+    zero_sigma_Pa: float
+    rho_sigma: float
+    air_temperature_K: float
+    idle_power_W: float
+    idle_sigma_W: float
+    notes: list[str]
+    first_wind_mps: Array | None = None
+
+    def thinned(self, every: int) -> "FlightTable":
+        """One sample of so many."""
+        airborne = [slice(-(-rows.start // every), -(-rows.stop // every)) for rows in self.airborne]
+        return self._replace(table=self.table.iloc[::every], airborne=airborne, flown=self.flown[::every])
+
+
+def flight_table(flight: FlightRecording, weight_N: float, wing_area_m2: float) -> FlightTable:
+    """The flight of a recording. Raises InputError, in one line, where it lacks a channel or a flight."""
+    t_s = _grid(flight)
+    columns = _columns(flight, t_s)
+    least_Pa = weight_N / wing_area_m2 / FLIGHT.highest_CL
+    has_pitot = recording.AIRSPEED_PRESSURE in flight.channels
+    if has_pitot:
+        standing, moving = _standing_and_moving(columns, least_Pa, flight.zeroed)
+        zero_Pa, zero_sigma_Pa, notes = _zero(flight, columns["pressure_Pa"], standing, moving)
+        columns["pressure_Pa"] = columns["pressure_Pa"] - zero_Pa
+    else:
+        ground_mps = _ground_speed(columns)
+        standing, moving = ground_mps < FLIGHT.standing_mps, ground_mps > 2 * FLIGHT.standing_mps
+        zero_sigma_Pa, notes = 0.0, [NO_AIRSPEED]
+    temperature_K, temperature_sigma_K, temperature_note = _air_temperature_K(flight, moving, t_s)
+    columns["rho"] = np.asarray(density(columns["static_Pa"], temperature_K))
+    reference_Pa = float(np.nanmedian(columns["static_Pa"]))
+    columns["height_m"] = np.asarray(
+        height_at(columns["static_Pa"], ground_pressure_Pa=reference_Pa, ground_temperature_K=temperature_K)
+    )
+    first_wind = None
+    columns["wind_factor"] = np.ones(len(t_s))
+    if not has_pitot:
+        ground_m = _ground_height(columns["height_m"], standing)
+        columns["wind_factor"] = height_factor(columns["height_m"], ground_m, moving)
+        first_wind, moving = _first_wind(columns, moving, least_Pa)
+    airborne = _airborne(columns, standing, moving, least_Pa)
+    _refuse_meter(flight.path, columns, moving, weight_N)
+    if sum(rows.stop - rows.start for rows in airborne) * FLIGHT.step_s < FLIGHT.shortest_flight_s:
+        raise InputError(f"{flight.path}: {_why_too_short(columns, moving)}")
+    flown = np.zeros(len(t_s), dtype=bool)
+    for rows in airborne:
+        flown[rows] = True
+    columns[recording.THROTTLE], throttle_notes = _believed_throttle(columns, moving)
+    off = power_off(columns[recording.THROTTLE])
+    idle_W, idle_sigma_W = _idle_power_W(columns["power_W"], standing, flown, off)
+    columns["power_W"] = np.where(off & np.isfinite(columns["power_W"]), idle_W, columns["power_W"])
+    table = pd.DataFrame(columns, index=pd.Index(t_s - t_s[0], name="t_s"))
+    return FlightTable(
+        table,
+        airborne,
+        flown,
+        zero_sigma_Pa,
+        temperature_sigma_K / temperature_K,
+        temperature_K,
+        idle_W,
+        idle_sigma_W,
+        [*flight.notes, *notes, *throttle_notes, temperature_note],
+        first_wind,
+    )
+
+
+def _why_too_short(columns: Mapping[str, Array], moving: BoolArray) -> str:
+    known = np.isfinite(columns["pressure_Pa"] + columns["height_m"] + columns["power_W"])
+    in_air_s, known_s = (float(rows.sum()) * FLIGHT.step_s for rows in (moving, moving & known))
+    lasting_s = max(((rows.stop - rows.start) * FLIGHT.step_s for rows in stretches(moving & known)), default=0.0)
+    if known_s < FLIGHT.shortest_flight_s or lasting_s > 0.9 * in_air_s:
+        cause = f"airspeed, height and battery for {known_s:.0f} s in the air"
+    else:
+        cause = (
+            f"airspeed, height and battery for {known_s:.0f} s of {in_air_s:.0f} s in the air, but torn by gaps, for"
+            f" {lasting_s:.0f} s at most at a time"
+        )
+    return (
+        f"too short a flight in this log: {cause}; {FLIGHT.shortest_flight_s:.0f} s clear of take-off and landing are"
+        f" needed, in stretches of {2.5 * WINDOWS.length_s:.0f} s at least"
+    )
+
+
+def _refuse_meter(path: Path, columns: Mapping[str, Array], moving: BoolArray, weight_N: float) -> None:
+    """Raises InputError where what was measured cannot be the motor's power."""
+    if moving.sum() * FLIGHT.step_s <= FLIGHT.recognized_over_s:
+        return
+    most_W, throttle = float(np.nanmax(columns["power_W"][moving], initial=0.0)), columns[recording.THROTTLE][moving]
+    opened = f", at up to {100 * np.nanmax(throttle):.0f} % throttle" if np.isfinite(throttle).any() else ""
+    if most_W < weight_N * FLIGHT.climb_mps:
+        raise InputError(
+            f"{path}: the current sensor shows at most {most_W:.0f} W in the air{opened}, on which"
+            f" {weight_N / g:.3g} kg do not climb: it does not measure the motor's current, or the motor never ran"
+        )
+    if meter(columns, moving) is Meter.STANDS:
+        usual_W = float(np.nanmedian(columns["power_W"][moving]))
+        raise InputError(
+            f"{path}: the current sensor shows about {usual_W:.0f} W in the air whatever the throttle, which varies by"
+            f" {100 * np.nanstd(throttle):.0f} %: it does not measure the motor's current"
+        )
+
+
+def _believed_throttle(columns: Mapping[str, Array], moving: BoolArray) -> tuple[Array, list[str]]:
+    """The throttle (n,), NaN where power does not follow it, and a note where it contradicts it."""
+    found = meter(columns, moving)
+    if found is Meter.FOLLOWS:
+        return columns[recording.THROTTLE], []
+    contradicts = "The measured power does not follow the log's throttle, which is not used; check the current sensor."
+    notes = [contradicts] if found is Meter.CONTRADICTS else []
+    return np.full(len(moving), np.nan), notes
+
+
+def _ground_speed(columns: Mapping[str, Array]) -> Array:
+    """Over the time that a flight takes to be recognized (n,) [m/s]."""
+    speed_mps = pd.Series(np.hypot(columns[recording.GPS[0]], columns[recording.GPS[1]]))
+    window = round(FLIGHT.recognized_over_s / FLIGHT.step_s)
+    return speed_mps.rolling(window, center=True, min_periods=1).mean().to_numpy()
+
+
+def _first_wind(columns: dict[str, Array], moving: BoolArray, least_Pa: float) -> tuple[Array, BoolArray]:
+    """The wind (2,) by ground velocities alone, and the rows (n,) that fly. Adds the pressure that a pitot would show.
+
+    Again without what rolls or is carried: it does not fly at the airspeed of the rest.
+    """
+    north, east, down = (columns[name] for name in recording.GPS)
+    flying, wind = moving, np.zeros(2)
+    for _ in range(2):
+        rows = flying & np.isfinite(north + east)
+        if rows.sum() < READABLE.fewest_samples:
+            break
+        wind = circle_center(north[rows], east[rows], FLIGHT.step_s)
+        through_air = np.square([north - wind[0], east - wind[1], down]).sum(axis=0)
+        columns["pressure_Pa"] = columns["rho"] / 2 * through_air
+        flying = moving & (columns["pressure_Pa"] > least_Pa)
+    return wind, flying
+
+
+def _grid(flight: FlightRecording) -> Array:
+    has_airspeed = recording.AIRSPEED_PRESSURE in flight.channels
+    has_gps = flight.channels.keys() >= set(recording.GPS)
+    if missing := [part for part in NEEDED[has_gps:] if not flight.channels.keys() >= part.channels]:
+        said = "; ".join(part.title + flight.enabled_by.get(part.channels, "") for part in missing)
+        raise InputError(f"{flight.path}: the log lacks {said}")
+    main = flight.channels[recording.AIRSPEED_PRESSURE if has_airspeed else recording.GPS[0]].t_s
+    if main[-1] - main[0] > FLIGHT.longest_log_s:
+        raise InputError(f"{flight.path}: its clock spans {main[-1] - main[0]:.0f} s; longer than any flight")
+    return np.asarray(np.arange(main[0], main[-1], FLIGHT.step_s))
+
+
+def _columns(flight: FlightRecording, t_s: Array) -> dict[str, Array]:
+    channels = flight.channels
+    gap_s = WINDOWS.length_s if flight.by_radio else FLIGHT.longest_gap_s
+
+    def column(name: str, window_s: float = 0.0) -> Array:
+        one = channels.get(name)
+        return np.full(len(t_s), np.nan) if one is None else resampled(one, t_s, window_s, gap_s)
+
+    columns = {
+        "pressure_Pa": column(recording.AIRSPEED_PRESSURE, FLIGHT.smoothing_s),
+        "static_Pa": column(recording.STATIC, FLIGHT.smoothing_s),
+        "power_W": column(recording.VOLTAGE) * np.maximum(column(recording.CURRENT), 0.0),
+        "load_factor": -column(recording.FORCE_Z, FLIGHT.smoothing_s) / g,
+        "load_variance": _variance(channels.get(recording.FORCE_Z), t_s) / g**2,
+        "side_variance": _variance(channels.get(recording.FORCE_Y), t_s) / g**2,
+        "force_x_mps2": column(recording.FORCE_X, FLIGHT.smoothing_s),
+    }
+    return columns | {name: column(name) for name in (*recording.GPS, recording.MOTOR, recording.THROTTLE)}
+
+
+def _variance(one: Channel | None, t_s: Array) -> Array:
+    """Variance (n,) within the smoothing window of what is slower than vibration; zero where it is not measured."""
+    if one is None or len(one.t_s) < 2:
+        return np.zeros(len(t_s))
+    width = round(FLIGHT.step_s / 2 / float(np.median(np.diff(one.t_s))))
+    value = one.value if width < 2 else smoothed(one.value, width)
+    mean, square = (
+        resampled(Channel(one.t_s, x), t_s, FLIGHT.smoothing_s, FLIGHT.longest_gap_s) for x in (value, value**2)
+    )
+    return np.asarray(np.maximum(np.nan_to_num(square - mean**2), 0.0))
+
+
+def _standing_and_moving(columns: Mapping[str, Array], least_Pa: float, zeroed: bool) -> tuple[BoolArray, BoolArray]:
+    """Rows in which the aircraft stands, and in which it flies or rolls fast, before the zero is known."""
+    window = round(FLIGHT.recognized_over_s / FLIGHT.step_s)
+    pressure = pd.Series(columns["pressure_Pa"]).rolling(window, center=True, min_periods=1).mean().to_numpy()
+    ground_speed = np.hypot(columns[recording.GPS[0]], columns[recording.GPS[1]])
+    has_gps = bool(np.isfinite(ground_speed).any())
+    low = float(np.nanpercentile(pressure, 5))
+    standing = pressure - low < least_Pa / 2
+    if has_gps:
+        standing &= np.nan_to_num(ground_speed, nan=np.inf) < FLIGHT.standing_mps
+    on_ground = has_gps and standing.sum() * FLIGHT.step_s >= ZERO.block_s
+    known_zero = 0.0 if zeroed and not on_ground and (low > least_Pa or not standing.any()) else low
+    # Airborne all along: the lowest reading is a flown one, and the zero is the autopilot's.
+    standing &= pressure - known_zero < least_Pa / 2
+    moving = pressure - known_zero > least_Pa
+    if has_gps:
+        slow = pd.Series(ground_speed).rolling(window, center=True, min_periods=1).mean().to_numpy()
+        moving &= ~(slow < 2 * FLIGHT.standing_mps) | (pressure - known_zero > 3 * least_Pa)
+    return standing, moving
+
+
+def _zero(
+    flight: FlightRecording, pressure: Array, standing: BoolArray, moving: BoolArray
+) -> tuple[float, float, list[str]]:
+    """Zero of the pitot [Pa] and its standard deviation, from the time on the ground next to the flight."""
+    near = np.zeros(len(pressure), dtype=bool)
+    if moving.any():
+        first, last = np.flatnonzero(moving)[[0, -1]]
+        reach = round(ZERO.near_s / FLIGHT.step_s)
+        near[max(0, first - reach) : last + reach] = True
+    block = round(ZERO.block_s / FLIGHT.step_s)
+    rows = np.flatnonzero(standing & near & np.isfinite(pressure))
+    means = pressure[rows[: len(rows) // block * block]].reshape(-1, block).mean(axis=1)
+    if not len(means) and not flight.zeroed:
+        raise InputError(
+            f"{flight.path}: the pressure of the pitot is raw, and the log has no {ZERO.block_s:.0f} s on the ground"
+            " that show its zero"
+        )
+    if not len(means):
+        note = (
+            "The log has no time on the ground: the pitot's zero is the autopilot's, taken as good to"
+            f" {ZERO.unknown_sigma_Pa:.0f} Pa."
+        )
+        return 0.0, ZERO.unknown_sigma_Pa, [note]
+    sigma = float(np.hypot(ZERO.sigma_Pa, np.std(means)))
+    return float(np.median(means)), sigma, []
+
+
+def _air_temperature_K(flight: FlightRecording, moving: BoolArray, t_s: Array) -> tuple[float, float, str]:
+    """What the user says, the coolest believable temperature in flight, or that of the standard atmosphere; its
+    standard deviation; and a sentence on it.
+    """
+    if flight.air_temperature_K is not None:
+        given_K = flight.air_temperature_K
+        return given_K, TEMPERATURE.given_sigma_K, f"Air temperature {given_K - 273.15:.0f} °C, as given."
+    thermometers = flight.thermometers
+    flown = t_s[moving] if moving.any() else t_s
+    found = {}
+    for name, one in thermometers.items():
+        inside = one.value[(one.t_s >= flown[0]) & (one.t_s <= flown[-1])]
+        values = inside[(inside > TEMPERATURE.coldest_K) & (inside < TEMPERATURE.hottest_K)]
+        if len(values):
+            found[name] = float(np.median(values))
+    coolest = min(found, key=lambda one: found[one], default=None)
+    warm = coolest is not None and found[coolest] > TEMPERATURE.warm_K
+    if coolest is None or (warm and coolest in flight.inside):
+        pressure_Pa = float(np.median(flight.channels[recording.STATIC].value))
+        standard_K = float(temperature_at(height_at(pressure_Pa)))
+        note = (
+            f"No thermometer in the log shows the air: it is taken as {standard_K - 273.15:.0f} °C, as in the standard"
+            " atmosphere; --air-temperature gives it."
+        )
+        return standard_K, TEMPERATURE.unknown_sigma_K, note
+    others = [f"{one} shows {value - 273.15:.0f} °C" for one, value in found.items() if value > found[coolest] + 5]
+    also = f" ({'; '.join(others)})" if others else ""
+    note = f"Air temperature {found[coolest] - 273.15:.0f} °C, by the coolest thermometer, {coolest}{also}."
+    return (
+        found[coolest],
+        TEMPERATURE.unknown_sigma_K if warm or coolest in flight.inside else TEMPERATURE.sigma_K,
+        note,
+    )
+
+
+def _airborne(columns: Mapping[str, Array], standing: BoolArray, moving: BoolArray, least_Pa: float) -> list[slice]:
+    """Stretches clear of the ground in which everything needed was measured."""
+    known = np.isfinite(columns["pressure_Pa"] + columns["height_m"] + columns["power_W"])
+    flying = moving & known & (columns["pressure_Pa"] > least_Pa)
+    ground = _ground_height(columns["height_m"], standing)
+    if ground is not None:
+        flying &= columns["height_m"] - ground > FLIGHT.clear_of_ground_m
+    trim = round(WINDOWS.length_s / FLIGHT.step_s)
+    found = []
+    for rows in stretches(flying):
+        start = rows.start + (trim if _touches_ground(moving, rows.start, -1) else 0)
+        stop = rows.stop - (trim if _touches_ground(moving, rows.stop - 1, 1) else 0)
+        if (stop - start) * FLIGHT.step_s >= 2.5 * WINDOWS.length_s:
+            found.append(slice(start, stop))
+    return found
+
+
+def _ground_height(height: Array, standing: BoolArray) -> Array | None:
+    """Height of the ground by the barometer (n,), which drifts: interpolated between the times on the ground."""
+    rows = np.flatnonzero(standing & np.isfinite(height))
+    if not len(rows):
+        return None
+    smooth = pd.Series(height[rows]).rolling(25, center=True, min_periods=1).median().to_numpy()
+    return np.asarray(np.interp(np.arange(len(height)), rows, smooth))
+
+
+def _touches_ground(moving: BoolArray, row: int, direction: int) -> bool:
+    """Whether within a few seconds beyond a row the aircraft was on the ground, or the log ends there in flight."""
+    reach = round(2 * WINDOWS.length_s / FLIGHT.step_s)
+    beyond = moving[row : row + reach] if direction > 0 else moving[max(0, row - reach) : row]
+    return bool(len(beyond)) and not bool(beyond.all())
+
+
+def _idle_power_W(power: Array, standing: BoolArray, flown: BoolArray, off: BoolArray) -> tuple[float, float]:
+    """Power with the motor off, and its standard deviation: the median in flight with the throttle closed, or on the
+    ground, or less if less was drawn in flight. Where neither is in the log, the motor may have run all the time.
+    """
+    gliding = power[flown & off & np.isfinite(power)]
+    if len(gliding) * FLIGHT.step_s > FLIGHT.recognized_over_s:
+        return float(np.median(gliding)), SHARED.idle_power_W
+    in_flight = float(np.nanpercentile(power[flown], 1))
+    on_ground = power[standing & np.isfinite(power)]
+    if len(on_ground):
+        return min(in_flight, float(np.median(on_ground))), SHARED.idle_power_W
+    unseen_W = min(in_flight, SHARED.unseen_idle_W)
+    return unseen_W, max(unseen_W, SHARED.idle_power_W)
+
+
+class Meter(StrEnum):
+    """How the measured power goes with the throttle."""
+
+    FOLLOWS = "power follows the throttle"
+    CONTRADICTS = "power varies, but not with the throttle"
+    STANDS = "power hardly varies while the throttle does"
+    UNCHECKED = "no throttle that varies is in the log"
+
+
+def meter(columns: Mapping[str, Array], moving: BoolArray) -> Meter:
+    """Of power and throttle (n,) in flight. A propulsion takes at least as its throttle rises, relative to its mean,
+    whatever the airspeed; a channel of throttle that power contradicts is another's, or was not in control.
+    """
+    throttle, power = columns[recording.THROTTLE], columns["power_W"]
+    known = moving & np.isfinite(throttle + power)
+    if not known.any():
+        return Meter.UNCHECKED
+    throttle, power = throttle[known], power[known]
+    if np.std(throttle) <= 0.1 * np.mean(throttle):  # what varies power then is the airspeed
+        return Meter.UNCHECKED
+    # More than half of the variance: 0.7 to 0.97 in simulated flights and in SITL.
+    if np.std(power) > 0 and np.corrcoef(throttle, power)[0, 1] > np.sqrt(0.5):
+        return Meter.FOLLOWS
+    least = np.std(throttle) / np.mean(throttle) / 2  # half: of a motor that never idles
+    return Meter.STANDS if np.std(power) < least * np.mean(power) else Meter.CONTRADICTS
+
+
+def power_off(throttle: Array) -> BoolArray:
+    """Rows (n,) in which the throttle is closed, within half the percent that telemetry counts in, and has been for so
+    long that the motor no longer drives.
+    """
+    closed = pd.Series(np.where(np.isfinite(throttle), np.abs(throttle) < 0.005, False).astype(float))
+    return np.asarray(closed.rolling(round(FLIGHT.smoothing_s / FLIGHT.step_s), min_periods=1).min() == 1)

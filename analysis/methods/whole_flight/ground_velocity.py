@@ -1,0 +1,85 @@
+"""Airspeed without a sensor: the velocity by GPS less the wind.
+
+The horizontal wind is constant but for a linear trend and the logarithmic profile over height. `circle_center` gives a
+first wind, the center of the circle on which the ground velocities of an aircraft at one airspeed lie. The energy
+balance then estimates the wind with its other parameters: power, height and specific force say how the kinetic energy
+relative to the air changes, and on a turn, how that follows from the ground velocities depends on the wind.
+
+A gust along the horizon changes airspeed and energy as the wind does, over its correlation time. `gusts` has its size
+and scale over those of vertical gusts near the ground (MIL-F-8785C, sec. 3.7.3.4.1).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from analysis.methods.whole_flight.settings import GPS, RESIDUALS
+from analysis.sources import recording
+from flight.arrays import Array
+from flight.units import FOOT_M
+
+WIND = ("wind_north", "wind_east", "wind_north_trend", "wind_east_trend")
+
+
+class GroundVelocity(NamedTuple):
+    """By GPS, (n,) [m/s] each. height_factor : wind over that at the median height     elapsed_s : since the middle
+
+    first_wind_mps : (2,) by `circle_center`
+    """
+
+    north_mps: Array
+    east_mps: Array
+    down_mps: Array
+    height_factor: Array
+    elapsed_s: Array
+    first_wind_mps: Array
+
+    def airspeed(self, wind: Array) -> Array:
+        """True airspeed (n,) [m/s]. wind: (4,) of `WIND` [m/s, m/s²]"""
+        north, east = (self.height_factor * (wind[i] + wind[i + 2] * self.elapsed_s) for i in (0, 1))
+        return np.asarray(np.sqrt((self.north_mps - north) ** 2 + (self.east_mps - east) ** 2 + self.down_mps**2))
+
+
+def ground_velocity(table: pd.DataFrame, flown: NDArray[np.bool_], first_wind_mps: Array) -> GroundVelocity:
+    """Of all samples of a `FlightTable`. A GPS velocity is that of GPS.latency_s before."""
+    t_s = table.index.to_numpy()
+    known = table[list(recording.GPS)].notna().all(axis=1).to_numpy()
+    north, east, down = (np.interp(t_s + GPS.latency_s, t_s[known], table[name][known]) for name in recording.GPS)
+    factor, elapsed_s = table["wind_factor"].to_numpy(), t_s - t_s[flown].mean()
+    return GroundVelocity(north, east, down, factor, elapsed_s, first_wind_mps)
+
+
+def circle_center(north_mps: Array, east_mps: Array, step_s: float) -> Array:
+    """Wind (2,), north and east, by ground velocities (n,) at one airspeed: |v|² = 2 v w + const.
+
+    The airspeed's changes are taken to last as long as the longest of the wind's; where headings hardly change, the
+    wind is near zero.
+    """
+    speed_mps = np.hypot(north_mps, east_mps)
+    sigma = 2 * np.mean(speed_mps) * GPS.airspeed_change_mps * np.sqrt(max(GPS.correlation_s) / step_s)
+    columns = np.stack([2 * north_mps, 2 * east_mps, np.ones(len(speed_mps))], axis=1) / sigma
+    weak = np.diag([1 / GPS.wind_sigma_mps, 1 / GPS.wind_sigma_mps, 0.0])
+    matrix, values = np.vstack([columns, weak]), np.concatenate([speed_mps**2 / sigma, np.zeros(3)])
+    return np.asarray(np.linalg.lstsq(matrix, values, rcond=None)[0][:2])
+
+
+def height_factor(height_m: Array, ground_m: Array | None, flown: NDArray[np.bool_]) -> Array:
+    """Wind (n,) over that at the median height flown, by the logarithmic profile; 1 where the ground is not known."""
+    if ground_m is None or not flown.any():
+        return np.ones(len(height_m))
+    above_m = np.log(np.maximum(height_m - ground_m, 2 * GPS.roughness_m) / GPS.roughness_m)
+    return np.asarray(above_m / np.nanmedian(above_m[flown]))
+
+
+def wind_prior(start: Array) -> tuple[Array, Array]:
+    """Mean and standard deviation (4,) of `WIND`. start: (2,) a first wind, which its weak prior is put about."""
+    sigma = [GPS.wind_sigma_mps, GPS.wind_sigma_mps, GPS.trend_mps2, GPS.trend_mps2]
+    return np.array([*start, 0.0, 0.0]), np.array(sigma)
+
+
+def gusts() -> tuple[float, float]:
+    """Standard deviation and correlation time of horizontal gusts over those of vertical ones."""
+    shape = 0.177 + 0.000823 * RESIDUALS.gust_length_m.mean / FOOT_M
+    return shape**-0.4, shape**-1.2

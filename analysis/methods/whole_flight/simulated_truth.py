@@ -1,0 +1,90 @@
+"""Compares what was measured and found with the truth in a log of ArduPilot's own simulation; nothing of it is used."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.estimation.noise import NORMAL_95
+from analysis.methods.whole_flight.airspeed_gps import true_airspeed
+from analysis.methods.whole_flight.curve import ElectricalEstimate
+from analysis.methods.whole_flight.flight_table import FlightTable
+from analysis.methods.whole_flight.settings import WINDOWS
+from analysis.sources import recording
+from analysis.sources.grid import resampled
+from analysis.sources.grid_settings import FLIGHT
+from analysis.sources.recording import FlightRecording
+from flight.arrays import Array
+from flight.units import GRAVITY_MPS2 as g
+
+
+@dataclass(frozen=True)
+class SimulatedTruth:
+    """airspeed_error : of the mean airspeed found, relative          airspeed_half_width : of its 95 % interval
+    steady_windows, power_error : of the true state, and by how much the curve exceeds the power measured in them,
+    relative; NaN without such windows
+    """
+
+    airspeed_error: float
+    airspeed_half_width: float
+    steady_windows: int
+    power_error: float
+
+    def sentence(self) -> str:
+        told = (
+            "The flight is a simulation by ArduPilot. Its truth is not used; the airspeed found is"
+            f" {100 * self.airspeed_error:+.1f} % off it (± {100 * self.airspeed_half_width:.1f} % stated)"
+        )
+        if not self.steady_windows:
+            return f"{told}."
+        return (
+            f"{told}, and in {self.steady_windows} windows of truly steady level flight the curve is"
+            f" {100 * self.power_error:+.1f} % off the measured power."
+        )
+
+
+def compared(flight: FlightRecording, table: FlightTable, found: ElectricalEstimate) -> SimulatedTruth | None:
+    """None where the log is no simulation's."""
+    if recording.TRUE_AIRSPEED not in flight.truth:
+        return None
+    t_s = table.table.index.to_numpy() + flight.channels[recording.AIRSPEED_PRESSURE].t_s[0]
+    true_V, true_height = (
+        resampled(flight.truth[name], t_s, FLIGHT.smoothing_s, FLIGHT.longest_gap_s)
+        if name in flight.truth
+        else np.full(len(t_s), np.nan)
+        for name in (recording.TRUE_AIRSPEED, recording.TRUE_HEIGHT)
+    )
+    rows, airspeed = table.table, found.airspeed
+    V = true_airspeed(rows["pressure_Pa"].to_numpy(), rows["rho"].to_numpy(), airspeed.scale, airspeed.zero_Pa)
+    known = table.flown & np.isfinite(true_V) & np.isfinite(V)
+    if not known.any():
+        return None
+    steady = _steady(true_V, true_height, table, found.conditions.mass_kg)
+    at_V = np.array([np.mean(true_V[window]) for window in steady])
+    inside = (at_V >= found.V_mps[0]) & (at_V <= found.V_mps[-1]) if len(at_V) else np.zeros(0, dtype=bool)
+    measured = np.array([np.mean(rows["power_W"].to_numpy()[window]) for window in steady])[inside]
+    curve = np.interp(at_V[inside], found.V_mps, found.power_W) if inside.any() else measured
+    # d ln V of the pitot's scale and zero, and of density where GPS does not show true airspeed.
+    of_pitot = np.array([1.0, 1 / (2 * np.mean(rows["pressure_Pa"].to_numpy()[known]))])
+    sigma = np.hypot(np.sqrt(of_pitot @ airspeed.covariance @ of_pitot), (1 - airspeed.by_gps) * table.rho_sigma / 2)
+    return SimulatedTruth(
+        float(np.mean(V[known]) / np.mean(true_V[known]) - 1),
+        float(NORMAL_95 * sigma),
+        int(inside.sum()),
+        float(np.sum(curve) / np.sum(measured) - 1) if inside.any() else np.nan,
+    )
+
+
+def _steady(V: Array, height: Array, rows: FlightTable, mass_kg: float) -> list[slice]:
+    """Windows of the balance's length whose change of true energy takes less than 2 % of the measured power, at an
+    airspeed that varies by less than 2 %.
+    """
+    length, power = round(WINDOWS.length_s / FLIGHT.step_s), rows.table["power_W"].to_numpy()
+    energy_J = mass_kg * (g * height + V**2 / 2)
+    found = []
+    for start in range(0, len(V) - length, length):
+        window = slice(start, start + length)
+        change_W = abs(energy_J[window][-1] - energy_J[window][0]) / WINDOWS.length_s
+        still = change_W < 0.02 * np.mean(power[window]) and np.std(V[window]) < 0.02 * np.mean(V[window])
+        if rows.flown[window].all() and still:
+            found.append(window)
+    return found

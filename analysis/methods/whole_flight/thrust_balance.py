@@ -1,0 +1,141 @@
+"""Energy balance with the thrust of a propeller's table: T V = D V + dE/dt.
+
+Motor speed is measured, or follows from the electrical power and the motor's constants: the motor takes
+(omega k + R I) I for the shaft torque k (I - I_0).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.methods.thrust_prior import J_REFERENCE
+from analysis.methods.whole_flight.energy_balance import (
+    DragAndEfficiency,
+    EnergyBalance,
+    FlightConditions,
+    Samples,
+    drag_power,
+)
+from analysis.methods.whole_flight.settings import THRUST, WINDOWS
+from analysis.sources.autopilot_settings import INSTANCES
+from analysis.sources.grid import stretches
+from flight.aircraft import Propulsion
+from flight.arrays import Array
+from flight.propeller import Propeller
+
+PARAMETERS = (
+    "ln_CD0",
+    "ln_K",
+    "CL_minD",
+    "K4",
+    "thrust_scale",
+    "thrust_slope",
+    "ln_beta_per_CY",
+    "alpha_0",
+    "ln_alpha_per_CL",
+    "alpha_per_CT",
+)
+
+
+@dataclass(frozen=True)
+class MotorConstants:
+    """torque_constant: N m/A, which is also V s/rad. The resistance contains the controller's."""
+
+    torque_constant: float
+    resistance_ohm: float
+    no_load_A: float
+
+    def electrical_W(self, shaft_W: Array, revps: Array) -> Array:
+        """Electrical power (n,) that the motor takes to give a shaft power; zero where the air drives it."""
+        omega = 2 * np.pi * revps
+        current = np.maximum(shaft_W / omega / self.torque_constant + self.no_load_A, 0.0)
+        return np.asarray((omega * self.torque_constant + self.resistance_ohm * current) * current)
+
+
+def motor_constants(propulsion: Propulsion) -> MotorConstants | None:
+    """None where the aircraft file lacks one of them."""
+    kv, resistance = propulsion.motor_kv_rpm_per_volt, propulsion.motor_resistance_ohm
+    no_load = propulsion.motor_no_load_current_A
+    if kv is None or resistance is None or no_load is None:
+        return None
+    return MotorConstants(60 / (2 * np.pi * kv), resistance, no_load)
+
+
+class ThrustBalance(EnergyBalance):
+    """The balance of one flight by the propeller's table. motor: where motor speed is not measured."""
+
+    def __init__(
+        self,
+        samples: Samples,
+        conditions: FlightConditions,
+        propeller: Propeller,
+        motor: MotorConstants | None = None,
+        most_windows: int = WINDOWS.most,
+    ):
+        if motor is not None:
+            samples = samples._replace(stretches=_powered(samples, conditions))
+        super().__init__(samples, conditions, most_windows)
+        self._propeller, self._motor = propeller, motor
+        self._known: tuple[Samples, FlightConditions, Array, Array] | None = None
+
+    def shaft_W(self) -> Array:
+        """Shaft power by the table, mean of each window (n,)."""
+        s, c = self.samples, self.conditions
+        revps = np.maximum(self._revps(s, c), INSTANCES.turning_revps)
+        return self._mean(self._propeller.thrust_and_power(s.V_mps, revps, c.rho)[1])
+
+    def motor_W(self) -> Array:
+        """Electrical power of the motor, mean of each window (n,)."""
+        return self._mean(self._motor_power(self.conditions))
+
+    def _drag_and_useful_W(self, parameters: Array, s: Samples, c: FlightConditions) -> tuple[Array, Array]:
+        thrust_N, J = self._thrust(s, c)
+        scale, slope = parameters[4:6]
+        useful = thrust_N * (1 + scale + slope * (J - J_REFERENCE)) * s.V_mps
+        return drag_power(
+            s.V_mps, s.load_factor, 0.0, aerodynamics(parameters), c, load_variance=s.load_variance
+        ), useful
+
+    def _thrust(self, s: Samples, c: FlightConditions) -> tuple[Array, Array]:
+        """Thrust by the table and advance ratio, (n,) each; they do not depend on the parameters."""
+        if self._known is None or self._known[0] is not s or self._known[1] is not c:
+            revps = self._revps(s, c)
+            turning, n = np.clip(revps / INSTANCES.turning_revps, 0.0, 1.0), np.maximum(revps, INSTANCES.turning_revps)
+            thrust_N, _ = self._propeller.thrust_and_power(s.V_mps, n, c.rho)
+            standing_N = self._propeller.standing_thrust(s.V_mps, c.rho)
+            J = np.minimum(s.V_mps / (n * self._propeller.diameter_m), THRUST.greatest_J)
+            self._known = (s, c, turning * thrust_N + (1 - turning) * standing_N, J)
+        return self._known[2], self._known[3]
+
+    def _revps(self, s: Samples, c: FlightConditions) -> Array:
+        if self._motor is None:
+            assert s.motor_revps is not None
+            return s.motor_revps
+        power_W = np.maximum(c.power_scale * s.power_W - c.idle_power_W, 0.0)
+        revps = np.geomspace(INSTANCES.turning_revps, 600.0, 120)
+        speed_mps = np.linspace(0.0, float(np.nanmax(s.V_mps)) + 1.0, 40)
+        found = np.full((len(speed_mps), len(power_W)), np.nan)
+        for i, V in enumerate(speed_mps):
+            _, shaft_W = self._propeller.thrust_and_power(np.full_like(revps, V), revps, c.rho)
+            taken_W = np.maximum.accumulate(self._motor.electrical_W(shaft_W, revps))
+            driven = max(int(np.argmax(taken_W > 0)) - 1, 0)  # the fastest that the air alone turns
+            found[i] = np.interp(power_W, taken_W[driven:], revps[driven:])
+        at = np.clip(np.nan_to_num(s.V_mps) / (speed_mps[1] - speed_mps[0]), 0, len(speed_mps) - 1.001)
+        low, samples = at.astype(int), np.arange(len(power_W))
+        share = at - low
+        return np.asarray((1 - share) * found[low, samples] + share * found[low + 1, samples])
+
+
+def _powered(samples: Samples, c: FlightConditions) -> list[slice]:
+    """Where the motor takes so much power that its speed follows from it: not where it idles."""
+    power_W = samples.power_W - c.idle_power_W
+    flown = np.zeros(len(power_W), dtype=bool)
+    for rows in samples.stretches:
+        flown[rows] = True
+    return stretches(flown & (power_W > THRUST.least_power * np.percentile(power_W[flown], 95)))
+
+
+def aerodynamics(parameters: Array) -> DragAndEfficiency:
+    """The drag polar among the parameters; the efficiency is not used."""
+    ln_CD0, ln_K, CL_minD, K4 = parameters[:4]
+    return DragAndEfficiency(float(np.exp(ln_CD0)), float(np.exp(ln_K)), CL_minD, K4, 1.0, 1.0, 1.0, 0.0)

@@ -1,0 +1,302 @@
+"""The flying card, one A4 page in black on white to be read in sunlight, and the plan's lines on the terminal."""
+
+from collections.abc import Sequence
+from html import escape
+from itertools import groupby
+from math import degrees, pi
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from analysis.air.flown import thrust_known
+from analysis.methods.whole_flight.settings import PRIOR
+from analysis.missions.pieces import Hold, Land, Maneuver, Porpoise, Run, Stand, TakeOff, Turn, before, slowest_mps
+from analysis.missions.plan_settings import MARGINS, PATH
+from analysis.missions.search import FlightPlan
+from analysis.performance.settings import ASKED
+from flight.arrays import Array
+from flight.propeller import Propeller
+from flight.runs import ACCELERATION, DECELERATION
+from flight.units import FOOT_M
+
+
+class Row(NamedTuple):
+    """One line of the card."""
+
+    times: str
+    title: str
+    steps: str
+    seconds: float
+
+
+def rows(plan: FlightPlan) -> list[Row]:
+    """The flight in order: pieces that follow each other unchanged are one row."""
+    place, starts = len(before(plan.aircraft)), plan.history.starts_s
+    found = [Row("", "on the ground, then take off", _steps(plan.maneuvers[:place]), float(starts[place]))]
+    for piece, same in groupby(plan.pieces):
+        times = len(list(same))
+        end = place + times * len(piece.maneuvers)
+        found.append(Row(f"{times} ×", piece.title, _steps(piece.maneuvers), float(starts[end] - starts[place])))
+        place = end
+    return [
+        *found,
+        Row("", "land, then on the ground", _steps(plan.maneuvers[place:]), float(starts[-1] - starts[place])),
+    ]
+
+
+def _steps(maneuvers: Sequence[Maneuver]) -> str:
+    return " → ".join(_words(maneuver) for maneuver in maneuvers)
+
+
+def _words(maneuver: Maneuver) -> str:
+    match maneuver:
+        case Stand(duration_s):
+            return f"stand still {duration_s:.0f} s, motor off"
+        case TakeOff(speed_mps):
+            return f"take off, climb at {speed_mps:.0f} m/s"
+        case Hold(duration_s, speed_mps):
+            return f"hold {speed_mps:.1f} m/s for {duration_s:.0f} s"
+        case Turn(speed_mps, angle_rad, bank_rad):
+            circles = round(abs(angle_rad) / (2 * pi))
+            size = f"{circles} circles" if circles > 1 else "a circle" if abs(angle_rad) > 1.5 * pi else "turn back"
+            return f"{size} at {speed_mps:.1f} m/s, bank {degrees(bank_rad):.0f}°"
+        case Run(throttle, ramp_s, until_mps, longest_s):
+            return (
+                f"throttle to {100 * throttle:.0f} % over {ramp_s:.0f} s until {until_mps:.1f} m/s"
+                f" (at most {longest_s:.0f} s)"
+            )
+        case Porpoise():
+            return (
+                f"stick fore and aft for {maneuver.duration_s:.0f} s at {maneuver.speed_mps:.1f} m/s, a cycle in"
+                f" {maneuver.first_period_s:g} s, later {maneuver.last_period_s:g} s, load factor"
+                f" {1 - maneuver.load:.1f} to {1 + maneuver.load:.1f}"
+            )
+        case Land():
+            return "land"
+    raise AssertionError(maneuver)
+
+
+def margin(plan: FlightPlan) -> str:
+    """The slowest speeds planned, and their margin over the stall."""
+    stall, kt = plan.aircraft.stall_mps, plan.request.wind_kt
+    slow = slowest_mps(plan.aircraft, kt)
+    return (
+        f"Stall at {stall:.1f} m/s ({plan.aircraft.stall_basis}). Nothing slower than {slow:.1f} m/s is planned"
+        f" ({100 * (slow / stall - 1):.0f} % above the stall; decelerations end there), and no speed below"
+        f" {MARGINS.held * slow:.1f} m/s is held ({100 * (MARGINS.held * slow / stall - 1):.0f} % above). The margin is"
+        f" {100 * (MARGINS.slowest - 1):.0f} % in still air and {MARGINS.slowest_per_kt * 100:.1f} % more for each knot"
+        " of wind."
+    )
+
+
+def warnings(plan: FlightPlan) -> list[str]:
+    """What is to be mended before the day in the field: propeller's table, battery, wind, height."""
+    found = []
+    propeller, dashed = plan.aircraft.propeller, uncovered_mps(plan)
+    if len(dashed):
+        J, rpm = _propeller_in(_runs(plan), propeller)
+        last = propeller.rows[-1]
+        found.append(
+            f"At {' and '.join(f'{speed:.1f}' for speed in dashed)} m/s most of the runs lie outside the table of"
+            f" {propeller.name}, which has {propeller.rows[0].rpm:.0f} to {last.rpm:.0f} rpm and J to {last.J[-1]:.2f}."
+            f" They take {np.quantile(rpm, 0.05):.0f} to {np.quantile(rpm, 0.95):.0f} rpm and J to"
+            f" {np.quantile(J, 0.95):.2f}: get a table that has them, or the interval below will not hold."
+        )
+    battery_Wh, needed_Wh = plan.aircraft.aircraft.propulsion.battery_energy_Wh, energy_Wh(plan)
+    usable = ASKED.usable
+    if battery_Wh is not None and needed_Wh > usable * battery_Wh:
+        found.append(
+            f"The flight takes some {needed_Wh:.0f} Wh; with {100 * usable:.0f} % of the battery there are"
+            f" {usable * battery_Wh:.0f} Wh. Plan fewer --minutes."
+        )
+    wind_mps, cruise_mps, fast_share = plan.request.wind_mps, plan.aircraft.cruise_mps, 0.7
+    if wind_mps > fast_share * cruise_mps:
+        found.append(
+            f"The wind at {plan.request.space.height_m:.0f} m is {wind_mps:.1f} m/s, the speed between maneuvers"
+            f" {cruise_mps:.1f} m/s: the flight hardly advances against it, and may end far downwind of the take-off."
+            " Plan for less --wind."
+        )
+    highest_m = 400 * FOOT_M  # 14 CFR 107.51; 120 m in Regulation (EU) 2019/947
+    if plan.request.space.height_m > highest_m:
+        found.append(
+            f"{plan.request.space.height_m:.0f} m is above {highest_m:.0f} m (400 ft), the limit in many countries."
+        )
+    return found
+
+
+def uncovered_mps(plan: FlightPlan) -> Array:
+    """The speeds asked for [m/s] at which most of the runs lie outside the propeller's table."""
+    runs, propeller, speeds = _runs(plan), plan.aircraft.propeller, np.array(plan.question.speeds)
+    inside = propeller.covers(*_propeller_in(runs, propeller))
+    known = thrust_known(pd.DataFrame({"V_mps": runs["V_mps"].to_numpy(), "propeller_covered": inside}), speeds)
+    return np.asarray(speeds[~known])
+
+
+def _propeller_in(history: pd.DataFrame, propeller: Propeller) -> tuple[Array, Array]:
+    """Advance ratio and rpm (n,)."""
+    rpm = 60 * history["n_revps"].to_numpy()
+    return 60 * history["V_mps"].to_numpy() / (rpm * propeller.diameter_m), rpm
+
+
+def _runs(plan: FlightPlan) -> pd.DataFrame:
+    """The rows of the history in which a run is flown."""
+    table = plan.history.table
+    maneuver = np.searchsorted(plan.history.starts_s, table.index.to_numpy(), side="right") - 1
+    in_run = np.array([isinstance(one, Run) for one in plan.maneuvers])
+    return table[in_run[np.minimum(maneuver, len(in_run) - 1)]]
+
+
+def energy_Wh(plan: FlightPlan) -> float:
+    """From the battery, by the efficiency that small electric aircraft have."""
+    table = plan.history.table
+    power_W = np.nan_to_num(np.maximum(table["thrust_N"].to_numpy() * table["V_mps"].to_numpy(), 0.0))
+    return float(power_W.sum()) * PATH.step_s / PRIOR.efficiency.mean / 3600
+
+
+def farthest_m(plan: FlightPlan) -> float:
+    """From the place of take-off."""
+    return float(np.hypot(*plan.history.position_m.T).max())
+
+
+def runs_to_tick_off(plan: FlightPlan) -> str:
+    """The runs of the plan, as the daemon ticks them off (`card.toml`, `daq.flight_card`)."""
+    times: dict[tuple[str, str, str], int] = {}
+    speed_mps = 0.0
+    for maneuver in plan.maneuvers:
+        if isinstance(maneuver, Run):
+            kind = ACCELERATION if maneuver.until_mps > speed_mps else DECELERATION
+            run = kind, f"{speed_mps:.1f}", f"{maneuver.until_mps:.1f}"
+            times[run] = times.get(run, 0) + 1
+            speed_mps = maneuver.until_mps
+        speed_mps = getattr(maneuver, "speed_mps", speed_mps)
+    head = '# The runs of the plan, for the daemon: card = "card.toml" in the tray file.\n'
+    return head + "".join(
+        f'\n[[run]]\nkind = "{kind}"\nfrom_mps = {from_mps}\nto_mps = {to_mps}\ntimes = {count}\n'
+        for (kind, from_mps, to_mps), count in times.items()
+    )
+
+
+def side_m(plan: FlightPlan) -> float:
+    """Room to the side of a leg that the widest turn needs [m], in still air."""
+    return max((turn.width_m for turn in plan.maneuvers if isinstance(turn, Turn)), default=0.0)
+
+
+def expected_interval(plan: FlightPlan) -> list[tuple[str, str]]:
+    """Speed, and half width of the 95 % interval there."""
+    return [(f"{V:.1f} m/s", f"±{w:.1f} %") for V, w in zip(plan.question.speeds, plan.half_widths, strict=True)]
+
+
+def losses(plan: FlightPlan) -> list[str]:
+    """What is lost where a piece cannot be flown, and by an autopilot."""
+    worst = float(max(plan.half_widths))
+    found = []
+    for part in plan.contributions:
+        times = f"{part.times} × " if part.times > 1 else ""
+        found.append(
+            f"{times}{part.title} ({part.seconds:.0f} s): without it ±{part.worst_without:.1f} % instead of"
+            f" ±{worst:.1f} %"
+        )
+    if plan.worst_with_porpoising is not None:
+        found.append(
+            "An autopilot's mission cannot porpoise. With porpoising by a pilot, in the same time:"
+            f" ±{plan.worst_with_porpoising:.1f} % instead of ±{worst:.1f} %."
+        )
+    return found
+
+
+STYLE = """
+@page { size: A4; margin: 9mm; }
+* { box-sizing: border-box; }
+body { color: #000; background: #fff; font: 600 11pt/1.18 system-ui, sans-serif; margin: 0 auto; max-width: 192mm; }
+h1 { font-size: 19pt; margin: 0 0 1mm; }
+p { margin: 0 0 1.5mm; }
+table { border-collapse: collapse; width: 100%; margin: 0 0 2mm; }
+td, th { border: 1.6pt solid #000; padding: 0.8mm 1.6mm; text-align: left; vertical-align: top; }
+td.n { font-size: 14pt; font-weight: 800; white-space: nowrap; text-align: center; }
+td.t { font-size: 13pt; font-weight: 800; white-space: nowrap; text-align: right; }
+.title { font-size: 12pt; font-weight: 800; }
+.steps { font-size: 10pt; font-weight: 500; }
+.stall { border: 2.5pt solid #000; padding: 1.2mm 2mm; font-weight: 700; }
+.widths td, .widths th { text-align: center; }
+.sketch { float: right; width: 52mm; height: 52mm; margin: 0 0 2mm 3mm; border: 1.2pt solid #000; }
+.sketch polyline { fill: none; stroke: #000; stroke-width: 0.5; }
+.sketch .wind { fill: none; stroke: #000; stroke-width: 1.6; }
+.sketch text { font-size: 5px; }
+@media screen { body { padding: 3mm; } }
+ul { margin: 0; padding-left: 5mm; font-size: 9pt; font-weight: 500; }
+""".strip()
+
+
+def card(plan: FlightPlan, name: str) -> str:
+    """The HTML page, without anything from a network."""
+    request, space = plan.request, plan.request.space
+    minutes, seconds = divmod(round(plan.seconds), 60)
+    head = (
+        f"For {plan.question.title}. Wind and turbulence of {request.wind_kt:g} kt. {space.height_m:.0f} m high, legs"
+        f" of at most {space.leg_m:.0f} m, and {side_m(plan):.0f} m to their side for the turns; at most"
+        f" {farthest_m(plan):.0f} m from the take-off. Turn left as often as right, into the wind. Against the wind"
+        " hold on until the leg ends. Runs: wings level, height within a few meters."
+    )
+    lines = "".join(
+        f'<tr><td class="n">{_boxes(row.times)}</td><td><span class="title">{escape(row.title)}</span><br>'
+        f'<span class="steps">{escape(row.steps)}</span></td><td class="t">{_clock(row.seconds)}</td></tr>'
+        for row in rows(plan)
+    )
+    widths = expected_interval(plan)
+    speeds = "".join(f"<th>{escape(speed)}</th>" for speed, _ in widths)
+    halves = "".join(f"<td>{escape(half)}</td>" for _, half in widths)
+    warned = " ".join([*warnings(plan), margin(plan)])
+    lost = "".join(f"<li>{escape(line)}</li>" for line in losses(plan))
+    return (
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{escape(name)}: flying card</title><style>{STYLE}</style></head><body>\n"
+        f"<h1>{escape(name)}: {minutes} min {seconds:02d} s</h1>\n"
+        f"{_sketch(plan)}<p>{_to_fill_in(plan)}</p>\n"
+        f'<p>{escape(head)}</p>\n<p class="stall">{escape(warned)}</p>\n<table>{lines}</table>\n'
+        f'<table class="widths"><tr><th>speed</th>{speeds}</tr><tr><th>power, 95 %</th>{halves}</tr></table>\n'
+        f"<p>At the worst speed:</p>\n<ul>{lost}</ul>\n</body></html>\n"
+    )
+
+
+def _boxes(times: str) -> str:
+    """One to tick for each time."""
+    return f"{escape(times)}<br>{'☐' * int(times.split()[0])}" if times else "☐"
+
+
+def _to_fill_in(plan: FlightPlan) -> str:
+    craft = plan.aircraft.aircraft
+    line, battery_Wh = "_" * 8, craft.propulsion.battery_energy_Wh
+    battery = f"Battery{f' ({battery_Wh:.0f} Wh)' if battery_Wh else ''} {line} V before, {line} V after"
+    return (
+        f"Date {line}{line} Pilot {line}{line}<br>Weight {line} (planned {craft.mass_kg:.2f} kg) Propeller {line}"
+        f" (planned {escape(craft.propulsion.propeller or '')})<br>{battery}; the flight takes some"
+        f" {energy_Wh(plan):.0f} Wh<br>Wind {line} from {line}, {line} °C"
+    )
+
+
+def _sketch(plan: FlightPlan) -> str:
+    """The way over the ground, first leg upward, with the place of take-off and the wind."""
+    north, east = plan.history.position_m[:: round(0.5 / PATH.step_s)].T
+    reach_m = 1.15 * max(farthest_m(plan), plan.request.space.leg_m / 2)
+    x, y = 50 * (1 + east / reach_m), 50 * (1 - north / reach_m)
+    track = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
+    arrow = ""
+    if plan.request.wind_kt:
+        arrow = (
+            f'<g transform="translate(14 14) rotate({PATH.wind_from_deg:.0f})"><path d="M0-11V9M-4 3 0 10 4 3"'
+            f' class="wind"/></g><text x="26" y="10">{plan.request.wind_kt:g} kt</text>'
+        )
+    scale_m = 100 * max(1, round(reach_m / 300))
+    width = 50 * scale_m / reach_m
+    return (
+        '<svg class="sketch" viewBox="0 0 100 100">'
+        f'<polyline points="{track}"/><circle cx="50" cy="50" r="2"/>{arrow}<path class="wind" d="M{96 - width:.1f} 95h'
+        f'{width:.1f}"/><text x="{96 - width:.1f}" y="92">{scale_m} m</text></svg>'
+    )
+
+
+def _clock(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes}:{rest:02d}"

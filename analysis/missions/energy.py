@@ -1,0 +1,163 @@
+"""Energy and time of legs in wind: one leg after another in steady flight, with turns, circles, climbs and descents.
+
+A leg's airspeed and the wind make its ground speed (wind triangle). Its height changes evenly over the leg; where that
+takes a faster climb than the aircraft's, the rest is climbed on circles. Turns between legs and circles are flown at a
+load factor. A change of speed counts as a change of height of the same energy. Wind is where it blows to, m/s.
+"""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from analysis.curve import Condition, speed_at
+from analysis.missions.power import Source, SteadyPower
+from analysis.sources.grid_settings import FLIGHT
+from flight.arrays import Array
+from flight.units import GRAVITY_MPS2
+
+
+class Battery(NamedTuple):
+    """energy_J : when new and full     health, health_sd : share that is left of it, and its standard deviation
+
+    open_circuit_V, resistance_ohm : their loss counts where both are known     reserve : share to be left
+    """
+
+    energy_J: float
+    reserve: float
+    health: float = 1.0
+    health_sd: float = 0.0
+    open_circuit_V: float | None = None
+    resistance_ohm: float = 0.0
+
+    def drawn_W(self, power_W: Array) -> Array:
+        """What the cells give up: V_oc I, where V_oc I - R I^2 = P. Infinite where they cannot give the power."""
+        if self.open_circuit_V is None or not self.resistance_ohm:
+            return power_W
+        V, R = self.open_circuit_V, self.resistance_ohm
+        with np.errstate(invalid="ignore"):
+            current_A = (V - np.sqrt(V**2 - 4 * R * power_W)) / (2 * R)
+        return np.where(np.isnan(current_A), np.inf, V * current_A)
+
+
+@dataclass(frozen=True)
+class Legs:
+    """Arrays (k,). climb_m : with the change of speed     turn_rad : at the leg's begin, at `turn_load`
+
+    circle_s, turns, radius_m : at its end; a radius of 0 is that of `turn_load`     rate_mps : of the steepest climb
+    """
+
+    distance_m: Array
+    course_rad: Array
+    climb_m: Array
+    turn_rad: Array
+    circle_s: Array
+    turns: Array
+    radius_m: Array
+    rate_mps: Array
+    condition: Condition
+    turn_load: float
+
+    def __len__(self) -> int:
+        return len(self.distance_m)
+
+
+@dataclass(frozen=True)
+class World:
+    """What is uncertain, at n draws. wind_east_mps, wind_north_mps : (n, 1) or (n, k) [m/s]
+
+    airspeed : (n, 1) true speed flown over that commanded     energy : (n, 1) power over that of steady flight
+    """
+
+    power: SteadyPower
+    wind_east_mps: Array
+    wind_north_mps: Array
+    airspeed: Array
+    energy: Array
+
+
+def straight_legs(distance_m: Array, course_rad: Array, condition: Condition, like: Legs) -> Legs:
+    """Level legs without turns. condition: of arrays (k,)"""
+    zero = np.zeros(len(distance_m))
+    return replace(
+        like,
+        distance_m=distance_m,
+        course_rad=course_rad,
+        climb_m=zero,
+        turn_rad=zero,
+        circle_s=zero,
+        turns=zero,
+        radius_m=zero,
+        rate_mps=zero + np.max(like.rate_mps),
+        condition=condition,
+    )
+
+
+def ground_speed(V: Array, course_rad: Array, wind_east_mps: Array, wind_north_mps: Array) -> Array:
+    """Speed along the course [m/s]; NaN where the wind across it exceeds the airspeed, or no progress is made."""
+    along = wind_east_mps * np.sin(course_rad) + wind_north_mps * np.cos(course_rad)
+    across = wind_east_mps * np.cos(course_rad) - wind_north_mps * np.sin(course_rad)
+    with np.errstate(invalid="ignore"):
+        speed = np.sqrt(V**2 - across**2) + along
+        return np.where(speed > FLIGHT.standing_mps, speed, np.nan)
+
+
+def energy_and_time(legs: Legs, V: Array, world: World, battery: Battery) -> tuple[Array, Array]:
+    """From the battery's cells [J], and time [s], (n, k) at commanded true airspeeds V (k,) or (n, k) [m/s].
+
+    Infinite where the wind lets the aircraft not arrive.
+    """
+    V = V * world.airspeed
+    over_ground = ground_speed(V, legs.course_rad, world.wind_east_mps, world.wind_north_mps)
+    straight_s = np.where(legs.distance_m > 0, np.nan_to_num(legs.distance_m / over_ground, nan=np.inf), 0.0)
+    straight_s = np.maximum(straight_s, np.abs(legs.climb_m) / legs.rate_mps)
+    rise_mps = np.divide(legs.climb_m, straight_s, out=np.zeros_like(straight_s), where=straight_s > 0)
+    per_speed = V / GRAVITY_MPS2
+    turn_s = legs.turn_rad * per_speed / np.sqrt(legs.turn_load**2 - 1)
+    tightest_m = V * per_speed / np.sqrt(legs.turn_load**2 - 1)
+    radius_m = np.where(legs.radius_m > 0, legs.radius_m, tightest_m)
+    circle_load = np.sqrt(1 + (V * per_speed / radius_m) ** 2)
+    circle_s = legs.circle_s + legs.turns * 2 * np.pi * radius_m / V
+    energy_J = np.zeros(straight_s.shape)
+    phases = ((straight_s - np.minimum(turn_s, straight_s), rise_mps, 1.0), (turn_s, 0.0, legs.turn_load),
+              (circle_s, 0.0, circle_load))  # fmt: skip
+    for seconds, climb_mps, load in phases:
+        if np.any(seconds > 0):
+            power_W = world.power.battery_W(V, legs.condition, np.clip(climb_mps / V, -0.9, 0.9), load)
+            with np.errstate(invalid="ignore"):
+                part_J = seconds * battery.drawn_W(power_W * world.energy)
+            energy_J += np.where(seconds > 0, part_J, 0.0)
+    return energy_J, straight_s + circle_s + np.maximum(turn_s - straight_s, 0.0)
+
+
+class SpeedLimits(NamedTuple):
+    """True airspeeds (k,) between which legs may be flown [m/s]."""
+
+    slowest: Array
+    fastest: Array
+
+
+def speed_limits(source: Source, condition: Condition, stall_CL: float, margin: float) -> SpeedLimits:
+    """As slow and as fast as was flown, at the same lift coefficients; and not below `margin` times the stall speed."""
+    smallest_CL, largest_CL = source.flown_CL
+    slowest = np.maximum(speed_at(largest_CL, condition), margin * speed_at(stall_CL, condition))
+    return SpeedLimits(slowest, np.maximum(speed_at(smallest_CL, condition), slowest))
+
+
+def best_speeds(legs: Legs, limits: SpeedLimits, world: World, battery: Battery) -> Array:
+    """The true airspeeds (k,) of least energy within the limits, in the world without errors (n = 1).
+
+    Searched on a grid three times, each time between the neighbors of the best point before. Where the wind lets no
+    speed arrive, the fastest.
+    """
+    low, high = limits
+    points = 41
+    share = np.linspace(0.0, 1.0, points)[:, None]
+    for _ in range(3):
+        V = low + share * (high - low)
+        energy_J, _ = energy_and_time(legs, V, world, battery)
+        best = np.where(np.isfinite(energy_J).any(axis=0), np.argmin(energy_J, axis=0), points - 1)
+        columns = np.arange(len(legs))
+        low = V[np.maximum(best - 1, 0), columns]
+        high = V[np.minimum(best + 1, points - 1), columns]
+    return np.asarray(V[best, columns])

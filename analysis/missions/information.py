@@ -1,0 +1,321 @@
+"""What a flight will tell before it is flown: the expected covariance of the curve, from the estimator's equations.
+
+The equations are linearized along the planned flight. The covariance of the sensor errors, the sensitivity of the
+trajectory and the random errors of the states are those of `analysis.trajectory`, at the gust intensity expected; drag
+is regressed as in `analysis.methods.dynamic`, and its noise is that of `analysis.methods.consider`: by errors of the
+states, and by what else the residuals contain. The latter is taken as white, of the size that flights of this kind have
+shown. Earlier flights add what they know of drag and of the installation's sensor errors. A `Question` says which half
+width is to be small.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from analysis.curve import Condition, Polar, best_range_lift, minimum_power_lift, power_required, speed_at
+from analysis.estimation.noise import NORMAL_95
+from analysis.maneuvers.find_level import find_runs
+from analysis.maneuvers.kinds import Maneuver
+from analysis.methods import consider as covariance
+from analysis.methods.consider import STATE_STEP
+from analysis.methods.forces import FlightForces
+from analysis.methods.thrust_prior import J_REFERENCE, stand_information
+from analysis.missions.expected_aircraft import ExpectedAircraft
+from analysis.missions.plan_settings import NOISE, SEARCH
+from analysis.missions.time_history import TimeHistory
+from analysis.records.flight import FORMAT, Results, Trust
+from analysis.trajectory.equations import MEASUREMENT_INPUTS, PREDICTED_FLOW, SENSOR_ERRORS, STATES, EquationInputs
+from analysis.trajectory.gusts import Estimate, planned_ratios, with_slow_power
+from analysis.trajectory.observability import SENSOR_ERROR_KINDS
+from analysis.trajectory.priors import SensorPriors, stated_sigma
+from analysis.trajectory.problem import TrajectoryProblem
+from analysis.trajectory.reconstruction import Trajectory
+from analysis.trajectory.settings import SOLVER
+from analysis.trajectory.smoother import GaussNewtonStep, gauss_newton_step
+from analysis.trajectory.updraft import STILL_MPS, by_waves
+from flight.arrays import Array
+from flight.errors import InputError
+from flight.files import JsonFormat, json_object_text
+
+
+def read_results(path: Path) -> Results:
+    """A results.json. Raises InputError when it is something else, or not to be trusted."""
+    of = "results of `analyze`"
+    found = JsonFormat(Results, (FORMAT,), of).parsed(json_object_text(path, of), str(path))
+    if found.trust is Trust.NOT_TO_BE_TRUSTED:
+        raise InputError(f"{path}: not to be trusted ({found.evidence[0].kind}); plan without it")
+    return found
+
+
+def polar(results: Sequence[Results]) -> Array | None:
+    """A0, A1, A2 of the last flight that has a drag polar; None without one."""
+    known = [found.drag_polar for found in results if found.drag_polar is not None]
+    return np.array([known[-1].A0, known[-1].A1, known[-1].A2]) if known else None
+
+
+def information(results: Sequence[Results]) -> Array | None:
+    """Information (m, m) of the flights about the errors that stay with the installation; None without any.
+
+    What each flight knew beyond the prior, each error by itself: results.json has no correlations.
+    """
+    total = np.zeros((len(SENSOR_ERRORS), len(SENSOR_ERRORS)))
+    for found in results:
+        if found.path is None:
+            raise InputError(f"{found.log}: these results have no sensor errors, so a plan cannot begin with them")
+        for error in found.path.sensor_errors:
+            if error.name in INSTALLATION:
+                i, factor = SENSOR_ERRORS.index(error.name), SENSOR_ERROR_KINDS[error.name].shown[0]
+                gained = (factor / error.standard_error) ** 2 - (factor / error.assumed_sigma) ** 2
+                total[i, i] += max(gained, 0.0)
+    return total if results else None
+
+
+INSTALLATION = ("alpha_bias", "alpha_scale", "beta_bias", "V_scale", "air_data_lag")  # common to two flights of a day
+
+
+class Covariances(NamedTuple):
+    """Of the sensor errors (m, m), and of A0, A1, A2 (3, 3): by noise, and by consider terms and floor.
+
+    shared : (3, m) derivative of A0, A1, A2 by the sensor errors
+    """
+
+    errors: Array
+    noise: Array
+    fixed: Array
+    shared: Array
+
+    @property
+    def polar(self) -> Array:
+        """Covariance of A0, A1, A2."""
+        return np.asarray(self.noise + self.fixed + self.shared @ self.errors @ self.shared.T)
+
+
+class Question(NamedTuple):
+    """speeds: where half widths are told [m/s]. cost: what the plan makes small [%]."""
+
+    name: str
+    title: str
+    speeds: Array
+    cost: Callable[[Covariances], float]
+    half_widths: Callable[[Covariances], Array]  # in % of power, at `speeds`
+
+
+QUESTION_TITLES = {
+    "curve": "the whole power curve",
+    "endurance": "power at the speed of longest endurance",
+    "range": "power at the speed of longest range",
+    "propellers": "the difference of two propellers, flown one after the other",
+    "probe": "the calibration of the probe",
+}
+
+
+def question(name: str, expected: ExpectedAircraft, slowest_mps: float, fastest_mps: float) -> Question:
+    """One of QUESTION_TITLES, for the speeds that are planned."""
+    V = np.linspace(slowest_mps, fastest_mps, 5)
+    center = {"endurance": minimum_power_lift, "range": best_range_lift}.get(name)
+    if center is not None:
+        best = float(np.clip(speed_at(center(expected.A), condition(expected)), slowest_mps, fastest_mps))
+        V = np.unique(np.clip(best * np.array([0.95, 1.0, 1.05]), slowest_mps, fastest_mps))
+
+    def widths_of(found: Covariances) -> Array:
+        return half_widths(_of_difference(found) if name == "propellers" else found, expected, V)
+
+    def cost(found: Covariances) -> float:
+        if name == "probe":
+            return _probe_cost(found.errors)
+        widths = widths_of(found)
+        return float(np.max(widths) + SEARCH.mean_share * np.mean(widths))
+
+    return Question(name, QUESTION_TITLES[name], V, cost, widths_of)
+
+
+def condition(expected: ExpectedAircraft) -> Condition:
+    """Weight and density of the flight."""
+    return Condition(expected.aircraft.mass.weight_N, expected.rho, expected.aircraft.geometry.wing_area_m2)
+
+
+def half_widths(found: Covariances, expected: ExpectedAircraft, V: Array) -> Array:
+    """Half widths of the 95 % interval of power [%] at speeds V (n,) [m/s]."""
+    power, sigma = power_required(V, Polar(expected.A, found.polar), condition(expected))
+    return np.asarray(100 * NORMAL_95 * sigma / power)
+
+
+def _of_difference(found: Covariances) -> Covariances:
+    """Of the difference of two flights like this: errors of the installation are the same in both."""
+    errors = found.errors.copy()
+    same = [SENSOR_ERRORS.index(error) for error in INSTALLATION]
+    errors[same] = errors[:, same] = 0.0
+    return found._replace(errors=2 * errors, noise=2 * found.noise, fixed=0 * found.fixed)
+
+
+def _probe_cost(errors: Array) -> float:
+    """95 % half widths of offset [0.1 deg], slope [%] and airspeed scale [%], the root of their mean square."""
+    i = [SENSOR_ERRORS.index(name) for name in ("alpha_bias", "alpha_scale", "V_scale")]
+    sigma = np.sqrt(np.diag(errors)[i]) * np.array([10 * np.degrees(1), 100, 100])
+    return float(NORMAL_95 * np.sqrt(np.mean(sigma**2)))
+
+
+class Expected(NamedTuple):
+    """errors: covariance (m, m) of the sensor errors. noise, systematic: of A0, A1, A2, (3, 3). shared: (3, m)
+    derivative of A0, A1, A2 by the sensor errors. runs: what the analysis will find."""
+
+    errors: Array
+    noise: Array
+    systematic: Array
+    shared: Array
+    runs: list[Maneuver]
+
+    @property
+    def total(self) -> Array:
+        return self.noise + self.systematic
+
+
+class _Linearized(NamedTuple):
+    problem: TrajectoryProblem
+    x: Array
+    errors: Array
+    inputs: EquationInputs
+    step: GaussNewtonStep
+
+
+def _linearized(
+    history: TimeHistory, aircraft: ExpectedAircraft, gust_mps: float, alpha_scale_sigma: float
+) -> _Linearized:
+    """The estimator's last step along the history."""
+    uncertainty = aircraft.aircraft.uncertainty
+    if uncertainty.updraft_mps == STILL_MPS and not aircraft.aircraft.has("uncertainty.updraft"):
+        lasting_mps = by_waves(float(history.starts_s[-1] - history.starts_s[0]))
+        uncertainty = replace(uncertainty, updraft_mps=max(STILL_MPS, lasting_mps))
+    stated = stated_sigma(uncertainty, aircraft.aircraft.wing_loading_Pa)
+    problem = TrajectoryProblem(history.table, history.rest, SensorPriors(alpha_scale_sigma, stated))
+    blocks = problem.blocks
+    x = np.zeros((blocks.n, len(STATES)))
+    x[:, :3], x[:, 3:6] = history.attitude[blocks.rows], history.velocity[blocks.rows]
+    x[:, STATES.index("height")] = blocks["height_m"]
+    x[:, [STATES.index(f"wind_{axis}") for axis in ("north", "east")]] = history.wind[blocks.rows]
+    errors = np.zeros(len(SENSOR_ERRORS))
+    inputs = problem.equation_inputs(x, errors, gust_mps)
+    remaining, prior = problem.remaining_errors(errors, gust_mps)
+    step = gauss_newton_step(problem.equations.linearize(x, remaining, inputs), prior, x[0], remaining)
+    return _Linearized(problem, x, errors, inputs, step)
+
+
+def sensor_error_covariance(
+    history: TimeHistory, aircraft: ExpectedAircraft, gust_mps: float, *, alpha_scale_sigma: float
+) -> Array:
+    """Covariance (m, m) of the sensor errors after a flight like this: the part of `expected` that takes least time."""
+    return _sensor_errors(_linearized(history, aircraft, gust_mps, alpha_scale_sigma), aircraft, gust_mps)
+
+
+def _sensor_errors(linearized: _Linearized, aircraft: ExpectedAircraft, gust_mps: float) -> Array:
+    problem = linearized.problem
+    flown = len(problem.blocks.t_s[problem.blocks.airborne])
+    assumed, length = problem.conditions.in_cruise(gust_mps), aircraft.aircraft.uncertainty.gust_length
+    slow = planned_ratios(flown, problem.blocks.step_s, assumed, length)
+    found = Estimate(linearized.errors, linearized.step.covariance)
+    prior = Estimate(linearized.errors, np.diag(problem.error_sigma**2))
+    return with_slow_power(found, prior, gust_mps, slow).covariance
+
+
+def linearized_trajectory(
+    history: TimeHistory, aircraft: ExpectedAircraft, gust_mps: float, *, alpha_scale_sigma: float
+) -> Trajectory:
+    """The trajectory that the estimator would find without noise, with its covariance and sensitivities."""
+    linearized = _linearized(history, aircraft, gust_mps, alpha_scale_sigma)
+    problem, x, errors, inputs, step = linearized
+    actual = replace(inputs, predicted_inputs=inputs.measurement_inputs)
+    return Trajectory(
+        states=pd.DataFrame(x, pd.Index(problem.blocks.t_s, name="t_s"), list(STATES)),
+        sensor_errors=errors,
+        covariance=_sensor_errors(linearized, aircraft, gust_mps),
+        prior_sigma=problem.error_sigma,
+        states_given_errors=step.conditional,
+        state_sensitivity=step.conditional.state_sensitivity(problem.equations.linearize(x, errors, actual)),
+        draws=step.conditional.draws(len(STATES), SOLVER.draws),
+        predicted_flow=inputs.measurement_inputs[:, [MEASUREMENT_INPUTS.index(name) for name in PREDICTED_FLOW]],
+        gust_mps=gust_mps,
+        residuals={},
+        converged=True,
+        block_means=problem.blocks,
+    )
+
+
+def expected(
+    history: TimeHistory, aircraft: ExpectedAircraft, gust_mps: float, *, alpha_scale_sigma: float
+) -> Expected:
+    """Covariances of the sensor errors and of the drag polar after a flight like this.
+
+    Raises InputError where none of its maneuvers would be taken for a run.
+    """
+    trajectory = linearized_trajectory(history, aircraft, gust_mps, alpha_scale_sigma=alpha_scale_sigma)
+    runs, _ = find_runs(history.table, noise_mps=math.inf)
+    forces = FlightForces(trajectory, aircraft.aircraft, aircraft.propeller)
+    states, errors = trajectory.states.to_numpy(), trajectory.sensor_errors
+    inside = np.zeros(len(states), dtype=bool)
+    for run in runs:
+        inside |= (forces.t_s >= run.start_s) & (forces.t_s <= run.end_s)
+    along = forces.nominal
+    inside &= along[["CL", "CD", "J"]].notna().all(axis=1).to_numpy()
+    if not inside.any():
+        raise InputError(
+            f"{aircraft.aircraft.name}: no acceleration or deceleration is clear enough to be measured between its"
+            f" stall, {aircraft.stall_mps:.1f} m/s, and {aircraft.fastest_mps:.1f} m/s, the fastest that motor, battery"
+            " and propeller's table allow; check weight and propeller, or plan for less wind"
+        )
+    stated = aircraft.aircraft.uncertainty
+    prior = np.diag([0, 0, 0, stated.thrust_scale_fraction**-2, stated.thrust_slope**-2, 1.0])
+    prior[3:5, 3:5] += stand_information(aircraft.aircraft)
+
+    residual_mps2 = float(np.interp(gust_mps, *np.transpose(NOISE.residuals_in_gusts)))
+
+    def regression(f: pd.DataFrame) -> tuple[Array, Array]:
+        """Regressors (n, 6) and drag over mass (n,) inside the runs, over the residuals' size."""
+        f = f[inside]
+        qS, CL = f["qS_over_m_mps2"].to_numpy(), f["CL"].to_numpy()
+        T = f["thrust_along_V_over_m_mps2"].to_numpy()
+        CL_squared, J = f["CL_squared"].to_numpy(), f["J"].to_numpy()
+        X = np.column_stack(
+            [qS, qS * CL, qS * CL_squared, -T, -T * (J - J_REFERENCE), -f["thrust_beyond_over_m_mps2"].to_numpy()]
+        )
+        return X / residual_mps2, qS * f["CD"].to_numpy() / residual_mps2
+
+    def normal(f: pd.DataFrame) -> tuple[Array, Array]:
+        X, z = regression(f)
+        return X.T @ X + prior, X.T @ z
+
+    def values(states: Array, errors: Array, aircraft_forces: FlightForces = forces) -> Array:
+        return np.asarray(np.linalg.solve(*normal(aircraft_forces.forces(states, errors))))
+
+    fit, D = values(states, errors), np.linalg.inv(normal(along)[0])
+    S, z = regression(along)
+    gradient = np.zeros((*states.shape, len(fit)))
+    for i, step in enumerate(STATE_STEP * np.eye(states.shape[1])):
+        X, moved_z = regression(forces.forces(states + step, errors))
+        gradient[inside, i] = (moved_z - X @ fit - z + S @ fit)[:, None] * S / STATE_STEP
+    by_states = D @ trajectory.states_given_errors.covariance_of(gradient) @ D
+    by_rest = D @ (NOISE.rest_share**2 * S.T @ S + prior) @ D
+    noise = (by_states + by_rest)[:3, :3]
+    shared = np.empty((3, len(SENSOR_ERRORS)))
+    for j, sigma in enumerate(np.sqrt(np.diag(trajectory.covariance))):
+        error = np.zeros(len(SENSOR_ERRORS))
+        error[j] = sigma
+        moved = values(states + trajectory.state_sensitivity @ error, errors + error)
+        shared[:, j] = (moved - fit)[:3] / sigma
+    systematic = shared @ trajectory.covariance @ shared.T
+    for change in (
+        covariance.at_nominal_weight(
+            values(states, errors, covariance.forces_with_more_weight(forces)), aircraft.aircraft
+        )
+        - fit,
+        covariance.at_nominal_density(
+            values(states, errors, covariance.forces_in_denser_air(forces)), aircraft.aircraft
+        )
+        - fit,
+    ):
+        systematic += np.outer(change[:3], change[:3])
+    return Expected(trajectory.covariance, np.asarray(noise), systematic, shared, runs)

@@ -1,0 +1,176 @@
+"""A plan over the ground: headings and durations by which a flight stays, in wind, where it is watched from.
+
+Dead reckoning in the mean wind. A plan is a row of straight parts with turns between them. A straight part is crabbed
+so that it ends on the line of the legs. What is held or porpoised in it becomes shorter where the part would be longer
+over the ground than a leg, and longer until the next part, with the turn after it, will lie about the take-off: the
+flight takes longer against the wind than with it. The landing is into the wind.
+
+x is along the first leg, y to its right, from the place of take-off [m].
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from math import asin, copysign, cos, inf, pi, sin
+
+import numpy as np
+
+from analysis.missions.expected_aircraft import ExpectedAircraft
+from analysis.missions.pieces import Hold, Maneuver, Porpoise, Space, Turn
+from analysis.missions.plan_settings import PATH
+from analysis.missions.time_history import Path, fly, paths, turn_path, turn_rate, wind_vector
+from flight.arrays import Array
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A straight part through the air, and the turn after it.
+
+    held : number of the maneuver that becomes longer or shorter, the fastest one     turn : of the turn; None: none
+    spare_s : by how much it can become shorter        held_mps : its speed           turn_s : the turn takes
+    """
+
+    air_m: float
+    seconds: float
+    held: int | None
+    turn: int | None
+    spare_s: float
+    held_mps: float
+    turn_s: float
+
+    def reached_m(self, way: float, wind_x_mps: float, leg_m: float) -> tuple[float, float]:
+        """Along x from where it begins: where it ends, shortened to a leg as far as that goes, and where its turn does.
+
+        way : 1 along x, -1 back
+        """
+        longest_m = way * self.air_m + wind_x_mps * self.seconds
+        least_m = longest_m - (way * self.held_mps + wind_x_mps) * self.spare_s
+        end_m = copysign(max(min(abs(longest_m), leg_m), abs(least_m)), longest_m)
+        return end_m, end_m + wind_x_mps * self.turn_s
+
+
+def kept_in_place(
+    plan: Sequence[Maneuver], expected: ExpectedAircraft, space: Space, wind_mps: float
+) -> list[Maneuver]:
+    """The same maneuvers, with other angles of turns and other durations of what is held or porpoised."""
+    flown, wind, found = paths(plan, expected, space.height_m), wind_vector(wind_mps), list(plan)
+    parts = list(_parts(plan, flown))
+    place, heading, way, before = np.zeros(2), 0.0, 1.0, None  # of x, the turn before
+    turned = place  # where the part begins, if the turn before is flown as planned first
+    for part, after in pairwise([*parts, None]):
+        assert part is not None
+        headwind_mps = -way * float(wind[0])
+        if part.held is not None and part.turn is not None and after is not None:
+            held = found[part.held]
+            assert isinstance(held, Hold | Porpoise)
+            turn_x_m = _turn_x_m(flown[part.turn], after, way, space, float(wind[0]))
+            turn_m = way * (turn_x_m - float(turned[0]))
+            longer_s = _longer_s(part, held, headwind_mps, (turn_m, space.leg_m))
+            if before is None:
+                longer_s = min(longer_s, _until_a_leg_away_s(part, wind, space.leg_m))
+            found[part.held] = replace(held, duration_s=held.duration_s + longer_s)
+            part = replace(part, air_m=part.air_m + longer_s * held.speed_mps, seconds=part.seconds + longer_s)
+        if before is None:
+            place = fly(found[: part.turn], expected, space.height_m, wind_mps).position_m[-1]
+        else:
+            turn, begun_mps = found[before], float(flown[before].V[0])
+            assert isinstance(turn, Turn)
+            for _ in range(3):  # another angle takes another time
+                crab = _crab_rad(part, turned, wind)
+                turn = _turned_to(turn, (crab if way > 0 else pi - crab) - heading)
+                turned = place + _moved(turn_path(expected, begun_mps, turn), heading, wind)
+            found[before], place = turn, turned
+            heading += turn.angle_rad
+            place = place + part.air_m * np.array([cos(heading), sin(heading)]) + part.seconds * wind
+        if part.turn is not None and after is not None:
+            turned = place + _moved(flown[part.turn], heading, wind)
+            before = part.turn
+            way = _way_after(flown[part.turn], after, way, float(turned[0]), float(wind[0]))
+    return found
+
+
+def _parts(plan: Sequence[Maneuver], flown: Sequence[Path]) -> Iterator[_Part]:
+    turns = [i for i, maneuver in enumerate(plan) if isinstance(maneuver, Turn)]
+    for before, turn in pairwise([-1, *turns, len(plan)]):
+        numbers = range(before + 1, turn)
+        held = [(one.speed_mps, i, one.duration_s) for i in numbers if isinstance(one := plan[i], Hold | Porpoise)]
+        held_mps, number, duration_s = max(held, default=(0.0, None, 0.0))
+        shortest_s = 8.0  # of a circuit
+        yield _Part(
+            air_m=sum(float(flown[i].V.sum()) for i in numbers) * PATH.step_s,
+            seconds=sum(float((flown[i].V > 0).sum()) for i in numbers) * PATH.step_s,
+            held=number,
+            turn=turn if turn < len(plan) else None,
+            spare_s=max(duration_s - shortest_s, 0.0),
+            held_mps=held_mps,
+            turn_s=len(flown[turn].V) * PATH.step_s if turn < len(plan) else 0.0,
+        )
+
+
+def _turned_to(turn: Turn, angle_rad: float) -> Turn:
+    """The turn, to the same side and by about as much, that ends after this angle or whole circles more."""
+    whole = 2 * pi
+    more = (angle_rad - turn.angle_rad + pi) % whole - pi
+    found = turn.angle_rad + more
+    if abs(found) < pi / 2:  # rather a circle than none
+        found += copysign(whole, turn.angle_rad)
+    return replace(turn, angle_rad=found)
+
+
+def _crab_rad(part: _Part, begun: Array, wind: Array) -> float:
+    """Heading off the line of the legs by which a part that begins at a place (2,) ends on it."""
+    across = -float(begun[1] + wind[1] * part.seconds) / max(part.air_m, 1.0)
+    steepest = 0.64  # 40 deg: beyond it a leg hardly advances
+    return asin(min(max(across, -steepest), steepest))
+
+
+def _longer_s(part: _Part, held: Hold | Porpoise, headwind_mps: float, until_m: tuple[float, float]) -> float:
+    """By how much longer the held maneuver is flown. until_m: way to where to turn back, and longest leg"""
+    ground_m = part.air_m - headwind_mps * part.seconds
+    turn_m, leg_m = until_m
+    longer_m = max(turn_m - ground_m, min(leg_m - ground_m, 0.0))
+    least_mps = 0.1 * held.speed_mps  # slower over the ground, a longer leg leads nowhere
+    if held.speed_mps - headwind_mps < least_mps and longer_m > 0:
+        return 0.0
+    most_s = 120.0  # in wind nearly as fast as the aircraft
+    return min(max(longer_m / max(held.speed_mps - headwind_mps, least_mps), -part.spare_s), most_s)
+
+
+def _until_a_leg_away_s(part: _Part, wind: Array, leg_m: float) -> float:
+    """How long what is held after take-off, which is not crabbed, can last until the flight is a leg away."""
+    place = np.array([part.air_m, 0.0]) + part.seconds * wind
+    return max(leg_m - float(np.hypot(*place)), 0.0) / float(np.hypot(part.held_mps + wind[0], wind[1]))
+
+
+def _turn_x_m(turn: Path, after: _Part, way: float, space: Space, wind_x_mps: float) -> float:
+    """The place x where a turn is begun for what follows to lie about the take-off: circles themselves, or the part
+    after the turn with the turn after that. way: before the turn"""
+    drift_m = wind_x_mps * len(turn.V) * PATH.step_s
+    if _circles(turn):
+        return -drift_m / 2
+    next_way = _way_back(after, way, wind_x_mps)
+    passed_m = (0.0, *after.reached_m(next_way, wind_x_mps, space.leg_m))
+    return -(max(passed_m) + min(passed_m)) / 2 - drift_m * (2 if way == next_way else 1)  # twice: a whole circle
+
+
+def _way_back(after: _Part, way: float, wind_x_mps: float) -> float:
+    """Along x or back after a turn: into the wind to land."""
+    return -copysign(1.0, wind_x_mps) if after.turn is None and wind_x_mps else -way
+
+
+def _way_after(turn: Path, after: _Part, way: float, x_m: float, wind_x_mps: float) -> float:
+    """Along x or back after a turn or circles that end at x: after circles, to where less far is flown."""
+    if not _circles(turn) or (after.turn is None and wind_x_mps):
+        return _way_back(after, way, wind_x_mps)
+    return min((1.0, -1.0), key=lambda way: max(abs(x_m + m) for m in after.reached_m(way, wind_x_mps, inf)))
+
+
+def _circles(turn: Path) -> bool:
+    return float(np.abs(turn_rate(turn.bank, turn.V)).sum()) * PATH.step_s > 1.9 * pi
+
+
+def _moved(path: Path, heading: float, wind: Array) -> Array:
+    """Over the ground (2,) [m]."""
+    along = heading + np.cumsum(turn_rate(path.bank, path.V)) * PATH.step_s
+    air = np.array([path.V @ np.cos(along), path.V @ np.sin(along)])
+    return np.asarray((air + wind * len(path.V)) * PATH.step_s)

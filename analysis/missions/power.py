@@ -1,0 +1,198 @@
+"""Battery power of steady flight at any weight, density, climb angle and load factor, at draws of what is uncertain.
+
+Two sources. The model of performance (`analysis.performance`): balance of forces, propeller's table, losses of the
+power train. Or a curve of electrical power in level flight: at another weight, density or load factor the same lift
+coefficient is flown at another speed (PIW and VIW, 2.3 and 2.5), and a climb takes the power of the weight's rise
+through the efficiency from battery to thrust. In a descent steeper than a glide the idle power remains.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from analysis.curve import Condition, lift_coefficient
+from analysis.methods.whole_flight.settings import PRIOR
+from analysis.missions.inputs import RouteInput
+from analysis.performance.level_flight import Floats, PerformanceModel, climb_angle, steady_thrust
+from analysis.performance.propagation import ParameterVector, SigmaPoints
+from analysis.performance.stored_model import model_of
+from analysis.records.flight import Interval, PowerPoint
+from analysis.settings import CURVES
+from flight.arrays import Array
+from flight.errors import InputError
+from flight.propeller_speed import corrected_thrust, full_throttle_revps, revps_for_thrust
+
+
+class SteadyPower(Protocol):
+    """Battery power [W] at n draws: (n, k) at V (k,) or (n, k) [m/s], for a condition of arrays (k,)."""
+
+    def battery_W(self, V: Array, condition: Condition, sine: Floats, load_factor: Floats) -> Array: ...
+
+    def best_climb_mps(self, V: Array, condition: Condition) -> Array:
+        """At full throttle; infinite where that is not known."""
+        ...
+
+
+@dataclass(frozen=True)
+class AerodynamicPower:
+    """By the model of performance. parameters : each (n, 1)     idle_W : with the motor off"""
+
+    parameters: SigmaPoints
+    model: PerformanceModel
+    idle_W: float
+
+    def battery_W(self, V: Array, condition: Condition, sine: Floats, load_factor: Floats) -> Array:
+        p, propeller = self.parameters, self.model.propeller
+        thrust_N = steady_thrust(p, V, condition, sine, load_factor)
+        V = np.broadcast_to(V, thrust_N.shape)
+        pulls = thrust_N > 0
+        n = revps_for_thrust(propeller, V, np.where(pulls, thrust_N, 1.0), condition.rho, **_correction(p))
+        _, shaft_W = propeller.thrust_and_power(V, n, condition.rho)
+        power_W = self.model.power_train.battery_power(np.maximum(shaft_W, 0.0), n, p)
+        return np.where(pulls, np.maximum(np.nan_to_num(power_W, nan=np.inf), self.idle_W), self.idle_W)
+
+    def best_climb_mps(self, V: Array, condition: Condition) -> Array:
+        p, propeller = self.parameters, self.model.propeller
+        if self.model.full_throttle.parameters is None:
+            return np.full(V.shape, np.inf)
+        motor = {name: p[name] for name in ("unloaded_revps", "revps_per_Nm")}
+        n = full_throttle_revps(propeller, V, condition.rho, **motor)
+        thrust_N = corrected_thrust(propeller, V, n, condition.rho, **_correction(p))
+        return V * climb_angle(p, thrust_N, V, condition)[0]
+
+
+def _correction(parameters: SigmaPoints) -> SigmaPoints:
+    return {name: parameters[name] for name in ("thrust_scale", "thrust_slope")}
+
+
+@dataclass(frozen=True)
+class ElectricalPower:
+    """By a curve of level flight. V_mps : (g,) even steps     power_W : (n, g), with idle_W     efficiency : (n, 1)"""
+
+    V_mps: Array
+    power_W: Array
+    efficiency: Array
+    reference: Condition
+    idle_W: float
+
+    def battery_W(self, V: Array, condition: Condition, sine: Floats, load_factor: Floats) -> Array:
+        weight = condition.weight_N * load_factor / self.reference.weight_N
+        density = condition.rho / self.reference.rho
+        level_W = (self._curve_W(V * np.sqrt(density / weight)) - self.idle_W) * np.sqrt(weight**3 / density)
+        climb_W = condition.weight_N * V * sine / self.efficiency
+        return np.asarray(self.idle_W + np.maximum(level_W + climb_W, 0.0))
+
+    def best_climb_mps(self, V: Array, condition: Condition) -> Array:
+        return np.full(V.shape, np.inf)
+
+    def _curve_W(self, V: Array) -> Array:
+        """(n, k); the first and last parts of the curve go on as straight lines."""
+        V = np.broadcast_to(V, (len(self.power_W), V.shape[-1])) if len(self.power_W) > 1 else V
+        at = (V - self.V_mps[0]) / (self.V_mps[1] - self.V_mps[0])
+        low = np.clip(np.floor(at).astype(int), 0, len(self.V_mps) - 2)
+        if len(self.power_W) == 1:
+            below, above = self.power_W[0][low], self.power_W[0][low + 1]
+        else:
+            below, above = (np.take_along_axis(self.power_W, low + step, axis=1) for step in (0, 1))
+        return np.asarray(below + (at - low) * (above - below))
+
+
+@dataclass(frozen=True)
+class Source:
+    """What results give: power without errors and at draws, conditions flown, and lift coefficients.
+
+    flown_CL : smallest and largest of level flight     largest_CL : that the wing has carried for a moment
+    """
+
+    reference: Condition
+    flown_CL: tuple[float, float]
+    largest_CL: float
+    nominal: SteadyPower
+    drawn: SteadyPower
+
+
+def source_of(results: RouteInput, idle_W: float | None, draws: int, rng: np.random.Generator) -> Source:
+    """From an aerodynamic model where the results have one, or else from a curve of electrical power.
+
+    idle_W: None: as the results know it, or zero. Raises InputError where they have neither.
+    """
+    reference = Condition(results.test.weight_N, results.test.air_density_kgpm3, results.aircraft.wing_area_m2)
+    idle = idle_W if idle_W is not None else results.electrical.idle_power_W if results.electrical else 0.0
+    largest_CL = results.slowest_flown.largest_lift_coefficient if results.slowest_flown else 0.0
+    if results.use is not None and results.use.model is not None:
+        return aerodynamic_source(model_of(results.use.model), reference, largest_CL, (draws, rng), idle_W=idle)
+    if results.electrical is None or results.electrical.pooling is None:
+        raise InputError(
+            "these results know neither battery power at other weights and climbs nor electrical power;"
+            " analyze the logs again with this version and the battery's energy, --battery-Wh"
+        )
+    statistics = results.electrical.pooling
+    V, power = np.array(statistics.speed_mps), np.array(statistics.power_W)
+    effects = np.array([*statistics.shared.values()]).reshape(-1, len(V))
+    covariance = np.array(statistics.own_covariance) + effects.T @ effects
+    curve = ParameterVector(tuple(str(v) for v in V), power, covariance)
+    fine = np.linspace(V[0], V[-1], CURVES.fine_points)
+    mean, sigma = PRIOR.efficiency.mean, PRIOR.efficiency.sigma
+    if results.power_required and results.electrical_power:
+        mean = _overall_efficiency(results.power_required, results.electrical_power, idle)
+    logit = np.log(mean / (1 - mean)) + sigma * rng.standard_normal((draws, 1))
+
+    def power_at(values: Array, efficiency: Array) -> ElectricalPower:
+        least_W = np.maximum(values, idle)
+        return ElectricalPower(fine, CubicSpline(V, least_W, axis=1)(fine), efficiency, reference, idle)
+
+    flown = tuple(float(CL) for CL in lift_coefficient(V[[-1, 0]], reference))
+    return Source(
+        reference,
+        (flown[0], flown[1]),
+        largest_CL or flown[1],
+        power_at(power[None], np.array([[mean]])),
+        power_at(_draw(curve, draws, rng), 1 / (1 + np.exp(-logit))),
+    )
+
+
+def aerodynamic_source(
+    model: PerformanceModel,
+    reference: Condition,
+    largest_CL: float,
+    draws: tuple[int, np.random.Generator],
+    *,
+    idle_W: float = 0.0,
+) -> Source:
+    """From a model of performance. draws: how many, by what
+
+    largest_CL: that the wing has carried; 0: not known, the largest of level flight. By a gust's low airspeed that may
+    be larger than the wing ever carried: the former counts where it is known.
+    """
+    parameters = model.parameters
+    drawn = _draw(parameters, *draws)
+    return Source(
+        reference,
+        model.flown_CL,
+        largest_CL or model.flown_CL[1],
+        AerodynamicPower(_as_columns(parameters, parameters.values[None]), model, idle_W),
+        AerodynamicPower(_as_columns(parameters, drawn), model, idle_W),
+    )
+
+
+def _draw(parameters: ParameterVector, draws: int, rng: np.random.Generator) -> Array:
+    return rng.multivariate_normal(parameters.values, parameters.covariance, draws, method="eigh")
+
+
+def _as_columns(parameters: ParameterVector, values: Array) -> SigmaPoints:
+    return {name: values[:, i : i + 1] for i, name in enumerate(parameters.names)}
+
+
+def _overall_efficiency(required: list[PowerPoint], battery: list[PowerPoint], idle_W: float) -> float:
+    """Power required over the motor's electrical power, the mean over the speeds that both curves have."""
+    V = np.array([one.speed_mps for one in required])
+    drawn_W = np.interp(V, [one.speed_mps for one in battery], [one.power_W for one in battery]) - idle_W
+    return float(np.clip(np.mean([one.power_W for one in required] / drawn_W), 0.1, 0.9))
+
+
+def interval_of(draws: Array) -> Interval:
+    """Median and 95 % interval of draws (n,), some of which may be infinite."""
+    low, middle, high = np.quantile(draws, [0.025, 0.5, 0.975], method="inverted_cdf")
+    return Interval(value=float(middle), lo=float(low), hi=float(high))

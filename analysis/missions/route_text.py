@@ -1,0 +1,93 @@
+"""The energy of a route as text for the terminal."""
+
+from collections.abc import Iterator
+from math import isfinite, radians
+
+from analysis.missions.mission import course_text
+from analysis.missions.prediction import LegResult, NoReturn, RouteResult
+from analysis.records.flight import Interval
+
+HEAD = ("leg", "course", "km", "height m", "m/s", "ground m/s", "min", "Wh", "charge left %", "home safe %")
+
+
+def lines(result: RouteResult) -> Iterator[str]:
+    """The table, then what follows from it."""
+    rows = [HEAD, *(_row(leg) for leg in result.legs)]
+    widths = [max(len(row[i]) for row in rows) for i in range(len(HEAD))]
+    for row in rows:
+        yield "  ".join(
+            text.ljust(width) if i == 0 else text.rjust(width)
+            for i, (text, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+    yield ""
+    yield (
+        f"Whole route: {_with_ends(result.time_s, 60, 1)} min, {_with_ends(result.energy_Wh, 1, 1)} Wh,"
+        f" {_with_ends(result.charge_left, 0.01, 0)} % of the charge left (95 % intervals)."
+    )
+    yield f"Probability of ending with the reserve of {100 * result.reserve:.0f} %: {percent(result.probability)}."
+    yield _no_return(result.no_return, result.sure)
+    yield f"One more kilometer into the wind takes {_with_ends(result.headwind_Wh_per_km, 1, 2)} Wh."
+    near = min(result.directions, key=lambda one: one.safe_radius_m)
+    far = max(result.directions, key=lambda one: one.safe_radius_m)
+    yield (
+        f"Out and back on one charge: safely {near.safe_radius_m / 1000:.1f} km (course"
+        f" {course_text(radians(near.course_deg))}) to {far.safe_radius_m / 1000:.1f} km (course"
+        f" {course_text(radians(far.course_deg))}); without climb."
+    )
+    yield (
+        f"Airspeeds allowed: {result.slowest_airspeed_mps:.1f} to {result.fastest_airspeed_mps:.1f} m/s (equivalent),"
+        " as flown and with the stall margin (--stall)."
+    )
+    if result.flights:
+        yield _pool(result)
+    yield from result.notes
+
+
+def _pool(result: RouteResult) -> str:
+    curve = f"Curve of {len(result.flights)} flights together"
+    if not result.losses_of:
+        return f"{curve}."
+    of = "all" if len(result.losses_of) == len(result.flights) else ", ".join(result.losses_of)
+    return f"{curve}; losses of the power train: mean of {of}."
+
+
+def _row(leg: LegResult) -> tuple[str, ...]:
+    return (
+        leg.name,
+        "" if leg.course_deg is None else course_text(radians(leg.course_deg)),
+        f"{leg.distance_m / 1000:.2f}",
+        f"{leg.height_m:.0f}",
+        f"{leg.airspeed_mps:.1f}",
+        "" if leg.ground_speed_mps is None else f"{leg.ground_speed_mps:.1f}",
+        _number(leg.time_s.value / 60, 1),
+        _number(leg.energy_Wh.value, 2),
+        _with_ends(leg.charge_left, 0.01, 0),
+        percent(leg.probability_home).removesuffix(" %"),
+    )
+
+
+def percent(probability: float) -> str:
+    """A share of draws: their number resolves no more than a tenth of a percent."""
+    if probability >= 1:
+        return "> 99.8 %"
+    return "< 0.2 %" if probability <= 0 else f"{100 * probability:.1f} %"
+
+
+def _with_ends(interval: Interval, unit: float, digits: int) -> str:
+    """ "40 (35 to 44)"."""
+    value, lo, hi = (_number(one / unit, digits) for one in (interval.value, interval.lo, interval.hi))
+    return f"{value} ({lo} to {hi})"
+
+
+def _number(value: float, digits: int) -> str:
+    return f"{value:.{digits}f}" if isfinite(value) else "-" if value < 0 else "never"
+
+
+def _no_return(found: NoReturn | None, sure: float) -> str:
+    if found is None:
+        return f"The direct way home is safe (at least {100 * sure:.0f} %) from everywhere on the route."
+    return (
+        f"Point of no return: {found.route_m / 1000:.2f} km along the route, on {found.leg},"
+        f" {found.from_home_m / 1000:.2f} km from home; beyond it the direct way home with the reserve is less than"
+        f" {100 * sure:.0f} % sure."
+    )

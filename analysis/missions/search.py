@@ -1,0 +1,343 @@
+"""The sequence of pieces that makes the interval smallest in the time available: an exchange algorithm.
+
+Information about the sensor errors and about the polar adds over the pieces of a flight. That of each piece is what it
+adds to a short flight (`information.expected` with and without it). Pieces are added as long as there is time, each
+time the one that lowers the cost most for its duration; then single pieces are exchanged as long as that lowers the
+cost. The result is computed once more as a whole.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf, isfinite
+from typing import NamedTuple
+
+import numpy as np
+
+from analysis.maneuvers.find_level import find_runs
+from analysis.methods.settings import COMPARISON
+from analysis.missions.expected_aircraft import ExpectedAircraft
+from analysis.missions.information import Covariances, Expected, Question, expected, question, sensor_error_covariance
+from analysis.missions.navigation import kept_in_place
+from analysis.missions.pieces import (
+    Maneuver,
+    Piece,
+    PieceKind,
+    Pilot,
+    Run,
+    Space,
+    catalog,
+    full_throttle,
+    sequence,
+    slowest_mps,
+)
+from analysis.missions.plan_settings import MARGINS, PATH, SEARCH
+from analysis.missions.time_history import TimeHistory, fly
+from analysis.trajectory import dryden
+from analysis.trajectory.settings import SOLVER
+from flight.arrays import Array
+from flight.errors import InputError
+from flight.units import FOOT_M, KNOT_MPS
+
+
+@dataclass(frozen=True)
+class Request:
+    """minutes: from standing to standing. wind_kt: W20, the wind at 20 ft. earlier: of flights before."""
+
+    minutes: float
+    wind_kt: float
+    space: Space
+    pilot: Pilot
+    question: str = "curve"
+    earlier: Array | None = None  # (m, m) information of earlier flights about the sensor errors of the installation
+    alpha_scale_sigma: float = COMPARISON.installation_sigma["alpha_scale"]
+
+    @property
+    def gust_mps(self) -> float:
+        return max(SOLVER.least_gust_mps, 0.1 * self.wind_kt * KNOT_MPS)  # of W20 (MIL-F-8785C sec. 3.7.3.4)
+
+    @property
+    def wind_mps(self) -> float:
+        """Mean wind at the height of the flight."""
+        higher = dryden.mean_wind_profile(self.space.height_m) / dryden.mean_wind_profile(20 * FOOT_M)
+        return self.wind_kt * KNOT_MPS * float(higher)
+
+
+class Contribution(NamedTuple):
+    """One kind of piece in a plan: how often, its time, and the worst half width without it [%]."""
+
+    title: str
+    times: int
+    seconds: float
+    worst_without: float
+
+
+@dataclass(frozen=True)
+class FlightPlan:
+    """pieces, maneuvers: in order. half_widths: [%] at question.speeds. history: as it should look."""
+
+    request: Request
+    aircraft: ExpectedAircraft
+    question: Question
+    pieces: tuple[Piece, ...]
+    maneuvers: tuple[Maneuver, ...]
+    history: TimeHistory
+    covariances: Covariances
+    half_widths: Array
+    contributions: tuple[Contribution, ...]
+    worst_with_porpoising: float | None = None  # for an autopilot, which cannot: the worst half width by a pilot [%]
+
+    @property
+    def seconds(self) -> float:
+        return float(self.history.starts_s[-1])
+
+
+class _Increment(NamedTuple):
+    seconds: float
+    errors: Array
+    polar: Array
+
+
+def plan_flight(aircraft: ExpectedAircraft, request: Request) -> FlightPlan:
+    """The plan. Raises InputError where the time is too short for any."""
+    slow, fast = slowest_mps(aircraft, request.wind_kt), MARGINS.fastest * aircraft.fastest_mps
+    asked = question(request.question, aircraft, slow, fast)
+    kinds = aircraft, request.space, request.pilot, request.wind_kt
+    pairs = _without_gentle_runs(catalog(*kinds), aircraft, request)
+    last: tuple[Piece, ...] = (full_throttle(aircraft),) if aircraft.full_throttle else ()
+    history = _history([*pairs[:1] * SEARCH.fewest_run_pairs, *last], aircraft, request)
+    if _seconds_of(history) > request.minutes * 60:
+        last = ()
+        history = _history(pairs[:1] * SEARCH.fewest_run_pairs, aircraft, request)
+    chosen = _ordered([*pairs[:1] * SEARCH.fewest_run_pairs, *last])
+    left = request.minutes * 60 - _seconds_of(history)
+    if left < 0:
+        raise InputError(
+            f"{request.minutes:g} minutes are too short: standing, take-off, {SEARCH.fewest_run_pairs} pairs of runs"
+            f" and landing take {_seconds_of(history) / 60:.1f}"
+        )
+    # Room for as many of the others as of pairs; beside its straight part a piece has turns that take as long.
+    others = catalog(*kinds, left / (2 * SEARCH.fewest_run_pairs))
+    found = [*pairs, *(piece for piece in others if piece.kind is not PieceKind.RUNS)]
+    pieces = [piece for piece in found if not (request.pilot.autopilot and piece.kind.by_hand)]
+    base = _evaluated(chosen, aircraft, request)
+    start = _covariances(base[0], request)
+    every = [_increment(piece, pairs[0], last, base, aircraft=aircraft, request=request) for piece in found]
+    increments = [increment for piece, increment in zip(found, every, strict=True) if piece in pieces]
+    shortest_s = min(increment.seconds for increment in increments)
+    room_s, base_s = left, _seconds_of(history)
+    fits_s, exceeds_s = 0.0, inf
+    for _ in range(8):  # pieces take more or less time beside others, and kept in place, than alone
+        counts = _exchanged(increments, left, start, asked)
+        alone_s = sum(n * increment.seconds for n, increment in zip(counts, increments, strict=True))
+        planned = [piece for piece, n in zip(pieces, counts, strict=True) for _ in range(n)]
+        tried = _ordered([*planned, *pairs[:1] * SEARCH.fewest_run_pairs, *last])
+        flown = _history(tried, aircraft, request)
+        taken_s = max(_seconds_of(flown) - base_s, 1.0)
+        if taken_s > room_s:
+            exceeds_s = min(exceeds_s, alone_s)
+        else:
+            fits_s = max(fits_s, left)
+            if _seconds_of(flown) > _seconds_of(history):
+                chosen, history = tried, flown
+        if room_s - shortest_s < taken_s <= room_s or exceeds_s - fits_s < 1.0:
+            break
+        left = alone_s * room_s / taken_s
+        if not fits_s < left < exceeds_s:
+            left = (fits_s + exceeds_s) / 2 if isfinite(exceeds_s) else 2 * room_s
+    by_hand = None
+    if request.pilot.autopilot:
+        by_hand = float(np.max(asked.half_widths(_with(start, every, _exchanged(every, left, start, asked)))))
+    whole = expected(history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma)
+    covariances = _covariances(whole, request)
+    contributions = _contributions(chosen, pieces, increments, covariances, asked)
+    return FlightPlan(
+        request=request,
+        aircraft=aircraft,
+        question=asked,
+        pieces=tuple(chosen),
+        maneuvers=tuple(_placed(chosen, aircraft, request)),
+        history=history,
+        covariances=covariances,
+        half_widths=asked.half_widths(covariances),
+        contributions=contributions,
+        worst_with_porpoising=by_hand,
+    )
+
+
+def predicted(maneuvers: Sequence[Maneuver], aircraft: ExpectedAircraft, request: Request) -> Covariances:
+    """The covariances after any sequence of maneuvers."""
+    history = fly(maneuvers, aircraft, request.space.height_m, request.wind_mps)
+    found = expected(history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma)
+    return _covariances(found, request)
+
+
+def _without_gentle_runs(found: list[Piece], aircraft: ExpectedAircraft, request: Request) -> list[Piece]:
+    """The pairs of runs without those that the analysis would not take for runs: where motor or propeller's table leave
+    little to accelerate with, a slow throttle is too gentle. All pairs, where it would take none."""
+    pairs = [piece for piece in found if piece.kind is PieceKind.RUNS]
+    return [piece for piece in pairs if _taken_for_runs(piece, aircraft, request)] or pairs
+
+
+def _taken_for_runs(piece: Piece, aircraft: ExpectedAircraft, request: Request) -> bool:
+    history = fly(piece.maneuvers, aircraft, request.space.height_m, request.wind_mps, airborne=True)
+    runs, _ = find_runs(history.table, noise_mps=inf)
+    middles_s = [
+        (start_s + end_s) / 2
+        for maneuver, start_s, end_s in zip(piece.maneuvers, history.starts_s, history.starts_s[1:], strict=False)
+        if isinstance(maneuver, Run)
+    ]
+    return all(any(run.start_s <= middle_s <= run.end_s for run in runs) for middle_s in middles_s)
+
+
+def _history(pieces: Sequence[Piece], aircraft: ExpectedAircraft, request: Request) -> TimeHistory:
+    plan = _placed(pieces, aircraft, request)
+    return fly(plan, aircraft, request.space.height_m, request.wind_mps)
+
+
+def _placed(pieces: Sequence[Piece], aircraft: ExpectedAircraft, request: Request) -> list[Maneuver]:
+    """The maneuvers as they are flown in the wind of the request."""
+    return kept_in_place(sequence(pieces, aircraft), aircraft, request.space, request.wind_mps)
+
+
+def _seconds_of(history: TimeHistory) -> float:
+    return float(len(history.table) * PATH.step_s)
+
+
+def _by_itself(pieces: Sequence[Piece], aircraft: ExpectedAircraft, request: Request) -> TimeHistory:
+    """Not kept in place: what a piece tells must not depend on where it begins."""
+    return fly(sequence(pieces, aircraft), aircraft, request.space.height_m, request.wind_mps)
+
+
+def _evaluated(pieces: Sequence[Piece], aircraft: ExpectedAircraft, request: Request) -> tuple[Expected, float]:
+    history = _by_itself(pieces, aircraft, request)
+    found = expected(history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma)
+    return found, _seconds_of(history)
+
+
+def _covariances(found: Expected, request: Request) -> Covariances:
+    fixed = found.systematic - found.shared @ found.errors @ found.shared.T
+    errors = found.errors
+    if request.earlier is not None:
+        errors = np.asarray(np.linalg.inv(np.linalg.inv(errors) + request.earlier))
+    return Covariances(errors, found.noise, fixed, found.shared)
+
+
+def _increment(
+    piece: Piece,
+    pair: Piece,
+    last: Sequence[Piece],
+    base: tuple[Expected, float],
+    *,
+    aircraft: ExpectedAircraft,
+    request: Request,
+) -> _Increment:
+    """What one piece adds to the information of the base: a difference of two flights. base: that of one and its time
+    [s].
+    """
+    before, before_s = base
+    repeated = 2  # of a piece in the flight that its information is computed from
+    planned = [*[pair] * SEARCH.fewest_run_pairs, *[piece] * repeated, *last]
+    if piece.kind is PieceKind.RUNS:
+        found, seconds = _evaluated(planned, aircraft, request)
+        errors, polar = found.errors, _gain(found.noise, before.noise) / repeated
+    else:
+        history = _by_itself(planned, aircraft, request)
+        errors = sensor_error_covariance(
+            history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma
+        )
+        seconds, polar = _seconds_of(history), np.zeros((3, 3))
+    return _Increment((seconds - before_s) / repeated, _gain(errors, before.errors) / repeated, polar)
+
+
+def _gain(after: Array, before: Array) -> Array:
+    """Difference of two information matrices, without its negative part, which comes from rounding and random draws."""
+    scale = np.sqrt(np.diag(before))
+    gain = np.linalg.inv(after / np.outer(scale, scale)) - np.linalg.inv(before / np.outer(scale, scale))
+    values, vectors = np.linalg.eigh((gain + gain.T) / 2)
+    positive = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    return np.asarray(positive / np.outer(scale, scale))
+
+
+def _with(start: Covariances, increments: Sequence[_Increment], counts: Sequence[int]) -> Covariances:
+    errors, polar = np.linalg.inv(start.errors), np.linalg.inv(start.noise)
+    for increment, n in zip(increments, counts, strict=True):
+        errors, polar = errors + n * increment.errors, polar + n * increment.polar
+    return start._replace(errors=np.linalg.inv(errors), noise=np.linalg.inv(polar))
+
+
+def _exchanged(increments: Sequence[_Increment], left_s: float, start: Covariances, asked: Question) -> list[int]:
+    """How often each piece is flown."""
+    counts = [0] * len(increments)
+
+    def cost(counts: Sequence[int]) -> float:
+        return asked.cost(_with(start, increments, counts))
+
+    def fits(counts: Sequence[int]) -> bool:
+        return sum(n * increment.seconds for n, increment in zip(counts, increments, strict=True)) <= left_s
+
+    def changed(*changes: tuple[int, int]) -> list[int]:
+        new = counts.copy()
+        for i, by in changes:
+            new[i] += by
+        return new
+
+    now = cost(counts)
+    while options := [new for i in range(len(counts)) if fits(new := changed((i, 1)))]:
+        gains = [(cost(new), new) for new in options]
+        best = min(gains, key=lambda gain: (gain[0] - now) / max(_seconds(gain[1], counts, increments), 1.0))
+        if best[0] >= now:
+            break
+        now, counts = best
+    for _ in range(60):
+        swaps = [
+            new
+            for i, n in enumerate(counts)
+            if n
+            for j in range(len(counts))
+            for k in (1, 2)
+            if j != i and fits(new := changed((i, -1), (j, k)))
+        ] + [new for j in range(len(counts)) if fits(new := changed((j, 1)))]
+        costs = [(cost(new), new) for new in swaps]
+        if not costs or min(costs)[0] >= now - 1e-4:
+            break
+        now, counts = min(costs)
+    return counts
+
+
+def _seconds(new: Sequence[int], old: Sequence[int], increments: Sequence[_Increment]) -> float:
+    return sum((a - b) * increment.seconds for a, b, increment in zip(new, old, increments, strict=True))
+
+
+def _ordered(pieces: Sequence[Piece]) -> list[Piece]:
+    kinds = list(PieceKind)
+    return sorted(pieces, key=lambda piece: (kinds.index(piece.kind), piece.title))
+
+
+def _contributions(
+    chosen: Sequence[Piece],
+    pieces: Sequence[Piece],
+    increments: Sequence[_Increment],
+    whole: Covariances,
+    asked: Question,
+) -> tuple[Contribution, ...]:
+    """Each kind of piece, and the worst half width of the plan without it."""
+    listed = []
+    for piece, n in Counter(chosen).items():
+        if piece not in pieces:
+            continue
+        increment = increments[pieces.index(piece)]
+        without = whole._replace(
+            errors=_less(whole.errors, n * increment.errors), noise=_less(whole.noise, n * increment.polar)
+        )
+        worst = float(np.max(asked.half_widths(without)))
+        listed.append(Contribution(piece.title, n, n * increment.seconds, worst))
+    return tuple(listed)
+
+
+def _less(covariance: Array, information: Array) -> Array:
+    """The covariance without some information."""
+    root = np.linalg.cholesky(covariance)
+    values, vectors = np.linalg.eigh(root.T @ information @ root)
+    vectors = root @ vectors
+    return np.asarray((vectors / np.maximum(1 - values, SEARCH.least_left)) @ vectors.T)

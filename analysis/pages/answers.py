@@ -1,0 +1,142 @@
+"""The answers that the page and the terminal begin with: best speeds, endurance, range, full throttle."""
+
+import math
+from typing import NamedTuple
+
+from analysis.records.flight import (
+    AvailableResult,
+    Interval,
+    PerformanceResult,
+    Results,
+    SlowestFlown,
+    SpeedInterval,
+    SpeedReason,
+)
+
+BEYOND_TABLE = "Outside the propeller table: an extrapolation."
+
+
+class HeadlineAnswer(NamedTuple):
+    """A question, the answer, and a note on it, in plain text.
+
+    speed_mps : of an answer that is a speed     remark : what follows the speed, or the answer that is none
+    """
+
+    question: str
+    remark: str
+    note: str
+    speed_mps: float | None = None
+
+    @property
+    def answer(self) -> str:
+        return self.remark if self.speed_mps is None else f"{self.speed_mps:.1f} m/s{self.remark}"
+
+
+def headline_answers(results: Results) -> list[HeadlineAnswer]:
+    """Speeds of longest endurance and longest range, and the performance at full throttle.
+
+    Without a propeller table that allows performance (`results.use` is None): speeds of least power and least drag.
+    """
+    use = results.use
+    if use is None:
+        return [
+            _optimum(results, "Longest endurance", results.minimum_power_speed, "least power required"),
+            _optimum(results, "Longest range", results.best_range_speed, "least drag"),
+        ]
+    return [_endurance(results, use), _range(results, use), _full_throttle(results, use.available)]
+
+
+def _optimum(results: Results, question: str, optimum: SpeedInterval, note: str) -> HeadlineAnswer:
+    """The card of a speed of the curve; where that lies below the slowest flown, the card of the slowest flown."""
+    slowest = results.slowest_flown
+    if optimum.reason is SpeedReason.BELOW_SLOWEST and slowest:
+        return HeadlineAnswer(question, ", the slowest flown", not_slower(results), slowest.speed_mps)
+    return HeadlineAnswer(question, optimum_remark(optimum), note, _known_speed(optimum))
+
+
+def not_slower(results: Results) -> str:
+    """What the slowest speed flown means, in sentences; empty where it is not known."""
+    slowest = results.slowest_flown
+    if slowest is None:
+        return "Do not fly slower than this: no slower flight was measured."
+    margin = stall_margin_percent(slowest)
+    stall = f"at least {margin:.0f} % above the stall" if margin else "the flight shows no margin to the stall"
+    return f"Do not fly slower than {slowest.speed_mps:.1f} m/s: no slower flight was measured; {stall}."
+
+
+def stall_margin_percent(slowest: SlowestFlown) -> int:
+    """Least margin of speed to the stall, rounded down to whole percents: by the largest lift coefficient that the wing
+    carried, with the motor's power of that moment."""
+    return math.floor(100 * (math.sqrt(slowest.largest_lift_coefficient / slowest.lift_coefficient) - 1))
+
+
+def optimum_speed_text(optimum: SpeedInterval) -> str:
+    """ "13.2 m/s (12.9 to 13.5)", "(up to 13.5)" where the interval has no lower end, or why there is none."""
+    return HeadlineAnswer("", optimum_remark(optimum), "", _known_speed(optimum)).answer
+
+
+def _known_speed(optimum: SpeedInterval) -> float | None:
+    return None if optimum.hi_mps is None else optimum.speed_mps
+
+
+def optimum_remark(optimum: SpeedInterval) -> str:
+    """What follows the speed, or why there is none."""
+    lo, hi = optimum.lo_mps, optimum.hi_mps
+    if optimum.speed_mps is None or hi is None:
+        reason = optimum.reason or SpeedReason.NO_OPTIMUM
+        return f"not found: {reason[0].lower()}{reason[1:-1]}"
+    text = f" ({f'{lo:.1f}' if lo else 'up'} to {hi:.1f})"
+    return text if optimum.inside_flown_range else text + ", outside the speeds flown: an extrapolation"
+
+
+def interval_text(interval: Interval, unit: str, digits: int) -> str:
+    """ "13.5 m/s (13.2 to 13.9)"."""
+    return f"{interval.value:.{digits}f} {unit} ({interval.lo:.{digits}f} to {interval.hi:.{digits}f})"
+
+
+def _endurance(results: Results, use: PerformanceResult) -> HeadlineAnswer:
+    flown = use.loadings[0]
+    note = f"{interval_text(flown.endurance_s.times(1 / 60), 'min', 0)} {_battery(use)}."
+    if flown.extrapolated:
+        note += f" {BEYOND_TABLE}"
+    if flown.endurance_at_slowest:
+        note += f" Power still decreases there. {not_slower(results)}"
+    speed = flown.endurance_speed_mps
+    remark = _best_speed_remark(speed, flown.endurance_at_slowest, flown.endurance_at_fastest)
+    return HeadlineAnswer("Longest endurance", remark, note, speed.value)
+
+
+def _range(results: Results, use: PerformanceResult) -> HeadlineAnswer:
+    flown = use.loadings[0]
+    note = f"{interval_text(flown.range_m.times(1e-3), 'km', 1)} {_battery(use)}, in still air."
+    if flown.range_at_slowest:
+        note += f" {not_slower(results)}"
+    speed = flown.range_speed_mps
+    remark = _best_speed_remark(speed, flown.range_at_slowest, flown.range_at_fastest)
+    return HeadlineAnswer("Longest range", remark, note, speed.value)
+
+
+def _full_throttle(results: Results, available: AvailableResult) -> HeadlineAnswer:
+    if available.reason:
+        return HeadlineAnswer("Full throttle", "not known", available.reason)
+    top, climb = available.maximum_speed_mps, available.best_climb_mps
+    note = "Climb not known."
+    if climb and available.best_climb_speed_mps is not None:
+        note = f"Climbs {interval_text(climb, 'm/s', 1)} at {available.best_climb_speed_mps:.0f} m/s."
+    if top and available.maximum_speed_extrapolated:
+        faster = top.value > results.power_required[-1].speed_mps
+        note += " Faster than was flown: an extrapolation." if faster else f" {BEYOND_TABLE}"
+    remark = f" ({top.lo:.1f} to {top.hi:.1f})" if top else "not found"
+    return HeadlineAnswer("Full throttle, level", remark, note, top.value if top else None)
+
+
+def _battery(use: PerformanceResult) -> str:
+    text = f"with {use.battery_energy_Wh:g} Wh, {100 * use.usable:.0f} % used"
+    return text if use.power_train.measured else text + " (motor assumed, not measured)"
+
+
+def _best_speed_remark(speed: Interval, at_slowest: bool, at_fastest: bool) -> str:
+    """ " (13.2 to 13.9)"; at an end of the speeds flown the best speed may lie outside them."""
+    if at_slowest or at_fastest:
+        return f", the {'slowest' if at_slowest else 'fastest'} flown"
+    return f" ({speed.lo:.1f} to {speed.hi:.1f})"

@@ -1,0 +1,145 @@
+"""An analyzed flight as five tables, and these as CSV, Parquet and MATLAB files. Columns are named with their units."""
+
+import re
+from collections.abc import Callable, Mapping
+from io import BytesIO
+from pathlib import Path
+from typing import Any, cast
+
+import msgspec
+import numpy as np
+import pandas as pd
+
+from analysis.files import write_file
+from analysis.pages.exports import KINDS
+from analysis.pages.exports.derived import ERROR, derived, write_derived_log
+from analysis.pages.write import COLUMNS as STATE_COLUMNS
+from analysis.pipeline import Analysis
+from analysis.records.flight import PowerPoint
+from analysis.trajectory.equations import GUST_FILTER_STATES
+from flight.errors import InputError
+from flight.log_reader import Log
+
+# Columns of the air data table whose own names lack a unit, or are of use inside the program only.
+RENAMED = {"rho": "density_kgpm3", "J": "advance_ratio", "throttle": "throttle_fraction"}
+LEFT_OUT = (
+    "speed_scale", "dalpha_dlndp_alpha_rad", "dlnV_dlndp_alpha", "alpha_by_upwash_rad", "alpha_by_rotation_rad",
+    "beta_by_rotation_rad",
+)  # fmt: skip
+WITHOUT_UNIT = ("advance_ratio", "C_L", "C_D", "flying", "propeller_covered", "curve", "kind", "notes", "extrapolated")
+
+
+def tables_of(analysis: Analysis) -> dict[str, pd.DataFrame]:
+    """By name: `synchronized`, `states`, `derived`, `runs`, `curves`.
+
+    synchronized : every channel on one time base, corrected, with air data; index t_s since the log began
+    states : reconstructed attitude, velocity, height, wind and gusts with standard errors; index t_s
+    derived : of `derived.derived`; index t_s
+    runs : one row per run: kind, start and end, speeds, change of altitude, notes
+    curves : every curve of power against speed with its 95 % interval, named in `curve`
+    """
+    states, errors = (
+        table.drop(columns=[*GUST_FILTER_STATES]).rename(columns=STATE_COLUMNS)
+        for table in (analysis.trajectory.states, analysis.trajectory.states_error())
+    )
+    errors = errors.add_suffix(ERROR)
+    in_turn = [name for state in states.columns for name in (state, f"{state}{ERROR}")]
+    return {
+        "synchronized": analysis.table.drop(columns=list(LEFT_OUT)).rename(columns=RENAMED),
+        "states": pd.concat([states, errors], axis=1)[in_turn],
+        "derived": derived(analysis.trajectory, analysis.aircraft, analysis.propeller),
+        "runs": _runs(analysis),
+        "curves": _curves(analysis),
+    }
+
+
+def _runs(analysis: Analysis) -> pd.DataFrame:
+    runs = analysis.results.runs
+    return pd.DataFrame([msgspec.structs.asdict(run) | {"notes": "; ".join(run.notes)} for run in runs])
+
+
+def _curves(analysis: Analysis) -> pd.DataFrame:
+    results = analysis.results
+    curves: dict[str, list[PowerPoint]] = {
+        "power required, as flown": results.power_required,
+        "power required, standard weight and sea level": results.power_required_standard,
+        "cross-check by output error": results.cross_check,
+    }
+    for method in results.methods:
+        curves[method.title] = method.power_required
+    rows = [{"curve": name} | msgspec.structs.asdict(point) for name, points in curves.items() for point in points]
+    return pd.DataFrame(rows)
+
+
+INDEX = "t_s"
+
+
+def write_csv(tables: Mapping[str, pd.DataFrame], folder: Path) -> None:
+    """One CSV file a table, `folder`/NAME.csv. Raises InputError when the folder cannot be written."""
+    for name, table in tables.items():
+        text = _flat(table).to_csv(index=False, float_format="%.9g", lineterminator="\n")
+        write_file(folder / f"{name}.csv", text)
+
+
+def write_parquet(tables: Mapping[str, pd.DataFrame], folder: Path) -> None:
+    """One Parquet file a table, `folder`/NAME.parquet. Raises InputError when it cannot be written."""
+    try:
+        import pyarrow  # noqa: F401
+    except ModuleNotFoundError:
+        raise InputError('Parquet needs pyarrow; run: pip install pyarrow, or export with "--to csv"') from None
+    for name, table in tables.items():
+        stream = BytesIO()
+        _flat(table).to_parquet(stream, index=False)
+        write_file(folder / f"{name}.parquet", stream.getvalue())
+
+
+def write_mat(tables: Mapping[str, pd.DataFrame], path: Path) -> None:
+    """A MATLAB file (version 5) with a struct a table, whose fields are column vectors.
+
+    Texts are cell arrays; Boolean values are 0 and 1. Raises InputError when the file cannot be written.
+    """
+    from scipy.io import savemat
+
+    structs = {
+        name: {matlab_name(column): _column(values) for column, values in _flat(table).items()}
+        for name, table in tables.items()
+    }
+    stream = BytesIO()
+    savemat(cast(Any, stream), structs, long_field_names=True, oned_as="column", do_compression=True)
+    write_file(path, stream.getvalue())
+
+
+def matlab_name(column: Any) -> str:
+    """The name of a column as MATLAB permits it: letters, digits and underscores, 63 at most."""
+    return re.sub(r"\W", "_", str(column))[:63]
+
+
+def _column(values: pd.Series) -> np.ndarray:
+    if values.dtype == bool:
+        return values.to_numpy(dtype=np.uint8)
+    return values.to_numpy(dtype=float) if pd.api.types.is_numeric_dtype(values) else values.to_numpy(dtype=object)
+
+
+def _flat(table: pd.DataFrame) -> pd.DataFrame:
+    """The table with its time, if it has one, as the first column."""
+    return table.reset_index() if table.index.name == INDEX else table
+
+
+WRITERS: dict[str, Callable[[Mapping[str, pd.DataFrame], Path], None]] = {
+    "csv": write_csv,
+    "parquet": write_parquet,
+    "mat": write_mat,
+}
+
+
+def export_tables(tables: Mapping[str, pd.DataFrame], log: Log, to: str, path: Path) -> None:
+    """Write tables of a flight. to: one of KINDS     path: a folder for csv and parquet, a file for mat and mcap
+
+    Raises InputError for another kind, or when it cannot be written.
+    """
+    if to not in KINDS:
+        raise InputError(f"{to!r} is not a kind of export; choose one of {', '.join(KINDS)}")
+    if to == "mcap":
+        write_derived_log(tables, log, path)
+    else:
+        WRITERS[to](tables, path)

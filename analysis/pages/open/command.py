@@ -1,0 +1,110 @@
+"""The command `flightpower open`: arguments and messages."""
+
+import secrets
+import signal
+import socket
+import sys
+import tempfile
+import webbrowser
+from concurrent.futures import Future, ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from analysis.pages.lean_imports import import_lean
+from flight.command_line import application, run
+from flight.errors import InputError
+from flight.log_reader import Log, read_log
+
+app = application(no_args_is_help=False)
+
+
+@app.command(name="open")
+def open_page(
+    logs: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[LOG]", help="A log, or several in one folder, or a folder; default: this folder."),
+    ] = None,
+    port: Annotated[
+        int, typer.Option("--port", metavar="PORT", min=0, max=65535, help="Port of the page; default: any free one.")
+    ] = 0,
+    browser: Annotated[
+        bool, typer.Option("--browser/--no-browser", help="Open the page in the browser, or only print its address.")
+    ] = True,
+) -> None:
+    """Look at flights and edit their runs in the browser: speed, height, motor, track, and the curve that follows.
+
+    Ends of runs are dragged, or typed; kinds are chosen; values of aircraft and propeller are changed. The curve
+    follows at once. "Write the report" writes what `analyze` writes, and the page shows the command that gives the
+    same. The page is for this computer only, and closes with the terminal (Ctrl-C).
+
+    \b
+    Examples:
+      flightpower open                  the logs of this folder
+      flightpower open flights/today/log.mcap
+    """
+    folder, first = opened_folder(logs or [])
+    for closing in ("SIGTERM", "SIGHUP"):  # the latter when the terminal closes, not on Windows
+        if hasattr(signal, closing):
+            signal.signal(getattr(signal, closing), lambda *_: sys.exit(0))
+    with _listening(port) as at, tempfile.TemporaryDirectory(prefix="flightpower-") as workspace:
+        token = secrets.token_urlsafe(24)
+        address = f"http://127.0.0.1:{at.getsockname()[1]}/{token}/" + (f"#{first}" if first else "")
+        reading = _read_apart(folder / first) if first.endswith(".mcap") else None
+        print(f"{address}\nThe page of {folder} is open until Ctrl-C.", flush=True)
+        if browser:
+            webbrowser.open(address)
+        import_lean()
+        from analysis.pages.open.flights import Folder  # the browser starts in the meantime
+        from analysis.pages.open.server import serve
+
+        opened = Folder(folder, Path(workspace), {first: reading} if reading else {})
+        names = [first] if first else list(opened.logs())
+        serve(opened, at, token, names[0] if len(names) == 1 else "")
+
+
+def _read_apart(log: Path) -> Future[Log] | None:
+    """Read a log in another process while this one imports the libraries; None where a process cannot be forked.
+
+    Both take most of a second, and neither leaves the other the interpreter in one process.
+    """
+    if sys.platform != "linux":
+        return None
+    process = ProcessPoolExecutor(1, get_context("fork"), signal.signal, (signal.SIGTERM, signal.SIG_DFL))
+    reading = process.submit(read_log, log)
+    process.shutdown(wait=False)  # it ends once the log is read
+    return reading
+
+
+def _listening(port: int) -> socket.socket:
+    """A socket of this computer only. Raises InputError where the port is in use."""
+    try:
+        return socket.create_server(("127.0.0.1", port))
+    except OSError as error:
+        raise InputError(
+            f"port {port}: cannot be listened on ({error.strerror or error}); give another --port"
+        ) from None
+
+
+def opened_folder(logs: list[Path]) -> tuple[Path, str]:
+    """The folder of the logs, and the name of the first. Raises InputError for a log that is missing or elsewhere."""
+    for path in logs:
+        if not path.exists():
+            raise InputError(f"{path}: there is no such log or folder")
+    if not logs:
+        return Path(), ""
+    folders = {path if path.is_dir() else path.parent for path in logs}
+    if len({folder.resolve() for folder in folders}) > 1:
+        raise InputError(f"{logs[0]}, {logs[-1]}: are in several folders; open one folder")
+    first = next((path.name for path in logs if path.is_file()), "")
+    return folders.pop(), first
+
+
+def main() -> None:
+    run(app, "flightpower open")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,51 @@
+"""The curve of another method beside that of the report, as far as the flight allows it."""
+
+from analysis.curve import Condition
+from analysis.flight import Reconstructed
+from analysis.maneuvers.kinds import Maneuver
+from analysis.methods import likelihood
+from analysis.methods.method import MethodDescription, MethodEstimate
+from analysis.methods.methods import ALL_METHODS, one_method
+from analysis.methods.whole_flight.method import WHOLE_FLIGHT, whole_flight
+from analysis.records.flight import MethodResult
+from analysis.results.assemble import method_result
+from flight.errors import InputError
+
+METHODS: dict[str, MethodDescription] = {
+    method.name: method for method in (*ALL_METHODS, WHOLE_FLIGHT, *likelihood.METHODS)
+}
+
+
+def listed(runs: list[Maneuver], headline: str) -> list[dict[str, str]]:
+    """Names and titles of all methods but that of the report's curve; missing : kinds of runs, where none was flown."""
+    flown = {run.kind for run in runs}
+    return [
+        {
+            "name": name,
+            "title": f"{method.title} (takes longer)" if by_likelihood(name) else method.title,
+            "missing": "" if not method.kinds or flown & set(method.kinds) else " or ".join(method.kinds),
+        }
+        for name, method in METHODS.items()
+        if name != headline
+    ]
+
+
+def method_curve(flight: Reconstructed, name: str, condition: Condition, largest_CL: float) -> MethodResult:
+    """largest_CL : of the report's curve. Raises InputError for a name that there is none of."""
+    if name not in METHODS:
+        raise InputError(f"{name[:60]!r}: no such method; there are {', '.join(METHODS)}")
+    return method_result(_estimate(flight, METHODS[name]), condition, largest_CL)
+
+
+def by_likelihood(name: str) -> bool:
+    """Whether `analyze` applies the method only when it is asked to."""
+    return name in {method.name for method in likelihood.METHODS}
+
+
+def _estimate(flight: Reconstructed, method: MethodDescription) -> MethodEstimate:
+    if method is WHOLE_FLIGHT:
+        return whole_flight(flight.log, flight.aircraft, flight.propeller).method
+    if by_likelihood(method.name):
+        return likelihood.estimate(flight, (method,)).methods[0]
+    maneuvers = flight.maneuvers.maneuvers
+    return one_method(method.name, flight.trajectory, maneuvers, flight.aircraft, flight.propeller)

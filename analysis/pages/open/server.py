@@ -1,0 +1,224 @@
+"""The web server of the local page: a WSGI application (PEP 3333) that answers this computer's browser and nobody else.
+
+Other pages in the same browser can send requests to it, and other users of the computer can. Every request must carry
+the secret that is in the address, name this server as its host (so that a foreign name that leads here is refused),
+and, where it computes or writes, come from the page itself (Origin). Files are named by their names in the folder
+that was opened. The page may run no script but its own; a report is shown in a sandbox that can reach nothing.
+"""
+
+import atexit
+import hmac
+import logging
+import os
+from collections.abc import Callable, Collection, Iterable
+from contextlib import suppress
+from http import HTTPStatus
+from importlib import resources
+from socket import socket
+from threading import Lock, Thread
+from typing import IO, Any, NamedTuple
+
+import msgspec
+import numpy as np
+
+from analysis.pages.open.flights import LIMITS, POLARS, Folder, Values
+from analysis.pages.predicted_polar import read_predicted_polar
+from analysis.sources.recognize import autopilot_of
+from flight.errors import InputError
+from flight.log_reader import read_log
+
+StartResponse = Callable[[str, list[tuple[str, str]]], Any]
+Environ = dict[str, Any]
+
+PLAIN, HTML, JSON = "text/plain; charset=utf-8", "text/html; charset=utf-8", "application/json"
+FILES = {"": ("page.html", HTML), "page.js": ("page.js", "text/javascript"), "page.css": ("page.css", "text/css")}
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src data:; frame-src 'self';"
+    " base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+# Without allow-same-origin a report has an origin of its own, which this server refuses.
+REPORT_POLICY = (
+    "sandbox allow-scripts allow-downloads; default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline';"
+    " img-src data: blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'self'"
+)
+HEADERS = [
+    ("X-Content-Type-Options", "nosniff"),
+    ("Cache-Control", "no-store"),
+    ("Referrer-Policy", "no-referrer"),
+    ("Cross-Origin-Resource-Policy", "same-origin"),
+    ("Cross-Origin-Opener-Policy", "same-origin"),
+]
+
+
+class Answer(NamedTuple):
+    """Type and content of an answer, and what its page may do."""
+
+    kind: str
+    body: bytes
+    policy: str = POLICY
+    status: HTTPStatus = HTTPStatus.OK
+
+
+class RefusedError(Exception):
+    """A request that is not answered. status : why"""
+
+    def __init__(self, status: HTTPStatus, text: str):
+        super().__init__(text)
+        self.status = status
+
+
+class LocalPage:
+    """The application. hosts : names and port by which the browser calls this server; token : the secret"""
+
+    def __init__(self, folder: Folder, hosts: Collection[str], token: str):
+        self.folder, self.hosts, self.token = folder, hosts, token
+        self._computing = Lock()
+
+    def __call__(self, environ: Environ, start_response: StartResponse) -> Iterable[bytes]:
+        try:
+            answer = self._answer(*self._checked(environ), environ)
+        except (RefusedError, InputError) as error:
+            status = error.status if isinstance(error, RefusedError) else HTTPStatus.UNPROCESSABLE_ENTITY
+            answer = Answer(PLAIN, str(error).encode("utf-8", "replace"), status=status)
+        headers = [*HEADERS, ("Content-Type", answer.kind), ("Content-Security-Policy", answer.policy)]
+        headers.append(("Content-Length", str(len(answer.body))))
+        start_response(f"{answer.status.value} {answer.status.phrase}", headers)
+        return [answer.body]
+
+    def _checked(self, environ: Environ) -> tuple[str, list[str]]:
+        """Method and words of the path after the secret. Raises RefusedError for one not from our page."""
+        host, method = environ.get("HTTP_HOST", ""), environ["REQUEST_METHOD"]
+        if host not in self.hosts:
+            raise RefusedError(HTTPStatus.FORBIDDEN, "this page is for this computer only: use the address as printed")
+        # A path of percent-encoded bytes arrives as Latin-1 (PEP 3333).
+        path = environ.get("PATH_INFO", "").encode("latin-1", "replace").decode("utf-8", "replace")
+        _, secret, *words = (*path.split("/"), "", "")[: max(3, path.count("/") + 1)]
+        if not hmac.compare_digest(secret.encode(), self.token.encode()):
+            raise RefusedError(HTTPStatus.NOT_FOUND, "the address lacks the secret that the command printed")
+        if method not in ("GET", "POST", "PUT"):
+            raise RefusedError(HTTPStatus.METHOD_NOT_ALLOWED, "only GET, POST and PUT are answered")
+        if method != "GET" and environ.get("HTTP_ORIGIN") != f"http://{host}":
+            raise RefusedError(HTTPStatus.FORBIDDEN, "this request does not come from the page")
+        if environ.get("HTTP_SEC_FETCH_SITE", "none") not in ("none", "same-origin"):
+            raise RefusedError(HTTPStatus.FORBIDDEN, "this request comes from another page")
+        return method, words
+
+    def _answer(self, method: str, words: list[str], environ: Environ) -> Answer:
+        match method, words:
+            case "GET", [name] if name in FILES:
+                file, kind = FILES[name]
+                return Answer(kind, _template(file))
+            case "GET", ["report", name]:
+                return Answer(HTML, self.folder.report(name), REPORT_POLICY)
+            case "GET", ["logs"]:
+                return _json(
+                    {"folder": str(self.folder.path), "logs": self.folder.listed(), "polars": self.folder.polars()}
+                )
+            case "POST", ["open" | "curve" | "write" as action]:
+                return self._computed(action, _values(environ))
+            case "PUT", ["file", name]:
+                return self._kept(name, environ)
+        raise RefusedError(HTTPStatus.NOT_FOUND, "there is no such page")
+
+    def _computed(self, action: str, values: Values) -> Answer:
+        with self._computing:
+            flight = self.folder.flight(values.file)
+            if action == "open":
+                return _json(flight.shown)
+            return _json(flight.curve(values) if action == "curve" else flight.write(values))
+
+    def read_ahead(self, name: str) -> None:
+        """Prepare what the page shows of a log. What is wrong with it is said when the page asks."""
+        with self._computing, suppress(InputError):
+            _ = self.folder.flight(name).shown
+
+    def _kept(self, name: str, environ: Environ) -> Answer:
+        """A log or predicted polar that was dropped on the page, written into the folder if it is one."""
+        path = self.folder.new_file(name)
+        polar = path.suffix.lower() in POLARS
+        length = _length(environ, LIMITS.request_bytes if polar else LIMITS.log_bytes)
+        partly = path.with_name(f".{path.name}.part")
+        try:
+            with partly.open("xb") as stream:
+                _copy(environ["wsgi.input"], stream, length)
+            try:
+                if polar:
+                    read_predicted_polar(partly)
+                elif not autopilot_of(partly):
+                    read_log(partly)
+            except InputError as error:
+                raise InputError(str(error).replace(str(partly), name)) from None
+            partly.rename(path)
+        except FileExistsError:
+            raise InputError(f"{name}: is being written already") from None
+        except OSError as error:
+            raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
+        finally:
+            with suppress(OSError):
+                partly.unlink()
+        return _json({"file": name})
+
+
+def _length(environ: Environ, most: int) -> int:
+    """Of the body of a request. Raises RefusedError where it is not told, or is too large."""
+    told = environ.get("CONTENT_LENGTH") or ""
+    if not told.isascii() or not told.isdigit():
+        raise RefusedError(HTTPStatus.LENGTH_REQUIRED, "the length of the request is missing")
+    if int(told) > most:
+        raise RefusedError(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"too large: {most / 1e6:g} MB are taken at most")
+    return int(told)
+
+
+def _copy(source: IO[bytes], to: IO[bytes], length: int, at_once: int = 1 << 20) -> None:
+    while length > 0:
+        part = source.read(min(length, at_once))
+        if not part:
+            raise InputError("the file did not arrive as a whole; drop it again")
+        to.write(part)
+        length -= len(part)
+
+
+def _values(environ: Environ) -> Values:
+    """The values of a request. Raises RefusedError for anything else."""
+    if environ.get("CONTENT_TYPE", "").split(";")[0].strip() != JSON:
+        raise RefusedError(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "the request should be JSON")
+    body = environ["wsgi.input"].read(_length(environ, LIMITS.request_bytes))
+    try:
+        values = msgspec.json.decode(body, type=Values)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+        raise RefusedError(HTTPStatus.BAD_REQUEST, f"the request cannot be understood: {error}") from None
+    if len(values.runs or []) > LIMITS.entries or len(values.aircraft) > LIMITS.entries:
+        raise RefusedError(HTTPStatus.BAD_REQUEST, f"more than {LIMITS.entries} runs or values")
+    return values
+
+
+def _json(content: object) -> Answer:
+    return Answer(JSON, msgspec.json.encode(content, enc_hook=_plain))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    raise NotImplementedError(f"{type(value).__name__} in an answer")
+
+
+def _template(name: str) -> bytes:
+    return resources.files("analysis.pages.open").joinpath("templates", name).read_bytes()
+
+
+def serve(folder: Folder, listening: socket, token: str, first: str) -> None:
+    """Serve the page until the process is stopped. first : a log to read ahead, or ''"""
+    import waitress  # type: ignore[import-untyped]
+
+    logging.getLogger("waitress.queue").setLevel(logging.ERROR)  # a request that waits for a curve is nothing to report
+    port = listening.getsockname()[1]
+    page = LocalPage(folder, hosts={f"127.0.0.1:{port}", f"localhost:{port}"}, token=token)
+    server = waitress.create_server(
+        page, sockets=[listening], threads=4, ident="", max_request_body_size=LIMITS.log_bytes
+    )
+    if first:
+        Thread(target=page.read_ahead, args=(first,), daemon=True).start()
+    server.run()
+    # Requests and reading ahead may still compute. A thread inside a C++ library aborts the process if the interpreter
+    # ends under it, so that the process ends before; what other processes read has been waited for by then.
+    atexit.register(os._exit, 0)

@@ -1,0 +1,107 @@
+"""The report page of an analysis: its sections and figures put into the template `report.html`."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from analysis.methods.interval_sources import variance_by_source
+from analysis.pages.charts import flight, power
+from analysis.pages.charts.style import Figure
+from analysis.pages.html_page import html_figure, render_page
+from analysis.pages.other_conditions import other_conditions_section
+from analysis.pages.predicted_polar import PredictedPolar
+from analysis.pages.sections.certainty import certainty_section
+from analysis.pages.sections.curve import curve_section, methods_section
+from analysis.pages.sections.flight import flight_section, provenance_section, sensors_section
+from analysis.pages.sections.performance import autopilot_section, performance_section
+from analysis.pages.sections.summary import summary_section, verdict_section
+from analysis.performance.analysis import Performance
+from analysis.pipeline import Analysis
+from analysis.records.flight import Results
+
+Drawn = Figure | Sequence[Figure]  # one, or several side by side
+
+
+def figures_by_name(analysis: Analysis, predicted: PredictedPolar | None = None) -> dict[str, Drawn]:
+    """The figures by their names in the template `report.html`; optional ones are missing where there are no data.
+
+    predicted : a polar to draw beside the measured one
+    """
+    results = analysis.results
+    figures: dict[str, Drawn] = {
+        "power": power.power_required(results, predicted),
+        "methods": power.every_method(results),
+        "timeline": flight.timeline(analysis.table, analysis.maneuvers.maneuvers, results.rejected),
+        "polar": power.drag_polar(analysis.drag.main.polar, analysis.drag.flown_CL, predicted),
+    }
+    if any(run.power_required for run in results.one_by_one):
+        figures["one_by_one"] = power.run_by_run(results)
+    if analysis.drag.main.fits:
+        kinds = {run.name: run.kind for run in analysis.maneuvers.maneuvers}
+        figures["residuals"] = flight.residuals_of_drag(analysis.drag.main.fits, kinds)
+    if any(differences.notna().any(axis=None) for differences in analysis.consistency):
+        figures["consistency"] = flight.consistency(analysis.consistency)
+    if results.run_residuals:
+        figures["autocorrelation"] = flight.autocorrelation(results.run_residuals)
+    if results.parameter_correlation:
+        figures["correlation"] = flight.correlation(results.parameter_correlation)
+    main, check = analysis.drag.main, analysis.drag.cross_check
+    histories = {"regression of drag": main.convergence} | (
+        {"output error, cross-check": check.convergence} if check else {}
+    )
+    if kept := {name: history for name, history in histories.items() if history and history.steps}:
+        figures["convergence"] = flight.convergence(kept)
+    if analysis.trajectory.block_means.flying.any():
+        figures["air_and_path"] = flight.air_and_path(analysis.trajectory)
+    if results.track:
+        figures["track"] = flight.ground_track(results.track, analysis.maneuvers.maneuvers, results.air)
+    if results.interval_parts:
+        V = np.linspace(results.power_required[0].speed_mps, results.power_required[-1].speed_mps, 9)
+        variances = variance_by_source(analysis.drag.main, analysis.aircraft, analysis.condition, V)
+        figures["parts"] = power.interval_by_source(results.power_required, V, variances)
+    if results.use:
+        figures["loadings"] = power.loadings(results.use)
+        figures["efficiency"] = power.efficiency(results.use)
+    return figures
+
+
+def run_fits(analysis: Analysis) -> dict[str, Drawn]:
+    """The fit of each run, by its name."""
+    return {fit.run: flight.run_fit(*fit) for fit in analysis.drag.main.fits}
+
+
+def render(
+    results: Results,
+    figures: Mapping[str, Figure | Sequence[Figure]],
+    run_fits: Mapping[str, Figure | Sequence[Figure]],
+    *,
+    performance: Performance | None = None,
+    runs: Mapping[str, object] | None = None,
+    replaced: str = "",
+    predicted: str = "",
+) -> str:
+    """The page as one HTML file.
+
+    figures: by name (`figures_by_name`); run_fits: by the name of the run. performance: for the controls of weight, air
+    and battery. runs: what the page knows of each (`embedded_runs`). replaced: what the report replaces.
+    predicted: how a predicted polar compares.
+    """
+    return render_page(
+        "report.html",
+        summary=summary_section(results),
+        verdict=verdict_section(results),
+        certainty=certainty_section(results),
+        provenance=provenance_section(results),
+        replaced=replaced,
+        predicted=predicted,
+        performance=performance_section(results),
+        other_conditions=other_conditions_section(performance),
+        methods=methods_section(results),
+        curve=curve_section(results),
+        flight=flight_section(results),
+        sensors=sensors_section(results),
+        autopilot=autopilot_section(results),
+        figures={name: html_figure(figure, name) for name, figure in figures.items()},
+        run_fits=[html_figure(figure, f"fit-{i}", run) for i, (run, figure) in enumerate(run_fits.items())],
+        runs=runs,
+    )

@@ -1,0 +1,537 @@
+"""The page of several flights together, or of two configurations, from their pooled results.json (pooling.md)."""
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from typing import NamedTuple
+from urllib.parse import quote
+
+import numpy as np
+from msgspec import Struct
+
+from analysis.flights.evidence import vehicle_notes
+from analysis.pages.answers import HeadlineAnswer
+from analysis.pages.charts.style import (
+    BLUE,
+    GRAY,
+    GREEN,
+    INK,
+    ORANGE,
+    PALETTE,
+    RED,
+    Figure,
+    add_band,
+    curve_arrays,
+    rounded,
+    styled,
+)
+from analysis.pages.html_page import HtmlTable, html_figure, render_page
+from analysis.pages.wording import every, meaning, verdict
+from analysis.records.flight import ConditionResult, ElectricalFlight, Trust
+from analysis.records.pool import (
+    Agreement,
+    ComparisonResults,
+    Configuration,
+    ElectricalPooledResults,
+    FlightsToSee,
+    PooledFlight,
+    PooledResults,
+    PowerDifference,
+    Scatter,
+    SharedParameter,
+    Trend,
+    TrendQuantity,
+)
+from analysis.settings import EVIDENCE
+from flight.arrays import Array
+from flight.units import GRAVITY_MPS2
+
+
+class FlightRow(NamedTuple):
+    name: str
+    link: str
+    weight: str
+    density: str
+    alone: str
+    share: str
+    remark: str
+
+
+class ElectricalRow(NamedTuple):
+    name: str
+    link: str
+    aircraft: str
+    vehicle: str
+    weight: str
+    least_power: str
+    speed: str
+
+
+def render_pooled(pooled: PooledResults) -> str:
+    """The page as one HTML file."""
+    flights = pooled.flights
+    best = min(flights, key=lambda flight: np.mean(flight.half_width_percent))
+    more, middle = pooled.one_more, len(pooled.one_more.speed_mps) // 2
+    drawn = {"power": power_required(pooled), "half_widths": half_widths(pooled, best)}
+    if len(flights) > 1:
+        drawn |= {"against_pool": against_pool(flights), "weights": weights(flights)}
+    return render_page(
+        "pooled.html",
+        title=f"{pooled.aircraft.title}: power required, {count(len(flights), 'flight')}",
+        condition=_condition(pooled.test, pooled.aircraft.propeller, pooled.installation),
+        verdict=verdict(pooled.trust, pooled.evidence),
+        answers=pooled_answers(pooled),
+        figures={name: html_figure(figure, name) for name, figure in drawn.items()},
+        warnings=pooled.notes,
+        curve=curve_table(pooled),
+        one_more=(
+            f"One flight more: another one like {more.like}, the flight that contributed most. The best flight alone"
+            f" is {best.log}."
+        ),
+        to_see=to_see_table(pooled.flights_to_see),
+        agreement=[test.text for test in (pooled.homogeneity, pooled.installation_homogeneity) if test],
+        compared_at=f"{more.speed_mps[middle]:.1f} m/s",
+        scatter=_scatter(pooled.between_flights),
+        trends=_trends(pooled.trends),
+        flights=[_flight_row(flight) for flight in flights],
+        left_out=[*pooled.left_out, *pooled.failures],
+        parameters=_parameters(pooled.parameters),
+        source=f"flightpower {pooled.software_version}, from the {count(len(flights), 'flight')} listed",
+    )
+
+
+def electrical_curve_table(pooled: ElectricalPooledResults, rows: int = 12) -> HtmlTable:
+    """About `rows` points of the pooled curve."""
+    return HtmlTable(
+        ("speed, m/s", "power, W", "95 % interval, W"),
+        [
+            (f"{p.speed_mps:.1f}", f"{p.power_W:.0f}", f"{p.power_lo_W:.0f} to {p.power_hi_W:.0f}")
+            for p in every(pooled.electrical_power, rows)
+        ],
+        numbers=True,
+    )
+
+
+def render_electrical_flights(
+    flights: Sequence[ElectricalFlight], failures: Sequence[str], pooled: ElectricalPooledResults | None = None
+) -> str:
+    """The page of flights that give electrical power only, side by side, and of their pool."""
+    rows = []
+    for flight in flights:
+        points = flight.electrical_power
+        least = min(points, key=lambda point: point.power_W)
+        rows.append(
+            ElectricalRow(
+                flight.log,
+                f"{quote(flight.log)}/report.html",
+                flight.aircraft.title,
+                flight.vehicle,
+                f"{flight.test.weight_N / GRAVITY_MPS2:.2f} kg",
+                f"{least.power_W:.0f} ({least.power_lo_W:.0f} to {least.power_hi_W:.0f})",
+                f"{least.speed_mps:.1f}",
+            )
+        )
+    figure = electrical_power(flights)
+    return render_page(
+        "electrical_flights.html",
+        title=f"Electrical power of level flight, {count(len(flights), 'flight')}",
+        verdict=verdict(pooled.trust, pooled.evidence) if pooled else None,
+        figures={"power": html_figure(figure, "power")},
+        flights=rows,
+        curve=electrical_curve_table(pooled) if pooled else None,
+        condition=_condition(pooled.test, "", "") if pooled else "",
+        warnings=vehicle_notes(flights),
+        vehicles=any(flight.vehicle for flight in flights),
+        agreement=pooled.homogeneity.text if pooled and pooled.homogeneity else "",
+        outliers=[one.log for one in pooled.flights if one.outlier] if pooled else [],
+        left_out=failures,
+        source=f"flightpower {flights[0].software_version}, from the {count(len(flights), 'flight')} listed",
+    )
+
+
+def render_comparison(comparison: ComparisonResults) -> str:
+    """The page of a comparison as one HTML file, from the content of its results.json."""
+    figure = difference(comparison)
+    return render_page(
+        "comparison.html",
+        title=f"{comparison.b.name} against {comparison.a.name}",
+        condition=_condition(comparison.test, "", ""),
+        text=comparison.text,
+        verdict=verdict(comparison.trust, comparison.evidence),
+        warnings=comparison.notes,
+        answers=comparison_answers(comparison),
+        figures={"difference": html_figure(figure, "difference")},
+        differences=differences_table(comparison.differences),
+        sides=HtmlTable(
+            ("", "aircraft", "propeller", "installation", "flights"),
+            [_side("A", comparison.a), _side("B", comparison.b)],
+        ),
+        to_see=to_see_table(comparison.flights_to_see),
+        source=f"flightpower {comparison.software_version}",
+    )
+
+
+def pooled_answers(pooled: PooledResults) -> list[HeadlineAnswer]:
+    """How sure the curve is, whether the flights agree, what one more gives, and how many a comparison takes."""
+    points = pooled.power_required
+    shares = [50 * (p.power_hi_W - p.power_lo_W) / p.power_W for p in points]
+    least, most = int(np.argmin(shares)), int(np.argmax(shares))
+    more = pooled.one_more
+    worst = int(np.argmax(more.half_width_percent))
+    answers = [
+        HeadlineAnswer(
+            "Certainty of the curve",
+            f"±{shares[least]:.1f} to ±{shares[most]:.1f} %",
+            f"Best at {points[least].speed_mps:.1f} m/s, worst at {points[most].speed_mps:.1f} m/s (95 % interval).",
+        )
+    ]
+    polars, installations = pooled.homogeneity, pooled.installation_homogeneity
+    if pooled.agreement and polars and installations:
+        outliers = ", ".join(one.log for one in pooled.outliers)
+        named = f"Outliers: {outliers}. " if outliers else ""
+        all_but = outliers and pooled.agreement is Agreement.NOT_THE_CURVES
+        answers.append(
+            HeadlineAnswer(
+                "Agreement of the flights",
+                f"all but {outliers}" if all_but else pooled.agreement,
+                f"{named}Probability of differences this large by the known errors alone: of the curves"
+                f" {probability(polars.p)}, of the installation {probability(installations.p)}.",
+            )
+        )
+    answers.append(
+        HeadlineAnswer(
+            "One flight more",
+            f"from ±{more.half_width_percent[worst]:.1f} to ±{more.half_width_then_percent[worst]:.1f} %",
+            f"At {more.speed_mps[worst]:.1f} m/s, by another flight like {more.like}.",
+        )
+    )
+    for one in pooled.flights_to_see:
+        if one.difference_percent == 2:
+            answers.append(
+                HeadlineAnswer("To see a change of 2 %", _flights_each(one), "For each of the two configurations.")
+            )
+    return answers
+
+
+def comparison_answers(comparison: ComparisonResults) -> list[HeadlineAnswer]:
+    """Whether the two differ, and by how much where it is known best."""
+    rows = comparison.differences
+    widths = [row.hi_percent - row.lo_percent for row in rows]
+    best = rows[int(np.argmin(widths))]
+    independent = best.independent_half_width_percent
+    return [
+        HeadlineAnswer(
+            "Difference",
+            "yes" if comparison.differs else "not seen",
+            f"Probability of a difference this large by errors alone: {probability(comparison.p)}.",
+        ),
+        HeadlineAnswer(
+            "Narrowest interval",
+            f"{best.difference_percent:+.1f} % ({best.lo_percent:+.1f} to {best.hi_percent:+.1f})",
+            f"B minus A at {best.speed_mps:.1f} m/s. If shared errors did not cancel: ±{independent:.1f} %.",
+        ),
+    ]
+
+
+def curve_table(pooled: PooledResults, rows: int = 12) -> HtmlTable:
+    """About `rows` points of the pooled curve."""
+    return HtmlTable(
+        ("speed, m/s", "power, W", "95 % interval, W", "± %"),
+        [
+            (
+                f"{p.speed_mps:.1f}",
+                f"{p.power_W:.1f}",
+                f"{p.power_lo_W:.1f} to {p.power_hi_W:.1f}",
+                f"{50 * (p.power_hi_W - p.power_lo_W) / p.power_W:.1f}",
+            )
+            for p in every(pooled.power_required, rows)
+        ],
+        numbers=True,
+    )
+
+
+def differences_table(rows: Sequence[PowerDifference], most: int = 12) -> HtmlTable:
+    """About `most` rows of a comparison."""
+    return HtmlTable(
+        ("speed, m/s", "A, W", "B, W", "B minus A, %", "95 % interval, %"),
+        [
+            (
+                f"{row.speed_mps:.1f}",
+                f"{row.power_a_W:.1f}",
+                f"{row.power_b_W:.1f}",
+                f"{row.difference_percent:+.1f}",
+                f"{row.lo_percent:+.1f} to {row.hi_percent:+.1f}",
+            )
+            for row in every(rows, most)
+        ],
+        numbers=True,
+    )
+
+
+def to_see_table(rows: Sequence[FlightsToSee]) -> HtmlTable:
+    return HtmlTable(
+        ("difference of power", "flights of each"),
+        [(f"{row.difference_percent:g} %", _flights_each(row)) for row in rows],
+        numbers=True,
+    )
+
+
+def count(number: int, noun: str) -> str:
+    """ "1 flight", "12 flights"."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def probability(p: float) -> str:
+    """ "p = 0.62", "p below 0.0001"."""
+    return "p below 0.0001" if p < 1e-4 else f"p = {p:.2g}"
+
+
+def _condition(test: ConditionResult, propeller: str, installation: str) -> str:
+    parts = [f"{test.weight_N / GRAVITY_MPS2:.2f} kg", f"air {test.air_density_kgpm3:.3f} kg/m³"]
+    if propeller:
+        parts.append(f"propeller {propeller}")
+    if installation:
+        parts.append(f"installation {installation}")
+    return ", ".join(parts)
+
+
+def _flights_each(row: FlightsToSee) -> str:
+    return count(row.flights_each, "flight") if row.flights_each else f"more than {EVIDENCE.most_repetitions}"
+
+
+def _side(letter: str, side: Configuration) -> tuple[str, ...]:
+    aircraft = side.aircraft
+    return (
+        f"{letter}: {side.name}",
+        aircraft.title,
+        aircraft.propeller,
+        side.installation or "none named",
+        ", ".join(side.logs),
+    )
+
+
+def _scatter(rows: Sequence[Scatter]) -> HtmlTable:
+    return HtmlTable(
+        ("speed, m/s", "seen, %", "explained, %", "excess, %"),
+        [
+            tuple(
+                f"{number:.1f}"
+                for number in (row.speed_mps, row.observed_percent, row.expected_percent, row.excess_percent)
+            )
+            for row in rows
+        ],
+        numbers=True,
+    )
+
+
+def _trends(rows: Sequence[Trend]) -> HtmlTable:
+    return HtmlTable(
+        ("power against", "flown from", "to", "change of power", "standard error", "flights", ""),
+        [
+            (
+                row.quantity,
+                *_range(row),
+                *_percent_or_unknown(row),
+                str(row.flights),
+                f"{'a trend' if row.p < EVIDENCE.false_alarms else 'none seen'} ({probability(row.p)})",
+            )
+            for row in rows
+        ],
+    )
+
+
+def _percent_or_unknown(row: Trend) -> tuple[str, str]:
+    """Change and standard error; a change that is not known to within the power itself is not told."""
+    error = row.standard_error_percent
+    if error > 100:
+        return "not known", "more than 100 %"
+    return f"{row.change_percent:+.1f} %", f"{error:.1f} %"
+
+
+def _range(row: Trend) -> tuple[str, str]:
+    if row.quantity == TrendQuantity.DATE:
+        days = [datetime.fromtimestamp(86400 * value, UTC) for value in (row.lowest, row.highest)]
+        return f"{days[0]:%Y-%m-%d %H:%M} UTC", f"{days[1]:%Y-%m-%d %H:%M} UTC"
+    return f"{row.lowest:.1f} {row.unit}", f"{row.highest:.1f} {row.unit}"
+
+
+def _flight_row(flight: PooledFlight) -> FlightRow:
+    half = flight.half_width_percent
+    remarks = [
+        *([flight.trust] if flight.trust is not Trust.TRUSTED else []),
+        *([f"outlier: {flight.reason}"] if flight.outlier else []),
+        *(["taken to be mounted anew"] if flight.mounted_anew else []),
+    ]
+    return FlightRow(
+        name=flight.log,
+        link=f"{quote(flight.log)}/report.html",
+        weight=f"{flight.test.weight_N / GRAVITY_MPS2:.2f} kg",
+        density=f"{flight.test.air_density_kgpm3:.3f} kg/m³",
+        alone=f"{min(half):.1f} to {max(half):.1f}",
+        share=f"{100 * flight.share_of_information:.0f} %",
+        remark="; ".join(remarks),
+    )
+
+
+def _parameters(rows: Sequence[SharedParameter]) -> HtmlTable:
+    shown = []
+    for row in rows:
+        in_deg = row.unit == "rad"
+        value, error = (float(np.degrees(number)) if in_deg else number for number in (row.value, row.standard_error))
+        decimals = max(0, 1 - int(np.floor(np.log10(error)))) if error > 0 else 6
+        unit = "deg" if in_deg else row.unit
+        shown.append((meaning(row.name), f"{value:+.{decimals}f}", f"{error:.{decimals}f}", unit))
+    return HtmlTable(("quantity", "estimate", "standard error", "unit"), shown, numbers=True)
+
+
+ROW_PX = 24
+
+
+def column(rows: Sequence[Struct], name: str) -> Array:
+    return np.array([getattr(row, name) for row in rows], dtype=float)
+
+
+def power_required(pooled: PooledResults) -> Figure:
+    """The pooled curve with its 95 % interval, over those of the single flights."""
+    V, P, lo, hi = curve_arrays(pooled.power_required)
+    figure = Figure()
+    if len(pooled.flights) > 1:
+        x, y = [], []
+        for flight in pooled.flights:
+            speed = column(flight.against_pool, "speed_mps")
+            power = np.interp(speed, V, P) * (1 + column(flight.against_pool, "difference_percent") / 100)
+            x += [*speed, np.nan]
+            y += [*power, np.nan]
+        figure.add_scatter(
+            x=rounded(np.array(x)), y=rounded(np.array(y)), mode="lines", name="each flight alone",
+            line={"color": GRAY, "width": 2}, opacity=0.7, hoverinfo="skip", connectgaps=False,
+        )  # fmt: skip
+    add_band(figure, V, (lo, hi), BLUE, 0.35, legendgroup="all")
+    outside = np.array([point.extrapolated for point in pooled.power_required])
+    for flag, dash in ((~outside, "solid"), (outside, "9px,6px")):
+        if flag.any():
+            figure.add_scatter(
+                x=rounded(V), y=rounded(np.where(flag, P, np.nan)), mode="lines", name="power required, all flights",
+                line={"color": BLUE, "width": 3, "dash": dash}, hovertemplate="%{y:.1f} W",
+                showlegend=dash == "solid" or bool(outside.all()), legendgroup="all",
+            )  # fmt: skip
+    figure.update_xaxis(title="true airspeed, m/s")
+    figure.update_yaxis(title="power, W", range=[0, 1.12 * float(np.max(hi))])
+    return styled(figure, 400)
+
+
+def half_widths(pooled: PooledResults, best: PooledFlight) -> Figure:
+    """Half width of the 95 % interval against speed: the best flight alone, all flights, and one flight more."""
+    more = pooled.one_more
+    V = np.array(more.speed_mps)
+    figure = Figure()
+    for values, name, color, dash in (
+        (best.half_width_percent, f"best flight alone, {best.log}", GRAY, "dot"),
+        (more.half_width_percent, "all flights", BLUE, "solid"),
+        (more.half_width_then_percent, "one flight more", ORANGE, "dash"),
+    ):
+        figure.add_scatter(
+            x=rounded(V), y=rounded(np.array(values)), mode="lines", name=name,
+            line={"color": color, "width": 4, "dash": dash}, hovertemplate="±%{y:.1f} %",
+        )  # fmt: skip
+    figure.update_xaxis(title="true airspeed, m/s")
+    figure.update_yaxis(title="± % of power", rangemode="tozero")
+    return styled(figure, 360)
+
+
+def by_date(flights: Sequence[PooledFlight]) -> list[PooledFlight]:
+    """In order of time; those of which it is not known last, as they were given."""
+    return sorted(flights, key=lambda flight: np.inf if flight.start_unix_s is None else flight.start_unix_s)
+
+
+def row_name(flight: PooledFlight) -> str:
+    """Date and log."""
+    if flight.start_unix_s is None:
+        return flight.log
+    return f"{datetime.fromtimestamp(flight.start_unix_s, UTC):%Y-%m-%d} {flight.log}"
+
+
+def against_pool(flights: Sequence[PooledFlight]) -> Figure:
+    """Each flight's power minus the pooled one in percent of it, a row for each in order of date: at the middle speed
+    with the limits that its errors allow, and at the slowest and the fastest speed."""
+    figure = Figure()
+    ordered = by_date(flights)
+    names = [row_name(flight) for flight in ordered]
+    speeds = [point.speed_mps for point in ordered[0].against_pool]
+    middle = len(speeds) // 2
+    for at, color, symbol in (
+        (0, GREEN, "triangle-left"),
+        (middle, BLUE, "circle"),
+        (len(speeds) - 1, ORANGE, "diamond"),
+    ):
+        points = [flight.against_pool[at] for flight in ordered]
+        limits = {"array": rounded(column(points, "limit_percent")), "color": BLUE, "thickness": 2, "width": 4}
+        figure.add_scatter(
+            x=rounded(column(points, "difference_percent")), y=names, mode="markers", name=f"{speeds[at]:.1f} m/s",
+            marker={"color": [RED if flight.outlier else color for flight in ordered],
+                    "symbol": ["x" if flight.outlier else symbol for flight in ordered], "size": 10},
+            hovertemplate="%{y}: %{x:+.1f} %", error_x=limits if at == middle else {},
+        )  # fmt: skip
+    figure.update_xaxis(title="power minus that of all flights, %")
+    figure = _with_rows(styled(figure, 110 + ROW_PX * max(3, len(flights)), hover="closest"), names)
+    figure.update_xaxis(zeroline=True, zerolinecolor=INK, zerolinewidth=2)
+    return figure
+
+
+def weights(flights: Sequence[PooledFlight]) -> Figure:
+    """The share of each flight in the information of all, in percent, in order of date."""
+    figure = Figure()
+    ordered = by_date(flights)
+    names = [row_name(flight) for flight in ordered]
+    figure.add_bars(
+        x=rounded(100 * column(ordered, "share_of_information")), y=names, orientation="h", name="share of information",
+        marker={"color": BLUE}, showlegend=False, hovertemplate="%{y}: %{x:.0f} %",
+    )  # fmt: skip
+    figure.update_xaxis(title="share of information, %", rangemode="tozero")
+    return _with_rows(styled(figure, 110 + ROW_PX * max(3, len(flights)), hover="closest"), names)
+
+
+def _with_rows(figure: Figure, names: list[str]) -> Figure:
+    """The first at the top."""
+    figure.update_yaxis(
+        categoryorder="array", categoryarray=names[::-1], range=[-0.7, len(names) - 0.3], automargin=True,
+        tickfont={"size": 14}, dtick=1,
+    )  # fmt: skip
+    return figure
+
+
+def electrical_power(flights: Sequence[ElectricalFlight]) -> Figure:
+    """The electrical power of each flight at its own weight and density."""
+    figure = Figure()
+    for i, flight in enumerate(flights):
+        V, P, _, _ = curve_arrays(flight.electrical_power)
+        figure.add_scatter(
+            x=rounded(V), y=rounded(P), mode="lines", name=flight.log, showlegend=len(flights) <= len(PALETTE),
+            line={"color": PALETTE[i % len(PALETTE)], "width": 3}, hovertemplate="%{y:.0f} W",
+        )  # fmt: skip
+    figure.update_xaxis(title="true airspeed, m/s")
+    figure.update_yaxis(title="power from the battery, W", rangemode="tozero")
+    return styled(figure, 480, hover="closest")
+
+
+def difference(comparison: ComparisonResults) -> Figure:
+    """Power of A and of B against speed; below, B minus A in percent of A with its 95 % interval."""
+    rows = comparison.differences
+    V, d, lo, hi = (column(rows, name) for name in ("speed_mps", "difference_percent", "lo_percent", "hi_percent"))
+    figure = Figure(2, 0.08)
+    for side, name, color, dash in (("a", f"A: {comparison.a.name}", GRAY, "dash"),
+                                    ("b", f"B: {comparison.b.name}", BLUE, "solid")):  # fmt: skip
+        figure.add_scatter(
+            x=rounded(V), y=rounded(column(rows, f"power_{side}_W")), mode="lines", name=name,
+            line={"color": color, "width": 4, "dash": dash}, hovertemplate="%{y:.1f} W",
+        )  # fmt: skip
+    add_band(figure, V, (lo, hi), ORANGE, 0.3, panel=2, legendgroup="difference")
+    figure.add_scatter(
+        panel=2, x=rounded(V), y=rounded(d), mode="lines", name="B minus A", legendgroup="difference",
+        line={"color": ORANGE, "width": 4}, hovertemplate="%{y:+.1f} %",
+    )  # fmt: skip
+    figure.add_zero_line({"color": INK, "width": 2}, panel=2)
+    figure.update_xaxis(title="true airspeed, m/s")
+    most = max(*column(rows, "power_a_W"), *column(rows, "power_b_W"))
+    figure.update_yaxis(title="power required, W", range=[0, 1.12 * most])
+    figure.update_yaxis(title="B minus A, %", panel=2)
+    return styled(figure, 600)

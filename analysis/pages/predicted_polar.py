@@ -1,0 +1,116 @@
+"""A drag polar that another program predicted, beside the measured curve: `analyze --polar FILE`.
+
+Read are the polars that XFLR5 and flow5 export (text or CSV), AVL's total forces of one case after the other, and any
+table with columns CL and CD, as pandas writes the result of AeroSandbox. Coefficients are of the whole aircraft,
+referred to the wing area of the aircraft file.
+"""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from analysis.curve import Condition, lift_coefficient
+from analysis.records.flight import Results
+from flight.arrays import Array
+from flight.errors import InputError
+
+# Names of a column, the most specific first: XFLR5 calls the rolling moment Cl, and its old versions the drag TCd.
+LIFT, DRAG = ("CL", "C_L", "CLtot", "cl"), ("CD", "C_D", "CDtot", "TCd", "cd")
+AVL_CASE = re.compile(r"\bCLtot\s*=\s*(\S+).*?\bCDtot\s*=\s*(\S+)", re.DOTALL)
+
+
+class PredictedPolar(NamedTuple):
+    """Lift coefficients CL (n,), increasing, and drag coefficients CD (n,). name : of the file"""
+
+    name: str
+    CL: Array
+    CD: Array
+
+    def power_W(self, V_mps: Array, condition: Condition) -> Array:
+        """Power required (n,) at speeds (n,), interpolated; NaN where the polar does not reach."""
+        CL = lift_coefficient(V_mps, condition)
+        CD = np.interp(CL, self.CL, self.CD, left=np.nan, right=np.nan)
+        return np.asarray(condition.rho / 2 * V_mps**3 * condition.wing_area_m2 * CD)
+
+
+def read_predicted_polar(path: Path) -> PredictedPolar:
+    """Raises InputError when the file cannot be read, or holds no polar of three points with lift and drag."""
+    try:
+        text = path.read_text("utf-8-sig", errors="replace")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+    cases = sorted((_number(lift), _number(drag)) for lift, drag in AVL_CASE.findall(text))
+    pairs = cases or _table(text.splitlines())
+    points = np.array([pair for pair in pairs if np.isfinite(pair).all()]).reshape(-1, 2)
+    if not len(points):
+        raise InputError(
+            f"{path}: no polar: neither columns CL and CD nor AVL's CLtot and CDtot; export the polar of the whole"
+            " aircraft, not of an airfoil"
+        )
+    if len(points) > 1 and points[0, 0] > points[-1, 0]:
+        points = points[::-1]
+    # Beyond the highest lift the wing stalls: level flight does not come back to lower lift coefficients.
+    before_stall = points[points[:, 0] >= np.maximum.accumulate(points[:, 0])]
+    CL, first = np.unique(before_stall[:, 0], return_index=True)
+    CD = before_stall[first, 1]
+    lifting = CL > 0
+    if lifting.sum() < 3 or CD[lifting].min() <= 0:
+        raise InputError(f"{path}: needs three points or more of positive lift, each with positive drag")
+    return PredictedPolar(path.name, CL, CD)
+
+
+def _table(lines: Sequence[str]) -> list[tuple[float, float]]:
+    """Pairs of lift and drag coefficient of the first table that has both; empty where there is none."""
+    for start, line in enumerate(lines):
+        names = _cells(line)
+        lift, drag = (next((name for name in known if name in names), None) for known in (LIFT, DRAG))
+        if lift is None or drag is None:
+            continue
+        columns, pairs = (names.index(lift), names.index(drag)), list[tuple[float, float]]()
+        for row in map(_cells, lines[start + 1 :]):
+            if lift in row:
+                break
+            if len(row) > max(columns):
+                pairs.append((_number(row[columns[0]]), _number(row[columns[1]])))
+        return pairs
+    return []
+
+
+def _cells(line: str) -> list[str]:
+    separator = next((one for one in (",", ";", "\t") if one in line), None)
+    return [cell.strip().strip('"') for cell in line.split(separator)]
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return np.nan
+
+
+def comparison(polar: PredictedPolar, results: Results) -> str:
+    """How far the prediction lies off the curve at the speeds flown, in a sentence."""
+    V, P = np.array([(p.speed_mps, p.power_W) for p in results.power_required]).T
+    percent = 100 * (polar.power_W(V, flown_at(results)) / P - 1)
+    known = np.isfinite(percent)
+    if not known.any():
+        CL = lift_coefficient(V, flown_at(results))
+        return (
+            f"{polar.name} predicts nothing at the speeds flown: its lift coefficients end at {polar.CL[-1]:.2f}, those"
+            f" of the flight are {CL.min():.2f} to {CL.max():.2f}."
+        )
+    least, most = percent[known].min(), percent[known].max()
+    part = "" if known.all() else f" between {V[known][0]:.1f} and {V[known][-1]:.1f} m/s"
+    return (
+        f"Dotted: {polar.name}, predicted. It lies {least:+.0f} to {most:+.0f} % from the measured curve{part}, at the"
+        " weight and air density of the flight."
+    )
+
+
+def flown_at(results: Results) -> Condition:
+    """Weight, air density and wing area of the curve."""
+    at = results.test
+    return Condition(at.weight_N, at.air_density_kgpm3, results.aircraft.wing_area_m2)

@@ -1,0 +1,273 @@
+"""How sure the result is and why, what would halve its interval, and the margin to the stall."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy import special
+
+from analysis.estimation.noise import NORMAL_95
+from analysis.pages.answers import stall_margin_percent
+from analysis.pages.html_page import HtmlTable
+from analysis.pages.sections.flight import CHANNELS, decimals
+from analysis.pages.sections.summary import reference_point
+from analysis.records.flight import IntervalPart, Results
+from analysis.results.evidence import noise_limit
+from analysis.settings import EVIDENCE
+from analysis.trajectory.settings import PRIOR_CHECK
+
+
+class CertaintySection(NamedTuple):
+    checks: HtmlTable
+    certificate: HtmlTable | None
+    next_flight: list[str]
+    stall: str
+
+
+def certainty_section(results: Results) -> CertaintySection:
+    return CertaintySection(
+        checks=HtmlTable(("question", "answer"), _checks(results)),
+        certificate=certificate(results),
+        next_flight=next_flight(results),
+        stall=stall_margin(results),
+    )
+
+
+def _checks(results: Results) -> list[tuple[str, str]]:
+    rows = [("Did the estimation converge?", _sentence(results.verdict))]
+    curves = [method for method in results.methods if method.power_required]
+    if curves:
+        pairs = len(results.disagreements)
+        answer = "None disagrees" if not pairs else f"{pairs} {'pair disagrees' if pairs == 1 else 'pairs disagree'}"
+        rows.append(
+            ("Do other methods agree?", f"{answer}, of {len(curves)} that had data; see Comparison of methods.")
+        )
+    if results.cross_check:
+        differs = "No: it differs by more than" if results.cross_check_differs else "Yes, within what"
+        rows.append(("Does a fit of the runs alone agree?", f"{differs} the intervals allow (output error)."))
+    agreement = _agreement_of_runs(results)
+    if agreement:
+        rows.append(("Do the runs agree with each other?", agreement))
+    white = _whiteness(results)
+    if white:
+        rows.append(("Do the fits leave only noise?", white))
+    if results.path is not None:
+        largest = max(results.path.residuals.values(), default=0.0)
+        large = [
+            CHANNELS.get(name, name) for name, rms in results.path.residuals.items() if rms > PRIOR_CHECK.largest_rms
+        ]
+        answer = f"Not all; residuals of {', '.join(large)} are up to" if large else "Yes: no residual is above"
+        rows.append(("Do the sensors agree with one path?", f"{answer} {largest:.1f} times the channel's noise (rms)."))
+    if results.provenance is not None:
+        rows.append(("Is the log whole?", _health(results)))
+    return rows
+
+
+def _agreement_of_runs(results: Results) -> str:
+    """The run that differs most from the others of its kind."""
+    compared = results.runs_against_others
+    if not compared:
+        return ""
+    worst, limit = max(abs(run.z) for run in compared), noise_limit(len(compared))
+    answer = "Yes" if worst <= limit else "No"
+    return (
+        f"{answer}: the largest difference of a run from the others of its kind is {worst:.1f} standard errors, of"
+        f" {len(compared)} runs; in a sound flight it is below {limit:.1f}."
+    )
+
+
+def certificate(results: Results) -> HtmlTable | None:
+    """Each run against the others of its kind; None where no two runs can be compared."""
+    if not results.runs_against_others:
+        return None
+    return HtmlTable(
+        ("run", "speed, m/s", "power, W", "by the others, W", "difference, %", "z, standard errors"),
+        [
+            (
+                run.run,
+                f"{run.speed_mps:.1f}",
+                f"{run.power_W:.1f}",
+                f"{run.others_W:.1f}",
+                f"{100 * (run.power_W / run.others_W - 1):+.1f}",
+                f"{run.z:+.1f}",
+            )
+            for run in results.runs_against_others
+        ],
+    )
+
+
+def _whiteness(results: Results) -> str:
+    beyond = total = 0
+    for run in results.run_residuals:
+        bound = NORMAL_95 / math.sqrt(max(run.points, 1))
+        lags = run.autocorrelation[1:]
+        total += len(lags)
+        beyond += sum(abs(value) > bound for value in lags)
+    if not total:
+        return ""
+    share = beyond / total
+    verdict = (
+        "Yes"
+        if special.bdtrc(beyond - 1, total, 0.05) > EVIDENCE.rare_false_alarms
+        else "Not only: the residuals are colored, which the standard errors allow for"
+    )
+    return (
+        f"{verdict}. {100 * share:.0f} % of the autocorrelations lie beyond the 95 % bound of white noise (5 % by"
+        " chance)."
+    )
+
+
+def _health(results: Results) -> str:
+    assert results.provenance is not None
+    found = results.provenance
+    parts = []
+    if found.ticks_missed is not None and found.ticks is not None:
+        parts.append(f"{found.ticks_missed} of {found.ticks + found.ticks_missed} sampling instants were missed")
+    faulty = [
+        f"{sensor.topic} ({sum(sensor.faults.values())} of {sensor.messages} messages)"
+        for sensor in found.sensors
+        if sensor.faults
+    ]
+    parts.append(f"faults: {', '.join(faulty)}" if faulty else "no sensor reported a fault")
+    return _sentence("; ".join(parts))
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}."
+
+
+class Halving(NamedTuple):
+    """What halves the interval, in sentences, and whether more runs of the same kind do."""
+
+    text: str
+    by_more_runs: bool
+
+
+def halving(results: Results) -> Halving | None:
+    """What it would take to halve the interval at the reference speed; None where its parts are not known.
+
+    Noise averages over runs, n times as many runs divide its square by n; the part that all runs share remains.
+    """
+    if not results.interval_parts:
+        return None
+    at = reference_point(results).point.speed_mps
+    part = min(results.interval_parts, key=lambda part: abs(part.speed_mps - at))
+    whole = math.hypot(part.noise_W, part.systematic_W)
+    start = f"To halve ±{_watts(whole)} at {part.speed_mps:.1f} m/s"
+    runs = len(results.runs)
+    more = more_runs_to_halve(part, runs)
+    if more is not None and more <= EVIDENCE.most_repetitions:
+        return Halving(
+            f"{start}, fly {more} more runs like these {runs}: noise of ±{_watts(part.noise_W)} averages, and"
+            f" ±{_watts(part.systematic_W)}, which is common to all runs, remains.",
+            by_more_runs=True,
+        )
+    four = math.hypot(part.noise_W / 2, part.systematic_W)
+    return Halving(
+        f"{start}, more runs of this kind are not enough: ±{_watts(part.systematic_W)} is common to all runs and does"
+        f" not shrink with more of them. Four times the runs would give ±{_watts(four)}. {_largest_shared(results)}",
+        by_more_runs=False,
+    )
+
+
+def _watts(power_W: float) -> str:
+    """With two significant digits."""
+    return f"{power_W:.{decimals(power_W)}f} W"
+
+
+def more_runs_to_halve(part: IntervalPart, runs: int) -> int | None:
+    """Additional runs that halve the half width of the interval; None where the shared part alone is larger."""
+    quarter = (part.noise_W**2 + part.systematic_W**2) / 4
+    left = quarter - part.systematic_W**2
+    if left <= 0:
+        return None
+    return math.ceil(runs * (part.noise_W**2 / left - 1))
+
+
+def _largest_shared(results: Results) -> str:
+    """How much of the shared part goes with the propeller table, and what else it consists of."""
+    share = thrust_share(results)
+    rest = "airspeed, angle of attack, alignment, weight"
+    if share is None:
+        return f"What is common to all runs are errors of the propeller table and of the sensors ({rest})."
+    if share > 0.5:
+        return (
+            f"{100 * share:.0f} % of the variance comes from the thrust of the propeller table: a table"
+            " measured with this propeller and motor, or decelerations with the propeller"
+            " stopped or folded, reduce it most."
+        )
+    return (
+        f"{100 * share:.0f} % of the variance comes from the thrust of the propeller table; the rest of what is common"
+        f" to all runs comes from the sensors ({rest}): the command calibrate airspeed, a finer"
+        " probe calibration, and flights on other days with the instruments installed anew reduce it."
+    )
+
+
+def thrust_share(results: Results) -> float | None:
+    """Share of the variance of power at the reference speed that follows from the errors of thrust; None if unknown.
+
+    The variance explained by the two parameters of thrust: c' C^-1 c over that of power, with their covariance C and
+    their covariance c with the drag coefficient.
+    """
+    correlation = results.parameter_correlation
+    errors = {parameter.name: parameter.standard_error for parameter in results.parameters}
+    if correlation is None or not all(errors.get(name, 0.0) > 0 for name in correlation.names):
+        return None
+    sigma = np.array([errors[name] for name in correlation.names])
+    covariance = np.array(correlation.matrix) * np.outer(sigma, sigma)
+    at, test = reference_point(results).point, results.test
+    CL = test.weight_N / (test.air_density_kgpm3 / 2 * at.speed_mps**2 * results.aircraft.wing_area_m2)
+    powers = np.array([1.0, CL, CL**2])
+    with_thrust = powers @ covariance[:3, 3:]
+    explained = with_thrust @ np.linalg.pinv(covariance[3:, 3:]) @ with_thrust
+    return float(np.clip(explained / (powers @ covariance[:3, :3] @ powers), 0, 1))
+
+
+def stall_margin(results: Results) -> str:
+    """How far the slowest speed flown is from the stall, as far as the flight shows it."""
+    slowest = results.slowest_flown
+    if slowest is None:
+        return "Not known: the flight's slowest speed is not known."
+    CL, largest = slowest.lift_coefficient, slowest.largest_lift_coefficient
+    not_flown = (
+        f"The stall was not flown. The slowest speed flown is {slowest.speed_mps:.1f} m/s (lift coefficient {CL:.2f})."
+    )
+    if largest <= CL * 1.005:
+        return f"{not_flown} No greater lift was reached in the flight, so it shows no margin: the stall may be near."
+    return (
+        f"{not_flown} For a moment the wing carried a lift coefficient of {largest:.2f}: the slowest speed flown has a"
+        f" margin of {stall_margin_percent(slowest)} % of speed to the stall at least."
+    )
+
+
+def next_flight(results: Results) -> list[str]:
+    """What to fly next, the most useful first.
+
+    The sentences of the results come first: they say what narrows the interval most. How many more runs halve it is
+    told only where they are silent, and what a sensor error lacked only where they do not name that error.
+    """
+    advice = list(results.next_flight)
+    to_halve = halving(results)
+    if to_halve and not (advice and to_halve.by_more_runs):
+        advice.append(to_halve.text)
+    if results.minimum_power_speed.speed_mps is None and results.slowest_flown is not None:
+        advice.append(
+            f"Slower than {results.slowest_flown.speed_mps:.1f} m/s, if the stall allows: power still decreases there,"
+            " so that the speed of longest endurance is not known."
+        )
+    if results.path is not None:
+        lacking: dict[str, list[str]] = {}
+        for error in results.path.sensor_errors:
+            for reason in error.missing:
+                if error.name != results.next_flight_lowers:
+                    lacking.setdefault(reason, []).append(error.title)
+        advice += [f"Not determined: {', '.join(titles)} ({reason})." for reason, titles in lacking.items()]
+    if any(point.extrapolated for point in results.power_required):
+        advice.append(
+            "A propeller table that reaches further, or more motor speed in the fast runs: parts of the curve lie"
+            " outside the table (dashed)."
+        )
+    kinds = sorted({" or ".join(method.not_flown) for method in results.methods if method.not_flown})
+    if kinds:
+        advice.append(f"For an independent check by other methods: {', '.join(kinds)}.")
+    return advice

@@ -1,0 +1,206 @@
+"""What was flown, and with what: runs and rejected stretches, agreement of the sensors, origin of every input."""
+
+import math
+from typing import NamedTuple
+
+from analysis.pages.html_page import HtmlTable
+from analysis.records.flight import AirFound, Clock, Provenance, Results, SensorError
+from flight.units import GRAVITY_MPS2
+
+
+class FlightSection(NamedTuple):
+    runs: HtmlTable
+    rejected: HtmlTable | None
+
+
+def flight_section(results: Results) -> FlightSection:
+    runs = [
+        (
+            f"{number}",
+            run.kind,
+            f"{run.start_s:.1f}",
+            f"{run.end_s - run.start_s:.1f}",
+            f"{run.lowest_speed_mps:.1f} to {run.highest_speed_mps:.1f}",
+            f"{run.altitude_change_m:+.1f}",
+            "; ".join(run.notes),
+        )
+        for number, run in enumerate(results.runs, start=1)
+    ]
+    rejected = [(r.kind, f"{r.start_s:.1f}", f"{r.end_s - r.start_s:.1f}", r.reason) for r in results.rejected]
+    return FlightSection(
+        HtmlTable(("", "run", "start, s", "length, s", "speed, m/s", "height change, m", "notes"), runs),
+        HtmlTable(("similar to", "start, s", "length, s", "reason"), rejected) if rejected else None,
+    )
+
+
+CHANNELS = {
+    "V": "airspeed", "alpha": "angle of attack", "beta": "sideslip", "height": "barometer",
+    "gps_north": "GPS north", "gps_east": "GPS east", "gps_down": "GPS down", "compass": "compass",
+    "v_north": "velocity north at rest", "v_east": "velocity east at rest", "v_down": "velocity down at rest",
+}  # fmt: skip
+
+
+class SensorsSection(NamedTuple):
+    checks: HtmlTable
+    residuals: str
+    errors: HtmlTable
+
+
+def sensors_section(results: Results) -> SensorsSection | None:
+    """None where no trajectory was reconstructed."""
+    path = results.path
+    if path is None:
+        return None
+    checks = [
+        (check.before.title, *(f"{c.mean:+z.2f} ± {c.sigma:.2f} {c.unit}" for c in (check.before, check.after)))
+        for check in path.checks
+    ]
+    residuals = (f"{title} {path.residuals[name]:.1f}" for name, title in CHANNELS.items() if name in path.residuals)
+    return SensorsSection(
+        HtmlTable(("difference in flight, mean ± standard deviation", "before", "after"), checks),
+        ", ".join(residuals),
+        HtmlTable(
+            ("sensor error", "estimate ± 1 sigma", "assumed before the flight", "determined by this flight?"),
+            [_error_row(error) for error in path.sensor_errors],
+        ),
+    )
+
+
+def _error_row(error: SensorError) -> tuple[str, str, str, str]:
+    digits = decimals(error.standard_error)
+    return (
+        error.title,
+        f"{error.value:+.{digits}f} ± {error.standard_error:.{digits}f} {error.unit}",
+        f"± {error.assumed_sigma:.3g}",
+        "yes" if error.determined else "no: " + "; ".join(error.missing),
+    )
+
+
+def decimals(sigma: float) -> int:
+    """Decimals that show two significant digits of a standard error."""
+    return max(0, 1 - math.floor(math.log10(sigma))) if sigma > 0 else 2
+
+
+class ProvenanceSection(NamedTuple):
+    """date_and_place: of the head of the page. wind: for the map. facts: name and text."""
+
+    date_and_place: str
+    wind: str
+    facts: list[tuple[str, str]]
+    files: HtmlTable
+    sensors: HtmlTable
+
+
+def provenance_section(results: Results) -> ProvenanceSection | None:
+    """None where the results do not say what they were made of."""
+    found = results.provenance
+    if found is None:
+        return None
+    place = _place(results)
+    facts = [
+        ("Date and place", "; ".join(text for text in (_date(results), place) if text)),
+        *_air(results),
+        ("Weight", f"{results.test.weight_N / GRAVITY_MPS2:.3f} kg, {found.weight_source}"),
+        ("Log", _log(results, found)),
+        ("Recorded by", f"flightpower {found.recorded_by}" if found.recorded_by else "not known"),
+        ("Sampling", _ticks(results)),
+        ("Messages of the daemon", "; ".join(found.events) or "no warning"),
+        ("Analyzed by", f"flightpower {results.software_version}"),
+        ("Command", found.command_line or "not recorded: one of several logs, or called from Python"),
+    ]
+    return ProvenanceSection(
+        date_and_place="; ".join(text for text in (_date(results), place) if text),
+        wind=_wind(results),
+        facts=facts,
+        files=HtmlTable(
+            ("file", "name", "from", "SHA-256"),
+            [(file.role, file.name or "–", file.origin, file.sha256 or "not a single file") for file in found.files],
+        ),
+        sensors=HtmlTable(
+            ("topic", "messages", "measurements", "faults"),
+            [
+                (
+                    sensor.topic,
+                    str(sensor.messages),
+                    str(sensor.measurements),
+                    ", ".join(f"{number} {status}" for status, number in sensor.faults.items()) or "none",
+                )
+                for sensor in found.sensors
+            ],
+            numbers=True,
+        ),
+    )
+
+
+def _log(results: Results, found: Provenance) -> str:
+    length = "" if found.duration_s is None else f" {found.duration_s:.0f} s,"
+    return f"{results.log},{length} {found.log_bytes / 1e6:.1f} MB, SHA-256 {found.log_sha256}"
+
+
+def electrical_facts(results: Results) -> list[tuple[str, str]]:
+    """The same where only log, weight and command are known."""
+    found = results.provenance
+    if found is None:
+        return []
+    files = [(file.role.capitalize(), f"{file.origin}, SHA-256 {file.sha256}") for file in found.files]
+    return [
+        ("Log", _log(results, found)),
+        ("Weight", f"{results.test.weight_N / GRAVITY_MPS2:.3f} kg, {found.weight_source}"),
+        *files,
+        *([("Recorded by", f"autopilot {results.vehicle} (hash of its serial number)")] if results.vehicle else []),
+        ("Analyzed by", f"flightpower {results.software_version}"),
+        ("Command", found.command_line),
+    ]
+
+
+def _date(results: Results) -> str:
+    found = results.provenance
+    if found is None or found.start_utc is None:
+        return "date not known"
+    clock = "" if found.clock is Clock.SATELLITES else " (the computer's clock, which may be wrong)"
+    return f"{found.start_utc.replace('T', ' ').removesuffix('Z')} UTC{clock}"
+
+
+def _place(results: Results) -> str:
+    found = results.provenance
+    if found is None or found.latitude_deg is None or found.longitude_deg is None:
+        return "place not known"
+    north, east = "N" if found.latitude_deg >= 0 else "S", "E" if found.longitude_deg >= 0 else "W"
+    height = "" if found.height_msl_m is None else f", {found.height_msl_m:.0f} m above sea level"
+    return f"{abs(found.latitude_deg):.5f}° {north} {abs(found.longitude_deg):.5f}° {east}{height}"
+
+
+def _wind(results: Results) -> str:
+    air = results.air
+    if air is None:
+        return "Wind not known"
+    return f"{air.wind_mps:.1f} ± {1.96 * air.wind_standard_error_mps:.1f} m/s from {air.wind_from_deg:.0f}°"
+
+
+def _length_of(air: AirFound) -> str:
+    if air.gust_length == 1:
+        return ""
+    return f", {air.gust_length:.2f} times as long as MIL-F-8785C has them, by their spectra"
+
+
+def _air(results: Results) -> list[tuple[str, str]]:
+    air = results.air
+    if air is None:
+        return []
+    return [
+        ("Wind in the runs", f"{_wind(results)}, found from airspeed and path"),
+        ("Turbulence", f"{air.gust_mps:.2f} m/s vertical gusts (1 standard deviation){_length_of(air)}"),
+        (
+            "Air",
+            f"{air.temperature_K - 273.15:.1f} °C, {results.air_pressure_Pa / 100:.0f} hPa,"
+            f" {results.test.air_density_kgpm3:.3f} kg/m³: density altitude {air.density_altitude_m:.0f} m",
+        ),
+        ("Height of the runs", f"{air.lowest_height_m:.0f} to {air.highest_height_m:.0f} m above the start"),
+    ]
+
+
+def _ticks(results: Results) -> str:
+    found = results.provenance
+    if found is None or found.ticks is None:
+        return "the log has no record of it"
+    return f"{found.ticks_missed} of {found.ticks + (found.ticks_missed or 0)} sampling instants were missed"

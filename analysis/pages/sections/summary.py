@@ -1,0 +1,123 @@
+"""The top of the page: power required at one speed, whether it can be trusted, and the headline answers as cards."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from analysis.pages.answers import HeadlineAnswer, headline_answers
+from analysis.pages.wording import VERDICT
+from analysis.records.flight import CurveStatus, PowerPoint, Results
+from analysis.results.evidence import sentences
+from flight.units import FOOT_M, GRAVITY_MPS2
+
+
+class AnswerCard(NamedTuple):
+    """A headline answer. Of one that is a speed, `speed` is its number in m/s and `answer` what follows the unit."""
+
+    question: str
+    speed: str
+    answer: str
+    other_units: str
+    note: str
+
+
+class SummarySection(NamedTuple):
+    title: str
+    condition: str
+    cards: list[AnswerCard]
+    steady_points: bool  # shown in the figure
+    motor_note: str  # where the motor was not measured
+    warnings: list[str]
+    source: str
+
+
+def summary_section(results: Results) -> SummarySection:
+    use = results.use
+    return SummarySection(
+        title=f"{results.aircraft.title}: power required",
+        condition=(
+            f"{results.test.weight_N / GRAVITY_MPS2:.2f} kg, air {results.test.air_density_kgpm3:.3f} kg/m³"
+            f" ({results.air_temperature_K - 273.15:.0f} °C), propeller {results.aircraft.propeller}"
+        ),
+        cards=[_card(answer) for answer in headline_answers(results)],
+        steady_points=any(method.points for method in results.methods),
+        motor_note=use.power_train.basis if use and not use.power_train.measured else "",
+        warnings=results.warnings,
+        source=f"flightpower {results.software_version}, from {results.log}",
+    )
+
+
+def _card(answer: HeadlineAnswer) -> AnswerCard:
+    if answer.speed_mps is None:
+        return AnswerCard(answer.question, "", answer.remark, "", answer.note)
+    shown = f"{answer.speed_mps:.1f}"
+    other_units = f"{3.6 * float(shown):.0f} km/h · {float(shown) / FOOT_M:.0f} ft/s"
+    return AnswerCard(answer.question, shown, answer.remark, other_units, answer.note)
+
+
+class NamedPoint(NamedTuple):
+    """A point of the curve and what is special about its speed."""
+
+    point: PowerPoint
+    meaning: str
+
+
+class VerdictSection(NamedTuple):
+    number: str
+    interval: str
+    sentence: str
+    heading: str
+    color_class: str
+    reasons: str
+
+
+def reference_point(results: Results) -> NamedPoint:
+    """The speed of least drag; where it is not known, that of least power, or the middle of the speeds flown."""
+    candidates = (
+        (results.best_range_speed, "the speed of least drag"),
+        (results.minimum_power_speed, "the speed of least power"),
+    )
+    for optimum, meaning in candidates:
+        if optimum.speed_mps is not None and optimum.inside_flown_range:
+            return NamedPoint(_point_at(results, optimum.speed_mps), meaning)
+    curve = results.power_required
+    return NamedPoint(_point_at(results, (curve[0].speed_mps + curve[-1].speed_mps) / 2), "the middle of those flown")
+
+
+def _point_at(results: Results, speed_mps: float) -> PowerPoint:
+    curve = results.power_required
+    V = [point.speed_mps for point in curve]
+    power, lo, hi = (
+        float(np.interp(speed_mps, V, values))
+        for values in np.array([(p.power_W, p.power_lo_W, p.power_hi_W) for p in curve]).T
+    )
+    return PowerPoint(speed_mps=speed_mps, power_W=power, power_lo_W=lo, power_hi_W=hi)
+
+
+def verdict_section(results: Results) -> VerdictSection:
+    at, meaning = reference_point(results)
+    heading, color_class = VERDICT[results.trust]
+    return VerdictSection(
+        number=f"{at.power_W:.1f} W",
+        interval=f"{at.power_lo_W:.1f} to {at.power_hi_W:.1f} W",
+        sentence=(
+            f"in level flight at {at.speed_mps:.1f} m/s, {meaning}. This is drag times true airspeed, for"
+            f" {results.test.weight_N / GRAVITY_MPS2:.2f} kg in air of {results.test.air_density_kgpm3:.3f} kg/m³."
+        ),
+        heading=heading,
+        color_class=color_class,
+        reasons=" ".join(sentences(results.evidence)) or _support(results),
+    )
+
+
+def _support(results: Results) -> str:
+    """What speaks for the result."""
+    others = sum(bool(method.power_required) for method in results.methods)
+    parts = ["the estimation converged" if results.status is CurveStatus.CONVERGED else results.verdict]
+    pairs = len(results.disagreements)
+    if others and not pairs:
+        parts.append(f"{others} other {'method agrees' if others == 1 else 'methods agree'} within the intervals")
+    if results.cross_check:
+        parts.append("the cross-check on the runs alone agrees")
+    but = f", but {pairs} {'pair' if pairs == 1 else 'pairs'} of methods disagree: see the comparison" if pairs else ""
+    return f"{', '.join(parts)}{but}."

@@ -1,0 +1,117 @@
+"""The summaries on the terminal: of a flight, of electrical power, of several flights, and of a comparison."""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from analysis.pages.answers import HeadlineAnswer, headline_answers
+from analysis.pages.electrical_page import NOTHING_AGAINST, electrical_answers
+from analysis.pages.electrical_page import curve_table as electrical_table
+from analysis.pages.fleet_page import airframes_table, doubts, fleet_answers, news_table
+from analysis.pages.html_page import HtmlTable
+from analysis.pages.pooled_page import (
+    comparison_answers,
+    curve_table,
+    differences_table,
+    electrical_curve_table,
+    pooled_answers,
+)
+from analysis.pages.wording import every, verdict
+from analysis.records.fleet import FleetResults
+from analysis.records.flight import Results
+from analysis.records.pool import ComparisonResults, ElectricalPooledResults, PooledResults
+
+
+def print_summary(results: Results, page: Path, console: Console) -> None:
+    """Print the curve, the headline answers, warnings, and where the page is."""
+    curve = HtmlTable(
+        ("speed, m/s", "power, W", "95 % interval, W"),
+        [
+            (f"{point.speed_mps:.1f}", f"{point.power_W:.1f}", f"{point.power_lo_W:.1f} to {point.power_hi_W:.1f}")
+            for point in every(results.power_required, 8)
+        ],
+    )
+    _print_table(console, f"{results.aircraft.title}: power required", curve)
+    _print_answers(console, headline_answers(results))
+    _print_notes(console, [*results.warnings, *(disagreement.text for disagreement in results.disagreements)])
+    _print_page(console, page)
+
+
+def print_electrical_summary(results: Results, page: Path, console: Console, replaced: str = "") -> None:
+    """Print the curve, the best speeds, notes, and where the page is. replaced: a note on the report before."""
+    _print_table(console, f"{results.aircraft.title}: electrical power of level flight", electrical_table(results))
+    _print_answers(console, electrical_answers(results))
+    if not results.evidence:  # which is told on stderr
+        said = verdict(results.trust, results.evidence, NOTHING_AGAINST)
+        console.print(f"{said.heading}: {' '.join(said.reasons)}", highlight=False)
+    withheld = results.electrical.withheld if results.electrical else []
+    _print_notes(console, [*results.warnings, *withheld, *([replaced] if replaced else [])])
+    _print_page(console, page)
+
+
+def print_pooled(pooled: PooledResults, page: Path, console: Console) -> None:
+    """Print the curve, the answers, warnings, and where the page is."""
+    _print_table(console, f"{pooled.aircraft.title}: power required", curve_table(pooled, 8))
+    _print_answers(console, pooled_answers(pooled))
+    _print_notes(console, [*pooled.notes, *pooled.left_out])
+    _print_page(console, page)
+
+
+def print_electrical_pool(pooled: ElectricalPooledResults, page: Path, console: Console) -> None:
+    """Print the curve, whether the flights agree, what was refused, and where the page is."""
+    _print_table(console, f"{pooled.aircraft.title}: electrical power", electrical_curve_table(pooled, 8))
+    if pooled.homogeneity:
+        console.print(escape(pooled.homogeneity.text), highlight=False)
+    counted = f"{len(pooled.flights)} pooled, {len(pooled.left_out)} left out, {len(pooled.failures)} refused"
+    console.print(f"flights: {counted}", highlight=False)
+    _print_notes(console, [*pooled.notes, *pooled.left_out])
+    _print_page(console, page)
+
+
+def print_comparison(comparison: ComparisonResults, page: Path | None, console: Console) -> None:
+    """Print the difference, the answers, and where the page is."""
+    title = f"A: {comparison.a.name}, B: {comparison.b.name}"
+    _print_table(console, title, differences_table(comparison.differences, 8))
+    _print_answers(console, comparison_answers(comparison))
+    console.print(escape(comparison.text), highlight=False)
+    _print_notes(console, comparison.notes)
+    if page:
+        _print_page(console, page)
+
+
+def print_fleet(fleet: FleetResults, page: Path | None, console: Console) -> None:
+    """Print what changed, the airframes, what could not be read, and where the page is."""
+    news = news_table(fleet)
+    if news.rows:
+        _print_table(console, "what changed", news)
+    _print_table(console, f"{len(fleet.airframes)} airframes, {fleet.flights} flights", airframes_table(fleet))
+    _print_answers(console, fleet_answers(fleet))
+    _print_notes(console, [*doubts(fleet), *fleet.left_out])
+    if page:
+        _print_page(console, page)
+
+
+def _print_table(console: Console, title: str, content: HtmlTable) -> None:
+    table = Table(title=escape(title), title_justify="left")
+    for heading in content.header:
+        table.add_column(heading, justify="right")
+    for row in content.rows:
+        table.add_row(*row)
+    console.print(table)
+
+
+def _print_answers(console: Console, answers: Sequence[HeadlineAnswer]) -> None:
+    for one in answers:
+        console.print(f"[bold]{one.question}: {escape(one.answer)}[/bold]. {escape(one.note)}", highlight=False)
+
+
+def _print_notes(console: Console, notes: Iterable[str]) -> None:
+    for note in notes:
+        console.print(f"[yellow]note:[/yellow] {escape(note)}", highlight=False)
+
+
+def _print_page(console: Console, page: Path) -> None:
+    console.print(f"report: {escape(str(page))}", highlight=False)

@@ -1,0 +1,194 @@
+"""The files of a report: page, JSON, CSV, trajectory, table for the field; of one flight or of several."""
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+import pandas as pd
+
+from analysis.estimation.noise import NORMAL_95
+from analysis.files import write_file, write_keeping_previous
+from analysis.maneuvers.kinds import Maneuvers
+from analysis.maneuvers.runs_file import blocks, head, to_toml
+from analysis.pages import page
+from analysis.pages.charts.style import ORANGE, OTHER_RUN
+from analysis.pages.page import figures_by_name, run_fits
+from analysis.pages.pooled_page import render_comparison, render_electrical_flights, render_pooled
+from analysis.pages.predicted_polar import PredictedPolar, comparison
+from analysis.pages.sections import performance as field_table
+from analysis.pipeline import Analysis
+from analysis.records.flight import ElectricalFlight, Results
+from analysis.records.pool import ComparisonResults, ElectricalPooledResults, PooledResults
+from analysis.results.files import to_csv, to_json
+from analysis.results.previous import replaced
+from analysis.trajectory.equations import GUST_FILTER_STATES, STATES
+from analysis.trajectory.reconstruction import Trajectory
+from flight.arrays import Array
+
+COLUMNS = {name: f"{name}_mps" for name in STATES}
+COLUMNS |= {"phi": "roll_rad", "theta": "pitch_rad", "psi": "yaw_rad", "height": "height_m"}
+
+
+def trajectory_csv(trajectory: Trajectory) -> str:
+    """Every state with its standard error (`…_error`), one line each 0.2 s; units in the header."""
+    states = trajectory.states.drop(columns=[*GUST_FILTER_STATES]).rename(columns=COLUMNS)
+    errors = trajectory.states_error().drop(columns=[*GUST_FILTER_STATES]).rename(columns=COLUMNS).add_suffix("_error")
+    table = pd.concat([states, errors], axis=1).reset_index()
+    line = ",".join(["%.6g"] * table.shape[1])
+    lines = [",".join(table.columns), *(line % tuple(row) for row in table.to_numpy().tolist()), ""]
+    return "\n".join(lines).replace("nan", "")
+
+
+def write_report(analysis: Analysis, folder: Path, predicted: PredictedPolar | None = None) -> str:
+    """Write report.html, results.json, power_required.csv, path.csv and field_table.md and .csv into `folder`.
+
+    predicted : a polar to draw beside the measured one
+    Returns what of another log or of other options they replaced, in a sentence; empty where they replaced nothing.
+    Everything is computed before the first file is written. Raises InputError when the folder cannot be written.
+    """
+    results = analysis.results
+    files: dict[str, str | bytes] = {
+        "results.json": to_json(results),
+        "power_required.csv": to_csv(results),
+        "path.csv": trajectory_csv(analysis.trajectory),
+    }
+    if results.use:
+        files["field_table.md"] = field_table.to_markdown(results, results.use)
+        files["field_table.csv"] = field_table.to_csv(results, results.use)
+    before = replaced(folder, results, files)
+    figures, fits = figures_by_name(analysis, predicted), run_fits(analysis)
+    files["report.html"] = page.render(
+        results,
+        figures,
+        fits,
+        performance=analysis.performance,
+        runs=embedded_runs(analysis),
+        replaced=before,
+        predicted=comparison(predicted, results) if predicted else "",
+    )
+    for name, content in files.items():
+        write_file(folder / name, content)
+    return before
+
+
+def write_run_list(analysis: Analysis, folder: Path, log_name: str, *, given: Path | None) -> Path | None:
+    """Write runs.toml into `folder`; returns where other content that was there is kept, if there was any.
+
+    given: the list of runs that the analysis used. It is not overwritten, since it holds the user's remarks.
+    Raises InputError when the file cannot be written.
+    """
+    path = folder / "runs.toml"
+    if given is not None and path.exists() and path.samefile(given):
+        return None
+    return write_keeping_previous(path, to_toml(analysis.maneuvers, log_name))
+
+
+def write_candidates(maneuvers: Maneuvers, folder: Path, log_name: str) -> Path:
+    """Write runs.toml of a log in which no maneuver gives a curve; returns where. Raises InputError as above."""
+    path = folder / "runs.toml"
+    write_keeping_previous(path, to_toml(maneuvers, log_name))
+    return path
+
+
+FLIGHTS_FORMAT = "flightpower-flights-1"
+
+
+def write_pooled(pooled: PooledResults, folder: Path) -> None:
+    """Write report.html and results.json. Raises InputError when the folder cannot be written."""
+    _write(render_pooled(pooled), pooled, folder)
+
+
+def write_electrical_pool(flights: list[ElectricalFlight], pooled: ElectricalPooledResults, folder: Path) -> None:
+    """Write report.html and results.json. Raises InputError when the folder cannot be written."""
+    _write(render_electrical_flights(flights, [*pooled.left_out, *pooled.failures], pooled), pooled, folder)
+
+
+def write_electrical_flights(contents: list[dict[str, Any]], failures: list[str], folder: Path) -> None:
+    """Write report.html and results.json of flights whose electrical power stands side by side, not pooled.
+
+    contents: of their results.json. Raises InputError when the folder cannot be written.
+    """
+    flights = msgspec.convert(contents, list[ElectricalFlight])
+    content = {"format": FLIGHTS_FORMAT, "flights": contents, "failures": failures}
+    _write(render_electrical_flights(flights, failures), content, folder)
+
+
+def write_comparison(comparison: ComparisonResults, folder: Path) -> None:
+    """Write report.html and results.json. Raises InputError when the folder cannot be written."""
+    _write(render_comparison(comparison), comparison, folder)
+
+
+def _write(page: str, content: object, folder: Path) -> None:
+    write_file(folder / "results.json", msgspec.json.format(msgspec.json.encode(content), indent=1))
+    write_file(folder / "report.html", page)
+
+
+Json = dict[str, Any]
+
+
+class NamedRun(NamedTuple):
+    """A run as the page shows it; name: as in the figures; says: what is known of it, in words."""
+
+    name: str
+    label: str
+    start_s: float
+    end_s: float
+    says: str
+
+
+def _short(values: Array) -> Any:
+    """With twelve significant digits."""
+    return [_short(row) if np.ndim(row) else float(f"{row:.12g}") for row in values]
+
+
+def named_runs(results: Results) -> list[NamedRun]:
+    """The runs in the order of the table."""
+    z = {one.run: one.z for one in results.runs_against_others}
+    rms = {one.run: one.rms_mps2 for one in results.run_residuals}
+    runs = []
+    for number, run in enumerate(results.runs, start=1):
+        says = [f"{run.lowest_speed_mps:.1f} to {run.highest_speed_mps:.1f} m/s", f"{run.altitude_change_m:+.1f} m"]
+        if run.name in z:
+            says.append(f"{z[run.name]:+.1f} standard errors from the others of its kind")
+        if run.name in rms:
+            says.append(f"residuals of drag {rms[run.name]:.2f} m/s² (rms)")
+        label = f"Run {number}: {run.name}"
+        runs.append(NamedRun(run.name, label, run.start_s, run.end_s, "; ".join([*says, *run.notes])))
+    return runs
+
+
+def embedded_runs(analysis: Analysis) -> Json:
+    """For `runs.js`: the runs, the list of runs as a file, and the shares of the runs in the curve, where known."""
+    main, results = analysis.drag.main, analysis.results
+    shares: Json | None = None
+    if main.shares:
+        shares = {
+            "information": main.shares.information,
+            "by_run": {
+                name: {"information": _short(information), "gradient": _short(gradient)}
+                for name, (information, gradient) in main.shares.by_run.items()
+            },
+            "noise_factor": main.shares.noise_factor,
+            "A": main.polar.A,
+            "covariance": main.polar.covariance,
+            "speeds": [point.speed_mps for point in results.power_required],
+            "weight_N": results.test.weight_N,
+            "rho": results.test.air_density_kgpm3,
+            "wing_area_m2": results.aircraft.wing_area_m2,
+            "normal_95": NORMAL_95,
+        }
+    runs = named_runs(results)
+    kept, left_out = blocks(analysis.maneuvers), blocks(analysis.maneuvers, {run.name for run in runs})
+    return {
+        "runs": [run._asdict() for run in runs],
+        "file": {
+            "head": head(Path(results.log).name),
+            "blocks": [
+                {"run": block.run, "kept": block.text, "left_out": other.text}
+                for block, other in zip(kept, left_out, strict=True)
+            ],
+        },
+        "shares": shares,
+        "colors": {"alone": ORANGE, "without": OTHER_RUN},
+    }

@@ -1,0 +1,263 @@
+"""Values to type into an autopilot, as far as they follow from a flight, with interval and versions of the firmware.
+
+Names and units: parameter references of PX4 (docs.px4.io) and ArduPilot (ardupilot.org/plane), Settings.md of INAV.
+Airspeeds are equivalent airspeeds, which the autopilots call calibrated.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from analysis.estimation.noise import NORMAL_95
+from analysis.methods.whole_flight.curve import ElectricalEstimate
+from analysis.methods.whole_flight.drag import DragEstimate
+from analysis.methods.whole_flight.energy_balance import DragAndEfficiency, FlightConditions, drag_power
+from analysis.methods.whole_flight.settings import SHARED
+from analysis.methods.whole_flight.thrust_balance import aerodynamics
+from analysis.performance.settings import PARAMETERS
+from analysis.records.flight import AutopilotParameter, Interval, Results, SpeedInterval
+from flight.arrays import Array
+from flight.atmosphere import SEA_LEVEL_DENSITY
+from flight.units import GRAVITY_MPS2
+
+
+@dataclass(frozen=True)
+class FlightValues:
+    """What a flight gives; None where it does not. Airspeeds are equivalent airspeeds [m/s].
+
+    cruise: of longest range among the speeds flown; cruise_power: from the battery there [W]; sink: with the motor off
+    there [m/s]. CD0, B: of C_D = CD0 + B C_L^2 over the lift coefficients flown. wing_loading: 2 W / (rho_0 S)
+    [m^2/s^2]. airspeed_factor: true airspeed over that shown. logged: the autopilot's parameters, by name.
+    """
+
+    cruise: Interval
+    slowest: Interval
+    fastest: Interval
+    wing_loading: Interval
+    cruise_power: Interval | None = None
+    idle_power: Interval | None = None
+    sink: Interval | None = None
+    CD0: Interval | None = None
+    B: Interval | None = None
+    airspeed_factor: Interval | None = None
+    logged: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def airspeed_ratio(self) -> Interval | None:
+        """Of ARSPD_RATIO: the airspeed shown goes with its root."""
+        logged, factor = self.logged.get("ARSPD_RATIO"), self.airspeed_factor
+        if not logged or factor is None:
+            return None
+        value, lo, hi = (logged * one**2 for one in (factor.value, factor.lo, factor.hi))
+        return Interval(value=value, lo=lo, hi=hi)
+
+
+class _Entry(NamedTuple):
+    """value: name in FlightValues          factor: from its unit to that of the parameter"""
+
+    firmware: str
+    name: str
+    versions: str
+    value: str
+    unit: str = "m/s"
+    factor: float = 1.0
+
+
+PX4, PLANE, INAV = "PX4", "ArduPlane", "INAV"
+ENTRIES = (
+    _Entry(PX4, "FW_AIRSPD_TRIM", "all", "cruise"),
+    _Entry(PX4, "FW_AIRSPD_MIN", "all", "slowest"),
+    _Entry(PX4, "FW_AIRSPD_MAX", "all", "fastest"),
+    _Entry(PX4, "FW_T_SINK_MIN", "all", "sink"),
+    _Entry(PX4, "ASPD_SCALE_1", "1.13 and later", "airspeed_factor", ""),
+    _Entry(PLANE, "AIRSPEED_CRUISE", "4.5 and later", "cruise"),
+    _Entry(PLANE, "TRIM_ARSPD_CM", "up to 4.4", "cruise", "cm/s", 100.0),
+    _Entry(PLANE, "AIRSPEED_MIN", "4.5 and later", "slowest"),
+    _Entry(PLANE, "ARSPD_FBW_MIN", "up to 4.4", "slowest"),
+    _Entry(PLANE, "AIRSPEED_MAX", "4.5 and later", "fastest"),
+    _Entry(PLANE, "ARSPD_FBW_MAX", "up to 4.4", "fastest"),
+    _Entry(PLANE, "TECS_SINK_MIN", "all", "sink"),
+    _Entry(PLANE, "ARSPD_RATIO", "all", "airspeed_ratio", ""),
+    _Entry(PLANE, "SOAR_POLAR_CD0", "with soaring", "CD0", ""),
+    _Entry(PLANE, "SOAR_POLAR_B", "with soaring", "B", ""),
+    _Entry(PLANE, "SOAR_POLAR_K", "with soaring", "wing_loading", "m²/s²"),
+    _Entry(INAV, "nav_fw_cruise_speed", "2.0 and later", "cruise", "cm/s", 100.0),
+    _Entry(INAV, "cruise_power", "2.0 and later", "cruise_power", "0.01 W", 100.0),
+    _Entry(INAV, "idle_power", "2.0 and later", "idle_power", "0.01 W", 100.0),
+)
+BASIS = {
+    "cruise": "longest range among the speeds flown",
+    "slowest": "the slowest flown; how far below the stall lies is not known",
+    "fastest": "the fastest flown",
+    "sink": "drag times airspeed over weight at cruise speed",
+    "airspeed_factor": "airspeed against GPS",
+    "airspeed_ratio": "airspeed against GPS, and the logged ratio",
+    "CD0": "drag over the lift coefficients flown",
+    "B": "drag over the lift coefficients flown",
+    "wing_loading": "twice the weight over sea-level density and wing area",
+    "cruise_power": "from the battery at cruise speed",
+    "idle_power": "from the battery with the motor off",
+}
+ALWAYS_WITHHELD = (
+    "FW_THR_TRIM (PX4 1.14 and later; FW_THR_CRUISE before), TRIM_THROTTLE (ArduPlane) and nav_fw_cruise_thr (INAV) do"
+    " not follow: they require a throttle calibrated against power; read it at cruise speed in level flight.",
+    "A stall speed cannot be derived: no stall was flown. The lowest values are the slowest speed flown.",
+)
+WITHOUT = {
+    "sink": "FW_T_SINK_MIN and TECS_SINK_MIN are withheld: drag is not known well enough; they take a propeller table"
+    " and motor speed, or glides.",
+    "CD0": "SOAR_POLAR_CD0 and SOAR_POLAR_B are withheld: the drag polar is not known well enough; they take glides at"
+    " several speeds, or a propeller table and motor speed.",
+    "airspeed_factor": "ASPD_SCALE_1 is withheld: it takes an autopilot's airspeed and GPS.",
+    "idle_power": "idle_power is withheld: the power with the motor off is too small for this current meter, or not"
+    " measured.",
+    "airspeed_ratio": "ARSPD_RATIO is withheld: it takes GPS and the ratio that the airspeed was computed with, which"
+    " ArduPlane logs as a parameter.",
+    "cruise_power": "cruise_power is withheld: it takes the battery's power at cruise speed.",
+}
+
+
+def typed_in(values: FlightValues) -> tuple[list[AutopilotParameter], list[str]]:
+    """The parameters that follow from a flight, and sentences on those that do not."""
+    known = {name: interval for name in BASIS if (interval := getattr(values, name)) and _known(interval)}
+    if not {"CD0", "B"} <= known.keys():  # neither is of use alone
+        known = {name: known[name] for name in known.keys() - {"CD0", "B"}}
+    parameters = [_parameter(entry, known[entry.value], values.logged) for entry in ENTRIES if entry.value in known]
+    return parameters, [*(text for name, text in WITHOUT.items() if name not in known), *ALWAYS_WITHHELD]
+
+
+def _parameter(entry: _Entry, interval: Interval, logged: Mapping[str, float]) -> AutopilotParameter:
+    scaled = interval.times(entry.factor)
+    return AutopilotParameter(
+        firmware=entry.firmware,
+        name=entry.name,
+        versions=entry.versions,
+        value=scaled.value,
+        lo=scaled.lo,
+        hi=scaled.hi,
+        unit=entry.unit,
+        basis=BASIS[entry.value],
+        logged=logged.get(entry.name),
+    )
+
+
+def _known(interval: Interval) -> bool:
+    ends = np.array([interval.lo, interval.value, interval.hi])
+    return bool(
+        np.isfinite(ends).all()
+        and interval.value > 0
+        and interval.hi - interval.lo < 2 * PARAMETERS.widest_share * interval.value
+    )
+
+
+def wing_loading_of(weight_N: float, wing_area_m2: float) -> Interval:
+    value = 2 * weight_N / (SEA_LEVEL_DENSITY * wing_area_m2)
+    half = NORMAL_95 * SHARED.mass
+    return Interval(value=value, lo=value * (1 - half), hi=value * (1 + half))
+
+
+def around(value: float, half: float, least: float = -np.inf) -> Interval:
+    """An interval of this half width, not below `least`."""
+    return Interval(value=value, lo=max(value - half, least), hi=value + half)
+
+
+def of_power_required(
+    results: Results, CD0: Interval | None = None, B: Interval | None = None
+) -> tuple[list[AutopilotParameter], list[str]]:
+    """For the results of runs: from the curve of power required, and the battery's power where it is known."""
+    curve, use = results.power_required, results.use
+    if not curve:
+        return [], []
+    to_equivalent = (results.test.air_density_kgpm3 / SEA_LEVEL_DENSITY) ** 0.5
+    slowest, fastest = curve[0].speed_mps, curve[-1].speed_mps
+    cruise_power = None
+    if use:
+        case = use.loadings[0]
+        cruise, power, distance = case.range_speed_mps, case.range_power_W, case.range_m
+        share = (distance.value / distance.hi, distance.value / distance.lo) if distance.lo > 0 else (0.0, np.inf)
+        cruise_power = Interval(value=power, lo=power * share[0], hi=power * share[1])
+    else:
+        best = results.best_range_speed
+        value = min(max(best.speed_mps or slowest, slowest), fastest)
+        cruise = Interval(value=value, lo=best.lo_mps or slowest, hi=best.hi_mps or value)
+    value = min(max(cruise.value, slowest), fastest)
+    cruise = Interval(value=value, lo=min(max(cruise.lo, slowest), value), hi=max(cruise.hi, value))
+    W = results.test.weight_N
+    V = [point.speed_mps for point in curve]
+    power_W, lo_W, hi_W = (
+        float(np.interp(cruise.value, V, [getattr(point, name) for point in curve]))
+        for name in ("power_W", "power_lo_W", "power_hi_W")
+    )
+    values = FlightValues(
+        cruise=cruise.times(to_equivalent),
+        slowest=around(slowest, 0.0).times(to_equivalent),
+        fastest=around(fastest, 0.0).times(to_equivalent),
+        wing_loading=wing_loading_of(W, results.aircraft.wing_area_m2),
+        cruise_power=cruise_power,
+        sink=Interval(value=power_W / W, lo=lo_W / W, hi=hi_W / W),
+        CD0=CD0,
+        B=B,
+    )
+    return typed_in(values)
+
+
+def flight_values(
+    estimate: ElectricalEstimate,
+    best_range: SpeedInterval,
+    logged: Mapping[str, float],
+    drag: DragEstimate | None = None,
+) -> FlightValues:
+    """What an autopilot can be told of a flight. best_range: among the speeds flown; logged: its parameters.
+
+    Sink and polar are those of the propeller's table where it gives drag (without an idling propeller), or else of the
+    electrical balance, with the propeller idling.
+    """
+    V, c, airspeed = estimate.V_mps, estimate.conditions, estimate.airspeed
+    to_equivalent = float(np.sqrt(c.rho / SEA_LEVEL_DENSITY))
+
+    by_density = airspeed.by_gps * estimate.rho_sigma / 2
+
+    def equivalent(speed_mps: float) -> Interval:
+        """With the errors of the airspeed and, where GPS shows true airspeed, of density."""
+        by_zero = 1 / (c.rho * speed_mps**2)
+        by_wind = 0.0 if airspeed.wind_covariance is None else np.trace(airspeed.wind_covariance[:2, :2]) / 2
+        variance = np.array([1.0, by_zero]) @ airspeed.covariance @ [1.0, by_zero] + by_wind / speed_mps**2
+        share = float(np.sqrt(variance + by_density**2))
+        return around(speed_mps * to_equivalent, NORMAL_95 * share * speed_mps * to_equivalent)
+
+    cruise = float(best_range.speed_mps or V[0])
+    lo = min(best_range.lo_mps or V[0], cruise)
+    hi = max(best_range.hi_mps or cruise, equivalent(cruise).hi / to_equivalent)
+    power, half = (float(np.interp(cruise, V, values)) for values in (estimate.power_W, estimate.standard_error_W))
+    idle, form = (1.0, DragAndEfficiency.of) if drag is None else (0.0, aerodynamics)
+    source = estimate if drag is None else drag
+
+    def sinking(parameters: Array, given: FlightConditions) -> Array:
+        drag_W = drag_power(np.array([cruise]), 1.0, idle, form(parameters), given)
+        return drag_W / (given.mass_kg * GRAVITY_MPS2)
+
+    def two_term_polar(parameters: Array, given: FlightConditions) -> Array:
+        """(2,): the nearest C_D0 + B C_L^2 over the speeds of level flight."""
+        qS = given.rho * V**2 / 2 * given.wing_area_m2
+        CL = given.mass_kg * GRAVITY_MPS2 / qS
+        CD = drag_power(V, 1.0, idle, form(parameters), given) / (qS * V)
+        return np.asarray(np.linalg.lstsq(np.stack([np.ones_like(CL), CL**2], axis=1), CD, rcond=None)[0])
+
+    (sink, sink_error), (polar, polar_error) = source.quantity(sinking), source.quantity(two_term_polar)
+    scale_half = NORMAL_95 * float(np.sqrt(airspeed.covariance[0, 0] + by_density**2))
+    by_gps = airspeed.wind_mps is not None and airspeed.wind is None
+    return FlightValues(
+        cruise=Interval(value=cruise, lo=float(lo), hi=float(hi)).times(to_equivalent),
+        slowest=equivalent(float(V[0])),
+        fastest=equivalent(float(V[-1])),
+        wing_loading=wing_loading_of(c.mass_kg * GRAVITY_MPS2, c.wing_area_m2),
+        cruise_power=around(power, NORMAL_95 * half),
+        idle_power=around(c.idle_power_W, NORMAL_95 * c.idle_sigma_W, 0.0),
+        sink=around(float(sink[0]), NORMAL_95 * float(sink_error[0])),
+        CD0=around(float(polar[0]), NORMAL_95 * float(polar_error[0])),
+        B=around(float(polar[1]), NORMAL_95 * float(polar_error[1])),
+        airspeed_factor=around(1 / (1 + airspeed.scale), scale_half) if by_gps else None,
+        logged=logged,
+    )

@@ -1,1 +1,0 @@
-"""Flight plans for the narrowest interval: what each maneuver contributes to the estimate, before it is flown."""

@@ -1,0 +1,97 @@
+"""The contents of a fleet's `fleet.json`: airframes with their curves and changes, and the curves of the fleet.
+
+What fills it is in `summary`: the page and the terminal need the form alone.
+"""
+
+from enum import StrEnum
+
+import msgspec
+
+from analysis.records.flight import ConditionResult, Evidence, PowerPoint, Trust
+
+FORMAT = "flightpower-fleet-1"
+
+
+class Shape(StrEnum):
+    """How a change came."""
+
+    STEP = "step"
+    DRIFT = "drift"
+
+
+class What(StrEnum):
+    """What changed."""
+
+    DRAG = "drag"
+    PROPULSION = "propulsion"
+    BOTH = "drag and propulsion"
+
+
+class Contradiction(StrEnum):
+    """Why flights of one name cannot be of one airframe."""
+
+    SIZE = "wing area or span"
+    INSTALLATION = "installation that returns"  # the probe was mounted anew meanwhile: its errors are others
+
+
+class ContradictionResult(msgspec.Struct, frozen=True, kw_only=True):
+    """What two flights of one name say that cannot be true of one airframe."""
+
+    kind: Contradiction
+    airframe: str
+    log: str
+    earlier_log: str
+    text: str
+
+
+class ChangeResult(msgspec.Struct, frozen=True, kw_only=True):
+    """A change from one flight on; percent of the airframe's own, with 95 % half widths."""
+
+    what: What
+    shape: Shape
+    since_log: str
+    since_unix_s: float | None
+    found_log: str
+    drag_percent: float
+    drag_half_width_percent: float
+    thrust_percent: float
+    thrust_half_width_percent: float
+    text: str
+
+
+class AirframeResult(msgspec.Struct, frozen=True, kw_only=True):
+    """An airframe in one configuration. The curve is of the flights since the last change, `pooled_flights`."""
+
+    name: str
+    title: str
+    configuration: str
+    installation: str
+    propeller: str
+    flights: int
+    pooled_flights: int
+    first_unix_s: float | None
+    last_unix_s: float | None
+    test: ConditionResult
+    power_required: list[PowerPoint]
+    trust: Trust  # as bad as the worst of:
+    evidence: list[Evidence]  # against the pooled flights
+    changes: list[ChangeResult]
+
+
+class FleetCurveResult(msgspec.Struct, frozen=True, kw_only=True):
+    """Airframes of one wing and propeller: power of their mean, and of another airframe that has not flown yet."""
+
+    airframes: list[str]
+    test: ConditionResult
+    mean: list[PowerPoint]
+    another: list[PowerPoint]
+
+
+class FleetResults(msgspec.Struct, frozen=True, kw_only=True):
+    format: str = FORMAT
+    software_version: str
+    flights: int
+    airframes: list[AirframeResult]
+    curves: list[FleetCurveResult]
+    contradictions: list[ContradictionResult] = []
+    left_out: list[str]  # a line for each file of the dataset that could not be read

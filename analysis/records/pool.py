@@ -1,0 +1,264 @@
+"""The contents of `results.json` of several flights together, and of a comparison (docs/understand/pooling.md).
+
+Percentages of a pool are of its power required; those of a comparison are of the power of A.
+"""
+
+from enum import StrEnum
+
+import msgspec
+
+from analysis.records.flight import (
+    AircraftResult,
+    ComputationModel,
+    ConditionResult,
+    ElectricalStatistics,
+    Evidence,
+    PowerPoint,
+    SlowestFlown,
+    Trust,
+)
+
+POOLED_FORMAT = "flightpower-pooled-2"
+ELECTRICAL_FORMAT = "flightpower-electrical-pooled-1"
+COMPARISON_FORMAT = "flightpower-comparison-1"
+
+
+class Agreement(StrEnum):
+    """Whether the flights of a pool agree."""
+
+    YES = "yes"
+    NOT_THE_INSTALLATION = "the curves, not the installation"
+    NOT_THE_CURVES = "no"
+
+
+class PolarCoefficients(msgspec.Struct, frozen=True, kw_only=True):
+    """C_D = A0 + A1 C_L + A2 C_L^2."""
+
+    A0: float
+    A1: float
+    A2: float
+
+
+class SharedParameter(msgspec.Struct, frozen=True, kw_only=True):
+    """A correction of thrust, or an error of the installation, that all flights of a pool share."""
+
+    name: str
+    value: float
+    standard_error: float
+    unit: str
+
+
+class Scatter(msgspec.Struct, frozen=True, kw_only=True):
+    """Scatter of the flights' curves about the pooled one at one speed, and what their errors explain of it."""
+
+    speed_mps: float
+    observed_percent: float  # root mean square
+    expected_percent: float
+    excess_percent: float  # what the errors do not explain
+
+
+class AgreementTest(msgspec.Struct, frozen=True, kw_only=True):
+    """Chi-square test of whether all flights have the same values."""
+
+    chi_square: float
+    degrees_of_freedom: int
+    p: float
+    text: str  # the same for a reader
+
+
+class Deviation(msgspec.Struct, frozen=True, kw_only=True):
+    """One flight's curve minus the pooled one at one speed, with the 95 % limit that its errors allow."""
+
+    speed_mps: float
+    difference_percent: float
+    limit_percent: float
+
+
+class PooledFlight(msgspec.Struct, frozen=True, kw_only=True):
+    """One flight of a pool. Half widths are at the speeds of `against_pool`."""
+
+    log: str
+    installation: str
+    test: ConditionResult
+    drag_polar: PolarCoefficients  # of this flight alone
+    half_width_percent: list[float]  # of this flight alone
+    half_width_without_percent: list[float] | None  # of the pool without it; null in a pool of one flight
+    share_of_information: float
+    against_pool: list[Deviation]
+    # Probability of a larger difference from the other flights, of the polar and of the errors of the installation;
+    # null in a pool of one flight.
+    p: float | None
+    p_installation: float | None
+    outlier: bool
+    reason: str  # the likely one, where it is an outlier
+    trust: Trust  # of its own results
+    mounted_anew: bool  # it denies the installation that the files state
+    start_unix_s: float | None = None  # start of its log; null where that is not known
+
+
+class Outlier(msgspec.Struct, frozen=True, kw_only=True):
+    """A flight that differs from the others by more than its errors explain."""
+
+    log: str
+    p: float
+    reason: str
+
+
+class OneMore(msgspec.Struct, frozen=True, kw_only=True):
+    """Half widths of the pool now, and with one more flight like the one that contributed most."""
+
+    like: str
+    speed_mps: list[float]
+    half_width_percent: list[float]
+    half_width_then_percent: list[float]
+
+
+class FlightsToSee(msgspec.Struct, frozen=True, kw_only=True):
+    """Flights of each of two configurations by which a difference of drag is seen in 9 of 10 campaigns."""
+
+    difference_percent: float
+    flights_each: int | None  # null where it takes more than `EVIDENCE.most_repetitions`
+
+
+class TrendQuantity(StrEnum):
+    """What power is compared with."""
+
+    DATE = "date"
+    TEMPERATURE = "air temperature"
+    BATTERY = "battery voltage"
+
+
+class Trend(msgspec.Struct, frozen=True, kw_only=True):
+    """Change of power over the range of a quantity that was flown."""
+
+    quantity: TrendQuantity
+    unit: str
+    lowest: float
+    highest: float
+    change_percent: float  # from lowest to highest
+    standard_error_percent: float
+    p: float  # probability of a change this far from zero without a trend
+    flights: int  # with this quantity
+
+
+class PooledUse(msgspec.Struct, frozen=True, kw_only=True):
+    """What the energy of a mission is computed from (`flightpower route`)."""
+
+    battery_energy_Wh: float  # of the last flight
+    losses_of: list[str]  # logs; the losses of the power train are the mean of theirs
+    losses_measured: bool  # and not assumed
+    model: ComputationModel
+
+
+class PooledResults(msgspec.Struct, frozen=True, kw_only=True):
+    """The contents of the `results.json` of a pool."""
+
+    format: str = POOLED_FORMAT
+    trust: Trust  # as bad as the worst of:
+    evidence: list[Evidence]  # against the flights and the pool, the worst first
+    software_version: str
+    aircraft: AircraftResult
+    installation: str
+    test: ConditionResult  # mean weight and density of the flights, at which the curve is given
+    drag_polar: PolarCoefficients
+    polar_covariance: list[list[float]]  # (3, 3)
+    parameters: list[SharedParameter]
+    power_required: list[PowerPoint]
+    between_flights: list[Scatter]  # empty in a pool of one flight
+    agreement: Agreement | None  # of the flights, by the tests and the outliers; null in a pool of one flight
+    homogeneity: AgreementTest | None  # of the polars; null in a pool of one flight
+    installation_homogeneity: AgreementTest | None
+    flights: list[PooledFlight]
+    outliers: list[Outlier]
+    one_more: OneMore
+    flights_to_see: list[FlightsToSee]
+    trends: list[Trend]
+    notes: list[str]
+    left_out: list[str] = []  # flights that are not in the pool, and why
+    failures: list[str] = []  # logs that cannot be used, and why
+    air_temperature_K: float | None = None  # mean of the flights
+    air_pressure_Pa: float | None = None
+    slowest_flown: SlowestFlown | None = None
+    use: PooledUse | None = None  # null where no flight has a power train, and in results of earlier versions
+
+
+class ElectricalPooledFlight(msgspec.Struct, frozen=True, kw_only=True):
+    """One flight of a pool against the pool of the others."""
+
+    log: str
+    vehicle: str = ""  # as in the flight's results
+    test: ConditionResult
+    half_width_percent: list[float]  # of this flight alone, at the speeds of `against_others`
+    against_others: list[Deviation]  # empty in a pool of one flight
+    p: float | None  # probability of a larger difference from the others; null in a pool of one flight
+    outlier: bool
+
+
+class PooledElectrical(msgspec.Struct, frozen=True, kw_only=True):
+    """The curve of a pool with its joint covariance, and the power in it that the motor does not draw."""
+
+    idle_power_W: float
+    pooling: ElectricalStatistics
+
+
+class ElectricalPooledResults(msgspec.Struct, frozen=True, kw_only=True):
+    """The contents of the `results.json` of a pool of electrical curves."""
+
+    format: str = ELECTRICAL_FORMAT
+    trust: Trust
+    evidence: list[Evidence]
+    software_version: str
+    aircraft: AircraftResult
+    test: ConditionResult  # mean weight and density of the flights, at which the curve is given
+    electrical_power: list[PowerPoint]
+    homogeneity: AgreementTest | None  # null in a pool of one flight
+    flights: list[ElectricalPooledFlight]
+    notes: list[str] = []  # flights of several autopilots, or of one with several names
+    left_out: list[str] = []
+    failures: list[str] = []  # logs that cannot be used, and why
+    air_temperature_K: float | None = None  # mean of the flights
+    air_pressure_Pa: float | None = None
+    electrical: PooledElectrical | None = None  # null in results of earlier versions
+
+
+class Configuration(msgspec.Struct, frozen=True, kw_only=True):
+    """One side of a comparison."""
+
+    aircraft: AircraftResult
+    installation: str
+    logs: list[str]
+    name: str = ""  # of its folder
+
+
+class PowerDifference(msgspec.Struct, frozen=True, kw_only=True):
+    """Power of B minus power of A at one speed, with its 95 % interval."""
+
+    speed_mps: float
+    power_a_W: float
+    power_b_W: float
+    difference_percent: float
+    lo_percent: float
+    hi_percent: float
+    independent_half_width_percent: float  # what it would be if A and B shared no error
+
+
+class ComparisonResults(msgspec.Struct, frozen=True, kw_only=True):
+    """The contents of the `results.json` of a comparison."""
+
+    format: str = COMPARISON_FORMAT
+    trust: Trust  # as bad as the worst of:
+    evidence: list[Evidence]  # against the flights of both, and against what they are said to share, the worst first
+    software_version: str
+    a: Configuration
+    b: Configuration
+    test: ConditionResult  # those of A, at which both curves are given
+    same_installation: bool  # as the files say, unless the flights deny it
+    same_propeller: bool
+    differences: list[PowerDifference]
+    chi_square: float
+    degrees_of_freedom: int
+    p: float
+    differs: bool  # with at most 5 % of false alarms
+    text: str
+    notes: list[str]
+    flights_to_see: list[FlightsToSee]

@@ -1,0 +1,143 @@
+"""Curves with their intervals, optimum speeds and the drag polar in the form of `results.json`."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pandas as pd
+
+from analysis.air.flown import largest_lift, thrust_known
+from analysis.curve import (
+    Condition,
+    Polar,
+    classic_form,
+    lift_coefficient,
+    maximum_lift_to_drag,
+    optimum_speed,
+    power_required,
+    speed_at,
+)
+from analysis.estimation.noise import NORMAL_95
+from analysis.methods.dynamic import DynamicEstimate
+from analysis.methods.interval_sources import Source, variance_by_source
+from analysis.records.flight import (
+    DragPolar,
+    Interval,
+    IntervalPart,
+    PowerPoint,
+    SlowestFlown,
+    SpeedInterval,
+    SpeedReason,
+)
+from analysis.settings import CURVES
+from flight.aircraft import Aircraft
+from flight.arrays import Array
+
+
+def power_curve(
+    polar: Polar,
+    condition: Condition,
+    flown_CL: tuple[float, float],
+    flown: tuple[pd.DataFrame, Condition] | None = None,
+) -> list[PowerPoint]:
+    """Power required over a range of lift coefficients.
+
+    flown: rows of the runs and their condition; marks points that depend on the propeller table's linear extrapolation.
+    """
+    V = np.linspace(speed_at(flown_CL[1], condition), speed_at(flown_CL[0], condition), CURVES.points)
+    power, error = power_required(V, polar, condition)
+    half = NORMAL_95 * error
+    known = np.ones(len(V), dtype=bool)
+    if flown:
+        rows, flown_condition = flown
+        known = thrust_known(rows, speed_at(lift_coefficient(V, condition), flown_condition))
+    return [
+        PowerPoint(
+            speed_mps=float(v),
+            power_W=float(p),
+            power_lo_W=float(p - h),
+            power_hi_W=float(p + h),
+            extrapolated=not sure,
+        )
+        for v, p, h, sure in zip(V, power, half, known.tolist(), strict=True)
+    ]
+
+
+def optimum(
+    lift_of: Callable[[Array], float], polar: Polar, condition: Condition, flown_CL: tuple[float, float]
+) -> SpeedInterval:
+    """The speed at the lift coefficient that `lift_of` computes from (A0, A1, A2): of least power, or of best range.
+
+    No speed below the slowest flown is given: what the curve does there is not known, and the stall may be near.
+    """
+    CL = lift_of(polar.A)
+    if not np.isfinite(CL):
+        return SpeedInterval(
+            speed_mps=None, lo_mps=None, hi_mps=None, inside_flown_range=False, reason=SpeedReason.NO_OPTIMUM
+        )
+    slowest = float(speed_at(flown_CL[1], condition))
+    speed, lo, hi = optimum_speed(lift_of, polar, condition)
+    if speed < slowest:
+        return SpeedInterval(
+            speed_mps=None,
+            lo_mps=None,
+            hi_mps=hi if hi >= slowest else None,
+            inside_flown_range=False,
+            reason=SpeedReason.BELOW_SLOWEST,
+        )
+    return SpeedInterval(
+        speed_mps=speed,
+        lo_mps=lo if lo >= slowest else None,
+        hi_mps=hi,
+        inside_flown_range=bool(flown_CL[0] <= CL <= flown_CL[1]),
+        reason=SpeedReason.NONE if lo >= slowest else SpeedReason.INTERVAL_BELOW_SLOWEST,
+    )
+
+
+def slowest_flown(table: pd.DataFrame, flown_CL: tuple[float, float], condition: Condition) -> SlowestFlown:
+    """The slowest speed flown, and the largest lift coefficient. table: of `air_data`, the whole flight."""
+    carried = largest_lift(table, condition)
+    return SlowestFlown(
+        speed_mps=float(speed_at(flown_CL[1], condition)),
+        lift_coefficient=flown_CL[1],
+        largest_lift_coefficient=carried if np.isfinite(carried) else flown_CL[1],
+    )
+
+
+def drag_polar(polar: Polar, aircraft: Aircraft) -> DragPolar:
+    A0, A1, A2 = (float(a) for a in polar.A)
+    classic, best = classic_form(polar.A, aircraft.aspect_ratio), maximum_lift_to_drag(polar.A)
+    return DragPolar(
+        A0=A0,
+        A1=A1,
+        A2=A2,
+        CD0=classic.CD0,
+        K=classic.K,
+        CL_minD=classic.CL_minD,
+        oswald_efficiency=classic.oswald,
+        maximum_lift_to_drag=best if np.isfinite(best) else None,
+    )
+
+
+def two_term_polar(polar: Polar, flown_CL: tuple[float, float]) -> tuple[Interval, Interval]:
+    """C_D0 and B of the nearest C_D = C_D0 + B C_L^2 over the lift coefficients flown."""
+    CL = np.linspace(*flown_CL, CURVES.points)
+    terms = np.stack([np.ones_like(CL), CL, CL**2], axis=1)
+    nearest = np.linalg.pinv(terms[:, [0, 2]]) @ terms
+    values, errors = nearest @ polar.A, np.sqrt(np.diag(nearest @ polar.covariance @ nearest.T))
+    CD0, B = (
+        Interval(value=float(x), lo=float(x - NORMAL_95 * e), hi=float(x + NORMAL_95 * e))
+        for x, e in zip(values, errors, strict=True)
+    )
+    return CD0, B
+
+
+def interval_parts(estimate: DynamicEstimate, aircraft: Aircraft, condition: Condition, V: Array) -> list[IntervalPart]:
+    """Half widths of the curve's interval by noise, and by the errors that all runs share."""
+    variances = variance_by_source(estimate, aircraft, condition, V)
+    nothing = np.zeros(len(V))
+    noise = variances.pop(Source.NOISE, nothing)
+    half_widths = NORMAL_95 * np.sqrt([noise, sum(variances.values(), start=nothing)])
+    return [
+        IntervalPart(speed_mps=v, noise_W=by_noise, systematic_W=systematic)
+        for v, by_noise, systematic in zip(V.tolist(), *half_widths.tolist(), strict=True)
+    ]

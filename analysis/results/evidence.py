@@ -1,0 +1,437 @@
+"""What speaks against a result: the evidence, and the verdict that it adds up to (docs/understand/trust.md).
+
+Each item has its own figure and limit. Limits of noise follow from a rate of false alarms, those of physics hold
+without noise. A result that is not to be trusted ends `analyze` with exit code 1; a doubtful one is told first.
+"""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+
+import msgspec
+from scipy import special
+
+from analysis.estimation.noise import NORMAL_95
+from analysis.methods.motor_speed import PARAMETER as MOTOR_SPEED_PARAMETER
+from analysis.methods.rejected_assumptions import THRUST_TITLES
+from analysis.methods.settings import MOTOR_SPEED
+from analysis.methods.thrust_prior import STAND
+from analysis.records.flight import (
+    CurveStatus,
+    Evidence,
+    EvidenceKind,
+    Interval,
+    PartOfResult,
+    PoolingStatistics,
+    PowerPoint,
+    Results,
+    RunAgainstOthers,
+    Trust,
+)
+from analysis.results.settings import TRUST
+from analysis.settings import FLOWN
+from flight.messages import Comparison
+
+_WORST_FIRST = (Trust.NOT_TO_BE_TRUSTED, Trust.DOUBTFUL, Trust.TRUSTED)
+
+# What usually makes a sensor error larger than assumed, by its name in `path`.
+_CULPRIT = {
+    "alpha_bias": "the probe is mounted at an angle to the IMU, or the IMU is not level with the aircraft",
+    "alpha_scale": "the boom bends, or upwash or the probe's calibration is wrong",
+    "beta_bias": "the probe or the IMU is turned sideways",
+    "V_scale": "the airspeed line leaks, or the calibration of probe or transducer is wrong",
+    "air_data_lag": "the tubes are long or narrow, or a clock is late",
+    "gps_latency": "a clock is late",
+    "heading_bias": "the IMU is turned to the side, or the compass is not calibrated",
+    "ax_bias": "vibration of the motor or temperature moves the accelerometer's zero, or the IMU is not level",
+    "ay_bias": "vibration of the motor or temperature moves the accelerometer's zero, or the IMU is not level",
+    "az_bias": "vibration of the motor or temperature moves the accelerometer's zero, or its scale is wrong",
+    "p_bias": "the gyro drifts with temperature, or vibrates",
+    "q_bias": "the gyro drifts with temperature, or vibrates",
+    "r_bias": "the gyro drifts with temperature, or vibrates",
+    "dp_alpha_zero": "the transducer's zero drifts, or water is in the line",
+    "q_c_zero": "the transducer's zero drifts, water is in the line, or the static ports are in the wing's flow",
+    "ax_vibration": "vibration of the motor: balance the propeller, and mount the tray softly",
+    "az_vibration": "vibration of the motor: balance the propeller, and mount the tray softly",
+    "alpha_per_g": "the boom of the probe bends under its weight",
+    "updraft": "the air rose or sank over the flight: state [uncertainty] updraft",
+}
+
+
+def evidence_against(results: Results) -> list[Evidence]:
+    """The worst first, causes before their consequences; empty for a result that can be used within its interval."""
+    found = [
+        *_estimation(results),
+        *_counted_speed(results.pooling),
+        *_thrust(results.pooling),
+        *_kinds_of_runs(results.accelerations_against_decelerations),
+        *_motor_speed(results),
+        *_efficiencies(results),
+        *_implausible(results),
+        *_sensor_errors(results),
+        *_runs(results),
+        *_outside_table(results),
+        *_curve(results),
+    ]
+    return worst_first(found)
+
+
+def worst_first(evidence: Iterable[Evidence]) -> list[Evidence]:
+    """Of one level causes before their consequences."""
+    kinds = list(EvidenceKind)
+    return sorted(evidence, key=lambda one: (_WORST_FIRST.index(one.level), kinds.index(one.kind)))
+
+
+def trust_by(evidence: Iterable[Evidence]) -> Trust:
+    """The verdict: as bad as the worst evidence."""
+    return min((one.level for one in evidence), key=_WORST_FIRST.index, default=Trust.TRUSTED)
+
+
+def with_trust(results: Results) -> Results:
+    """The results with their evidence and the verdict."""
+    evidence = evidence_against(results)
+    return msgspec.structs.replace(results, evidence=evidence, trust=trust_by(evidence))
+
+
+def reasons_not_to_trust(results: Results) -> list[str]:
+    """Each in one or two sentences; empty for a result that can be used within its interval, with doubts or without."""
+    return [one.text for one in results.evidence if one.level is Trust.NOT_TO_BE_TRUSTED]
+
+
+def sentence(one: Evidence) -> str:
+    """What is in doubt, the flight where there are several, and why."""
+    return f"{one.part}. {_reason(one)}"
+
+
+def sentences(evidence: Iterable[Evidence]) -> list[str]:
+    """The same of all, to be read after a heading: what is in doubt is said where it changes."""
+    said, part = list[str](), None
+    for one in evidence:
+        also = "In doubt, too: " if said else ""
+        said.append(_reason(one) if one.part is part else f"{also}{sentence(one)}")
+        part = one.part
+    return said
+
+
+def _reason(one: Evidence) -> str:
+    return f"{one.log}: {one.text}" if one.log else one.text
+
+
+def _estimation(results: Results) -> Iterator[Evidence]:
+    if results.status and not results.status.usable:
+        yield Evidence(
+            kind=EvidenceKind.TRAJECTORY_NOT_CONVERGED
+            if results.status is CurveStatus.TRAJECTORY_NOT_CONVERGED
+            else EvidenceKind.NOT_CONVERGED,
+            level=Trust.NOT_TO_BE_TRUSTED,
+            part=PartOfResult.CURVE,
+            text=f"The estimation did not converge: {results.verdict}.",
+        )
+    elif (
+        results.path is not None
+        and not results.path.converged
+        and results.status is not CurveStatus.BY_ANOTHER_METHOD  # such a method does without
+    ):
+        yield Evidence(
+            kind=EvidenceKind.TRAJECTORY_NOT_CONVERGED,
+            level=Trust.NOT_TO_BE_TRUSTED,
+            part=PartOfResult.CURVE,
+            text="The trajectory did not converge.",
+        )
+
+
+def noise_limit(tests: int) -> float:
+    """Standard deviations that the largest of some normal errors exceeds in a sound flight at the stated rate."""
+    return float(-special.ndtri(TRUST.false_alarm_rate / (2 * max(tests, 1))))
+
+
+@dataclass(frozen=True)
+class _Deviation:
+    """What deviates, its name in the file, and by how many standard deviations."""
+
+    title: str
+    subject: str
+    sigmas: float
+
+
+def _thrust(statistics: PoolingStatistics | None) -> Iterator[Evidence]:
+    """Corrections of thrust that the priors of the table deny. One item: they are parts of one cause."""
+    if statistics is None:
+        return
+    deviations = _thrust_deviations(statistics)
+    worst = max(deviations, key=lambda one: abs(one.sigmas), default=None)
+    limit = noise_limit(len(deviations))
+    if worst is None or abs(worst.sigmas) <= limit:
+        return
+    yield _off_the_table(
+        worst.subject,
+        (worst.sigmas, limit, "standard deviations"),
+        f"Thrust differs from the propeller's table by {worst.sigmas:+.1f} times the standard deviation assumed"
+        f" ({worst.title}; limit {limit:.1f}): check `propulsion.pole_pairs`, the pulses of the motor speed, the"
+        " propeller and its table, and analyze again.",
+    )
+
+
+def _off_the_table(subject: str, of: tuple[float, float, str], text: str) -> Evidence:
+    """Of thrust; beyond twice the limit a table twice as uncertain as stated would be rejected, too. of: figure beyond
+    its limit, and their unit."""
+    figure, limit, unit = of
+    return Evidence(
+        kind=EvidenceKind.THRUST_TABLE,
+        level=Trust.NOT_TO_BE_TRUSTED if abs(figure) > TRUST.beyond_doubt * limit else Trust.DOUBTFUL,
+        part=PartOfResult.CURVE,
+        subject=subject,
+        figure=figure,
+        unit=unit,
+        limit=limit,
+        false_alarm_rate=TRUST.false_alarm_rate,
+        text=text,
+    )
+
+
+def _thrust_deviations(statistics: PoolingStatistics) -> list[_Deviation]:
+    values = dict(zip(statistics.names, statistics.values, strict=True))
+    sigmas = dict(zip(statistics.names, statistics.prior_sigma, strict=True))
+    deviations = [
+        _Deviation(title, name, values[name] / s) for name, title in THRUST_TITLES.items() if (s := sigmas.get(name))
+    ]
+    for measured in statistics.prior_measurements or []:
+        estimated = sum(factor * values[name] for name, factor in measured.coefficients.items())
+        deviations.append(
+            _Deviation(THRUST_TITLES[STAND], measured.name, (estimated - measured.value) / measured.sigma)
+        )
+    return deviations
+
+
+def _kinds_of_runs(compared: RunAgainstOthers | msgspec.UnsetType) -> Iterator[Evidence]:
+    """Accelerations against decelerations of a curve by energy, which has no corrections of thrust."""
+    limit = noise_limit(1)
+    if compared is msgspec.UNSET or abs(compared.z) <= limit:
+        return
+    yield _off_the_table(
+        compared.run,
+        (compared.z, limit, "standard errors"),
+        f"By energy the {compared.run} give {100 * (compared.power_W / compared.others_W - 1):+.0f} % of power"
+        f" against the decelerations at {compared.speed_mps:.1f} m/s, {abs(compared.z):.1f} standard errors (limit"
+        f" {limit:.1f}): thrust or the lag of the airspeed differs by more than assumed. Check motor speed,"
+        " propeller and table.",
+    )
+
+
+def _counted_speed(statistics: PoolingStatistics | None) -> Iterator[Evidence]:
+    """An error of motor speed that the runs showed, for which the curve is corrected."""
+    if statistics is None or MOTOR_SPEED_PARAMETER not in statistics.names:
+        return
+    i = statistics.names.index(MOTOR_SPEED_PARAMETER)
+    share, error = statistics.values[i], math.sqrt(statistics.covariance[i][i])
+    poles = abs(share) > MOTOR_SPEED.least_pole_share
+    check = "check `propulsion.pole_pairs`, and analyze again" if poles else "check its signal and wires"
+    yield Evidence(
+        kind=EvidenceKind.COUNTED_SPEED,
+        level=Trust.NOT_TO_BE_TRUSTED if poles else Trust.DOUBTFUL,
+        part=PartOfResult.CURVE,
+        subject=MOTOR_SPEED_PARAMETER,
+        figure=100 * share,
+        unit="%",
+        limit=100 * MOTOR_SPEED.least_errors * error,
+        text=(
+            f"The motor turns {abs(100 * share):.1f} ± {100 * NORMAL_95 * error:.1f} %"
+            f" {'faster' if share > 0 else 'slower'} than counted, since accelerations and decelerations differ in drag"
+            f" at one speed. The curve is corrected for it; {check}."
+        ),
+    )
+
+
+def _motor_speed(results: Results) -> Iterator[Evidence]:
+    ratio = results.speed_over_motor_constant
+    if ratio is None or abs(ratio - 1) <= TRUST.motor_constant:
+        return
+    yield Evidence(
+        kind=EvidenceKind.MOTOR_SPEED,
+        level=Trust.DOUBTFUL,
+        part=PartOfResult.CURVE,
+        figure=ratio,
+        limit=1 + TRUST.motor_constant if ratio > 1 else 1 - TRUST.motor_constant,
+        text=(
+            f"Motor speed at full throttle is {ratio:.2f} times what the motor's kV, voltage and current give: check"
+            " `propulsion.pole_pairs` first, then kV, resistance and the power module."
+        ),
+    )
+
+
+def _efficiencies(results: Results) -> Iterator[Evidence]:
+    """In level flight, where the table covers it. Above one is impossible."""
+    if results.use is None:
+        return
+    train = results.use.power_train
+    known = [point for point in train.efficiency if not point.extrapolated]
+    yield from _efficiency(EvidenceKind.PROPELLER_EFFICIENCY, [p.propeller for p in known], TRUST.best_propeller)
+    if train.measured:
+        yield from _efficiency(EvidenceKind.MOTOR_EFFICIENCY, [p.motor for p in known], 1.0)
+
+
+_CHECK_EFFICIENCY: Mapping[EvidenceKind, str] = {
+    EvidenceKind.PROPELLER_EFFICIENCY: "Propeller efficiency in level flight is {:.2f}, more than any propeller has:"
+    " check `propulsion.pole_pairs`, the propeller and its table, and the weight.",
+    EvidenceKind.MOTOR_EFFICIENCY: "Shaft power is {:.2f} times the power from the battery: check"
+    " `propulsion.pole_pairs`, the propeller's table, and the power module.",
+}
+
+
+def _efficiency(kind: EvidenceKind, values: list[Interval], best: float) -> Iterator[Evidence]:
+    """Not to be trusted where the interval of one speed is above one; doubtful where it is above `best`, or the value
+    is above one."""
+    impossible = [one for one in values if one.lo > 1]
+    doubtful = [one for one in values if one.lo > best or one.value > 1]
+    if not doubtful:
+        return
+    figure = max(one.value for one in doubtful)
+    yield Evidence(
+        kind=kind,
+        level=Trust.NOT_TO_BE_TRUSTED if impossible else Trust.DOUBTFUL,
+        part=PartOfResult.CURVE if kind is EvidenceKind.PROPELLER_EFFICIENCY else PartOfResult.POWER_TRAIN,
+        figure=figure,
+        limit=1.0 if figure > 1 else best,
+        text=_CHECK_EFFICIENCY[kind].format(figure),
+    )
+
+
+def _sensor_errors(results: Results) -> Iterator[Evidence]:
+    """Of the first estimate; it was repeated with wider priors, so that the interval contains an error of that size."""
+    if results.path is None or results.pooling is None:
+        return
+    tests = len(results.pooling.names)
+    limit = noise_limit(tests)
+    title = {one.name: one.title for one in results.path.sensor_errors}
+    for name, sigmas in results.path.prior_conflicts.items():
+        if abs(sigmas) <= limit:
+            continue
+        subject = title.get(name, name)
+        yield Evidence(
+            kind=EvidenceKind.SENSOR_ERROR,
+            level=Trust.DOUBTFUL,
+            part=PartOfResult.CURVE,
+            subject=name,
+            figure=sigmas,
+            unit="standard deviations",
+            limit=limit,
+            false_alarm_rate=TRUST.false_alarm_rate,
+            text=(
+                f"The {subject} is {sigmas:+.1f} times the standard deviation assumed (limit {limit:.1f}). Usually"
+                f" {_CULPRIT[name]}: mend it, or state a larger [uncertainty] in the aircraft file."
+            ),
+        )
+
+
+# What each comparison of the daemon doubts. It spares the others: GPS is an aid, whose faults the trajectory tells.
+_DOUBTED = {
+    Comparison.AIRSPEED: "airspeed, which the speed over the ground contradicts by more than any wind",
+    Comparison.ANGLE_OF_ATTACK: "angle of attack, which attitude and climb contradict",
+    Comparison.BAROMETERS: "static pressure, which the barometer in the fuselage contradicts",
+    Comparison.MOTOR: "motor speed, which the current contradicts",
+}
+
+
+def _implausible(results: Results) -> Iterator[Evidence]:
+    """Runs that were flown while the daemon found readings that cannot be true together."""
+    found = results.provenance.implausible if results.provenance else []
+    for compared, doubted in _DOUBTED.items():
+        periods = [(one.start_s, one.end_s) for one in found if one.compared is compared]
+        shared_s = sum(
+            max(0.0, min(end_s, run.end_s) - max(start_s, run.start_s))
+            for run in results.runs
+            for start_s, end_s in periods
+        )
+        if shared_s > 0:
+            yield Evidence(
+                kind=EvidenceKind.IMPLAUSIBLE_READINGS,
+                level=Trust.DOUBTFUL,
+                part=PartOfResult.CURVE,
+                subject=compared,
+                figure=shared_s,
+                unit="s",
+                limit=0.0,
+                text=(
+                    f"In {shared_s:.0f} s of the runs the daemon doubted the {doubted}: look at it in those runs, and"
+                    " leave them out (runs.toml) if it was wrong."
+                ),
+            )
+
+
+def _runs(results: Results) -> Iterator[Evidence]:
+    """The run that differs most from the others of its kind."""
+    compared = results.runs_against_others
+    worst = max(compared, key=lambda one: abs(one.z), default=None)
+    limit = noise_limit(len(compared))
+    if worst is None or abs(worst.z) <= limit:
+        return
+    beyond = sum(abs(one.z) > limit for one in compared)
+    yield Evidence(
+        kind=EvidenceKind.RUN_AGAINST_OTHERS,
+        level=Trust.DOUBTFUL,
+        part=PartOfResult.CURVE if beyond > 1 else PartOfResult.AT_SPEED,
+        subject=worst.run,
+        figure=worst.z,
+        unit="standard errors",
+        limit=limit,
+        false_alarm_rate=TRUST.false_alarm_rate,
+        text=(
+            f"The {worst.run} gives {100 * (worst.power_W / worst.others_W - 1):+.0f} % of power against the others of"
+            f" its kind at {worst.speed_mps:.1f} m/s, {abs(worst.z):.1f} standard errors (limit {limit:.1f};"
+            f" {beyond} of {len(compared)} runs are beyond it): was something different in it, such as gear, flaps, a"
+            " thermal, or lost pulses? If so, leave it out of runs.toml."
+        ),
+    )
+
+
+def _outside_table(results: Results) -> Iterator[Evidence]:
+    curve = results.power_required
+    share = sum(point.extrapolated for point in curve) / max(len(curve), 1)
+    if share <= 1 - FLOWN.least_covered:
+        return
+    yield Evidence(
+        kind=EvidenceKind.OUTSIDE_TABLE,
+        level=Trust.DOUBTFUL,
+        part=PartOfResult.CURVE,
+        figure=share,
+        limit=1 - FLOWN.least_covered,
+        text=(
+            f"{100 * share:.0f} % of the curve's speeds lie outside the propeller's table: use a table that reaches to"
+            " windmilling, or fly with power on."
+        ),
+    )
+
+
+def _curve(results: Results) -> Iterator[Evidence]:
+    curve = results.power_required or results.electrical_power
+    if any(point.power_lo_W <= 0 for point in curve):
+        yield Evidence(
+            kind=EvidenceKind.INTERVAL_REACHES_ZERO,
+            level=Trust.NOT_TO_BE_TRUSTED,
+            part=PartOfResult.CURVE,
+            figure=_least(curve).power_lo_W,
+            unit="W",
+            limit=0.0,
+            text=f"The 95 % interval reaches zero at {_least(curve).speed_mps:.1f} m/s.",
+        )
+    if results.drag_polar is not None and results.drag_polar.A2 <= 0:
+        yield Evidence(
+            kind=EvidenceKind.POLAR_CURVES_DOWNWARD,
+            level=Trust.NOT_TO_BE_TRUSTED,
+            part=PartOfResult.CURVE,
+            figure=results.drag_polar.A2,
+            limit=0.0,
+            text="The drag polar curves downward (A2 is not above zero), which would make drag by lift negative: the"
+            " range of lift coefficients flown is too narrow.",
+        )
+    if results.cross_check_differs:
+        yield Evidence(
+            kind=EvidenceKind.CROSS_CHECK,
+            level=Trust.DOUBTFUL,
+            part=PartOfResult.CURVE,
+            text="The cross-check by output error differs from the curve by more than their intervals allow.",
+        )
+
+
+def _least(curve: list[PowerPoint]) -> PowerPoint:
+    return min(curve, key=lambda point: point.power_lo_W)

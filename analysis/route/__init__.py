@@ -1,1 +1,0 @@
-"""The energy of a mission in wind: read the mission, choose speeds, draw what is uncertain, sum up."""

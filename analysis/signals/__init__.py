@@ -1,1 +1,0 @@
-"""From a log to synchronized channels, their smoothing, rest on the ground, and the zeros of the sensors there."""

@@ -1,0 +1,238 @@
+"""Reads an ArduPilot log into the channels of an ordinary flight: dataflash (.BIN), its text (.log), or .tlog."""
+
+from collections.abc import Mapping
+from enum import IntEnum
+from pathlib import Path
+
+import numpy as np
+
+from analysis.sources import recording
+from analysis.sources.ardupilot_messages import (
+    AIRSPEED,
+    BAROMETER,
+    BATTERY,
+    CONTROLLERS,
+    FIELDS,
+    GPS,
+    IMU,
+    LIFT,
+    RPM,
+    Messages,
+    Table,
+    read_messages,
+)
+from analysis.sources.autopilot_settings import READABLE
+from analysis.sources.recording import (
+    Battery,
+    Channel,
+    FlightRecording,
+    channel,
+    measuring_battery,
+    most_varying,
+    turning_motor,
+    without_hover,
+    without_jumps,
+)
+from flight.arrays import Array
+
+ENABLED_BY = {
+    recording.OF_AIRSPEED: ("ARSPD_TYPE", "ARSPD_USE"),
+    recording.OF_BAROMETER: ("BARO_PRIMARY",),
+    recording.OF_BATTERY: ("BATT_MONITOR",),
+}
+
+
+class LiftedMode(IntEnum):
+    """Numbers of MODE in which a QuadPlane is on its lifting motors."""
+
+    QSTABILIZE = 17
+    QHOVER = 18
+    QLOITER = 19
+    QLAND = 20
+    QRTL = 21
+    QAUTOTUNE = 22
+    QACRO = 23
+
+
+class ServoFunction(IntEnum):
+    """SERVOn_FUNCTION"""
+
+    THROTTLE = 70
+
+
+def read_ardupilot(path: Path) -> FlightRecording:
+    """The channels of an ArduPilot log.
+
+    Raises InputError, in one line, when the file cannot be read, and for vehicles without wings.
+    """
+    log = read_messages(path)
+    tables, parameters, notes = log.tables, log.parameters, log.notes
+    channels: dict[str, Channel] = {}
+    airspeed, airspeed_notes = _airspeed(tables)
+    if airspeed is not None:
+        channels[recording.AIRSPEED_PRESSURE] = airspeed
+    for name, kinds, field in (
+        (recording.STATIC, BAROMETER, "Press"),
+        (recording.FORCE_X, IMU, "AccX"),
+        (recording.FORCE_Y, IMU, "AccY"),
+        (recording.FORCE_Z, IMU, "AccZ"),
+    ):
+        for table in _working(log.of(kinds))[:1]:
+            channels[name] = channel(table["t_s"], table[field])
+    for table in sorted(log.of(GPS), key=lambda one: -np.mean(one["Status"] >= 3))[:1]:
+        channels |= _gps(table)
+    batteries, controllers = _batteries(tables, BATTERY), _batteries(tables, CONTROLLERS)
+    battery, battery_notes = measuring_battery(batteries, controllers)
+    if battery:
+        channels |= {recording.VOLTAGE: battery.voltage, recording.CURRENT: battery.current}
+    motor, motor_notes = turning_motor(_motors(log))
+    if motor is not None:
+        channels[recording.MOTOR] = motor
+    if (throttle := _throttle(log)) is not None:
+        channels[recording.THROTTLE] = throttle
+    (channels, thermometers, truth), jumps = without_jumps(channels, _thermometers(log), _truth(log))
+    hover_notes: list[str] = []
+    if recording.AIRSPEED_PRESSURE in channels:
+        wing = channels[recording.AIRSPEED_PRESSURE]
+        channels[recording.AIRSPEED_PRESSURE], hover_notes = without_hover(wing, _lifting_s(log, wing.t_s))
+    return FlightRecording(
+        path,
+        channels,
+        thermometers,
+        (*jumps, *notes, *airspeed_notes, *battery_notes, *hover_notes, *motor_notes),
+        parameters=parameters,
+        inside=frozenset(f"{kind} {instance}" for kind, instance in tables if kind in BAROMETER),
+        enabled_by={sensor: _as_set(names, parameters) for sensor, names in ENABLED_BY.items()}
+        | _without_current(batteries),
+        truth=truth,
+        vehicle=log.vehicle,
+    )
+
+
+def _batteries(tables: Mapping[tuple[str, int], Table], kinds: tuple[str, ...]) -> list[Battery]:
+    return [
+        Battery(f"{kind} {instance}", channel(table["t_s"], table["Volt"]), channel(table["t_s"], table["Curr"]))
+        for (kind, instance), table in tables.items()
+        if kind in kinds
+    ]
+
+
+def _throttle(log: Messages) -> Channel | None:
+    """Of the propulsion, 0 to 1: as the controller gives it, or as the servo channel that drives it has it."""
+    for kind in ("CTUN", "AETR"):
+        for table in log.of((kind,)):
+            for field in FIELDS[kind]:
+                if len((found := channel(table["t_s"], table[field] / 100)).value):
+                    return found
+    number = next((i for i in range(1, 15) if log.parameters.get(f"SERVO{i}_FUNCTION") == ServoFunction.THROTTLE), 3)
+    ends = [log.parameters.get(f"SERVO{number}_{end}", log.parameters.get(f"RC3_{end}")) for end in ("MIN", "MAX")]
+    for table in log.of(("RCOU",)):
+        for field in (f"C{number}", f"Ch{number}", f"Chan{number}"):
+            pulses = channel(table["t_s"], table[field]) if field in table else channel([], [])
+            if len(pulses.value) and ends[0] is not None and ends[1] is not None and ends[1] > ends[0]:
+                share = (pulses.value - ends[0]) / (ends[1] - ends[0])
+                backward = log.parameters.get(f"SERVO{number}_REVERSED", 0.0) == 1
+                return Channel(pulses.t_s, 1 - share if backward else share)
+    return None
+
+
+def _lifting_s(log: Messages, t_s: Array) -> list[Array]:
+    """Times at which the lifting motors run: by their throttle, and those of t_s (n,) in whose mode they run."""
+    found = [table["t_s"][table["ThO"] > 0] for table in log.of(LIFT)]
+    for table in log.of(("MODE",)):
+        numbers = np.where(np.isfinite(table["ModeNum"]), table["ModeNum"], table["Mode"])
+        latest = np.searchsorted(table["t_s"], t_s, side="right") - 1
+        found.append(t_s[(latest >= 0) & np.isin(numbers[np.clip(latest, 0, None)], [*LiftedMode])])
+    return found
+
+
+def _truth(log: Messages) -> dict[str, Channel]:
+    """What ArduPilot's own simulation flew."""
+    names = (("SIM2", "As", recording.TRUE_AIRSPEED), ("SIM", "Alt", recording.TRUE_HEIGHT))
+    return {name: channel(one["t_s"], one[field]) for kind, field, name in names for one in log.of((kind,))[:1]}
+
+
+def _without_current(batteries: list[Battery]) -> dict[frozenset[str], str]:
+    """What a battery shows that gave no current."""
+    shown = [one for one in batteries if len(one.voltage.value)]
+    return (
+        {recording.OF_BATTERY: f" (it shows {np.median(shown[0].voltage.value):.1f} V and no current)"} if shown else {}
+    )
+
+
+def _as_set(names: tuple[str, ...], parameters: dict[str, float]) -> str:
+    known = [f"{name} is {parameters[name]:g}" for name in names if name in parameters]
+    return f" ({', '.join(known) if known else ', '.join(names)})"
+
+
+def _working(tables: list[Table]) -> list[Table]:
+    """Instances of one kind of sensor, those first that the firmware does not call unhealthy."""
+
+    def unhealthy(table: Table) -> bool:
+        return any(float(np.mean(table[name] == 0)) > 0.5 for name in ("Health", "H") if name in table)
+
+    return sorted(tables, key=unhealthy)
+
+
+def _airspeed(tables: dict[tuple[str, int], Table]) -> tuple[Channel | None, list[str]]:
+    """Differential pressure of the sensor that the autopilot used at each time, and notes; of the one that varies most
+    where it used none, or where old firmware does not say.
+    """
+    sensors = {name: table for name, table in tables.items() if name[0] in AIRSPEED}
+    used = []
+    for (kind, instance), table in sensors.items():
+        number = AIRSPEED.index(kind) + instance
+        rows = np.ones(len(table["t_s"]), dtype=bool)
+        for name, wanted in (("U", 1), ("H", 1), ("Pri", number)):
+            rows &= np.isnan(table[name]) | (table[name] == wanted)
+        used.append({name: values[rows] for name, values in table.items()})
+    flown = [len(table["t_s"]) for table in used]
+    if len(sensors) > 1 and sum(flown) >= READABLE.fewest_samples:
+        names = [f"{kind} {number}" for (kind, number), n in zip(sensors, flown, strict=True) if n]
+        both = {name: np.concatenate([table[name] for table in used]) for name in used[0]}
+        order = np.argsort(both["t_s"], kind="stable")
+        return _airspeed_pressure({name: x[order] for name, x in both.items()}), [
+            f"Airspeed is that of {' and '.join(names)}, which the autopilot used."
+        ]
+    if sensors and sum(flown) < READABLE.fewest_samples:
+        note = "The autopilot used no airspeed sensor, or called it unhealthy; what it measured is used."
+        return most_varying([_airspeed_pressure(table) for table in sensors.values()]), [note]
+    return most_varying([_airspeed_pressure(table) for table in used]), []
+
+
+def _thermometers(log: Messages) -> dict[str, Channel]:
+    """Exactly 0 °C throughout is what firmware writes without a thermometer. BARO_GND_TEMP is what the user said."""
+    shown = {
+        f"{kind} {instance}": channel(table["t_s"], np.asarray(table["Temp"], dtype=float) + 273.15)
+        for (kind, instance), table in log.tables.items()
+        if kind in (*AIRSPEED, *BAROMETER) and np.any(table["Temp"] != 0)
+    }
+    ground = log.parameters.get("BARO_GND_TEMP", 0.0)
+    for table in log.of(BAROMETER)[:1]:
+        if ground:
+            shown["BARO_GND_TEMP"] = channel(table["t_s"], np.full(len(table["t_s"]), ground + 273.15))
+    return shown
+
+
+def _motors(log: Messages) -> list[Channel]:
+    """Speeds of rotation [rev/s]: by the speed controllers, or by RPM sensors."""
+    for kinds in (CONTROLLERS, RPM):
+        fields = [field for field in FIELDS[kinds[0]] if field.upper().startswith("RPM")]
+        motors = [channel(table["t_s"], table[field] / 60) for table in log.of(kinds) for field in fields]
+        if any(np.any(one.value > 0) for one in motors):
+            return motors
+    return []
+
+
+def _airspeed_pressure(table: Table) -> Channel:
+    """Differential pressure at the density of indicated airspeed. The message's own has not ARSPD_RATIO in it."""
+    sign = np.where(np.asarray(table["DiffPress"]) < 0, -1.0, 1.0)
+    return channel(table["t_s"], recording.pressure_of_indicated_airspeed(sign * np.asarray(table["Airspeed"])))
+
+
+def _gps(table: Table) -> dict[str, Channel]:
+    status, speed, course, down = (np.asarray(table[field]) for field in FIELDS["GPS"])
+    fixed = status >= 3
+    t_s, course = np.asarray(table["t_s"])[fixed], np.radians(course[fixed])
+    values = (speed[fixed] * np.cos(course), speed[fixed] * np.sin(course), down[fixed])
+    return {axis: channel(t_s, value) for axis, value in zip(recording.GPS, values, strict=True)}

@@ -1,0 +1,150 @@
+"""The messages of an ArduPilot log that are read, by kind and instance, in SI units or those of their fields."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.sources.dataflash import DataflashLog, Form
+from analysis.sources.recognize import TEXT_MAGIC, is_telemetry
+from analysis.sources.recording import vehicle_of
+from analysis.sources.telemetry import TelemetryLog
+from analysis.sources.text_log import TextLog
+from flight.errors import InputError
+
+# Messages of one kind: later firmware numbers the instances within one message, earlier firmware has one for each.
+AIRSPEED, BATTERY = ("ARSP", "ASP2"), ("BAT", "BAT2", "CURR", "CUR2")
+CONTROLLERS, RPM = ("ESC", *(f"ESC{i}" for i in range(1, 9))), ("RPM",)
+SIMULATION = ("SIM", "SIM2")
+LIFT = ("QTUN",)  # control of a VTOL's lifting motors
+BAROMETER, IMU, GPS = ("BARO", "BAR2", "BAR3"), ("IMU", "IMU2", "IMU3"), ("GPS", "GPS2")
+# By kind of message, the fields that are read; none stands for all.
+FIELDS: dict[str, tuple[str, ...]] = {
+    **dict.fromkeys(AIRSPEED, ("Airspeed", "DiffPress", "Temp", "U", "H", "Pri")),
+    **dict.fromkeys(BATTERY, ("Volt", "Curr")),
+    **dict.fromkeys(BAROMETER, ("Press", "Temp", "Health", "H")),
+    **dict.fromkeys(IMU, ("AccX", "AccY", "AccZ")),
+    **dict.fromkeys(CONTROLLERS, ("RPM", "Volt", "Curr")),
+    **dict.fromkeys(RPM, ("RPM", "rpm1")),
+    **dict.fromkeys(LIFT, ("ThO",)),
+    **dict.fromkeys(GPS, ("Status", "Spd", "GCrs", "VZ")),
+    "CTUN": ("ThO", "ThrOut"),
+    "AETR": ("Thr",),
+    "RCOU": (),
+    "MODE": ("ModeNum", "Mode"),
+    "SIM": ("Alt",),
+    "SIM2": ("As",),
+}
+# Fields of the time since start, with their units [s]; TimeMS of early GPS messages is that of the week.
+CLOCKS = ((("TimeUS", 1e-6), ("TimeMS", 1e-3)), (("TimeUS", 1e-6), ("T", 1e-3)))
+INSTANCE = ("I", "Inst", "Instance", "C")
+WINGLESS = re.compile(r"Ardu(Copter|Rover|Sub)|APM:(Copter|Rover|Sub)|^(Copter|Rover|Sub|Blimp|AntennaTracker)\b")
+# Name of the board and the 96 bits of its processor: "CubeOrange 0041002B 3038511A 32383232".
+SERIAL_NUMBER = re.compile(r"^\S+ ([0-9A-F]{8} [0-9A-F]{8} [0-9A-F]{8})\s*$")
+KINDS = {"Copter": "a multicopter", "Rover": "a rover or boat", "Sub": "a submarine"}
+
+Table = dict[str, NDArray[np.float64]]  # by field
+
+
+@dataclass(frozen=True)
+class Messages:
+    """tables : by kind and instance, t_s and FIELDS, each (n,)          parameters : the autopilot's, by name
+    notes : on the log, in sentences          vehicle : of `recording.vehicle_of`; empty where it is not known
+    """
+
+    tables: dict[tuple[str, int], Table]
+    parameters: dict[str, float]
+    notes: list[str]
+    vehicle: str = ""
+
+    def of(self, kinds: tuple[str, ...]) -> list[Table]:
+        return [table for (kind, _), table in self.tables.items() if kind in kinds]
+
+
+def _opened(path: Path) -> DataflashLog | TelemetryLog | TextLog:
+    """By the first bytes of the file. Raises InputError where it cannot be read."""
+    try:
+        data = path.read_bytes()
+        if data.startswith(TEXT_MAGIC):
+            return TextLog(path, (*FIELDS, "MSG", "PARM", "DSF", "FMTU", "MULT"))
+        return TelemetryLog(data) if is_telemetry(data[:9]) else DataflashLog(data)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+    except ValueError as error:
+        raise InputError(f"{path}: cannot be read as an ArduPilot log ({error})") from None
+
+
+def read_messages(path: Path) -> Messages:
+    """The messages of a log. Raises InputError where it cannot be read, or is that of a vehicle without wings."""
+    log = _opened(path)
+    texts = [_text(text) for text in log.columns("MSG").get("Message", ())]
+    for text in texts:
+        _refuse_wingless(path, text)
+    boards = (found[1] for text in texts if (found := SERIAL_NUMBER.match(text)))
+    vehicle = next((vehicle_of(number) for number in boards), "")
+    tables = {key: table for kind in FIELDS for key, table in _instances(kind, log.columns(kind))}
+    told, multipliers = log.columns("FMTU"), log.columns("MULT")
+    for (kind, _), table in tables.items():
+        for field, unit in _units(log.form(kind), told, multipliers).items():
+            if field in table:
+                table[field] = unit * table[field]
+    if not tables:
+        raise InputError(f"{path}: holds no message of airspeed, battery or barometer; is the log complete?")
+    settings = log.columns("PARM")
+    pairs = zip(settings.get("Name", ()), settings.get("Value", ()), strict=False)
+    dropped = log.columns("DSF").get("Dp", np.zeros(1))
+    known = dropped[np.isfinite(dropped)] if dropped.dtype.kind == "f" else np.zeros(0)
+    lost = int(np.max(known, initial=0.0))
+    notes = [*log.notes, *([f"The autopilot dropped {lost} messages."] if lost else [])]
+    return Messages(tables, {_text(name): float(x) for name, x in pairs if isinstance(x, float)}, notes, vehicle)
+
+
+def _units(form: Form | None, told: dict[str, NDArray[Any]], multipliers: dict[str, NDArray[Any]]) -> dict[str, float]:
+    """By field that is an integer without a scale of its own, what one unit of it is in SI, as FMTU and MULT say.
+
+    Firmware before 2015, which writes no FMTU, has voltage and current in hundredths.
+    """
+    if form is None:
+        return {}
+    if not len(told.get("FmtType", ())):
+        return {field: 0.01 for field in form.whole_numbers() if field in ("Volt", "Curr")}
+    pairs = zip(told["FmtType"], told.get("MultIds", ()), strict=False)
+    mine = [ids for number, ids in pairs if number == form.number and isinstance(ids, bytes)]
+    ids, factors = (multipliers.get(name, np.zeros(0)) for name in ("Id", "Mult"))
+    by_id = dict(zip(ids.tolist(), factors.tolist() if factors.dtype.kind == "f" else [], strict=False))
+    told_factors = [by_id.get(identity, 0.0) for identity in (mine[-1] if mine else b"")]
+    known = {field: x for field, x in zip(form.fields, told_factors, strict=False) if x != 0 and np.isfinite(x)}
+    return {field: known[field] for field in form.whole_numbers() if field in known}
+
+
+def _text(packed: Any) -> str:
+    """A text; of a damaged definition of the message whatever stands there."""
+    return packed.decode("ascii", "replace") if isinstance(packed, bytes) else str(packed)
+
+
+def _instances(kind: str, columns: dict[str, NDArray[Any]]) -> Iterator[tuple[tuple[str, int], Table]]:
+    """The times [s] and FIELDS of each instance of a kind of message."""
+    numbers = {name: values for name, values in columns.items() if values.dtype.kind == "f"}
+    clock = next(((name, unit) for name, unit in CLOCKS[kind == "GPS"] if name in numbers), None)
+    fields = FIELDS[kind] or tuple(numbers)
+    if clock is None or not set(fields) & set(numbers):
+        return
+    t_s = numbers[clock[0]] * clock[1]
+    field = next((name for name in INSTANCE if name in numbers), None)
+    instance = np.zeros(len(t_s)) if field is None else numbers[field]
+    for number in np.unique(instance[np.isfinite(instance)]):
+        rows = instance == number
+        unknown = np.full(int(rows.sum()), np.nan)
+        values = {name: numbers[name][rows] if name in numbers else unknown for name in fields}
+        yield (kind, int(number)), {"t_s": t_s[rows], **values}
+
+
+def _refuse_wingless(path: Path, text: str) -> None:
+    found = WINGLESS.search(text)
+    if found:
+        kind = KINDS.get(next(group for group in found.groups() if group), "a vehicle without wings")
+        raise InputError(f"{path}: the log of {kind}; power required is that of a fixed wing")

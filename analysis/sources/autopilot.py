@@ -1,0 +1,27 @@
+"""Reads a log of an autopilot by the reader of its format."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, assert_never
+
+from analysis.sources.recognize import Autopilot
+
+if TYPE_CHECKING:
+    from analysis.sources.recording import FlightRecording
+
+
+def read_autopilot_log(path: Path, autopilot: Autopilot) -> "FlightRecording":
+    """The recording in a log. Raises InputError. The readers are loaded here, since they load NumPy."""
+    match autopilot:
+        case Autopilot.PX4:
+            from analysis.sources.px4 import read_px4
+
+            return read_px4(path)
+        case Autopilot.ARDUPILOT:
+            from analysis.sources.ardupilot import read_ardupilot
+
+            return read_ardupilot(path)
+        case Autopilot.PAPARAZZI:
+            from analysis.sources.paparazzi import read_paparazzi
+
+            return read_paparazzi(path)
+    assert_never(autopilot)

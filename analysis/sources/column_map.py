@@ -1,0 +1,142 @@
+"""The map of a table's columns: which quantity each is, in which unit, with which sign and delay.
+
+    [true_airspeed]
+    column = "tas_kt"
+    unit = "knot"
+    factor = 1        # -1 turns the sign around; 2 makes both motors of one
+    offset = "0 m/s"  # added after that
+    delay = "0.3 s"   # the value is of so long before its time
+
+A map lies beside its table, with .columns.toml added to its name, or as columns.toml for all tables of a folder.
+"""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from analysis.sources.autopilot_settings import READABLE
+from analysis.sources.quantities import KINDS, Quantity
+from analysis.sources.recording import Channel
+from analysis.sources.table_file import Columns
+from flight.arrays import Array
+from flight.errors import InputError
+from flight.files import read_text
+from flight.units import read_table, to_si
+
+BESIDE = "columns.toml"
+DRAFT = "flightpower new columns"
+Channels = Mapping[Quantity, Channel]
+
+
+@dataclass(frozen=True)
+class MappedColumn:
+    """One entry of a map."""
+
+    column: str
+    unit: str
+    factor: float = 1.0
+    offset: str = ""
+    delay_s: float = 0.0
+
+    def in_si(self, value: Array, quantity: Quantity, where: str) -> Array:
+        """Raises InputError for a unit that is none, or that of another quantity."""
+        unit = KINDS[quantity].unit
+        zero, one = (to_si(f"{x} {self.unit}".strip(), unit, f"{where}: {quantity}.unit") for x in (0, 1))
+        added = to_si(self.offset, unit, f"{where}: {quantity}.offset") if self.offset else 0.0
+        return np.asarray(self.factor * (zero + (one - zero) * value) + added)
+
+
+@dataclass(frozen=True)
+class ColumnMap:
+    path: Path
+    columns: Mapping[Quantity, MappedColumn]
+
+    def named(self, quantity: Quantity) -> str:
+        """The quantity with its column, for messages."""
+        return f"{quantity} (column {self.columns[quantity].column})" if quantity in self.columns else quantity
+
+
+def map_of(table: Path, given: Path | None = None) -> ColumnMap:
+    """The map given, or the one beside a table. Raises InputError when there is none, or it is wrong."""
+    found = map_files(table, given)
+    if not found:
+        raise InputError(
+            f"{table}: a table, whose columns need a map: {DRAFT} {table} -o {table.name}.{BESIDE}; look through it,"
+            f" and analyze the table with --columns {table.name}.{BESIDE}"
+        )
+    return load_map(found[0])
+
+
+def map_files(table: Path, given: Path | None) -> list[Path]:
+    """The map that `map_of` reads, or none."""
+    beside = [table.with_name(f"{table.name}.{BESIDE}"), table.with_name(BESIDE)]
+    return [given] if given else [path for path in beside if path.is_file()][:1]
+
+
+def load_map(path: Path) -> ColumnMap:
+    """Raises InputError when the file cannot be read or has a wrong entry."""
+    text = read_text(path)
+    try:
+        entries = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path}: not a TOML file ({error})") from None
+    if unknown := [name for name in entries if name not in list(Quantity)]:
+        raise InputError(f"{path}: {unknown[0]} is no quantity; known: {', '.join(Quantity)}")
+    if Quantity.TIME not in entries:
+        raise InputError(f"{path}: no [time]; it needs the column of the times")
+    read = {Quantity(name): read_table(MappedColumn, entry, f"{path}: {name}") for name, entry in entries.items()}
+    for quantity, one in read.items():
+        one.in_si(np.zeros(1), quantity, str(path))
+    return ColumnMap(path, read)
+
+
+def mapped_channels(table: Path, columns: Columns, column_map: ColumnMap) -> dict[Quantity, Channel]:
+    """The quantities of a table in SI units, each at the times for which it is valid.
+
+    Raises InputError when the table lacks a column, holds several aircraft, or its times do not ascend.
+    """
+    lacking = [one.column for one in column_map.columns.values() if one.column not in columns]
+    if lacking:
+        raise InputError(
+            f"{table}: has no column {', '.join(lacking)}, which {column_map.path} names; it has {', '.join(columns)}"
+        )
+    si = {
+        quantity: one.in_si(columns[one.column], quantity, str(column_map.path))
+        for quantity, one in column_map.columns.items()
+    }
+    if (number := si.pop(Quantity.AIRCRAFT, None)) is not None and len(
+        seen := np.unique(number[~np.isnan(number)])
+    ) > 1:
+        raise InputError(
+            f"{table}: holds {len(seen)} aircraft ({column_map.named(Quantity.AIRCRAFT)} is"
+            f" {', '.join(f'{one:g}' for one in seen[:5])}): write a table for each"
+        )
+    t_s = si.pop(Quantity.TIME)
+    _check_times(table, t_s, column_map)
+    found = {}
+    for quantity, value in si.items():
+        known = np.isfinite(value) & np.isfinite(t_s)
+        if known.sum() < READABLE.fewest_samples:
+            raise InputError(
+                f"{table}: {column_map.named(quantity)} has {known.sum()} numbers; leave it out of the map"
+            )
+        taken_s, first = np.unique(t_s[known], return_index=True)
+        found[quantity] = Channel(taken_s - column_map.columns[quantity].delay_s, value[known][first])
+    return found
+
+
+def _check_times(table: Path, t_s: Array, column_map: ColumnMap) -> None:
+    step = np.diff(t_s[np.isfinite(t_s)])
+    name = column_map.named(Quantity.TIME)
+    if not len(step) or np.mean(step < 0) > 0.001 or np.min(step) < -1.0 or not np.any(step > 0):
+        back = f"goes back {np.sum(step < 0)} times" if np.any(step < 0) else "does not proceed"
+        raise InputError(f"{table}: {name} {back}: is it another column, or several flights in one table?")
+    interval_s, whole_s = float(np.median(step[step > 0])), float(np.sum(step))
+    if interval_s > 5.0 or interval_s < 5e-5 or whole_s > 1e6:
+        raise InputError(
+            f"{table}: {name} has {interval_s:.3g} s between samples and {whole_s:.3g} s in all, which is no flight;"
+            f" is its unit not {column_map.columns[Quantity.TIME].unit}?"
+        )

@@ -1,0 +1,455 @@
+"""Quantities of a table compared with each other by laws of motion: a wrong unit, sign, delay or column is told.
+
+A law gives one quantity from others. Both sides are smoothed over a second on one grid; their correlation at the best
+delay, the delay, and the ratio of their spreads say what is wrong. The limits were tried on simulated and real flights.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from enum import StrEnum
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from analysis.sources.column_map import Channels
+from analysis.sources.grid import resampled
+from analysis.sources.grid_settings import FLIGHT
+from analysis.sources.law_settings import LAWS
+from analysis.sources.position import velocity_by_position
+from analysis.sources.quantities import KINDS, Quantity
+from analysis.sources.recording import Channel
+from flight.arrays import Array
+from flight.atmosphere import SEA_LEVEL_DENSITY, density, height_at, temperature_at
+from flight.units import GRAVITY_MPS2 as g
+from flight.units import to_si
+
+Q = Quantity
+ForceAxes = (Q.FORCE_FORWARD, Q.FORCE_RIGHT, Q.FORCE_DOWN)
+
+
+class Mistake(StrEnum):
+    RANGE = "impossible values"
+    UNIT = "unit"
+    SIGN = "sign"
+    DELAY = "delay"
+    EXCHANGED = "exchanged columns"
+    UNRELATED = "another quantity"
+
+
+class Finding(NamedTuple):
+    """quantities : of which one is wrong    text : in words, with the remedy"""
+
+    mistake: Mistake
+    quantities: tuple[Quantity, ...]
+    text: str
+
+
+class Relation(NamedTuple):
+    """Of two signals: correlation at once and at the best delay of the first [s], and the ratio of their spreads."""
+
+    at_once: float
+    best: float
+    delay_s: float
+    ratio: float
+
+
+class Law(NamedTuple):
+    """Two signals (n,) that rise together. exact : whether their ratio is one. quantities: first those of the first"""
+
+    quantities: tuple[Quantity, ...]
+    first: Array
+    second: Array
+    exact: bool
+
+
+# Units that are taken for SI units, by words: the SI unit for a ratio.
+TAKEN_FOR_SI = {
+    "degrees": ("deg", "rad"), "knots": ("knot", "m/s"), "km/h": ("km/h", "m/s"), "feet": ("ft", "m"),
+    "miles per hour": ("mile/hour", "m/s"), "g": ("standard_gravity", "m/s^2"), "thousandths": ("mm", "m"),
+    "hundredths": ("cm", "m"), "feet per minute": ("ft/min", "m/s"), "revolutions per minute": ("rpm", "turn/s"),
+}  # fmt: skip
+
+
+class Grid:
+    """The quantities on one grid of FLIGHT.step_s, smoothed over a second; NaN in gaps."""
+
+    def __init__(self, channels: Channels):
+        low = min(float(one.t_s[0]) for one in channels.values())
+        high = max(float(one.t_s[-1]) for one in channels.values())
+        self.t_s = np.arange(low, high, FLIGHT.step_s)
+        self._channels, self._made = channels, dict[Quantity, Array | None]()
+
+    def __getitem__(self, quantity: Quantity) -> Array | None:
+        """None where the table has it not."""
+        if quantity not in self._made:
+            one = self._channels.get(quantity)
+            if one is not None and quantity in (Q.HEADING, Q.COURSE, Q.ROLL):
+                one = Channel(one.t_s, np.unwrap(one.value))
+            made = None if one is None else resampled(one, self.t_s, FLIGHT.smoothing_s, FLIGHT.longest_gap_s)
+            self._made[quantity] = made
+        return self._made[quantity]
+
+    def all(self, *quantities: Quantity) -> list[Array] | None:
+        """None where one is missing."""
+        found = [self[quantity] for quantity in quantities]
+        return None if any(one is None for one in found) else [one for one in found if one is not None]
+
+    def rate(self, value: Array) -> Array:
+        """Derivative by time (n,)."""
+        return np.asarray(np.gradient(value, FLIGHT.step_s))
+
+    def height(self) -> tuple[Quantity, Array] | None:
+        if (h := self[Q.HEIGHT]) is not None:
+            return Q.HEIGHT, h
+        pressure = self[Q.STATIC_PRESSURE]
+        return None if pressure is None else (Q.STATIC_PRESSURE, np.asarray(height_at(np.maximum(pressure, 1.0))))
+
+    def airspeed(self) -> tuple[Quantity, Array] | None:
+        """True airspeed (n,), and by which quantity."""
+        height = self.height()
+        rho = SEA_LEVEL_DENSITY
+        if height is not None:
+            pressure = 101325.0 * (1 - 2.25577e-5 * np.clip(height[1], -500, 12_000)) ** 5.25588
+            rho = density(pressure, temperature_at(np.clip(height[1], -500, 12_000)))
+        if (V := self[Q.TRUE_AIRSPEED]) is not None:
+            return Q.TRUE_AIRSPEED, V
+        if (V := self[Q.INDICATED_AIRSPEED]) is not None:
+            return Q.INDICATED_AIRSPEED, np.asarray(V * np.sqrt(SEA_LEVEL_DENSITY / rho))
+        if (q := self[Q.DYNAMIC_PRESSURE]) is not None:
+            return Q.DYNAMIC_PRESSURE, np.asarray(np.sqrt(2 * np.maximum(q, 0.0) / rho))
+        return None
+
+    def ground_velocity(self) -> tuple[tuple[Quantity, ...], Array, Array] | None:
+        """North and east, by which quantities."""
+        if (both := self.all(Q.VELOCITY_NORTH, Q.VELOCITY_EAST)) is not None:
+            return (Q.VELOCITY_NORTH, Q.VELOCITY_EAST), both[0], both[1]
+        if (both := self.all(Q.GROUND_SPEED, Q.COURSE)) is not None:
+            return (Q.GROUND_SPEED, Q.COURSE), both[0] * np.cos(both[1]), both[0] * np.sin(both[1])
+        if {Q.LATITUDE, Q.LONGITUDE} <= self._channels.keys():
+            by_position = velocity_by_position(self._channels[Q.LATITUDE], self._channels[Q.LONGITUDE])
+            north, east = (resampled(one, self.t_s, FLIGHT.smoothing_s, FLIGHT.longest_gap_s) for one in by_position)
+            return (Q.LATITUDE, Q.LONGITUDE), north, east
+        return None
+
+
+def _flown(V: Array) -> NDArray[np.bool_]:
+    """Rows in which an aircraft of this airspeed (n,) flies, and does not stand or roll."""
+    known = V[np.isfinite(V)]
+    if not len(known):
+        return np.zeros(len(V), dtype=bool)
+    moving = known[known > 0.3 * np.percentile(known, 90)]
+    return np.asarray(V > (0.6 * np.median(moving) if len(moving) else np.inf))
+
+
+def relation(first: Array, second: Array) -> Relation | None:
+    """None where too little is known, or one of them hardly varies."""
+    known = np.isfinite(first + second)
+    if known.sum() * FLIGHT.step_s < 20.0:
+        return None
+    x, y = (np.where(known, one - np.mean(one[known]), 0.0) for one in (first, second))
+    if np.std(x[known]) == 0 or np.std(y[known]) == 0:
+        return None
+    reach = round(6.0 / FLIGHT.step_s)
+    found = _correlations(x, y, known, reach)
+    best = int(np.argmax(np.abs(found)))
+    ratio = float(np.std(x[known]) / np.std(y[known]))
+    return Relation(float(found[reach]), float(found[best]), (best - reach) * FLIGHT.step_s, ratio)
+
+
+def _correlations(x: Array, y: Array, known: NDArray[np.bool_], reach: int) -> Array:
+    """Of x, which is late by -reach to reach samples, and y; zero where too few are known. Unknown ones are zero."""
+
+    def sums(first: Array, second: Array) -> Array:
+        late = sliding_window_view(np.pad(second, reach), len(second))[::-1]
+        return np.asarray(late @ first)
+
+    k = known.astype(float)
+    n = np.maximum(sums(k, k), 1)
+    mean_x, mean_y = sums(x, k) / n, sums(k, y) / n
+    variance_x, variance_y = sums(x * x, k) / n - mean_x**2, sums(k, y * y) / n - mean_y**2
+    spread = np.sqrt(np.maximum(variance_x, 0.0) * np.maximum(variance_y, 0.0))
+    useful = (n >= 50) & (spread > 1e-9 * np.std(x) * np.std(y))
+    return np.where(useful, (sums(x, y) / n - mean_x * mean_y) / np.where(useful, spread, 1.0), 0.0)
+
+
+def findings(channels: Channels, name: Callable[[Quantity], str]) -> list[Finding]:
+    """What cannot be true together, first what contradicts most. name: of a quantity, for the texts."""
+    found = list(_ranges(channels, name))
+    grid = Grid(channels)
+    found += _gravity(grid, name)
+    found += _battery(grid, name)
+    for laws in (_attitude_laws, _vertical_laws, _speed_laws, _power_laws):
+        for law in laws(grid):
+            if (one := _judged(law, name)) is not None:
+                found.append(one)
+    found += _ground_speed(grid, name)
+    often = Counter(quantity for one in found for quantity in one.quantities)
+    return sorted(found, key=lambda one: (one.mistake is not Mistake.RANGE, -often[one.quantities[0]]))
+
+
+def _ranges(channels: Channels, name: Callable[[Quantity], str]) -> Iterator[Finding]:
+    for quantity, one in channels.items():
+        kind = KINDS[quantity]
+        beyond = np.logical_or(one.value < kind.least, one.value > kind.greatest)
+        if np.mean(beyond) > 0.2:
+            usual = float(np.median(one.value[beyond]))
+            yield Finding(
+                Mistake.RANGE,
+                (quantity,),
+                f"{name(quantity)} is {usual:.4g} {kind.unit} in {100 * np.mean(beyond):.0f} % of the table, which it"
+                " cannot be: correct its unit or column in the map",
+            )
+
+
+def _gravity(grid: Grid, name: Callable[[Quantity], str]) -> Iterator[Finding]:
+    """The mean specific force of a flight is that of gravity, upward."""
+    force = grid.all(*ForceAxes)
+    if force is None:
+        return
+    median = np.array([np.nanmedian(one) for one in force])
+    size = float(np.nanmedian(np.linalg.norm(force, axis=0)))
+    largest = int(np.argmax(np.abs(median)))
+    down = name(Q.FORCE_DOWN)
+    if not _one_unit(size / g):
+        looks = _looks_like(size / g)
+        yield Finding(
+            Mistake.UNIT, ForceAxes, f"the specific force is {size:.3g} m/s^2 in the middle, not near 9.8{looks}"
+        )
+    elif largest != 2 and abs(median[largest]) > 0.8 * size:
+        yield Finding(
+            Mistake.EXCHANGED,
+            (Q.FORCE_DOWN, ForceAxes[largest]),
+            f"gravity is in {name(ForceAxes[largest])}, not in {down}: exchange the columns",
+        )
+    elif median[2] > 0.5 * size:
+        yield Finding(
+            Mistake.SIGN, (Q.FORCE_DOWN,), f"{down} is {median[2]:+.3g} m/s^2, in level flight it is -9.8: factor = -1"
+        )
+
+
+def _battery(grid: Grid, name: Callable[[Quantity], str]) -> Iterator[Finding]:
+    both = grid.all(Q.VOLTAGE, Q.CURRENT)
+    if both is not None:
+        spread = [float(np.nanstd(one)) / max(abs(float(np.nanmean(one))), 1e-9) for one in both]
+        if spread[0] > 0.15 and spread[0] > 1.5 * spread[1]:
+            yield Finding(
+                Mistake.EXCHANGED,
+                (Q.VOLTAGE, Q.CURRENT),
+                f"{name(Q.VOLTAGE)} varies by {100 * spread[0]:.0f} %, more than {name(Q.CURRENT)}: a battery's voltage"
+                " does not; exchange the columns",
+            )
+    low = grid[Q.CURRENT] if grid[Q.POWER] is None else grid[Q.POWER]
+    if low is not None and np.nanpercentile(low, 5) < -0.5 and np.nanmedian(low) < 0:
+        of = Q.CURRENT if grid[Q.POWER] is None else Q.POWER
+        yield Finding(Mistake.SIGN, (of,), f"{name(of)} is negative in flight: factor = -1 in the map")
+
+
+def _attitude_laws(grid: Grid) -> Iterator[Law]:
+    angles = grid.all(Q.ROLL, Q.PITCH, Q.HEADING)
+    if angles is not None:
+        roll, pitch, _ = angles
+        roll_rate, pitch_rate, heading_rate = (grid.rate(one) for one in angles)
+        turning = {
+            Q.ROLL_RATE: roll_rate - heading_rate * np.sin(pitch),
+            Q.PITCH_RATE: pitch_rate * np.cos(roll) + heading_rate * np.cos(pitch) * np.sin(roll),
+            Q.YAW_RATE: heading_rate * np.cos(pitch) * np.cos(roll) - pitch_rate * np.sin(roll),
+        }
+        for quantity, by_angles in turning.items():
+            if (rate := grid[quantity]) is not None:
+                yield Law((quantity, Q.ROLL, Q.PITCH, Q.HEADING), rate, by_angles, True)
+    elif (both := grid.all(Q.ROLL_RATE, Q.ROLL)) is not None:
+        yield Law((Q.ROLL_RATE, Q.ROLL), both[0], grid.rate(both[1]), True)
+    ground, airspeed = grid.ground_velocity(), grid.airspeed()
+    if ground is None:
+        return
+    quantities, north, east = ground
+    moving = np.hypot(north, east) > 0.3 * np.nanpercentile(np.hypot(north, east), 90)
+    known = np.isfinite(north + east)
+    course = np.full(len(north), np.nan)
+    course[known] = np.unwrap(np.arctan2(east[known], north[known]))
+    course_rate = np.where(moving, grid.rate(course), np.nan)
+    if (nose := grid[Q.HEADING]) is not None:
+        yield Law((Q.HEADING, *quantities), grid.rate(nose), course_rate, False)
+    if (yaw_rate := grid[Q.YAW_RATE]) is not None:
+        yield Law((Q.YAW_RATE, *quantities), yaw_rate, course_rate, False)
+    if (bank := grid[Q.ROLL]) is not None and airspeed is not None:
+        turn = np.arctan(np.clip(airspeed[1] * course_rate / g, -3, 3))
+        yield Law((Q.ROLL, *quantities), bank, turn, True)
+
+
+def _vertical_laws(grid: Grid) -> Iterator[Law]:
+    height, velocity_down, airspeed = grid.height(), grid[Q.VELOCITY_DOWN], grid.airspeed()
+    if height is None:
+        return
+    climb = grid.rate(height[1])
+    if velocity_down is not None:
+        yield Law((height[0], Q.VELOCITY_DOWN), climb, -velocity_down, True)
+    if (pressure := grid[Q.STATIC_PRESSURE]) is not None and height[0] is Q.HEIGHT:
+        yield Law((Q.HEIGHT, Q.STATIC_PRESSURE), height[1], np.asarray(height_at(np.maximum(pressure, 1.0))), True)
+    if airspeed is None:
+        return
+    path = np.where(_flown(airspeed[1]), climb / np.maximum(airspeed[1], 1.0), np.nan)
+    alpha = grid[Q.ANGLE_OF_ATTACK]
+    if (pitch := grid[Q.PITCH]) is not None:
+        if alpha is not None:
+            roll = np.zeros(len(pitch)) if (banked := grid[Q.ROLL]) is None else banked
+            level = np.where(np.abs(roll) < 0.5, pitch - path, np.nan)
+            yield Law((Q.ANGLE_OF_ATTACK, Q.PITCH, height[0], airspeed[0]), alpha, level / np.cos(roll), True)
+        else:
+            yield Law((Q.PITCH, height[0]), pitch, path, False)
+
+
+def _speed_laws(grid: Grid) -> Iterator[Law]:
+    airspeed, height = grid.airspeed(), grid.height()
+    if airspeed is None:
+        return
+    of, V = airspeed
+    flown = _flown(V)
+    down, q = grid[Q.FORCE_DOWN], grid[Q.PITCH_RATE]
+    angles = grid.all(Q.ROLL, Q.PITCH)
+    if down is not None and q is not None and angles is not None:
+        needed = V * q + g * np.cos(angles[0]) * np.cos(angles[1])
+        yield Law((Q.FORCE_DOWN, Q.PITCH_RATE, of), np.where(flown, -down, np.nan), needed, False)
+    alpha = grid[Q.ANGLE_OF_ATTACK]
+    if alpha is not None and down is not None:
+        lift = np.where(flown, -down / np.maximum(V, 1.0) ** 2, np.nan)
+        yield Law((Q.ANGLE_OF_ATTACK, Q.FORCE_DOWN, of), alpha, lift, False)
+    for one in (Q.INDICATED_AIRSPEED, Q.DYNAMIC_PRESSURE):
+        if one is not of and (other := grid[one]) is not None:
+            shown = other if one is Q.INDICATED_AIRSPEED else np.sqrt(2 * np.maximum(other, 0.0) / SEA_LEVEL_DENSITY)
+            yield Law((one, of), shown, V, True)
+    if height is None or (forward := grid[Q.FORCE_FORWARD]) is None or down is None:
+        return
+    gain = grid.rate(V) + g * grid.rate(height[1]) / np.maximum(V, 1.0)
+    if alpha is not None:
+        along = forward * np.cos(alpha) + down * np.sin(alpha)
+        yield Law((Q.FORCE_FORWARD, of, height[0]), np.where(flown, along, np.nan), gain, True)
+
+
+def _power_laws(grid: Grid) -> Iterator[Law]:
+    both = grid.all(Q.VOLTAGE, Q.CURRENT)
+    power = grid[Q.POWER] if both is None else both[0] * both[1]
+    of = Q.POWER if both is None else Q.CURRENT
+    if power is not None:
+        for quantity in (Q.MOTOR_SPEED, Q.THROTTLE):
+            if (one := grid[quantity]) is not None:
+                yield Law((quantity, of), one, np.cbrt(np.maximum(power, 0.0)), False)
+    airspeed, height = grid.airspeed(), grid.height()
+    if airspeed is None or height is None:
+        return
+    V = airspeed[1]
+    flown = _flown(V)
+    gain = np.where(flown, grid.rate(V) + g * grid.rate(height[1]) / np.maximum(V, 1.0), np.nan)
+    if (thrust := grid[Q.THRUST]) is not None:
+        yield Law((Q.THRUST, airspeed[0], height[0]), thrust, gain, False)
+
+
+def _judged(law: Law, name: Callable[[Quantity], str]) -> Finding | None:
+    found = relation(law.first, law.second)
+    if found is None:
+        return None
+    first, others = name(law.quantities[0]), " and ".join(name(one) for one in law.quantities[1:])
+    if abs(found.best) < LAWS.correlation.related:
+        if not law.exact:
+            return None
+        return Finding(
+            Mistake.UNRELATED,
+            law.quantities,
+            f"{first} does not follow {others}, by which it is given (correlation {found.best:.2f}): one of these"
+            " columns is another quantity, or its unit is wrong",
+        )
+    shortest_s, share = LAWS.delay
+    explained = 1 - found.best**2 < share * (1 - found.at_once**2)
+    if abs(found.delay_s) >= shortest_s and explained and abs(found.best) > LAWS.correlation.delayed:
+        late = f"late by {found.delay_s:.1f} s" if found.delay_s > 0 else f"early by {-found.delay_s:.1f} s"
+        return Finding(
+            Mistake.DELAY, law.quantities, f"{first} is {late} against {others}: give the delay of one in the map"
+        )
+    if found.best < 0:
+        return Finding(
+            Mistake.SIGN,
+            law.quantities,
+            f"{first} falls where it rises by {others}: one of them has the wrong sign or axis; factor = -1 in the map",
+        )
+    if law.exact and found.best > LAWS.correlation.scaled and not _one_unit(found.ratio):
+        return Finding(
+            Mistake.UNIT,
+            law.quantities,
+            f"{first} varies {found.ratio:.3g} times as much as it does by {others}{_looks_like(found.ratio)}",
+        )
+    return None
+
+
+@cache
+def _factors() -> dict[str, float]:
+    """What a number is multiplied by where its unit is taken for the SI unit, by the unit in words."""
+    return {words: to_si(f"1 {unit}", si, words) for words, (unit, si) in TAKEN_FOR_SI.items()}
+
+
+def _one_unit(ratio: float) -> bool:
+    """Whether a ratio is nearer to one than to any of two units."""
+    return bool(abs(np.log(ratio)) < min(abs(np.log(one)) for one in _factors().values()) / 2)
+
+
+def _looks_like(ratio: float) -> str:
+    off = {words: min(abs(np.log(ratio * by)) for by in (one, 1 / one)) for words, one in _factors().items()}
+    near = {words: one for words, one in off.items() if one < 0.12}
+    unit = min(near, key=lambda one: near[one], default=None)
+    return f": one of them is in {unit}, or should be" if unit else ": correct the unit of one of them"
+
+
+def _ground_speed(grid: Grid, name: Callable[[Quantity], str]) -> Iterator[Finding]:
+    """Ground velocity is airspeed and a wind; a scale and a delay of the airspeed are fitted with the wind."""
+    ground, airspeed = grid.ground_velocity(), grid.airspeed()
+    if ground is None or airspeed is None:
+        return
+    quantities, north, east = ground
+    of, V = airspeed
+    down = np.zeros(len(north)) if (sinking := grid[Q.VELOCITY_DOWN]) is None else np.nan_to_num(sinking)
+    flown = np.isfinite(V + north + east) & _flown(V)
+    if flown.sum() * FLIGHT.step_s < 30.0:
+        return
+    over = " and ".join(name(one) for one in quantities)
+
+    def fit(lag: int) -> tuple[float, float]:
+        """Scale, and remaining spread over the airspeed: |v - w|² = k² V², linear in w, |w|² and k²."""
+        rows = np.flatnonzero(flown)
+        rows = rows[(rows - lag >= 0) & (rows - lag < len(V))][::5]
+        n, e, d, shown = north[rows - lag], east[rows - lag], down[rows - lag], V[rows]
+        usable = np.isfinite(n + e + d)
+        n, e, d, shown = (one[usable] for one in (n, e, d, shown))
+        columns = np.stack([2 * n, 2 * e, shown**2, np.ones(len(n))], axis=1)
+        size = np.mean(shown**2)
+        weak = np.diag([2.0, 2.0, 0.0, 0.0]) * np.sqrt(size)  # winds are slow beside airspeeds
+        x = np.linalg.lstsq(np.vstack([columns, weak]), np.append(n**2 + e**2 + d**2, np.zeros(4)), rcond=None)[0]
+        left = np.sqrt(np.maximum((n - x[0]) ** 2 + (e - x[1]) ** 2 + d**2, 0.0))
+        scale = float(np.median(left) / np.median(shown))
+        return scale, float(np.std(left / max(scale, 1e-6) - shown))
+
+    scale, spread = fit(0)
+    if not _one_unit(scale):
+        yield Finding(
+            Mistake.UNIT,
+            (of, *quantities),
+            f"{over} make {scale:.3g} times {name(of)}, less the wind{_looks_like(scale)}",
+        )
+        return
+    tried = {lag: fit(lag)[1] for lag in range(-30, 31, 2)}
+    best = min(tried, key=lambda lag: tried[lag])
+    if abs(best) * FLIGHT.step_s > LAWS.delay[0] and tried[best] ** 2 < LAWS.delay[1] * spread**2:
+        late = "late" if best > 0 else "early"
+        yield Finding(
+            Mistake.DELAY,
+            (of, *quantities),
+            f"{name(of)} is {late} by {abs(best) * FLIGHT.step_s:.1f} s against {over}: give the delay of one",
+        )
+    heading = grid[Q.HEADING]
+    if heading is not None:
+        away = float(np.nanmean(np.cos(np.arctan2(east, north) - heading)[flown]))
+        if away < -0.3:
+            yield Finding(
+                Mistake.SIGN, (Q.HEADING, *quantities), f"{name(Q.HEADING)} points backward along {over}: turn a sign"
+            )

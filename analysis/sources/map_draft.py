@@ -1,0 +1,260 @@
+"""A draft of the map of a table's columns: quantities by name, units by name or by what the numbers can be.
+
+Of each quantity the best-named column is proposed; what contradicts others by `consistency` is proposed otherwise, in
+another unit or with the other sign, where that removes the contradiction, and is left out where nothing does.
+"""
+
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from analysis.sources.column_map import ColumnMap, MappedColumn, mapped_channels
+from analysis.sources.laws import Finding, findings
+from analysis.sources.quantities import KINDS, Quantity
+from analysis.sources.table_file import Columns, read_columns
+from flight.arrays import Array
+from flight.errors import InputError
+from flight.units import GRAVITY_MPS2 as g
+
+Q = Quantity
+
+# Words of a column's name, in lower case, by quantity: the first pattern that fits is the better name. Names with
+# "nav vel", "acc smooth", "vbat" and "amperage" are those of blackbox_decode (INAV).
+NAMES: dict[Quantity, tuple[str, ...]] = {
+    Q.TIME: (r"(^|.*\.)(time|timestamp|t|zeit)( s| sec| ms| us)?$", r".*\btime\b.*", r".*timestamp.*"),
+    Q.AIRCRAFT: (r"(ac|aircraft|vehicle|sys|system) ?(id|number)",),
+    Q.TRUE_AIRSPEED: (r".*true air ?speed.*", r".*\btas\b.*", r"(.*\.)?air ?speed( m ?ps| m s)?( filt.*)?$"),
+    Q.INDICATED_AIRSPEED: (r".*(indicated|calibrated|equivalent) air ?speed.*", r".*\b(ias|cas|eas)\b.*"),
+    Q.DYNAMIC_PRESSURE: (r".*(dynamic|differential|impact) pressure.*", r".*\b(diff|dyn) p(ress)?\b.*", r".*\bqc\b.*"),
+    Q.STATIC_PRESSURE: (r".*static pressure.*", r".*\bbaro(meter)? press.*", r".*\b(p static|ps)\b.*", r"pressure.*"),
+    Q.HEIGHT: (
+        r".*(baro|pressure) (alt|height).*",
+        r".*\b(altitude|height|alt)\b.*",
+    ),
+    Q.AIR_TEMPERATURE: (r".*(static|outside|air|ambient) (air )?temp.*", r".*\b(sat|oat)\b.*", r"temp(erature)?\b.*"),
+    Q.ANGLE_OF_ATTACK: (r".*angle of attack.*", r".*\b(alpha|aoa)\b.*"),
+    Q.SIDESLIP: (r".*(sideslip|side slip).*", r".*\b(beta|aos)\b.*"),
+    Q.FORCE_FORWARD: (
+        r".*(longitudinal|forward) (specific force|acc).*",
+        r".*\b(ax|acc x|accel x|fx|acc ?body x)\b.*",
+        r"acc smooth 0 m/s/s",
+    ),
+    Q.FORCE_RIGHT: (r".*lateral (specific force|acc).*", r".*\b(ay|acc y|accel y|fy)\b.*", r"acc smooth 1 m/s/s"),
+    Q.FORCE_DOWN: (
+        r".*(upward|vertical|normal|down) (specific force|acc).*",
+        r".*\b(az|acc z|accel z|fz)\b.*",
+        r"acc smooth 2 m/s/s",
+    ),
+    Q.ROLL_RATE: (r".*roll rate.*", r".*\bgyro ?[px]\b.*", r"(.*\.)?p( (rad|deg).*)?$"),
+    Q.PITCH_RATE: (r".*pitch rate.*", r".*\bgyro ?[qy]\b.*", r"(.*\.)?q( (rad|deg).*)?$"),
+    Q.YAW_RATE: (r".*yaw rate.*", r".*\bgyro ?[rz]\b.*", r"(.*\.)?r( (rad|deg).*)?$"),
+    Q.ROLL: (r".*\b(roll|phi|bank)\b.*",),
+    Q.PITCH: (r".*\b(pitch|theta)\b.*",),
+    Q.HEADING: (r".*\b(heading|yaw|psi)\b.*",),
+    Q.VELOCITY_NORTH: (r".*\bv(el|elocity)? ?n(orth)?\b.*", r"nav vel 0"),
+    Q.VELOCITY_EAST: (r".*\bv(el|elocity)? ?e(ast)?\b.*", r"nav vel 1"),
+    Q.VELOCITY_DOWN: (r".*\bv(el|elocity)? ?d(own)?\b.*", r"nav vel 2"),
+    Q.GROUND_SPEED: (r".*ground ?speed.*", r".*\b(gs|sog)\b.*"),
+    Q.COURSE: (r".*\b(course|track|cog)\b.*",),
+    Q.LATITUDE: (r"(.* )?lat(itude)?( (deg|rad))?",),
+    Q.LONGITUDE: (r"(.* )?(lon|lng|longitude)( (deg|rad))?",),
+    Q.VOLTAGE: (r".*\bvolt(age)?s?\b.*", r".*\bbat(tery)? v\b.*", r"vbat\b.*"),
+    Q.CURRENT: (r".*\b(current|amps?|ampere)\b.*", r"amperage\b.*"),
+    Q.POWER: (r".*\b(electrical|battery|elec) power\b.*",),
+    Q.MOTOR_SPEED: (r".*\brpm\b.*", r".*(motor|prop(eller)?|rotor) (speed|revps).*"),
+    Q.THRUST: (r".*\bthrust\b.*",),
+    Q.THROTTLE: (r".*\bthrottle\b.*",),
+}
+# Units by the end of a name, and what else a column without one may be in, by SI unit of the quantity.
+SUFFIXES = {
+    "mps": "m/s", "m/s": "m/s", "ms-1": "m/s", "kt": "knot", "kts": "knot", "knots": "knot", "kmh": "km/h",
+    "km/h": "km/h", "mph": "mile/hour", "fps": "ft/s", "ft/s": "ft/s", "pa": "Pa", "hpa": "hPa", "mbar": "mbar",
+    "kpa": "kPa", "m": "m", "cm": "cm", "ft": "ft", "k": "K", "degc": "degC", "c": "degC", "rad": "rad", "deg": "deg",
+    "radps": "rad/s", "rad/s": "rad/s", "degps": "deg/s", "deg/s": "deg/s", "dps": "deg/s", "mps2": "m/s^2",
+    "m/s2": "m/s^2", "m/s/s": "m/s^2", "m/s^2": "m/s^2",
+    "v": "V", "mv": "mV", "a": "A", "ma": "mA", "w": "W", "kw": "kW",
+    "rpm": "rpm", "revps": "turn/s", "hz": "turn/s", "n": "N", "lbf": "lbf", "s": "s", "sec": "s", "ms": "ms",
+    "us": "us", "ns": "ns", "percent": "percent", "%": "percent",
+}  # fmt: skip
+UNITS = {
+    "s": ("s", "ms", "us", "ns"),
+    "m/s": ("m/s", "knot", "km/h", "ft/s", "cm/s", "mm/s"),
+    "Pa": ("Pa", "hPa", "kPa"),
+    "m": ("m", "ft", "mm", "cm"),
+    "K": ("K", "degC"),
+    "rad": ("rad", "deg"),
+    "rad/s": ("rad/s", "deg/s"),
+    "m/s^2": ("m/s^2", "standard_gravity", "ft/s^2"),
+    "V": ("V", "mV"),
+    "A": ("A", "mA"),
+    "W": ("W", "kW"),
+    "turn/s": ("rpm", "turn/s", "rad/s"),
+    "N": ("N", "lbf"),
+    "dimensionless": ("dimensionless", "percent"),
+}
+ALIKE = (
+    (Q.ROLL_RATE, Q.PITCH_RATE, Q.YAW_RATE), (Q.ROLL, Q.PITCH, Q.HEADING),
+    (Q.FORCE_FORWARD, Q.FORCE_RIGHT, Q.FORCE_DOWN), (Q.VELOCITY_NORTH, Q.VELOCITY_EAST, Q.VELOCITY_DOWN),
+)  # fmt: skip
+
+
+def draft(table: Path, output: Path | None = None) -> str:
+    """The text of a map. Raises InputError when the table cannot be read, or none of its columns is a time."""
+    columns = read_columns(table)
+    proposed = proposal(table, columns, output or table)
+    left_out: dict[Quantity, tuple[MappedColumn, str]] = {}
+    tried = [proposed]
+    while wrong := _findings(table, columns, proposed):
+        mended = _mended(table, columns, proposed, wrong, tried)
+        tried += [mended] if mended else []
+        if mended is not None:
+            proposed = mended
+            continue
+        suspect = _suspect(wrong)
+        left_out[suspect] = (proposed.columns[suspect], wrong[0].text)
+        proposed = replace(proposed, columns={q: one for q, one in proposed.columns.items() if q is not suspect})
+    return _text(table, columns, proposed, left_out)
+
+
+def proposal(table: Path, columns: Columns, path: Path) -> ColumnMap:
+    """By names and possible values alone. Raises InputError where no column has the name of a time."""
+    found: dict[Quantity, MappedColumn] = {}
+    taken: set[str] = set()
+    for quantity, patterns in NAMES.items():
+        named = (
+            name
+            for pattern in patterns
+            for name in columns
+            if name not in taken and re.fullmatch(pattern, _words(name)) and np.nanstd(columns[name]) > 0
+        )
+        if quantity is Q.AIRCRAFT:
+            named = (name for name in columns if re.fullmatch(NAMES[quantity][0], _words(name)))
+        for name in named:
+            unit = _unit_by_name(name, quantity) or _unit_by_values(columns[name], quantity)
+            if unit is not None:
+                found[quantity] = MappedColumn(name, unit, offset=_offset(quantity, name))
+                taken.add(name)
+                break
+    if Q.TIME not in found:
+        raise InputError(f"{table}: no column is named as a time; it has {', '.join(columns)}")
+    return ColumnMap(path, found)
+
+
+def _words(name: str) -> str:
+    split = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
+    return re.sub(r"[^a-z0-9.%/^]+", " ", split.lower()).strip().removeprefix("data.")
+
+
+def _unit_by_name(name: str, quantity: Quantity) -> str | None:
+    """In brackets, or as the last word."""
+    bracket = re.search(r"[\[(]([^\])]+)[\])]\s*$", name)
+    words = [bracket[1].strip().lower()] if bracket else re.split(r"[^a-z0-9%/^]+", name.lower())[-1:]
+    unit = SUFFIXES.get(words[0]) if words else None
+    return unit if unit in UNITS[KINDS[quantity].unit] or unit in ("mbar", "mile/hour") else None
+
+
+def _unit_by_values(value: Array, quantity: Quantity) -> str | None:
+    """The first unit in which nearly all values are possible; of a motor's speed and of angles, the most plausible."""
+    kind = KINDS[quantity]
+    if quantity is Q.TIME:
+        step = np.diff(value[np.isfinite(value)])
+        usual = float(np.median(step[step > 0])) if np.any(step > 0) else 0.0
+        scales = zip(UNITS["s"], (1.0, 1e-3, 1e-6, 1e-9), strict=True)
+        return next((unit for unit, scale in scales if 5e-4 < usual * scale < 5.0), None)
+    for unit in UNITS[kind.unit]:
+        si = MappedColumn("", unit).in_si(value, quantity, "draft")
+        si = si[np.isfinite(si)]
+        slow = quantity is Q.MOTOR_SPEED and np.percentile(si, 90) < 5.0
+        if not slow and len(si) and np.mean((si >= kind.least) & (si <= kind.greatest)) > 0.95:
+            return unit
+    return None
+
+
+def _offset(quantity: Quantity, name: str) -> str:
+    """Some tables give the load beyond that of level flight."""
+    return f"{-g:.5f} m/s^2" if quantity is Q.FORCE_DOWN and re.search(r"less.?1.?g", name.lower()) else ""
+
+
+def _findings(table: Path, columns: Columns, proposed: ColumnMap) -> list[Finding]:
+    return findings(mapped_channels(table, columns, _without_aircraft(proposed)), proposed.named)
+
+
+def _without_aircraft(proposed: ColumnMap) -> ColumnMap:
+    return replace(proposed, columns={q: one for q, one in proposed.columns.items() if q is not Q.AIRCRAFT})
+
+
+def _mended(
+    table: Path, columns: Columns, proposed: ColumnMap, wrong: list[Finding], tried: list[ColumnMap]
+) -> ColumnMap | None:
+    """The map with a change that leaves fewer contradictions; or else as many, but without the one that it mends, as
+    one mistake hides another; None where there is none that was not tried."""
+    as_many = None
+    for one in wrong:
+        best, fewest = None, len(wrong)
+        for changed in _changes(proposed, one):
+            left = _findings(table, columns, changed)
+            if len(left) < fewest:
+                best, fewest = changed, len(left)
+            gone = all((other.mistake, other.quantities) != (one.mistake, one.quantities) for other in left)
+            if as_many is None and len(left) == len(wrong) and gone and changed not in tried:
+                as_many = changed
+        if best is not None:
+            return best
+    return as_many
+
+
+def _changes(proposed: ColumnMap, wrong: Finding) -> Iterator[ColumnMap]:
+    """Other signs of a quantity of the finding, and other units of it and those of the same sensor together."""
+    for quantity in wrong.quantities:
+        if quantity not in proposed.columns:
+            continue
+        one = proposed.columns[quantity]
+        together = next((group for group in ALIKE if quantity in group), (quantity,))
+        # Values of angles show their unit themselves.
+        fixed = KINDS[quantity].unit == "rad" or _unit_by_name(one.column, quantity) is not None
+        for unit in (one.unit,) if fixed else UNITS[KINDS[quantity].unit]:
+            entries = dict(proposed.columns)
+            if unit != one.unit:
+                entries |= {q: replace(entries[q], unit=unit) for q in together if q in entries}
+                yield replace(proposed, columns=dict(entries))
+            entries[quantity] = replace(entries[quantity], factor=-entries[quantity].factor)
+            yield replace(proposed, columns=entries)
+
+
+def _suspect(wrong: list[Finding]) -> Quantity:
+    """The quantity in most findings; of equals, the least needed one."""
+    needed = [Q.TIME, Q.TRUE_AIRSPEED, Q.VOLTAGE, Q.CURRENT, Q.VELOCITY_NORTH, Q.VELOCITY_EAST, Q.HEIGHT, Q.THRUST]
+    count = {q: sum(q in one.quantities for one in wrong) for q in wrong[0].quantities}
+    return max(count, key=lambda q: (count[q], -needed.index(q) if q in needed else 1, q))
+
+
+def _text(
+    table: Path, columns: Columns, proposed: ColumnMap, left_out: dict[Quantity, tuple[MappedColumn, str]]
+) -> str:
+    lines = [
+        f"# Columns of {table.name}: look through units and signs. Every entry has column and unit; also factor (-1",
+        '# turns the sign around), offset = "0 m/s", and delay = "0.3 s" of a value that is late.',
+    ]
+    for quantity, one in proposed.columns.items():
+        lines += ["", f"# {KINDS[quantity].meaning}; {_range(columns[one.column])}", *_entry(quantity, one)]
+    for quantity, (one, why) in left_out.items():
+        lines += ["", f"# Left out: {why}.", *(f"# {line}" for line in _entry(quantity, one))]
+    used = {one.column for one in proposed.columns.values()} | {one.column for one, _ in left_out.values()}
+    if unused := [name for name in columns if name not in used]:
+        lines += ["", f"# Not used: {', '.join(unused)}"]
+    return "\n".join(lines) + "\n"
+
+
+def _range(value: Array) -> str:
+    low, middle, high = np.nanpercentile(value, (1, 50, 99))
+    return f"from {low:.4g} to {high:.4g}, {middle:.4g} in the middle"
+
+
+def _entry(quantity: Quantity, one: MappedColumn) -> list[str]:
+    entry = [f"[{quantity}]", f'column = "{one.column}"', f'unit = "{one.unit}"']
+    if one.factor != 1:
+        entry.append(f"factor = {one.factor:g}")
+    return [*entry, f'offset = "{one.offset}"'] if one.offset else entry

@@ -1,0 +1,169 @@
+"""Reads a telemetry log of Paparazzi (.data) into the channels of an ordinary flight.
+
+A line is the time of reception in seconds, the number of the aircraft, the name of a message and its fields. Names,
+order and units of the fields are those of Paparazzi's messages.xml.
+"""
+
+import gzip
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.sources import recording
+from analysis.sources.recognize import GZIP_MAGIC
+from analysis.sources.recording import Channel, FlightRecording, channel, without_jumps
+from flight.arrays import Array
+from flight.atmosphere import pressure_at
+from flight.errors import InputError
+
+Table = Mapping[str, Array]
+
+# By message, its fields in order; those of no use here end the list.
+FIELDS: dict[str, tuple[str, ...]] = {
+    "AIR_DATA": ("static_Pa", "differential_Pa", "temperature_degC", "qnh_hPa", "amsl_m", "airspeed_mps", "tas_mps"),
+    "AIRSPEED": ("airspeed_mps", "setpoint_mps"),
+    "BARO_RAW": ("static_Pa", "differential_Pa"),
+    "ENERGY": ("throttle_percent", "voltage_V", "current_A", "power_W", "charge_Ah", "energy_Wh"),
+    "GPS": ("mode", "east_cm", "north_cm", "course_decideg", "height_mm", "speed_cmps", "climb_cmps"),
+    "IMU_ACCEL": ("x_mps2", "y_mps2", "z_mps2"),
+    "IMU_ACCEL_SCALED": ("x_raw", "y_raw", "z_raw"),
+}
+IMUS = ("IMU_ACCEL", "IMU_ACCEL_SCALED")
+NOTE = "The log is telemetry: its times are those of reception, and what the radio lost is missing."
+FROM_GPS = "No barometer in the telemetry: static pressure is that of the standard atmosphere at the height by GPS."
+TWO_MESSAGES = "Airspeed is that of AIR_DATA and AIRSPEED, which come from one sensor, together."
+DISAGREE = "AIRSPEED does not follow the pressure of AIR_DATA, and is not used."
+
+
+def read_paparazzi(path: Path) -> FlightRecording:
+    """The channels of a telemetry log.
+
+    Raises InputError, in one line, when the file cannot be read, or has more than one aircraft in it.
+    """
+    tables = _tables(path)
+    channels: dict[str, Channel] = {}
+    airspeed, notes = _airspeed(tables)
+    if airspeed is not None:
+        channels[recording.AIRSPEED_PRESSURE] = airspeed
+    gps = tables.get("GPS")
+    static, static_notes = _static(tables)
+    if static is not None:
+        channels[recording.STATIC] = static
+    if gps is not None:
+        channels |= _gps(gps)
+    if (energy := tables.get("ENERGY")) is not None:
+        channels[recording.VOLTAGE] = channel(energy["t_s"], energy["voltage_V"])
+        channels[recording.CURRENT] = channel(energy["t_s"], energy["current_A"])
+        channels[recording.THROTTLE] = channel(energy["t_s"], energy["throttle_percent"] / 100)
+    for name in IMUS:
+        if (imu := tables.get(name)) is not None:
+            factor = 1.0 if name == "IMU_ACCEL" else 2.0**-10  # integers, in units of 2^-10 m/s²
+            axes = zip((recording.FORCE_X, recording.FORCE_Y, recording.FORCE_Z), FIELDS[name], strict=True)
+            channels |= {axis: channel(imu["t_s"], factor * imu[field]) for axis, field in axes}
+            break
+    thermometers: dict[str, Channel] = {}
+    air = tables.get("AIR_DATA")
+    if air is not None and np.any(air["temperature_degC"] > -1.0):  # -1 throughout: no thermometer
+        thermometers["AIR_DATA"] = channel(air["t_s"], air["temperature_degC"] + 273.15)
+    (channels, thermometers), jumps = without_jumps(channels, thermometers)
+    return FlightRecording(path, channels, thermometers, (NOTE, *jumps, *notes, *static_notes), by_radio=True)
+
+
+def _lines(path: Path) -> Iterator[list[bytes]]:
+    with path.open("rb") as raw:
+        packed = raw.read(2) == GZIP_MAGIC
+    with gzip.open(path) if packed else path.open("rb") as stream:
+        for line in stream:
+            yield line.split()
+
+
+def _tables(path: Path) -> dict[str, Table]:
+    """The messages of FIELDS by name: t_s and each field, (n,). Damaged lines are left out."""
+    rows: dict[str, list[list[float]]] = defaultdict(list)
+    aircraft: Counter[bytes] = Counter()
+    other_length: Counter[str] = Counter()
+    try:
+        for words in _lines(path):
+            name = words[2].decode("ascii", "replace") if len(words) > 3 else ""
+            if name not in FIELDS:
+                continue
+            if len(words) - 3 < len(FIELDS[name]):
+                other_length[name] += 1
+                continue
+            try:
+                row = [float(word) for word in (words[0], *words[3 : 3 + len(FIELDS[name])])]
+            except ValueError:
+                other_length[name] += 1
+                continue
+            aircraft[words[1]] += 1
+            rows[name].append(row)
+    except (OSError, EOFError) as error:
+        raise InputError(f"{path}: cannot be read ({error})") from None
+    seen = [number.decode("ascii", "replace") for number, count in aircraft.most_common() if count > 50]
+    if len(seen) > 1:
+        raise InputError(
+            f"{path}: holds the telemetry of {len(seen)} aircraft, {', '.join(seen)}; keep the lines of one, whose"
+            " number is the second word of a line"
+        )
+    for name, count in other_length.items():
+        if count > len(rows[name]):
+            raise InputError(
+                f"{path}: {name} has not the fields of messages.xml that this program knows"
+                f" ({', '.join(FIELDS[name])}); write a CSV file and a map of its columns (flightpower new columns)"
+            )
+    tables: dict[str, Table] = {}
+    for name, found in rows.items():
+        columns = np.array(found).T
+        tables[name] = dict(zip(("t_s", *FIELDS[name]), columns, strict=True))
+    return tables
+
+
+def _airspeed(tables: Mapping[str, Table]) -> tuple[Channel | None, list[str]]:
+    """Differential pressure, and notes. Both messages show one sensor, less the zero of the autopilot."""
+    air, shown = tables.get("AIR_DATA"), tables.get("AIRSPEED")
+    measured = channel([], []) if air is None else channel(air["t_s"], air["differential_Pa"])
+    by_speed = channel([], [])
+    if shown is not None and np.any(shown["airspeed_mps"] > 0):
+        by_speed = channel(shown["t_s"], recording.pressure_of_indicated_airspeed(shown["airspeed_mps"]))
+    if not len(measured.t_s) or not np.any(measured.value > 0):
+        return (by_speed if len(by_speed.t_s) else None), []
+    if not len(by_speed.t_s):
+        return measured, []
+    flying = by_speed.value > 0  # zero stands for any negative pressure
+    by_pressure = np.interp(by_speed.t_s[flying], measured.t_s, measured.value)
+    difference = by_speed.value[flying] - by_pressure
+    zero_Pa = float(np.median(difference))
+    if np.std(difference) > np.std(by_pressure):
+        return measured, [DISAGREE]
+    t_s = np.concatenate([measured.t_s, by_speed.t_s[flying]])
+    pressure_Pa = np.concatenate([measured.value, by_speed.value[flying] - zero_Pa])
+    order = np.argsort(t_s, kind="stable")
+    return Channel(t_s[order], pressure_Pa[order]), [TWO_MESSAGES]
+
+
+def _static(tables: Mapping[str, Table]) -> tuple[Channel | None, list[str]]:
+    """By a barometer where one shows pressure, otherwise by the height of GPS."""
+    for name in ("BARO_RAW", "AIR_DATA"):
+        table = tables.get(name)
+        if table is not None and np.median(table["static_Pa"]) > 0:
+            return channel(table["t_s"], table["static_Pa"]), []
+    gps = tables.get("GPS")
+    if gps is None:
+        return None, []
+    fixed = _fixed(gps)
+    return channel(gps["t_s"][fixed], pressure_at(1e-3 * gps["height_mm"][fixed])), [FROM_GPS]
+
+
+def _gps(gps: Table) -> dict[str, Channel]:
+    fixed = _fixed(gps)
+    t_s, course = gps["t_s"][fixed], np.radians(gps["course_decideg"][fixed] / 10)
+    speed, down = 1e-2 * gps["speed_cmps"][fixed], -1e-2 * gps["climb_cmps"][fixed]
+    values = (speed * np.cos(course), speed * np.sin(course), down)
+    return {axis: channel(t_s, value) for axis, value in zip(recording.GPS, values, strict=True)}
+
+
+def _fixed(gps: Table) -> NDArray[np.bool_]:
+    return np.asarray(gps["mode"] >= 3)  # a position in three dimensions

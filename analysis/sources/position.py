@@ -1,0 +1,45 @@
+"""Ground velocity by the position of a receiver, in a table without velocity."""
+
+import numpy as np
+
+from analysis.sources.grid_settings import RECEIVER
+from analysis.sources.recording import Channel
+from flight.arrays import Array
+from flight.units import EARTH_RADIUS_M
+
+
+def velocity_by_position(latitude: Channel, longitude: Channel) -> tuple[Channel, Channel]:
+    """Velocity north and east [m/s], of positions [rad].
+
+    The slopes of straight lines through so many positions about each instant that their noise, which is often that of
+    the last digit, makes no more than that of a receiver's velocity. Positions that the table repeats until the next
+    one are taken once.
+    """
+    t_s = latitude.t_s
+    lat, lon = latitude.value, np.interp(t_s, longitude.t_s, np.unwrap(longitude.value))
+    new = np.flatnonzero(np.append(True, (np.diff(lat) != 0) | (np.diff(lon) != 0)))
+    step_s = float(np.median(np.diff(t_s[new]))) if len(new) > 1 else float(np.median(np.diff(t_s)))
+    even_s = np.arange(t_s[0], t_s[-1], step_s)
+    given = EARTH_RADIUS_M * (lat - lat[0]), EARTH_RADIUS_M * np.cos(float(np.median(lat))) * (lon - lon[0])
+    ratio = max(_noise(one[new]) for one in given) / (step_s * RECEIVER.velocity_mps[0])
+    north, east = (np.interp(even_s, t_s[new], one[new]) for one in given)
+    each_side = max(1, int(np.ceil(np.cbrt(1.5 * ratio**2))))  # 1 / sum k² = 3 / (2 n³) of n on each side
+    return Channel(even_s, _slope(north, each_side) / step_s), Channel(even_s, _slope(east, each_side) / step_s)
+
+
+def _noise(position_m: Array) -> float:
+    """Standard deviation of one position: of the last digit, or of the median second difference, which a steady motion
+    has not."""
+    digit = np.diff(np.unique(np.round(position_m, 2)))
+    of_digit = float(digit.min() / np.sqrt(12)) if len(digit) else 0.0
+    steady = float(np.median(np.abs(np.diff(position_m, 2))))
+    return max(of_digit, steady / 0.6745 / float(np.sqrt(6)))
+
+
+def _slope(value: Array, each_side: int) -> Array:
+    """Per sample, of a line through so many values on each side; at the ends that of the nearest whole line."""
+    k = np.arange(-each_side, each_side + 1)
+    if len(value) < len(k):
+        return np.gradient(value)
+    inner = np.convolve(value, k[::-1] / np.sum(k**2), mode="valid")
+    return np.pad(inner, each_side, mode="edge")

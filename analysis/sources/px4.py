@@ -1,0 +1,290 @@
+"""Reads a PX4 log (ULog) into the channels of an ordinary flight."""
+
+import contextlib
+import io
+from collections import Counter
+from enum import IntEnum
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+from pyulog import ULog
+
+from analysis.sources import recording
+from analysis.sources.autopilot_settings import READABLE
+from analysis.sources.recording import (
+    Battery,
+    Channel,
+    FlightRecording,
+    channel,
+    measuring_battery,
+    most_varying,
+    turning_motor,
+    vehicle_of,
+    without_hover,
+    without_jumps,
+)
+from flight.arrays import Array
+from flight.errors import InputError
+
+TOPICS = (
+    "actuator_controls_0", "actuator_controls_1", "airspeed", "airspeed_validated", "battery_status",
+    "differential_pressure", "esc_status", "rpm", "sensor_baro", "sensor_combined", "sensor_gps",
+    "vehicle_acceleration", "vehicle_air_data", "vehicle_gps_position", "vehicle_status", "vehicle_thrust_setpoint",
+)  # fmt: skip
+AIRSPEED_TOPICS = (  # in order of preference
+    ("airspeed_validated", ("indicated_airspeed_m_s",)),
+    ("airspeed", ("indicated_airspeed_m_s",)),
+)
+ENABLED_BY = {
+    recording.OF_AIRSPEED: " (SENS_EN_*, SYS_HAS_NUM_ASPD)",
+    recording.OF_BAROMETER: " (SYS_HAS_BARO)",
+    recording.OF_BATTERY: " (BAT1_SOURCE, BAT1_V_DIV, BAT1_A_PER_V)",
+}
+BAROMETERS = ("vehicle_air_data", "sensor_baro")
+FORCES = (recording.FORCE_X, recording.FORCE_Y, recording.FORCE_Z)
+RPM_FIELDS = ("rpm_estimate", "indicated_frequency_rpm")
+PRESSURE_FIELDS = ("differential_pressure_pa", "differential_pressure_filtered_pa", "differential_pressure_raw_pa")
+
+
+class _Topic:
+    """One instance of a topic."""
+
+    def __init__(self, data: dict[str, NDArray[Any]], instance: int):
+        self.instance, self._data = instance, data
+        self.t_s: Array = np.asarray(data["timestamp"], dtype=float) * 1e-6
+
+    def has(self, field: str) -> bool:
+        return field in self._data
+
+    def values(self, field: str) -> Array:
+        with np.errstate(invalid="ignore"):
+            return np.asarray(self._data[field], dtype=float)
+
+    def channel(self, field: str) -> Channel:
+        """The field; empty where the firmware does not log it."""
+        return channel(self.t_s, self.values(field)) if self.has(field) else channel([], [])
+
+
+def read_px4(path: Path) -> FlightRecording:
+    """The channels of a PX4 log.
+
+    Raises InputError, in one line, when the file is not a readable ULog file, and for aircraft without wings.
+    """
+    topics, parameters, notes, vehicle = _topics(path)
+    _refuse_wingless(path, topics)
+    airspeed, zeroed = _airspeed(topics)
+    channels = airspeed | _static(topics) | _force(topics) | _gps(topics)
+    batteries = [
+        Battery(f"battery_status {one.instance}", one.channel("voltage_v"), one.channel("current_a"))
+        for one in topics.get("battery_status", [])
+    ]
+    battery, battery_notes = measuring_battery(batteries, _controllers(topics))
+    if battery:
+        channels |= {recording.VOLTAGE: battery.voltage, recording.CURRENT: battery.current}
+    motor, motor_notes = turning_motor(_motors(topics))
+    if motor is not None:
+        channels[recording.MOTOR] = motor
+    if (throttle := most_varying(_throttles(topics))) is not None:
+        channels[recording.THROTTLE] = throttle
+    (channels, thermometers), jumps = without_jumps(channels, _thermometers(topics))
+    notes += jumps
+    hover_notes: list[str] = []
+    if recording.AIRSPEED_PRESSURE in channels:  # only now: a long hover is no jump of the clock
+        wing = channels[recording.AIRSPEED_PRESSURE]
+        channels[recording.AIRSPEED_PRESSURE], hover_notes = without_hover(wing, _lifting_s(topics, wing.t_s))
+    return FlightRecording(
+        path,
+        channels,
+        thermometers,
+        tuple(notes + battery_notes + hover_notes + motor_notes),
+        zeroed,
+        parameters,
+        inside=frozenset(f"{name} {one.instance}" for name in BAROMETERS for one in topics.get(name, [])),
+        enabled_by=ENABLED_BY,
+        vehicle=vehicle,
+    )
+
+
+class _Advancing:
+    """A file for pyulog, which at a damaged end goes back by more bytes than it has read, and reads them for ever."""
+
+    def __init__(self, stream: BinaryIO):
+        self.read, self.tell, self.close = stream.read, stream.tell, stream.close
+        self._seek, self._visits = stream.seek, Counter[int]()
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        """Raises EOFError where it comes back to one place again and again."""
+        place = self._seek(offset, whence)
+        self._visits[place] += 1
+        if self._visits[place] > 10:  # each reading comes to it once, the search for a sync mark once more
+            raise EOFError("its end is damaged")
+        return place
+
+
+def _topics(path: Path) -> tuple[dict[str, list[_Topic]], dict[str, float], list[str], str]:
+    """The topics by name, the autopilot's parameters, notes, and the vehicle."""
+    try:
+        with path.open("rb") as stream, contextlib.redirect_stdout(io.StringIO()):
+            log = ULog(_Advancing(stream), list(TOPICS))
+    except Exception as error:  # a torn or altered file raises whatever its bytes lead to
+        raise InputError(f"{path}: cannot be read as a PX4 log ({type(error).__name__}: {_line(error)})") from None
+    topics: dict[str, list[_Topic]] = {}
+    for data in sorted(log.data_list, key=lambda one: one.multi_id):
+        if "timestamp" in data.data and len(data.data["timestamp"]):
+            topics.setdefault(data.name, []).append(_Topic(data.data, int(data.multi_id)))
+    if not topics:
+        raise InputError(f"{path}: holds no message of airspeed, battery or barometer; is the log complete?")
+    notes = ["The log is damaged; what could be read is used."] if log.file_corruption else []
+    lost_s = sum(dropout.duration for dropout in log.dropouts) / 1000
+    if lost_s > 1.0:
+        notes.append(f"The autopilot dropped {lost_s:.0f} s of messages, in {len(log.dropouts)} gaps.")
+    parameters = {
+        str(name): float(value) for name, value in log.initial_parameters.items() if isinstance(value, int | float)
+    }
+    uuid = log.msg_info_dict.get("sys_uuid")
+    return topics, parameters, notes, vehicle_of(uuid) if isinstance(uuid, str) and uuid else ""
+
+
+def _line(error: Exception) -> str:
+    return " ".join(str(error).split())[:120]
+
+
+class VehicleType(IntEnum):
+    """vehicle_status.vehicle_type"""
+
+    ROTARY_WING = 1
+    FIXED_WING = 2
+    ROVER = 3
+
+
+def _refuse_wingless(path: Path, topics: dict[str, list[_Topic]]) -> None:
+    for status in topics.get("vehicle_status", []):
+        kinds = status.values("vehicle_type") if status.has("vehicle_type") else np.empty(0)
+        mav = (
+            set(np.nan_to_num(status.values("system_type")).astype(int).tolist())
+            if status.has("system_type")
+            else set()
+        )
+        vtol = status.has("is_vtol") and bool(status.values("is_vtol").any())
+        multicopters, rovers = {2, 3, 4, 13, 14, 15}, {10, 11, 12}  # MAV_TYPE
+        if mav & rovers or (len(kinds) and (kinds == VehicleType.ROVER).all()):
+            raise InputError(f"{path}: the log of a rover or boat; power required is that of a fixed wing")
+        if mav & multicopters or (len(kinds) and (kinds == VehicleType.ROTARY_WING).all()):
+            kind = "a multicopter, or of a VTOL that never flew on its wing" if vtol else "a multicopter"
+            raise InputError(f"{path}: the log of {kind}; power required is that of a fixed wing")
+
+
+def _airspeed(topics: dict[str, list[_Topic]]) -> tuple[dict[str, Channel], bool]:
+    """Differential pressure of the pitot, and whether its zero is corrected.
+
+    The validated airspeed has most samples; all instances are looked at.
+    """
+    for name, fields in AIRSPEED_TOPICS:
+        found = []
+        for one in topics.get(name, []):
+            for field in fields:
+                speed = one.values(field) if one.has(field) else np.full(len(one.t_s), np.nan)
+                for source in ("selected_airspeed_index", "airspeed_source"):
+                    if one.has(source):
+                        # 0 is ground speed less wind, 4 synthetic, -1 none.
+                        speed = np.where(np.isin(one.values(source), (1, 2, 3)), speed, np.nan)
+                found.append(channel(one.t_s, recording.pressure_of_indicated_airspeed(speed)))
+        best = most_varying(found)
+        if best is not None and len(best.t_s) >= READABLE.fewest_samples:
+            return {recording.AIRSPEED_PRESSURE: best}, True
+    raw = [one.channel(field) for one in topics.get("differential_pressure", []) for field in PRESSURE_FIELDS]
+    best = most_varying(raw)
+    return ({} if best is None else {recording.AIRSPEED_PRESSURE: best}), False
+
+
+def _lifting_s(topics: dict[str, list[_Topic]], t_s: Array) -> list[Array]:
+    """Times, of the status and of t_s (n,), at which a VTOL is on its lifting motors, or in transition."""
+    for status in topics.get("vehicle_status", []):
+        if status.has("vehicle_type"):
+            lifted = status.values("vehicle_type") == VehicleType.ROTARY_WING
+            if status.has("in_transition_mode"):
+                lifted |= status.values("in_transition_mode") == 1
+            latest = np.clip(np.searchsorted(status.t_s, t_s, side="right") - 1, 0, None)
+            return [status.t_s[lifted], t_s[lifted[latest]]]
+    return []
+
+
+def _static(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
+    for one in topics.get("vehicle_air_data", []):
+        if one.has("baro_pressure_pa"):
+            return {recording.STATIC: one.channel("baro_pressure_pa")}
+    for one in topics.get("sensor_baro", []):
+        pressure = one.channel("pressure")
+        if len(pressure.value):
+            factor = 100.0 if np.median(pressure.value) < READABLE.possible["static_Pa"][0] / 10 else 1.0
+            return {recording.STATIC: Channel(pressure.t_s, factor * pressure.value)}
+    return {}
+
+
+def _force(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
+    for name, field in (("vehicle_acceleration", "xyz"), ("sensor_combined", "accelerometer_m_s2")):
+        axes = {axis: f"{field}[{i}]" for i, axis in enumerate(FORCES)}
+        for one in topics.get(name, []):
+            if one.has(axes[recording.FORCE_Z]):
+                return {axis: one.channel(column) for axis, column in axes.items() if one.has(column)}
+    return {}
+
+
+def _gps(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
+    fields = ("vel_n_m_s", "vel_e_m_s", "vel_d_m_s")
+    for name in ("vehicle_gps_position", "sensor_gps"):
+        for one in topics.get(name, []):
+            if not all(one.has(field) for field in fields):
+                continue
+            fixed = one.values("fix_type") >= 3 if one.has("fix_type") else np.ones(len(one.t_s), dtype=bool)
+            if fixed.sum() >= READABLE.fewest_samples:
+                return {
+                    axis: channel(one.t_s[fixed], one.values(field)[fixed])
+                    for axis, field in zip(recording.GPS, fields, strict=True)
+                }
+    return {}
+
+
+def _throttles(topics: dict[str, list[_Topic]]) -> list[Channel]:
+    """Throttles of the propulsion, 0 to 1: newer firmware has a thrust along the first axis."""
+    newer = [one.channel("xyz[0]") for one in topics.get("vehicle_thrust_setpoint", [])]
+    vtol = any(one.has("is_vtol") and one.values("is_vtol").any() for one in topics.get("vehicle_status", []))
+    older = topics.get("actuator_controls_1" if vtol else "actuator_controls_0", [])
+    return newer or [one.channel("control[3]") for one in older]
+
+
+def _controllers(topics: dict[str, list[_Topic]]) -> list[Battery]:
+    return [
+        Battery(f"esc {i}", one.channel(f"esc[{i}].esc_voltage"), one.channel(f"esc[{i}].esc_current"))
+        for one in topics.get("esc_status", [])
+        for i in range(8)
+        if one.has(f"esc[{i}].esc_current")
+    ]
+
+
+def _motors(topics: dict[str, list[_Topic]]) -> list[Channel]:
+    """Speeds of rotation [rev/s]: by the speed controllers, or by RPM sensors."""
+    fields = [f"esc[{i}].esc_rpm" for i in range(8)]
+    by_controller = [one.channel(field) for one in topics.get("esc_status", []) for field in fields if one.has(field)]
+    by_sensor = [one.channel(field) for one in topics.get("rpm", []) for field in RPM_FIELDS if one.has(field)]
+    found = by_controller if any(np.any(one.value != 0) for one in by_controller) else by_sensor
+    return [Channel(one.t_s, np.abs(one.value) / 60) for one in found]
+
+
+def _thermometers(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
+    sources = (
+        ("differential_pressure", "temperature"),
+        ("airspeed", "air_temperature_celsius"),
+        ("vehicle_air_data", "baro_temp_celcius"),
+        ("vehicle_air_data", "ambient_temperature"),
+        ("sensor_baro", "temperature"),
+    )
+    found = {}
+    for name, field in sources:
+        for one in topics.get(name, []):
+            celsius = one.channel(field)
+            if np.any(celsius.value != 0):  # no thermometer: exactly 0 throughout
+                found[f"{name} {one.instance}"] = Channel(celsius.t_s, celsius.value + 273.15)
+    return found

@@ -1,0 +1,279 @@
+"""The channels of an ordinary flight, each with its own times; of several sensors, the one that is used."""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import reduce
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from analysis.sources.autopilot_settings import INSTANCES, READABLE
+from flight.arrays import Array
+from flight.units import SEA_LEVEL_DENSITY
+
+AIRSPEED_PRESSURE = "airspeed_pressure_Pa"  # pitot less static pressure, its zero not yet corrected
+STATIC, FORCE_X, FORCE_Y, FORCE_Z = "static_Pa", "ax_mps2", "ay_mps2", "az_mps2"
+VOLTAGE, CURRENT = "battery_V", "battery_A"
+MOTOR, THROTTLE = "motor_revps", "throttle"  # the latter from 0 to 1, negative where it reverses
+TRUE_AIRSPEED, TRUE_HEIGHT = "true_airspeed_mps", "true_height_m"  # of a simulation
+OF_AIRSPEED, OF_BAROMETER = frozenset({AIRSPEED_PRESSURE}), frozenset({STATIC})
+OF_BATTERY = frozenset({VOLTAGE, CURRENT})
+GPS = ("gps_north_mps", "gps_east_mps", "gps_down_mps")
+
+
+# By channel: the least and greatest possible value, and the greatest difference from the median of five samples.
+POSSIBLE = {
+    AIRSPEED_PRESSURE: READABLE.possible["pitot_Pa"],
+    STATIC: READABLE.possible["static_Pa"],
+    FORCE_X: READABLE.possible["force_mps2"],
+    FORCE_Y: READABLE.possible["force_mps2"],
+    FORCE_Z: READABLE.possible["force_mps2"],
+    VOLTAGE: READABLE.possible["voltage_V"],
+    CURRENT: READABLE.possible["current_A"],
+    MOTOR: READABLE.possible["motor_revps"],
+    THROTTLE: READABLE.possible["throttle"],
+    **dict.fromkeys((*GPS, TRUE_AIRSPEED), READABLE.possible["ground_mps"]),
+    TRUE_HEIGHT: READABLE.possible["height_m"],
+}
+
+
+class Channel(NamedTuple):
+    """Times [s], ascending, and values, both (n,)."""
+
+    t_s: Array
+    value: Array
+
+
+@dataclass(frozen=True)
+class FlightRecording:
+    """A log of any autopilot.
+
+    channels : by name, in SI units; a name is missing where nothing was measured
+    zeroed : whether whatever recorded them has corrected the zero of the airspeed's pressure
+    thermometers : by description, temperatures of the air, or of parts that the air cools [K]
+    notes : choices and damage, in sentences
+    parameters : the autopilot's, by name, as logged
+    air_temperature_K : in flight, where the user says it
+    inside : which thermometers are inside electronics, and so warmer than the air
+    enabled_by : by a sensor's channels, which parameters of the autopilot switch it on
+    by_radio : received as telemetry, of which much may be lost
+    truth : of a simulation by the firmware, TRUE_AIRSPEED and TRUE_HEIGHT; compared, never used
+    vehicle : of `vehicle_of`; empty where the log does not say which board wrote it
+    """
+
+    path: Path
+    channels: Mapping[str, Channel]
+    thermometers: Mapping[str, Channel] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    zeroed: bool = True
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    air_temperature_K: float | None = None
+    inside: frozenset[str] = frozenset()
+    enabled_by: Mapping[frozenset[str], str] = field(default_factory=dict)
+    truth: Mapping[str, Channel] = field(default_factory=dict)
+    by_radio: bool = False
+    vehicle: str = ""
+
+
+def vehicle_of(serial_number: str) -> str:
+    """What stands for the board of an autopilot in results: the first 8 hexadecimal digits of its number's SHA-256.
+
+    Results are passed on, and the number itself names the board to its maker. Of a thousand boards two are alike with a
+    probability of 1e-4.
+    """
+    return hashlib.sha256(serial_number.encode()).hexdigest()[:8]
+
+
+def channel(t_s: ArrayLike, value: ArrayLike) -> Channel:
+    """A channel without its samples that are not finite."""
+    t, x = np.asarray(t_s, dtype=float), np.asarray(value, dtype=float)
+    known = np.isfinite(t) & np.isfinite(x)
+    return Channel(t[known], x[known])
+
+
+def pressure_of_indicated_airspeed(speed_mps: ArrayLike) -> Array:
+    """Differential pressure [Pa] that an autopilot showed as this indicated airspeed; negative below zero."""
+    speed = np.asarray(speed_mps, dtype=float)
+    return np.asarray(np.sign(speed) * SEA_LEVEL_DENSITY / 2 * speed**2)  # indicated airspeed is defined at sea level
+
+
+def without_jumps(*groups: Mapping[str, Channel]) -> tuple[list[dict[str, Channel]], list[str]]:
+    """`without_clock_jumps` of the airspeed, which is in the first group, applied to channels in several groups.
+
+    Without an airspeed sensor, of the velocity by GPS.
+    """
+    main = groups[0].get(AIRSPEED_PRESSURE, groups[0].get(GPS[0]))
+    if main is None:
+        return [dict(group) for group in groups], []
+    together = {name: one for group in groups for name, one in group.items()}
+    kept, notes = without_clock_jumps(main, together)
+    return [{name: kept[name] for name in group if name in kept} for group in groups], notes
+
+
+def without_clock_jumps(main: Channel, channels: Mapping[str, Channel]) -> tuple[dict[str, Channel], list[str]]:
+    """The channels over the longest part of `main` between jumps of the clock, ascending in time, and a note.
+
+    Values that are impossible, single wrong times and channels that are too short are left out.
+    """
+    main = _without_single_times(main)
+    channels = {name: _without_single_times(one) for name, one in channels.items()}
+    temperature = READABLE.possible["temperature_K"]
+    channels = {name: _possible(one, *POSSIBLE.get(name, temperature)) for name, one in channels.items()}
+    parts = _parts(main.t_s)
+    notes = []
+    if len(parts) > 1:
+        kept = max(parts, key=lambda rows: rows.stop - rows.start)
+        span = float(main.t_s[kept.stop - 1] - main.t_s[kept.start])
+        notes = [f"The log's clock jumped; the longest part without a jump, {span:.0f} s, is used."]
+        low, high = main.t_s[kept.start], main.t_s[kept.stop - 1]
+        channels = {name: _within(one, float(low), float(high)) for name, one in channels.items()}
+    ascending = {name: _ascending(one) for name, one in channels.items()}
+    return {name: one for name, one in ascending.items() if len(one.t_s) >= READABLE.fewest_samples}, notes
+
+
+def without_hover(airspeed: Channel, lifting_s: Sequence[Array]) -> tuple[Channel, list[str]]:
+    """The airspeed without the times in which a VTOL's lifting motors run, and a note; so no balance is made there.
+
+    lifting_s: times (n,) at which the autopilot lets them run.
+    """
+    t_s = np.sort(np.concatenate([*lifting_s, np.empty(0)]))
+    if not len(t_s):
+        return airspeed, []
+    after = np.searchsorted(t_s, airspeed.t_s)
+    nearest = np.minimum(
+        np.abs(airspeed.t_s - t_s[np.clip(after, 0, len(t_s) - 1)]),
+        np.abs(airspeed.t_s - t_s[np.clip(after - 1, 0, None)]),
+    )
+    wing = nearest > READABLE.hover_s
+    if wing.all():
+        return airspeed, []
+    note = f"The lifting motors ran in {100 * np.mean(~wing):.0f} % of the log: hover and assisted flight are left out."
+    return Channel(airspeed.t_s[wing], airspeed.value[wing]), [note]
+
+
+def _without_single_times(one: Channel) -> Channel:
+    """Without samples whose time differs from those of both neighbors, which agree with one another."""
+    if len(one.t_s) < 3:
+        return one
+    before, here, after = one.t_s[:-2], one.t_s[1:-1], one.t_s[2:]
+    wrong = (after >= before) & ((here > after) | (here < before))
+    kept = np.concatenate([[True], ~wrong, [True]])
+    return Channel(one.t_s[kept], one.value[kept])
+
+
+def _possible(one: Channel, least: float, greatest: float, spike: float) -> Channel:
+    kept = (one.value >= least) & (one.value <= greatest)
+    t_s, value = one.t_s[kept], one.value[kept]
+    if len(value) < READABLE.fewest_samples:
+        return Channel(t_s, value)
+    around = np.median(np.lib.stride_tricks.sliding_window_view(np.pad(value, 2, mode="reflect"), 5), axis=1)
+    kept = np.abs(value - around) <= spike
+    return Channel(t_s[kept], value[kept])
+
+
+def _parts(t_s: Array) -> list[slice]:
+    """Rows between steps back, and steps forward by more than READABLE.clock_jump_s."""
+    step = np.diff(t_s)
+    edges = np.flatnonzero((step < -1.0) | (step > READABLE.clock_jump_s)) + 1
+    return [slice(int(a), int(b)) for a, b in zip([0, *edges], [*edges, len(t_s)], strict=True)]
+
+
+def _within(one: Channel, low: float, high: float) -> Channel:
+    """The part of a channel that overlaps most with an interval of time."""
+    best = Channel(np.empty(0), np.empty(0))
+    for rows in _parts(one.t_s) if len(one.t_s) else []:
+        t_s, value = one.t_s[rows], one.value[rows]
+        inside = (t_s >= low) & (t_s <= high)
+        if inside.sum() > len(best.t_s):
+            best = Channel(t_s[inside], value[inside])
+    return best
+
+
+def _ascending(one: Channel) -> Channel:
+    if not len(one.t_s):
+        return one
+    later = np.concatenate([[True], one.t_s[1:] > np.maximum.accumulate(one.t_s)[:-1]])
+    return Channel(one.t_s[later], one.value[later])
+
+
+class Battery(NamedTuple):
+    name: str
+    voltage: Channel
+    current: Channel
+
+
+def measuring_battery(
+    batteries: Sequence[Battery], controllers: Sequence[Battery] = ()
+) -> tuple[Battery | None, list[str]]:
+    """The battery that gives most power, or the sum of two that feed the motor together, and notes; None where none
+    measures voltage and current. controllers: what the speed controllers measure, which counts where no battery does
+    and unless it is always the same, as firmware fills in.
+    """
+    power = [_mean_power_W(battery) for battery in batteries]
+    if not any(P > 0 for P in power):
+        measuring = [one for one in controllers if _mean_power_W(one) > 0 and np.ptp(one.current.value) > 0]
+        if not measuring:
+            return None, []
+        note = "No power module measures current: power is that of the speed controllers, without the avionics."
+        return reduce(_together, measuring), [note]
+    best = int(np.argmax(power))
+    notes = []
+    if best > 0:
+        notes.append(f"{batteries[best].name} measures the propulsion: {batteries[0].name} carries less power.")
+    used = batteries[best]
+    for i, P in enumerate(power):
+        if i == best or P <= INSTANCES.second_battery * power[best]:
+            continue
+        pair = f"{batteries[i].name} carries {100 * P / power[best]:.0f} % of the power of {batteries[best].name} and"
+        if P < INSTANCES.second_pack * power[best]:
+            notes.append(f"{pair} is not counted: where both feed the motor, the electrical power is too small.")
+        elif _same_pack(batteries[i], batteries[best]):
+            notes.append(f"{pair} has its voltage and current: one battery, measured twice, is counted once.")
+        else:
+            used = _together(used, batteries[i])
+            notes.append(f"{pair} is added to it: two packs feed the motor.")
+    return used, notes
+
+
+def _same_pack(one: Battery, other: Battery) -> bool:
+    """Whether two monitors show the same voltage, and the same current at each time, within their errors."""
+    t_s = one.current.t_s
+    shown = [(np.interp(t_s, *b.voltage), np.interp(t_s, *b.current)) for b in (one, other)]
+    (V, A), (other_V, other_A) = shown
+    error_A = float(np.median(np.abs(A - other_A)))
+    error_V = float(np.median(np.abs(V - other_V)))
+    return error_V < 0.02 * float(np.median(V)) and error_A < 0.05 * float(np.median(np.abs(A)))
+
+
+def _together(one: Battery, other: Battery) -> Battery:
+    """Both packs as one with the voltage of the first that gives the power of both."""
+    t_s = one.current.t_s
+    other_W = np.interp(t_s, *other.voltage) * np.interp(t_s, *other.current)
+    current_A = one.current.value + other_W / np.maximum(np.interp(t_s, *one.voltage), 1.0)
+    return Battery(f"{one.name} and {other.name}", one.voltage, Channel(t_s, current_A))
+
+
+def turning_motor(motors: Sequence[Channel]) -> tuple[Channel | None, list[str]]:
+    """The speed of the one motor that turns, and a note where several do."""
+    turning = [
+        one for one in motors if len(one.value) and float(np.percentile(one.value, 90)) > INSTANCES.turning_revps
+    ]
+    if len(turning) > 1:
+        return None, [f"{len(turning)} motors turn in this log; motor speed is used of a single one only."]
+    return (turning[0], []) if turning else (None, [])
+
+
+def most_varying(channels: Sequence[Channel]) -> Channel | None:
+    """The channel that varies most: of several airspeed sensors, the one that is connected."""
+    varying = [one for one in channels if len(one.value) and np.ptp(one.value) > 0]
+    return max(varying, key=lambda one: float(np.std(one.value)), default=None)
+
+
+def _mean_power_W(battery: Battery) -> float:
+    if not len(battery.voltage.t_s) or not len(battery.current.t_s):
+        return 0.0
+    voltage = np.interp(battery.current.t_s, *battery.voltage)
+    return float(np.mean(voltage * np.maximum(battery.current.value, 0.0)))

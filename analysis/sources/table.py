@@ -1,0 +1,221 @@
+"""A table with a map of its columns as a log of the daemon: every method that its sensors allow works on it.
+
+A vane becomes the pressure of an ideal probe, airspeed a dynamic pressure, height a static pressure, and thrust the
+speed of a propeller whose table says so at every advance ratio.
+"""
+
+import json
+from array import array
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from analysis.sources.check_settings import STRUCTURE
+from analysis.sources.column_map import Channels, ColumnMap, map_of, mapped_channels
+from analysis.sources.laws import Finding, findings
+from analysis.sources.position import velocity_by_position
+from analysis.sources.quantities import Quantity
+from analysis.sources.recording import Channel, pressure_of_indicated_airspeed
+from analysis.sources.table_file import read_columns
+from flight.arrays import Array
+from flight.atmosphere import density, height_at, pressure_at, temperature_at
+from flight.errors import InputError
+from flight.log_entries import STATUS_CODE, Entries
+from flight.log_reader import Log
+from flight.messages import TYPE_OF_TOPIC, Status
+from flight.probe_maps import ALPHA_PORT_SLOPE
+
+Q = Quantity
+IMU = {
+    "specific_force_x_mps2": Q.FORCE_FORWARD, "specific_force_y_mps2": Q.FORCE_RIGHT,
+    "specific_force_z_mps2": Q.FORCE_DOWN, "angular_rate_x_radps": Q.ROLL_RATE, "angular_rate_y_radps": Q.PITCH_RATE,
+    "angular_rate_z_radps": Q.YAW_RATE,
+}  # fmt: skip
+ATTITUDE = {"roll_rad": Q.ROLL, "pitch_rad": Q.PITCH, "yaw_rad": Q.HEADING}
+GPS = {
+    "velocity_north_mps": Q.VELOCITY_NORTH,
+    "velocity_east_mps": Q.VELOCITY_EAST,
+    "velocity_down_mps": Q.VELOCITY_DOWN,
+}
+# A thrust column as a motor speed: one meter of diameter and a thrust coefficient of one, whatever the advance ratio.
+THRUST_AS_SPEED = """# diameter_m = 1.0
+rpm,J,cT,cP
+100,0,1,1
+100,1000,1,1
+20000,0,1,1
+20000,1000,1,1
+"""
+Fields = dict[str, Channel]
+
+
+def log_of_table(path: Path, given: Path | None = None) -> Log:
+    """The log, by the map given or the one beside the table.
+
+    Raises InputError, in one line, where the map is missing or wrong, or its quantities contradict each other.
+    """
+    column_map = map_of(path, given)
+    channels = mapped_channels(path, read_columns(path), column_map)
+    if wrong := findings(channels, column_map.named):
+        raise contradiction(path, wrong, column_map)
+    return as_log(path, channels)
+
+
+def contradiction(path: Path, wrong: list[Finding], column_map: ColumnMap) -> InputError:
+    """The first of what cannot be true together, and how many more there are."""
+    more = f" ({len(wrong) - 1} more contradictions)" if len(wrong) > 1 else ""
+    return InputError(f"{path}: {wrong[0].text}{more} ({column_map.path})")
+
+
+def as_log(path: Path, channels: Channels) -> Log:
+    """The messages of quantities in SI units. Raises InputError where neither airspeed nor ground velocity is known."""
+    known = {quantity: _averaged(one) for quantity, one in channels.items()}
+    topics: dict[str, Fields] = {}
+    attachments = {"zero.json": _zeros()}
+    pressure = _static(known)
+    temperature = known.get(Q.AIR_TEMPERATURE)
+    if pressure is not None:
+        topics["/static"] = {"pressure_Pa": pressure}
+        if temperature is None and Q.ANGLE_OF_ATTACK in known:  # the drag methods need one
+            temperature = Channel(pressure.t_s, np.asarray(temperature_at(_height(pressure.value))))
+        if temperature is not None:
+            topics["/static"] |= {"temperature_K": temperature}
+    q = _dynamic_pressure(known, pressure)
+    if q is not None:
+        topics["/probe/airspeed"] = {"differential_pressure_Pa": q}
+        for topic, angle in (("/probe/alpha", Q.ANGLE_OF_ATTACK), ("/probe/beta", Q.SIDESLIP)):
+            if (one := known.get(angle)) is not None:
+                value = ALPHA_PORT_SLOPE * one.value * np.interp(one.t_s, *q)
+                topics[topic] = {"differential_pressure_Pa": Channel(one.t_s, value)}
+                attachments["probe.json"] = _vane_as_probe()
+    for topic, quantities in (("/imu", IMU), ("/attitude", ATTITUDE), ("/gps", GPS)):
+        topics[topic] = {field: known[quantity] for field, quantity in quantities.items() if quantity in known}
+    if not topics["/gps"] and Q.GROUND_SPEED in known and Q.COURSE in known:
+        topics["/gps"] = _by_course(known[Q.GROUND_SPEED], known[Q.COURSE])
+    # Means over some seconds, whose errors are not independent: enough for wind and electrical power, not for the
+    # trajectory of the drag methods.
+    if not topics["/gps"] and {Q.LATITUDE, Q.LONGITUDE} <= known.keys() and "/probe/alpha" not in topics:
+        north, east = velocity_by_position(known[Q.LATITUDE], known[Q.LONGITUDE])
+        topics["/gps"] = {"velocity_north_mps": north, "velocity_east_mps": east}
+    if len(topics["/gps"]) == 2 and pressure is not None:
+        down = -np.gradient(_height(pressure.value), pressure.t_s)
+        topics["/gps"] = {**topics["/gps"], "velocity_down_mps": Channel(pressure.t_s, down)}
+    topics["/battery"] = _battery(known)
+    if (motor := known.get(Q.MOTOR_SPEED)) is not None:
+        topics["/rpm"] = {"motor_speed_revps": motor}
+    elif (thrust := known.get(Q.THRUST)) is not None and pressure is not None:
+        rho = _density(thrust.t_s, pressure, temperature)
+        topics["/rpm"] = {
+            "motor_speed_revps": Channel(thrust.t_s, np.sqrt(np.maximum(thrust.value, 0.0) / rho)),
+        }
+        attachments["propeller.csv"] = THRUST_AS_SPEED.encode()
+    if (throttle := known.get(Q.THROTTLE)) is not None:
+        topics["/controls"] = {"throttle": throttle}
+    topics = {topic: fields for topic, fields in topics.items() if fields}
+    if not topics.keys() & {"/probe/airspeed", "/gps"}:
+        raise InputError(f"{path}: the map names neither airspeed nor ground velocity; a curve needs one of them")
+    log = Log(path, attachments=attachments)
+    start_s = min(float(one.t_s[0]) for fields in topics.values() for one in fields.values())
+    for topic, fields in topics.items():
+        log.entries[topic] = _entries(topic, fields, start_s)
+        log.fields[topic] = frozenset(fields)
+    return log
+
+
+def _averaged(one: Channel) -> Channel:
+    """Means of so many samples that their interval is one of a log."""
+    width = int(np.ceil(STRUCTURE.interval_s[0] / float(np.median(np.diff(one.t_s))) - 1e-6))
+    if width < 2:
+        return one
+    n = len(one.t_s) // width * width
+    return Channel(one.t_s[:n].reshape(-1, width).mean(axis=1), one.value[:n].reshape(-1, width).mean(axis=1))
+
+
+def _height(pressure_Pa: Array) -> Array:
+    return np.asarray(height_at(pressure_Pa))
+
+
+def _static(known: Mapping[Quantity, Channel]) -> Channel | None:
+    """Measured; by the height; or by the climb that GPS shows, from sea level."""
+    if (pressure := known.get(Q.STATIC_PRESSURE)) is not None:
+        return pressure
+    if (height := known.get(Q.HEIGHT)) is not None:
+        return Channel(height.t_s, np.asarray(pressure_at(height.value)))
+    if (down := known.get(Q.VELOCITY_DOWN)) is not None:
+        step = np.diff(down.t_s) * (down.value[1:] + down.value[:-1]) / 2
+        height_m = -np.concatenate([[0.0], np.cumsum(step)])
+        return Channel(down.t_s, np.asarray(pressure_at(height_m)))
+    return None
+
+
+def _density(t_s: Array, pressure: Channel, temperature: Channel | None) -> Array:
+    pressure_Pa = np.interp(t_s, *pressure)
+    if temperature is None:
+        return np.asarray(density(pressure_Pa, temperature_at(float(np.median(_height(pressure.value))))))
+    return np.asarray(density(pressure_Pa, np.interp(t_s, *temperature)))
+
+
+def _dynamic_pressure(known: Mapping[Quantity, Channel], pressure: Channel | None) -> Channel | None:
+    if (q := known.get(Q.DYNAMIC_PRESSURE)) is not None:
+        return q
+    if (indicated := known.get(Q.INDICATED_AIRSPEED)) is not None:
+        return Channel(indicated.t_s, pressure_of_indicated_airspeed(indicated.value))
+    true = known.get(Q.TRUE_AIRSPEED)
+    if true is None or pressure is None:
+        return None
+    rho = _density(true.t_s, pressure, known.get(Q.AIR_TEMPERATURE))
+    return Channel(true.t_s, np.sign(true.value) * rho * true.value**2 / 2)
+
+
+def _by_course(speed: Channel, course: Channel) -> Fields:
+    turned = np.interp(speed.t_s, course.t_s, np.unwrap(course.value))
+    return {
+        "velocity_north_mps": Channel(speed.t_s, speed.value * np.cos(turned)),
+        "velocity_east_mps": Channel(speed.t_s, speed.value * np.sin(turned)),
+    }
+
+
+def _battery(known: Mapping[Quantity, Channel]) -> Fields:
+    """Voltage and current; of a power alone, the current at the voltage, or at one volt."""
+    power, voltage, current = (known.get(one) for one in (Q.POWER, Q.VOLTAGE, Q.CURRENT))
+    if power is not None:
+        volt = np.ones(len(power.t_s)) if voltage is None else np.interp(power.t_s, *voltage)
+        return {"voltage_V": Channel(power.t_s, volt), "current_A": Channel(power.t_s, power.value / volt)}
+    return {"voltage_V": voltage, "current_A": current} if voltage is not None and current is not None else {}
+
+
+def _entries(topic: str, fields: Fields, start_s: float) -> Entries:
+    """At the times of the first field; the others interpolated."""
+    first = next(iter(fields.values()))
+    entries = Entries(TYPE_OF_TOPIC[topic])
+    n = len(first.t_s)
+    entries.time_ns = array("Q", np.round((first.t_s - start_s) * 1e9).astype(np.uint64).tolist())
+    entries.tick = array("L", range(n))
+    entries.status = array("B", [STATUS_CODE[Status.OK]]) * n
+    for name, column in entries.columns.items():
+        one = fields.get(name)
+        column.extend([None] * n if one is None else np.interp(first.t_s, *one).tolist())
+    return entries
+
+
+def _zeros() -> bytes:
+    """What a table shows is corrected for the zero of its sensors."""
+    still = {"mean": 0.0, "standard_deviation": 0.0, "samples": 1}
+    readings = {f"/probe/{name}": {"differential_pressure_Pa": still} for name in ("alpha", "beta", "airspeed")}
+    return json.dumps({"format": "flightpower-zero-1", "readings": readings}).encode()
+
+
+def _vane_as_probe() -> bytes:
+    """A calibration for pressures that are ALPHA_PORT_SLOPE times angle times dynamic pressure."""
+
+    def linear(powers: list[tuple[int, int]], coefficient: float) -> dict[str, object]:
+        return {"powers": powers, "coefficients": [coefficient], "residual_rms": 0.0, "order": 1}
+
+    maps = {
+        "alpha_rad": linear([(1, 0)], 1 / ALPHA_PORT_SLOPE),
+        "beta_rad": linear([(0, 1)], 1 / ALPHA_PORT_SLOPE),
+        "q_ratio": linear([(0, 0)], 1.0),
+    }
+    hull = [(-3, -3), (3, -3), (3, 3), (-3, 3)]
+    head = {"format": "flightpower-probe-2", "source": "vane", "points": 1, "alpha_scale_sigma": 0.0, "hull": hull}
+    return json.dumps(head | maps).encode()

@@ -1,0 +1,140 @@
+"""Reads a ground station's recording of ArduPilot's telemetry (.tlog) as if its messages were those of a dataflash log.
+
+Each message is the time of reception in microseconds since 1970, 8 bytes, big-endian, and a MAVLink frame of version 1
+or 2. pymavlink decodes the frames; those of other senders than the autopilot, and damaged ones, are passed over.
+"""
+
+from collections import defaultdict
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from analysis.sources.recognize import is_telemetry
+from flight.units import GRAVITY_MPS2 as g
+
+USED = ("VFR_HUD", "SCALED_PRESSURE", "BATTERY_STATUS", "SYS_STATUS", "RAW_IMU", "GPS_RAW_INT", "GLOBAL_POSITION_INT",
+        "RPM", "PARAM_VALUE", "HEARTBEAT")  # fmt: skip
+USED_IDS = frozenset(number for number, kind in mavlink.mavlink_map.items() if kind.msgname in USED)
+# As dataflash logs name the firmware, of MAV_TYPE.
+FIRMWARE = {
+    mavlink.MAV_TYPE_QUADROTOR: b"ArduCopter",
+    mavlink.MAV_TYPE_COAXIAL: b"ArduCopter",
+    mavlink.MAV_TYPE_HELICOPTER: b"ArduCopter",
+    mavlink.MAV_TYPE_HEXAROTOR: b"ArduCopter",
+    mavlink.MAV_TYPE_OCTOROTOR: b"ArduCopter",
+    mavlink.MAV_TYPE_TRICOPTER: b"ArduCopter",
+    mavlink.MAV_TYPE_DODECAROTOR: b"ArduCopter",
+    mavlink.MAV_TYPE_DECAROTOR: b"ArduCopter",
+    mavlink.MAV_TYPE_GROUND_ROVER: b"ArduRover",
+    mavlink.MAV_TYPE_SURFACE_BOAT: b"ArduRover",
+    mavlink.MAV_TYPE_SUBMARINE: b"ArduSub",
+}
+
+Columns = dict[str, NDArray[Any]]
+
+
+class TelemetryLog:
+    """The messages of a recording under the names, and in the units, of a dataflash log."""
+
+    notes = ("The log is a ground station's: its times are those of reception, and what the radio lost is missing.",)
+
+    def __init__(self, data: bytes):
+        rows: dict[str, list[list[Any]]] = defaultdict(list)
+        for time_us, message in _messages(data):
+            if message.get_type() == "BATTERY_STATUS":
+                cells = [x for x in message.voltages if x != 65535]  # UINT16_MAX: no such cell
+                rows["BAT"].append([time_us, message.id, 1e-3 * sum(cells), 0.01 * message.current_battery])
+            else:
+                rows[message.get_type()].append([time_us, *(getattr(message, name) for name in message.fieldnames)])
+        self._columns = _as_dataflash({name: _table(name, many) for name, many in rows.items()})
+
+    def form(self, name: str) -> None:
+        """How messages are packed: nothing, units are SI here."""
+
+    def columns(self, name: str) -> Columns:
+        """The fields of all messages of a name, (n,)."""
+        return self._columns.get(name, {})
+
+
+def _messages(data: bytes) -> Iterator[tuple[int, Any]]:
+    """Time of reception and message, of the autopilot alone."""
+    decoder = mavlink.MAVLink(None)
+    at, autopilot = 0, None
+    while at + 20 <= len(data):
+        if not is_telemetry(data[at : at + 9]):
+            at += 1
+            continue
+        start = at + 8
+        second = data[start] == mavlink.PROTOCOL_MARKER_V2
+        length = data[start + 1] + (12 + 13 * (data[start + 2] & mavlink.MAVLINK_IFLAG_SIGNED) if second else 8)
+        number = int.from_bytes(data[start + 7 : start + 10], "little") if second else data[start + 5]
+        sender = data[start + 5 if second else start + 3]
+        try:
+            wanted = number in USED_IDS and autopilot in (None, sender)
+            message = decoder.decode(bytearray(data[start : start + length])) if wanted else None
+        except Exception:  # altered bytes lead to errors of many kinds
+            at += 1
+            continue
+        if message is None:
+            at = start + length
+            continue
+        heartbeat = isinstance(message, mavlink.MAVLink_heartbeat_message)
+        if heartbeat and message.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA:
+            autopilot = sender
+        if autopilot == sender:
+            yield int.from_bytes(data[at:start], "big"), message
+        at = start + length
+
+
+def _table(name: str, rows: list[list[Any]]) -> Columns:
+    if name == "BAT":
+        fields = ["Inst", "Volt", "Curr"]
+    else:
+        fields = next(kind.fieldnames for kind in mavlink.mavlink_map.values() if kind.msgname == name)
+    columns = zip(*rows, strict=True)
+    return {field: np.array(values) for field, values in zip(["TimeUS", *fields], columns, strict=True)}
+
+
+def _as_dataflash(tables: dict[str, Columns]) -> dict[str, Columns]:
+    """By the names of dataflash logs. The airspeed that VFR_HUD shows is a sensor's where one shows pressure."""
+    out: dict[str, Columns] = {}
+    pressure, shown = tables.get("SCALED_PRESSURE"), tables.get("VFR_HUD")
+    if pressure is not None:
+        t = pressure["TimeUS"]
+        out["BARO"] = {"TimeUS": t, "Press": 100.0 * pressure["press_abs"], "Temp": 0.01 * pressure["temperature"]}
+        if shown is not None and np.any(pressure["press_diff"] != 0):
+            difference_Pa = np.interp(shown["TimeUS"], t, 100.0 * pressure["press_diff"])
+            celsius = 0.01 * np.interp(shown["TimeUS"], t, pressure["temperature_press_diff"])
+            airspeed = {"TimeUS": shown["TimeUS"], "Airspeed": shown["airspeed"], "DiffPress": difference_Pa}
+            out["ARSP"] = airspeed | {"Temp": celsius}
+    status = tables.get("SYS_STATUS")
+    if "BAT" in tables:
+        out["BAT"] = tables["BAT"]
+    elif status is not None:
+        volt, current = 1e-3 * status["voltage_battery"], 0.01 * status["current_battery"]
+        out["BAT"] = {"TimeUS": status["TimeUS"], "Volt": volt, "Curr": current}
+    if (imu := tables.get("RAW_IMU")) is not None:
+        force = {f"Acc{axis.upper()}": 1e-3 * g * imu[f"{axis}acc"] for axis in "xyz"}
+        out["IMU"] = {"TimeUS": imu["TimeUS"]} | force
+    if (gps := tables.get("GPS_RAW_INT")) is not None and (motion := tables.get("GLOBAL_POSITION_INT")) is not None:
+        out["GPS"] = {"TimeUS": gps["TimeUS"], "Status": gps["fix_type"], "Spd": 0.01 * gps["vel"],
+                      "GCrs": 0.01 * gps["cog"],
+                      "VZ": np.interp(gps["TimeUS"], motion["TimeUS"], 0.01 * motion["vz"])}  # fmt: skip
+    if (rpm := tables.get("RPM")) is not None:
+        out["RPM"] = {"TimeUS": rpm["TimeUS"], "rpm1": rpm["rpm1"]}
+    if (parameters := tables.get("PARAM_VALUE")) is not None:
+        out["PARM"] = {"Name": parameters["param_id"].astype("S16"), "Value": parameters["param_value"]}
+    if shown is not None:
+        out["CTUN"] = {"TimeUS": shown["TimeUS"], "ThO": shown["throttle"]}
+    if (beats := tables.get("HEARTBEAT")) is not None:
+        out["MODE"] = {"TimeUS": beats["TimeUS"], "ModeNum": beats["custom_mode"]}
+    kinds = tables.get("HEARTBEAT", {}).get("type", np.zeros(0))
+    out["MSG"] = {"Message": np.array([FIRMWARE[kind] for kind in np.unique(kinds).tolist() if kind in FIRMWARE])}
+    return {name: _as_numbers(columns) for name, columns in out.items()}
+
+
+def _as_numbers(columns: Columns) -> Columns:
+    return {name: x if x.dtype.kind == "S" else x.astype(np.float64) for name, x in columns.items()}

@@ -1,0 +1,70 @@
+"""Weight and center of gravity of scales: statics, and errors that contain the truth."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from analysis.calibrations.weight_and_balance import ScaleErrors, Support, weighed
+from analysis.cli.calibrate import app
+from flight.aircraft import load_aircraft, parse_aircraft
+
+ERRORS = ScaleErrors(reading_kg=0.005, gain=0.001, position_m=0.002)
+
+
+def test_moments_balance() -> None:
+    found = weighed([Support(0.1, (1.0,)), Support(0.5, (2.9, 3.1))], ERRORS)
+    assert (found.mass_kg, found.position_m) == pytest.approx((4.0, 0.4))
+
+
+def test_errors_are_those_of_repeated_weighings() -> None:
+    """300 weighings of one aircraft on three wheels: scatter over stated error."""
+    rng = np.random.default_rng(0)
+    x, mass = np.array([0.02, 0.38, 0.38]), np.array([0.5, 1.8, 1.8])
+    drawn = []
+    for _ in range(300):
+        readings = (mass + 0.005 * rng.standard_normal(3)) * (1 + 0.001 * rng.standard_normal())
+        at = x + 0.002 * rng.standard_normal(3)
+        supports = [Support(p, (m,)) for p, m in zip(at.tolist(), readings.tolist(), strict=True)]
+        found = weighed(supports, ERRORS)
+        drawn.append([(found.mass_kg - 4.1) / found.mass_error_kg,
+                      (found.position_m - x @ mass / 4.1) / found.position_error_m])  # fmt: skip
+    assert np.sqrt(np.mean(np.square(drawn), axis=0)) == pytest.approx([1.0, 1.0], abs=0.15)
+
+
+def test_the_sections_are_ones_that_an_aircraft_file_takes(tmp_path: Path) -> None:
+    output = tmp_path / "weight.toml"
+    arguments = ["weight-and-balance", "--scale", "2 cm: 500 502 g", "--scale", "0.38 m: 3.6 kg", "-o", str(output)]
+    outcome = CliRunner().invoke(app, arguments)
+    assert outcome.exit_code == 0 and "center of gravity 336.0 ± " in outcome.output, outcome.output
+    mass, uncertainty = output.read_text("utf-8").split("\n\n")
+    weight = next(line for line in mass.splitlines() if line.startswith("weight"))
+    lines = load_aircraft("nexstar").text.splitlines()
+    text = "\n".join(weight if line.startswith("weight ") else line for line in lines)
+    aircraft = parse_aircraft(f"{text}\n{uncertainty}", "mine.toml")
+    assert aircraft.mass_kg == pytest.approx(4.101)
+    assert 0.001 < aircraft.uncertainty.weight_fraction < 0.003
+
+
+def test_readings_that_contradict_each_other_are_not_written(tmp_path: Path) -> None:
+    output = tmp_path / "weight.toml"
+    outcome = CliRunner().invoke(app, ["weight-and-balance", "--scale", "4.1 4.2 kg", "-o", str(output)])
+    assert outcome.exit_code == 1 and "support 1 differ by 100 g" in outcome.output and not output.exists()
+
+
+def test_a_scale_worse_than_two_per_cent_is_said_to_be() -> None:
+    supports = [Support(0.1, (2.0,)), Support(0.5, (2.0,))]
+    good, bad = (weighed(supports, ScaleErrors(0.0, gain, 0.002)) for gain in (0.018, 0.031))
+    assert not good.unsupported and "of the weight is 3.1 %, more than 2 %" in bad.unsupported
+
+
+def test_repeated_readings_average_and_their_scatter_counts_where_it_is_larger() -> None:
+    """Four readings halve the error of one, be it the stated one or that of their scatter."""
+    exactly = ScaleErrors(reading_kg=0.005, gain=0.0, position_m=0.0)
+    four = weighed([Support(0.1, (2.0,) * 4), Support(0.5, (2.0,) * 4)], exactly)
+    assert four.mass_error_kg == pytest.approx(0.005 / 2 * np.sqrt(2))
+    # Each moves the center of gravity, 0.2 m from either support, by its error over the mass.
+    assert four.position_error_m == pytest.approx(0.2 / 4.0 * 0.0025 * np.sqrt(2))
+    scattered = weighed([Support(0.1, (1.98, 2.02, 1.98, 2.02))], exactly)
+    assert scattered.mass_error_kg == pytest.approx(np.std([1.98, 2.02] * 2, ddof=1) / 2)

@@ -1,0 +1,42 @@
+"""A stand-in for the analysis of a log, which takes no time. Other processes import it, and nothing else with it."""
+
+import os
+import signal
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from analysis.flights.campaign.processes import below
+from flight.errors import InputError
+
+
+@dataclass(frozen=True)
+class Stub:
+    """Writes the log's words into results.json; each word may do something. calls: where each call leaves a line."""
+
+    calls: Path
+    aircraft: Path | None = None
+
+    def __call__(self, log: Path, folder: Path, runs: Path | None, progress) -> None:
+        with self.calls.open("a") as stream:
+            stream.write(f"{log.name}\n")
+        words = log.read_text().split()
+        progress("reading")
+        (folder / "path.csv").write_text("written first")
+        if "wrong" in words:
+            raise InputError(f"{log}: wrong words")
+        if "broken" in words:
+            raise ZeroDivisionError("two\nlines")
+        if "killed" in words:
+            os.kill(os.getpid(), signal.SIGKILL)
+        if "large" in words:
+            bytearray(2**34)
+        if "slow" in words:
+            time.sleep(60)
+        given = runs.read_text() if runs else ""
+        aircraft = self.aircraft.read_text() if self.aircraft else ""
+        (folder / "results.json").write_text(f"{log} {words} {given} {aircraft}")
+        (folder / "runs.toml").write_text(given or "found")
+
+    def under(self, root: Path) -> "Stub":
+        return Stub(self.calls, self.aircraft and below(root, self.aircraft))

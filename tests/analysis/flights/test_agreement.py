@@ -1,0 +1,236 @@
+"""Whether flights agree: the test of homogeneity, outliers with their likely reason."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.linalg import block_diag
+from scipy.stats import norm
+from synthetic_flights import flight, truth
+
+from analysis.curve import Condition, speed_at
+from analysis.estimation.noise import NORMAL_95
+from analysis.flights.agreement import (
+    INSTALLATION_PART,
+    POLAR_PART,
+    ErrorParts,
+    differences_in_pool,
+    homogeneity,
+    least_squares,
+    likely_cause,
+    quadratic_form,
+    trends,
+)
+from analysis.flights.evidence import cause_text
+from analysis.flights.flight_statistics import POOLED, M
+from analysis.flights.pool import Pool, _thrust_known, pool_results
+from analysis.records.flight import EvidenceKind, Trust
+from analysis.records.pool import Agreement, TrendQuantity
+
+
+def test_homogeneity_is_calibrated_on_flights_drawn_from_the_model() -> None:
+    p, of_installation, of_flights = [], [], []
+    for seed in range(80):
+        rng = np.random.default_rng(seed)
+        x = truth(rng)
+        pooled = pool_results([flight(x, rng, f"{i}", noise) for i, noise in enumerate((0.5, 1.0, 1.0, 3.0))])
+        assert pooled.homogeneity is not None
+        assert pooled.installation_homogeneity is not None
+        p.append(pooled.homogeneity.p)
+        of_installation.append(pooled.installation_homogeneity.p)
+        of_flights += [difference.p for difference in pooled.differences]
+    for values in (p, of_installation, of_flights):
+        assert np.mean(np.array(values) < 0.05) == pytest.approx(0.05, abs=0.05)
+        assert np.mean(values) == pytest.approx(0.5, abs=0.07)
+
+
+def test_differences_from_the_pool_have_the_covariance_stated() -> None:
+    """The flights alone and the pool share the error of the prior, the flights in the pool their own errors too."""
+    ratios = []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        x = truth(rng)
+        pooled = pool_results([flight(x, rng, f"{i}") for i in range(3)])
+        for difference in differences_in_pool(pooled.stack, pooled.estimate):
+            ratios += difference.standardized.tolist()
+    assert np.mean(np.abs(ratios) < NORMAL_95) == pytest.approx(0.95, abs=0.03)
+
+
+def test_errors_common_to_all_flights_do_not_widen_the_differences_between_them() -> None:
+    rng = np.random.default_rng(3)
+    x = truth(rng)
+    pooled = pool_results([flight(x, rng, f"{i}", 0.01) for i in range(8)])
+    polar = [d.standardized[:3] for d in pooled.differences]
+    assert np.sqrt(np.mean(np.square(polar))) == pytest.approx(1, abs=0.4)
+
+
+def spoiled(name: str, change: float) -> Pool:
+    """The pool of six calm flights, of which the third flew with another value of a parameter."""
+    rng = np.random.default_rng(1)
+    x = truth(rng)
+    other = x.copy()
+    other[POOLED.index(name)] += change
+    return pool_results([flight(other if i == 2 else x, rng, f"{i}", 0.1) for i in range(6)])
+
+
+def test_an_outlier_is_named_and_the_scatter_between_flights_exceeds_what_is_expected() -> None:
+    found = spoiled("A0", 0.002)
+    assert [outlier.log for outlier in found.results().outliers] == ["2.mcap"]
+    assert likely_cause(found.outliers[2]) is None
+    assert found.homogeneity is not None and found.homogeneity.p < 1e-3
+    assert found.results().between_flights[-1].excess_percent > 1
+    differing = [one.log for one in found.evidence if one.kind is EvidenceKind.FLIGHTS_DIFFER]
+    assert differing == ["", "2.mcap"] and found.agreement is Agreement.NOT_THE_CURVES
+
+
+def test_a_probe_that_was_moved_in_one_flight_is_named() -> None:
+    found = spoiled("alpha_bias", 0.02)
+    cause = likely_cause(found.outliers[2])
+    assert cause is not None and cause.parameter == "alpha_bias" and cause.difference > 0.015
+    assert "offset of angle of attack differs by +1." in cause_text(cause)
+    assert found.installation_homogeneity is not None and found.installation_homogeneity.p < 1e-3
+    assert found.homogeneity is not None and found.homogeneity.p > 1e-3
+    assert {(one.kind, one.log) for one in found.evidence} == {
+        (EvidenceKind.INSTALLATIONS_DIFFER, ""), (EvidenceKind.INSTALLATIONS_DIFFER, "2.mcap")
+    }  # fmt: skip
+    assert found.agreement is Agreement.NOT_THE_INSTALLATION
+
+
+def test_flights_that_agree_have_no_outlier() -> None:
+    found = spoiled("A0", 0.0)
+    assert not found.outliers
+    assert not found.notes
+    assert found.homogeneity is not None and not found.homogeneity.differs
+
+
+def test_what_is_said_of_a_pool_has_the_level_of_its_verdict() -> None:
+    """Of 80 pools that differ by chance some have p below 5 %: nothing beside "trusted" says that flights differ.
+
+    Two tests and the outliers, each at 0.3 %, make one of 80 doubtful at most.
+    """
+    unlikely = doubtful = 0
+    for seed in range(80):
+        rng = np.random.default_rng(seed)
+        x = truth(rng)
+        found = pool_results([flight(x, rng, f"{i}", noise) for i, noise in enumerate((0.5, 1.0, 1.0, 3.0, 1.0, 1.0))])
+        said = found.results()
+        doubtful += said.trust is Trust.DOUBTFUL
+        if said.trust is Trust.TRUSTED:
+            assert (said.agreement, said.outliers) == (Agreement.YES, [])
+            assert found.homogeneity is not None and found.installation_homogeneity is not None
+            unlikely += min(found.homogeneity.p, found.installation_homogeneity.p) < 0.05
+    assert unlikely > 3 and doubtful <= 1
+
+
+def test_at_most_half_of_the_flights_are_named() -> None:
+    """Five flights of five different aircraft: which ones are wrong is not known."""
+    rng = np.random.default_rng(1)
+    x = truth(rng)
+    others = [x.copy() for _ in range(5)]
+    for i, other in enumerate(others):
+        other[POOLED.index("A0")] += 0.004 * 2**i
+    found = pool_results([flight(other, rng, f"{i}", 0.1) for i, other in enumerate(others)])
+    assert len(found.outliers) == 2
+
+
+def test_a_quadratic_form_is_that_of_the_inverse() -> None:
+    C = np.array([[4e-6, 1e-4], [1e-4, 0.04]])
+    d = np.array([1e-3, 0.3])
+    assert quadratic_form(d, C) == pytest.approx(d @ np.linalg.inv(C) @ d)
+
+
+def test_the_likely_cause_is_the_installation_s_largest_difference_in_its_unit() -> None:
+    """Beyond two and a half standard deviations; that of the polar itself is no cause."""
+    value, standardized = np.zeros(len(POOLED)), np.zeros(len(POOLED))
+    i = POOLED.index("thrust_scale")
+    value[i], standardized[i], standardized[0] = 0.05, 2.6, 9.0
+    cause = likely_cause(SimpleNamespace(value=value, standardized=standardized))  # type: ignore[arg-type]
+    assert cause == ("thrust_scale", 0.05, 2.6)
+    assert "scale of thrust differs by +5 %, 2.6 standard deviations" in cause_text(cause)
+    standardized[i] = 2.4
+    assert likely_cause(SimpleNamespace(value=value, standardized=standardized)) is None  # type: ignore[arg-type]
+
+
+def own_errors(variance: float, flights: int) -> ErrorParts:
+    return ErrorParts(np.full((flights, 1, 1), variance), np.zeros((flights, 1, 0)))
+
+
+@pytest.mark.parametrize("part", [POLAR_PART, INSTALLATION_PART])
+def test_homogeneity_is_that_of_the_covariance_of_all_flights_together(part: slice) -> None:
+    """To 1e-8 at 200 flights, with errors that all share, an installation without a name and unlike flights."""
+    rng = np.random.default_rng(5)
+    x = truth(rng)
+    pooled = pool_results([flight(x, rng, f"{i}", 0.3 + 0.01 * i) for i in range(200)])
+    stack = pooled.stack
+    values = stack.values[:, part]
+    n, k = values.shape
+    a = stack.prior_part[:, part].reshape(n * k, M)
+    covariance = a @ pooled.prior.covariance @ a.T + block_diag(*stack.own_covariance[:, part, part])
+    for change in stack.changes.values():
+        covariance += np.outer(change[:, part], change[:, part])
+    scale = np.sqrt(np.diag(covariance))
+    factor = np.linalg.cholesky(covariance / np.outer(scale, scale))
+    z, X = (np.linalg.solve(factor, (one.T / scale).T) for one in (values.ravel(), np.tile(np.eye(k), (n, 1))))
+    residual = z - X @ np.linalg.lstsq(X, z, rcond=None)[0]
+    assert stack.changes
+    assert homogeneity(stack, pooled.prior, part).chi_square == pytest.approx(residual @ residual, rel=1e-8)
+
+
+def test_a_flight_that_adds_nothing_to_the_prior_agrees_with_all() -> None:
+    errors = ErrorParts(np.array([[[1.0]], [[1.0]], [[0.0]]]), np.array([[[3.0]], [[3.0]], [[3.0]]]))
+    fit = least_squares(np.array([[1.0], [-1.0], [0.0]]), np.ones((3, 1, 1)), errors)
+    assert fit.chi_square == pytest.approx(2.0)
+    assert fit.values == pytest.approx(0.0, abs=1e-6) and np.sqrt(fit.covariance[0, 0]) == pytest.approx(3.0)
+
+
+def test_a_trend_is_the_slope_of_generalized_least_squares() -> None:
+    """0.5 % a day; of flights known equally well the slope's error is that of one over the root of sum (x - mean)^2."""
+    days = np.array([0.0, 1.0, 2.0, 5.0])
+    flights = [
+        SimpleNamespace(
+            content=SimpleNamespace(
+                pooling=SimpleNamespace(start_unix_s=86400.0 * day, battery_V=14.0), air_temperature_K=T
+            )
+        )
+        for day, T in zip(days, (280.0, None, 290.0, 295.0), strict=True)
+    ]
+    (found,) = trends(flights, 3.0 + 0.5 * days, own_errors(0.04, 4))  # type: ignore[arg-type]
+    assert (found.quantity, found.lowest, found.highest, found.flights) == (TrendQuantity.DATE, 0.0, 5.0, 4)
+    assert found.change_percent == pytest.approx(5 * 0.5)
+    assert found.standard_error_percent == pytest.approx(5 * 0.2 / np.sqrt(np.sum((days - 2.0) ** 2)))
+    assert found.p == pytest.approx(2 * norm.sf(2.5 / found.standard_error_percent))
+
+
+def test_a_trend_is_told_over_the_range_flown_alone() -> None:
+    """Flights within 0.1 K say nothing of a kelvin: the change is that of 0.1 K, as uncertain as the flights."""
+    flights = [
+        SimpleNamespace(
+            content=SimpleNamespace(
+                pooling=SimpleNamespace(start_unix_s=None, battery_V=None), air_temperature_K=288.0 + 0.1 * i / 4
+            )
+        )
+        for i in range(5)
+    ]
+    (found,) = trends(flights, np.array([0.3, -0.2, 0.1, 0.4, -0.1]), own_errors(0.09, 5))  # type: ignore[arg-type]
+    assert found.highest - found.lowest == pytest.approx(0.1)
+    assert abs(found.change_percent) < 0.5 and found.standard_error_percent < 0.5
+
+
+def test_thrust_is_known_where_a_flight_that_was_there_had_it_within_the_table() -> None:
+    """At its own lift coefficients, whatever its weight; a flight without a curve covers all that it flew."""
+    at = Condition(weight_N=37.0, rho=1.2, wing_area_m2=0.46)
+    CL = np.array([0.25, 0.35, 0.55, 0.75, 0.95])
+
+    def one(CLs: list[float], extrapolated: list[bool]) -> SimpleNamespace:
+        points = [
+            SimpleNamespace(speed_mps=float(speed_at(c, at)), extrapolated=e)
+            for c, e in zip(CLs, extrapolated, strict=True)
+        ]
+        return SimpleNamespace(content=SimpleNamespace(power_required=points), flown_CL=(0.3, 0.8), condition=at)
+
+    flights = [one([0.35, 0.55, 0.75], [True, False, False])]
+    pool = SimpleNamespace(flights=flights)
+    assert _thrust_known(pool, CL) == [False, False, True, True, False]  # type: ignore[arg-type]
+    flights.append(SimpleNamespace(content=SimpleNamespace(power_required=[]), flown_CL=(0.3, 0.4), condition=at))
+    assert _thrust_known(pool, CL) == [False, True, True, True, False]  # type: ignore[arg-type]
+    assert _thrust_known(pool, np.array([0.3, 0.8])) == [True, True]  # type: ignore[arg-type]

@@ -1,0 +1,100 @@
+"""Curves of airframes, and of the fleet that they are drawn from."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fleet_flights import POLAR, flights_of
+
+from analysis.estimation.noise import NORMAL_95
+from analysis.flights.airframes import airframes, fleet_curve, random_effects
+from analysis.flights.dataset import Dataset
+from analysis.flights.fleet_summary import fleet_results
+from analysis.pages.fleet_page import doubts, render_fleet
+from analysis.records.fleet import Contradiction, What
+from analysis.records.flight import Trust
+
+
+def test_the_scatter_among_airframes_is_told_from_the_errors_of_each() -> None:
+    """Of 400 draws whose own errors are as large as the scatter."""
+    rng = np.random.default_rng(4)
+    among = np.array([[1.0, 0.5], [0.5, 2.0]])
+    own = np.stack([np.diag(rng.uniform(0.5, 2.0, 2)) for _ in range(400)])
+    values = rng.multivariate_normal([3.0, 5.0], among, 400) + np.stack(
+        [rng.multivariate_normal([0, 0], C) for C in own]
+    )
+    assert random_effects(values, own) == pytest.approx(among, abs=0.4)
+
+
+def test_airframes_that_do_not_differ_have_next_to_no_scatter() -> None:
+    rng = np.random.default_rng(5)
+    values = rng.standard_normal((100, 2))
+    assert np.diag(random_effects(values, np.tile(np.eye(2), (100, 1, 1)))) == pytest.approx(0.0, abs=0.25)
+
+
+def fleet_of(tmp_path: Path, count: int, **options: object) -> Dataset:
+    """Drag of the airframes differs by 4 % (standard deviation)."""
+    dataset = Dataset(str(tmp_path / "fleet"))
+    rng = np.random.default_rng(7)
+    for i in range(count):
+        polar = POLAR * (1 + 0.04 * rng.standard_normal())
+        dataset.add(flights_of(f"airframe-{i}", 100 + i, 8, polar=polar, **options))  # type: ignore[arg-type]
+    return dataset
+
+
+def test_another_airframe_s_power_is_as_uncertain_as_airframes_differ(tmp_path: Path) -> None:
+    fleet = airframes(fleet_of(tmp_path, 12, noise=0.3), 1.0, [])
+    curve = fleet_curve(fleet)
+    gradient = np.array([1.0, 0.6, 0.36])
+    drag, true = gradient @ curve.mean.A, gradient @ POLAR
+    mean_error, another_error = (
+        np.sqrt(gradient @ C @ gradient) / true for C in (curve.mean.covariance, curve.of_another.covariance)
+    )
+    assert abs(drag / true - 1) < NORMAL_95 * mean_error
+    assert 0.02 < another_error < 0.08 and mean_error < 0.6 * another_error
+
+
+def test_a_changed_airframe_is_pooled_since_its_change_and_told_on_the_page(tmp_path: Path) -> None:
+    dataset = fleet_of(tmp_path, 3, noise=0.3)
+    dataset.add(flights_of("worn", 9, 30, thrust=-0.06 * (np.arange(30) >= 20), noise=0.3))
+    results = fleet_results(airframes(dataset, 1.0, []), [])
+    worn = next(one for one in results.airframes if one.name == "worn")
+    (change,) = worn.changes
+    assert change.what is What.PROPULSION and change.since_log == "worn-020.mcap"
+    assert (worn.flights, worn.pooled_flights) == (30, 10)
+    assert change.thrust_percent == pytest.approx(-6, abs=1.5)
+    assert worn.trust is Trust.TRUSTED
+    page = render_fleet(results)
+    assert change.text in page and "10 February 2026" in change.text
+
+
+def test_flights_that_differ_make_the_curve_of_their_airframe_doubtful(tmp_path: Path) -> None:
+    """One of six with a fifth less drag: no change of the airframe, and told."""
+    dataset = Dataset(str(tmp_path / "fleet"))
+    dataset.add(flights_of("one", 3, 6, drag=-0.2 * (np.arange(6) == 2), noise=0.3))
+    dataset.add(flights_of("two", 4, 6, noise=0.3))
+    results = fleet_results(airframes(dataset, 1.0, []), [])
+    one, two = results.airframes
+    assert one.trust is not Trust.TRUSTED and two.trust is Trust.TRUSTED
+    assert any("one-002" in text for text in doubts(results))
+
+
+@pytest.mark.parametrize(
+    ("installations", "spans", "told"),
+    [
+        ("aabb", (2, 2, 2, 2), []),
+        ("abab", (2, 2, 2, 2), [(Contradiction.INSTALLATION, "one-002.mcap", "one-000.mcap")]),
+        ("aaaa", (2, 2, 3, 2), [(Contradiction.SIZE, "one-002.mcap", "one-000.mcap")]),
+    ],
+)
+def test_flights_of_one_name_that_cannot_be_of_one_airframe_are_told(
+    tmp_path: Path, installations, spans, told
+) -> None:
+    dataset = Dataset(str(tmp_path / "fleet"))
+    flights = flights_of("one", 3, 4, noise=0.3)
+    for one, installation, span_m in zip(flights, installations, spans, strict=True):
+        one["pooling"]["installation"], one["aircraft"]["span_m"] = installation, float(span_m)
+    dataset.add(flights)
+    results = fleet_results(airframes(dataset, 1.0, []), [])
+    assert [(one.kind, one.log, one.earlier_log) for one in results.contradictions] == told
+    assert len(doubts(results)) >= len(told)

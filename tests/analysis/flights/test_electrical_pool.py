@@ -1,0 +1,215 @@
+"""Pools of electrical curves: own errors average out, shared ones stay, and cancel between pools of one aircraft."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from analysis.cli.compare import app as compare_command
+from analysis.cli.several_logs import _pool
+from analysis.estimation.noise import NORMAL_95
+from analysis.flights.campaign.campaign import Campaign
+from analysis.flights.electrical import compare_electrical, electrical_pool, pooled_results
+from analysis.flights.evidence import NOT_ONE_VEHICLE
+from analysis.pages.pooled_page import render_electrical_flights
+from analysis.records.flight import ElectricalFlight, EvidenceKind, Trust
+from analysis.records.pool import ELECTRICAL_FORMAT
+from flight.command_line import ExitCode
+from flight.errors import InputError
+
+V = np.linspace(12.0, 20.0, 13)
+IDLE_W, OWN, SHARED = 4.0, 0.03, 0.02
+WEIGHT_N, RHO = 38.0, 1.2
+SPEED = {"speed_mps": None, "lo_mps": None, "hi_mps": None, "inside_flown_range": False}
+
+
+def power_of(V: np.ndarray, weight_N: float = WEIGHT_N, rho: float = RHO, drag: float = 1.0) -> np.ndarray:
+    """Of a parabolic polar at an efficiency that falls with C_L, and so with the propeller's argument."""
+    CL = weight_N / (rho / 2 * V**2 * 0.46)
+    return IDLE_W + rho / 2 * V**3 * 0.46 * drag * (0.04 + 0.05 * CL**2) / (0.6 - 0.1 * CL)
+
+
+def flight(log: str = "a", error: np.ndarray | float = 0.0, **of) -> ElectricalFlight:
+    """Own errors: a share OWN of power, correlated over 3 m/s; shared: a share of power at all speeds."""
+    name, drag = of.pop("name", "A"), of.pop("drag", 1.0)
+    weight_N, rho, speeds = of.pop("weight_N", WEIGHT_N), of.pop("rho", RHO), of.pop("speeds", V)
+    truth = power_of(speeds, weight_N, rho, drag)
+    power = truth * (1 + error)
+    own = OWN**2 * np.outer(truth, truth) * np.exp(-(((speeds[:, None] - speeds) / 3.0) ** 2))
+    pooling = {
+        "speed_mps": speeds.tolist(), "power_W": power.tolist(), "own_covariance": own.tolist(),
+        "shared": {"current": (SHARED * truth).tolist()},
+    }  # fmt: skip
+    content = {
+        "log": log, "software_version": "0", "evidence": [],
+        "aircraft": {"name": name, "title": name, "wing_area_m2": 0.46, "span_m": 1.75, "propeller": ""},
+        "vehicle": of.pop("vehicle", ""), "test": {"weight_N": weight_N, "air_density_kgpm3": rho},
+        "electrical_power": [
+            {"speed_mps": v, "power_W": p, "power_lo_W": 0.9 * p, "power_hi_W": 1.1 * p}
+            for v, p in zip(speeds.tolist(), power.tolist(), strict=True)
+        ],
+        "electrical": {
+            "least_power_speed": SPEED, "best_range_speed": SPEED, "endurance_s": None, "range_m": None,
+            "interval_parts": [], "residual_W": 1.0, "idle_power_W": IDLE_W, "airspeed_scale": None, "wind_mps": None,
+            "wind_from_deg": None, "flown_s": 300.0, "withheld": [], "pooling": pooling,
+        },
+    }  # fmt: skip
+    return msgspec.convert(content, ElectricalFlight)
+
+
+def drawn(rng: np.random.Generator, count: int, common: float | None = None, **of) -> list[ElectricalFlight]:
+    """Flights of one aircraft, whose shared error is drawn once."""
+    shape = np.exp(-(((V[:, None] - V) / 3.0) ** 2))
+    shared = SHARED * rng.standard_normal() if common is None else common
+    errors = rng.multivariate_normal(np.zeros(len(V)), OWN**2 * shape, count, method="eigh") + shared
+    return [flight(f"{i}", error, **of) for i, error in enumerate(errors)]
+
+
+def half_shares(flights: Sequence[ElectricalFlight]) -> np.ndarray:
+    pool = electrical_pool(flights)
+    return np.sqrt(np.diag(pool.covariance)) / pool.power_W
+
+
+def test_one_flight_is_its_own_pool() -> None:
+    pool = electrical_pool([flight(error=0.1)])
+    assert pool.power_W == pytest.approx(1.1 * power_of(pool.V_mps), rel=1e-4)
+    assert half_shares([flight()]) == pytest.approx(np.hypot(OWN, SHARED), rel=1e-3)
+    found = pooled_results(pool)
+    assert found.homogeneity is None and found.flights[0].p is None and not found.flights[0].outlier
+
+
+def test_own_errors_fall_with_the_number_of_flights_and_shared_ones_stay() -> None:
+    flights = [flight(str(i), 1e-6 * i) for i in range(9)]
+    assert half_shares(flights) == pytest.approx(np.hypot(OWN / 3, SHARED), rel=1e-3)
+
+
+@pytest.mark.parametrize("count", [1, 3, 10])
+def test_pools_contain_the_truth_as_often_as_they_say(count: int) -> None:
+    rng, inside = np.random.default_rng(count), []
+    for _ in range(300):
+        pool = electrical_pool(drawn(rng, count))
+        half = NORMAL_95 * np.sqrt(np.diag(pool.covariance))
+        inside.append(np.abs(pool.power_W - power_of(pool.V_mps)) < half)
+    assert 0.92 < np.mean(inside) < 0.98
+
+
+def test_curves_meet_at_one_weight_and_density() -> None:
+    """A heavy flight in thin air and a light one in dense air are the same curve at their mean."""
+    slow, fast = V * np.sqrt(0.9 * RHO / 1.25), V * np.sqrt(1.1 * RHO / 1.15)
+    flights = [flight("a", weight_N=0.9 * WEIGHT_N, rho=1.25, speeds=slow),
+               flight("b", weight_N=1.1 * WEIGHT_N, rho=1.15, speeds=fast)]  # fmt: skip
+    pool = electrical_pool(flights)
+    assert (pool.condition.weight_N, pool.condition.air_density_kgpm3) == pytest.approx((WEIGHT_N, 1.2))
+    assert pool.power_W == pytest.approx(power_of(pool.V_mps), rel=1e-4)
+
+
+def test_a_change_of_drag_is_seen_because_shared_errors_cancel() -> None:
+    """8 %, by five flights each; equal configurations are found different in about 5 % of comparisons."""
+    rng = np.random.default_rng(7)
+    seen, false, inside = [], [], []
+    for _ in range(100):
+        common = SHARED * rng.standard_normal()
+        a, b, c = (drawn(rng, 5, common, drag=drag) for drag in (1.0, 1.0, 1.08))
+        changed = compare_electrical(a, c, ("old", "new"))
+        seen.append(changed.differs)
+        false.append(compare_electrical(a, b).differs)
+        inside += [row.lo_percent < 100 * (power_of(row.speed_mps, drag=1.08) / power_of(row.speed_mps) - 1)
+                   < row.hi_percent for row in changed.differences]  # fmt: skip
+    assert np.mean(seen) > 0.9 and np.mean(false) < 0.1 and 0.91 < np.mean(inside) <= 1.0
+    assert changed.a.name == "old" and changed.same_installation
+    another = msgspec.structs.replace(flight().aircraft, title="B")
+    other = compare_electrical(a, [msgspec.structs.replace(one, aircraft=another) for one in c])
+    widths = [[row.hi_percent - row.lo_percent for row in found.differences] for found in (changed, other)]
+    assert not other.same_installation and (np.array(widths[1]) > 1.2 * np.array(widths[0])).all()
+    assert widths[1] == pytest.approx([2 * row.independent_half_width_percent for row in changed.differences])
+
+
+def test_a_flight_that_differs_is_an_outlier() -> None:
+    flights = [flight(str(i), 1e-6 * i) for i in range(4)] + [flight("wrong", 0.2)]
+    found = pooled_results(electrical_pool(flights), ["z: left out"], ["y: torn"])
+    assert [one.log for one in found.flights if one.outlier] == ["wrong"]
+    assert found.homogeneity is not None and found.homogeneity.p < 1e-3
+    assert found.trust is Trust.DOUBTFUL and [one.kind for one in found.evidence] == [EvidenceKind.FLIGHTS_DIFFER]
+    assert compare_electrical(flights, [flight("b")]).trust is Trust.DOUBTFUL
+    assert found.left_out == ["z: left out"] and found.failures == ["y: torn"]
+    pair = pooled_results(electrical_pool(flights[-2:]))
+    assert not any(one.outlier for one in pair.flights), "of two it is not known which"
+
+
+def test_the_commands_pool_and_compare_as_those_of_drag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`analyze LOG LOG` and `analyze compare`, from the flights' folders on."""
+    rng = np.random.default_rng(3)
+    folders = {name: [] for name in ("old", "new")}
+    for name, drag in (("old", 1.0), ("new", 1.3)):
+        for one in drawn(rng, 3, 0.0, drag=drag):
+            folder = tmp_path / name / one.log
+            folder.mkdir(parents=True)
+            (folder / "results.json").write_bytes(msgspec.json.encode(one))
+            folders[name].append(folder)
+        campaign = Campaign(folders=folders[name], failures=["x.ulg: torn"])
+        assert _pool(campaign, tmp_path / name, quiet=False) == ExitCode.DONE
+        assert "3 pooled, 0 left out, 1 refused" in capsys.readouterr().out
+        pooled = json.loads((tmp_path / name / "results.json").read_text("utf-8"))
+        assert pooled["format"] == ELECTRICAL_FORMAT and len(pooled["flights"]) == 3
+        assert (tmp_path / name / "report.html").stat().st_size > 1000
+    words = [str(tmp_path / "old"), str(tmp_path / "new"), "-o", str(tmp_path / "difference")]
+    assert CliRunner().invoke(compare_command, words).exit_code == ExitCode.DONE
+    found = json.loads((tmp_path / "difference" / "results.json").read_text("utf-8"))
+    assert found["differs"] and found["a"]["logs"] == ["0", "1", "2"]
+
+
+def test_what_is_not_pooled_is_said() -> None:
+    small = msgspec.structs.replace(flight().aircraft, span_m=1.0)
+    with pytest.raises(InputError, match="two aircraft"):
+        electrical_pool([flight("a"), msgspec.structs.replace(flight("b", 0.01), aircraft=small)])
+    with pytest.raises(InputError, match="same flight"):
+        electrical_pool([flight("a"), flight("b")])
+    with pytest.raises(InputError, match="earlier version"):
+        electrical_pool([msgspec.structs.replace(flight("a"), electrical=None)])
+    with pytest.raises(InputError, match="no speeds in common"):
+        compare_electrical([flight("a")], [flight("b", speeds=V + 20.0)])
+
+
+@pytest.mark.parametrize(
+    ("vehicles", "names", "told"),
+    [
+        (("", "", "1"), "AAA", []),
+        (("1", "1", ""), "AAA", []),
+        (("1", "2", "1"), "AAA", ["A: flights of 2 autopilots, 1 (0, 2); 2 (1)."]),
+        (
+            ("1", "1", "2"),
+            "ABB",
+            ["B: flights of 2 autopilots, 1 (1); 2 (2).", "Autopilot 1: flights of 2 names, A (0)"],
+        ),
+    ],
+)
+def test_flights_of_two_autopilots_are_told_and_pooled(vehicles, names: str, told: list[str]) -> None:
+    flights = [
+        flight(str(i), 1e-3 * i, vehicle=vehicle, name=name)
+        for i, (vehicle, name) in enumerate(zip(vehicles, names, strict=True))
+    ]
+    found = pooled_results(electrical_pool(flights))
+    assert len(found.notes) == len(told)
+    assert all(note.startswith(text) for note, text in zip(found.notes, told, strict=True))
+    assert [one.vehicle for one in found.flights] == list(vehicles) and found.trust is Trust.TRUSTED
+    page = render_electrical_flights(flights, [], found)
+    assert all(text in page for text in told) and "<th>autopilot</th>" in page
+
+
+@pytest.mark.parametrize(
+    ("of_a", "of_b", "one"), [("1", "1", True), ("", "1", True), ("1", "2", False), ("11", "12", False)]
+)
+def test_errors_cancel_between_flights_that_one_autopilot_logged(of_a: str, of_b: str, one: bool) -> None:
+    a, b = (
+        [flight(f"{side}{i}", 1e-3 * (i + at), vehicle=v) for i, v in enumerate(vehicles or [""])]
+        for at, (side, vehicles) in enumerate((("a", of_a), ("b", of_b)))
+    )
+    found = compare_electrical(a, b)
+    widths = [row.hi_percent - row.lo_percent for row in found.differences]
+    apart = [2 * row.independent_half_width_percent for row in found.differences]
+    assert found.same_installation is one and (NOT_ONE_VEHICLE in found.notes) is not one
+    assert (widths == pytest.approx(apart)) is not one

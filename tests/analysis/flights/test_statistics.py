@@ -1,0 +1,50 @@
+"""The statistics of a flight in results.json, and the name of its installation."""
+
+from pathlib import Path
+
+import pytest
+
+from analysis.air.contents import Replacements, contents
+from analysis.results.assemble import start_unix_s
+from flight.aircraft import parse_aircraft
+from flight.log_entries import NO_ENTRIES, LogEntry, entries_of
+from flight.log_reader import Log
+from flight.messages import Time
+from flight.propeller_files import load_propeller
+
+AIRCRAFT = 'name = "mine"\n[geometry]\nspan = "1.7 m"\nwing_area = "0.46 m^2"\n[mass]\nweight = "4 kg"\n'
+NAMED = '[installation]\nname = "boom, May"\n'
+
+
+@pytest.mark.parametrize(
+    ("aircraft", "tray", "name"),
+    [
+        (AIRCRAFT, "", ""),
+        (AIRCRAFT + NAMED, "", "boom, May"),
+        (AIRCRAFT, NAMED, "boom, May"),
+        (AIRCRAFT + NAMED, '[installation]\nname = "other"', "boom, May"),
+        (AIRCRAFT, "[installation]\nname = 3", ""),
+        (AIRCRAFT, "not TOML", ""),
+    ],
+)
+def test_the_installation_is_named_by_the_aircraft_file_or_else_by_the_tray_file(
+    aircraft: str, tray: str, name: str, probe
+) -> None:
+    log = Log(Path("flight.mcap"), attachments={"tray.toml": tray.encode()})
+    replacements = Replacements(parse_aircraft(aircraft, "mine.toml"), load_propeller("apc-12x8e"), probe)
+    assert contents(log, replacements).aircraft.installation.name == name
+
+
+def test_a_name_in_the_tray_file_leaves_what_else_the_aircraft_file_says_of_the_installation(probe) -> None:
+    log = Log(Path("flight.mcap"), attachments={"tray.toml": NAMED.encode()})
+    text = AIRCRAFT + '[installation]\naccelerometer_vibration = ["0.1 m/s^2", "0 m/s^2", "-0.2 m/s^2"]\n'
+    found = contents(log, Replacements(parse_aircraft(text, "mine.toml"), load_propeller("apc-12x8e"), probe))
+    assert found.aircraft.installation.name == "boom, May"
+    assert found.aircraft.installation.accelerometer_vibration_mps2 == (0.1, 0.0, -0.2)
+
+
+def test_the_start_of_a_flight_is_unknown_where_the_clock_was_not_set() -> None:
+    for time_s, start_s in ((1.7e9, 1.7e9), (86400.0, None)):
+        times = [LogEntry(int(time_s * 1e9), 0, Time()), LogEntry(2 * 10**18, 1, Time())]
+        entries = {"/rpm": NO_ENTRIES, "/time": entries_of(times)}
+        assert start_unix_s(Log(Path("flight.mcap"), entries)) == start_s

@@ -1,0 +1,400 @@
+"""Forces, the methods' table and the estimates on one flight in exact balance, with one error at a time."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from constructed import AIRCRAFT, BLOCK, PROPELLER, STEP_S, W, accelerations_and_decelerations, measured, polar
+
+from analysis.curve import Condition, Polar, power_required
+from analysis.methods import consider as covariance
+from analysis.methods.causes import CAUSES, error_prior_sigma, estimate_errors
+from analysis.methods.consider import DENSITY
+from analysis.methods.dynamic import estimate_polar
+from analysis.methods.forces import FlightForces
+from analysis.methods.method import MethodInputs, estimate_with, input_table, method_inputs
+from analysis.methods.methods import ALL_METHODS
+from analysis.trajectory.block_means import BlockMeans
+from analysis.trajectory.dryden import GaussMarkov
+from analysis.trajectory.equations import SENSOR_ERRORS
+from analysis.trajectory.reconstruction import Trajectory
+from flight.aerodynamics import lift_slope, stability_axes
+from flight.aircraft import Aircraft, Uncertainty
+from flight.units import GRAVITY_MPS2 as g
+
+AT = Condition(W, 1.15, AIRCRAFT.geometry.wing_area_m2)
+V = np.array([12.0, 14.0, 17.0, 20.0, 22.5])
+STILL_AIR = GaussMarkov(0.0, 1.0)
+
+
+def power(A: np.ndarray) -> np.ndarray:
+    return power_required(V, Polar(A, np.zeros((3, 3))), AT)[0]
+
+
+@pytest.mark.parametrize("gamma", [0.0, 0.03])
+def test_forces_along_an_exact_trajectory_are_those_flown(gamma: float) -> None:
+    f, _ = accelerations_and_decelerations(gamma)
+    trajectory = measured(f, ax_bias=0.2)
+    forces = FlightForces(trajectory, AIRCRAFT, PROPELLER).forces(
+        trajectory.states.to_numpy(), trajectory.sensor_errors
+    )
+    A = polar()
+    assert forces["CD"].to_numpy() == pytest.approx((A[0] + A[1] * forces["CL"] + A[2] * forces["CL"] ** 2), rel=1e-4)
+    for name in ("V", "alpha", "gamma", "climb", "Vdot", "qS_over_m_mps2"):
+        assert forces[name].to_numpy() == pytest.approx(f[name].to_numpy(), rel=1e-4, abs=1e-6), name
+    along_V = f["thrust_x_over_m_mps2"] * np.cos(f["alpha"])
+    assert forces["thrust_along_V_over_m_mps2"].to_numpy() == pytest.approx(along_V.to_numpy(), rel=1e-4)
+
+
+def test_a_downdraft_is_a_climb_through_the_air() -> None:
+    """Level over the ground in a downdraft of 0.5 m/s."""
+    f, _ = accelerations_and_decelerations()
+    trajectory = measured(f)
+    states = trajectory.states.assign(gust_w=0.5).to_numpy()
+    forces = FlightForces(trajectory, AIRCRAFT, PROPELLER).forces(states, trajectory.sensor_errors)
+    assert (np.sin(forces["gamma"]) * forces["V"]).to_numpy() == pytest.approx(np.full(len(f), 0.5), rel=1e-6)
+
+
+@pytest.mark.parametrize(("scale", "slope"), [(0.03, 0.0), (-0.03, 0.0), (0.0, 0.2), (0.0, -0.2)])
+def test_dynamic_method_finds_polar_and_thrust_of_a_propeller_unlike_its_table(scale: float, slope: float) -> None:
+    """Thrust is the table's times 1 + scale + slope (J - 0.5): specific force shows it as drag.
+
+    To 0.002 and 0.01: lift coefficients keep the table's T sin(alpha).
+    """
+    f, runs = accelerations_and_decelerations()
+    trajectory = measured(f, scale, slope)
+    result = estimate_polar(trajectory, runs, AIRCRAFT, PROPELLER)
+    assert result.values[3] == pytest.approx(scale, abs=0.002)
+    assert result.values[4] == pytest.approx(slope, abs=0.01)
+    assert power(result.polar.A) == pytest.approx(power(polar()), rel=0.002)
+
+
+@pytest.mark.parametrize(("scale", "slope"), [(0.03, 0.0), (0.0, -0.2)])
+def test_sensor_errors_contain_scale_and_slope_of_thrust(scale: float, slope: float) -> None:
+    f, _ = accelerations_and_decelerations()
+    trajectory = measured(f, scale, slope)
+    flight_forces = FlightForces(trajectory, AIRCRAFT, PROPELLER)
+    errors = estimate_errors(flight_forces, trajectory, np.ones(len(f), dtype=bool))
+    assert errors["thrust_scale"].value == pytest.approx(scale, abs=0.002)
+    assert errors["thrust_slope"].value == pytest.approx(slope, abs=0.01)
+
+
+def test_the_tight_prior_of_the_lag_is_replaced_by_one_of_0_3_s() -> None:
+    """One reading of 0.2 s +- 0.01 s: 0.2 s x 0.3^2/(0.3^2 + 0.01^2), whatever the trajectory's prior was."""
+    f, _ = accelerations_and_decelerations()
+    trajectory = measured(f)
+    i, prior, reading = SENSOR_ERRORS.index("air_data_lag"), 0.012, 0.01
+    variance = 1 / (1 / prior**2 + 1 / reading**2)
+    values, C, priors = trajectory.sensor_errors.copy(), trajectory.covariance.copy(), trajectory.prior_sigma.copy()
+    values[i], C[i, i], priors[i] = variance / reading**2 * 0.2, variance, prior
+    tight = replace(trajectory, sensor_errors=values, covariance=C, prior_sigma=priors)
+    flight_forces = FlightForces(tight, AIRCRAFT, PROPELLER)
+    lag = estimate_errors(flight_forces, tight, np.ones(len(f), dtype=bool))["lag"]
+    assert lag.value == pytest.approx(0.2 * 0.3**2 / (0.3**2 + reading**2), rel=1e-6)
+    assert lag.standard_error == pytest.approx(0.3 * reading / np.hypot(0.3, reading), rel=1e-6)
+
+
+def test_an_accelerometer_that_reads_high_levels_the_pitch_attitude_too_high() -> None:
+    """At rest ax = g sin(theta): a bias of 0.2 m/s^2 is a pitch of 0.2/g."""
+    f, _ = accelerations_and_decelerations()
+    trajectory = measured(f, ax_bias=0.2)
+    flight_forces = FlightForces(trajectory, AIRCRAFT, PROPELLER)
+    errors = estimate_errors(flight_forces, trajectory, np.ones(len(f), dtype=bool))
+    assert errors["pitch"].value == pytest.approx(0.2 / g, rel=1e-6)
+
+
+def inputs(trajectory: Trajectory, **removed: float) -> pd.DataFrame:
+    flight_forces = FlightForces(trajectory, AIRCRAFT, PROPELLER)
+    return input_table(flight_forces, flight_forces.nominal, trajectory.sensor_errors, removed, (STILL_AIR, STILL_AIR))
+
+
+def wrong(name: str, value: float) -> tuple[pd.DataFrame, Trajectory]:
+    """The table without errors, and measurements and trajectory with one error."""
+    f, _ = accelerations_and_decelerations(0.03)
+    thrust = {key: value for key in ("scale", "slope") if name == f"thrust_{key}"}
+    trajectory = measured(f, **thrust, **({"ax_bias": value * g} if name == "pitch" else {}))
+    mean = trajectory.block_means.means
+    late = {c: np.gradient(f[c], STEP_S) for c in ("V", "alpha", "height_measured")}
+    if name == "alpha_bias":
+        mean["alpha_rad"] += value
+    elif name == "alpha_scale":
+        mean["alpha_rad"] *= 1 + value
+    elif name == "airspeed_scale":
+        mean["V_mps"] *= 1 + value
+    elif name == "lag":
+        mean["V_mps"] -= value * late["V"]
+        mean["alpha_rad"] -= value * late["alpha"]
+        mean["height_m"] -= value * late["height_measured"]
+    return f, trajectory
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "shown_by"),
+    [
+        ("alpha_bias", 0.02, ["alpha_measured"]),
+        ("alpha_scale", 0.05, ["alpha_measured"]),
+        ("pitch", 0.02, ["theta_measured"]),
+        ("airspeed_scale", 0.03, ["V_measured", "qS_over_m_measured_mps2", "thrust_x_over_m_measured_mps2"]),
+        ("lag", 0.1, ["alpha_measured", "V_measured", "height_measured", "qS_over_m_lagged_mps2",
+                      "thrust_x_over_m_lagged_mps2"]),
+        ("thrust_scale", 0.03, ["thrust_x_over_m_mps2", "thrust_x_over_m_measured_mps2"]),
+        ("thrust_slope", 0.2, ["thrust_x_over_m_mps2", "thrust_x_over_m_measured_mps2"]),
+    ],
+)  # fmt: skip
+def test_an_error_taken_as_measured_shows_and_its_removal_restores_the_truth(name, value, shown_by) -> None:
+    f, trajectory = wrong(name, value)
+    f = f.assign(qS_over_m_lagged_mps2=f["qS_over_m_mps2"], thrust_x_over_m_lagged_mps2=f["thrust_x_over_m_mps2"])
+    with_error, removed = inputs(trajectory), inputs(trajectory, **{name: value})
+    bound = 0.01 * value if name == "alpha_scale" else 0.1 * value  # of second order: value^2 and value x rate^2
+    for column in shown_by:
+        size = np.abs(f[column]).max()
+        assert np.abs(removed[column] - f[column]).max() < 0.2 * np.abs(with_error[column] - f[column]).max(), column
+        assert np.abs(removed[column] - f[column]).max() < bound * size, column
+
+
+def test_the_scale_of_airspeed_in_flow_angles_is_removed() -> None:
+    """An airspeed 3 % high is a dynamic pressure 6 % high, over which flow angles are measured: they read 6 % low."""
+    f, _ = accelerations_and_decelerations()
+    trajectory = measured(f, V_scale=0.03)
+    mean = trajectory.block_means.means
+    mean["alpha_rad"] *= 1 - 2 * 0.03
+    mean["V_mps"] *= 1.03
+    found = inputs(trajectory)
+    assert found["alpha_measured"].to_numpy() == pytest.approx(f["alpha"].to_numpy(), abs=1e-6)
+    assert found["qS_over_m_lagged_mps2"].to_numpy() == pytest.approx(f["qS_over_m_mps2"].to_numpy(), rel=1e-6)
+    assert found["V_measured"].to_numpy() == pytest.approx(1.03 * f["V"].to_numpy(), rel=1e-6)
+
+
+def test_a_biased_accelerometer_levels_a_steep_attitude_more() -> None:
+    """At rest ax = g sin(theta): at 50 deg of pitch, a bias b changes the angle by b/(g cos 50 deg).
+
+    The part of the bias that the trajectory knows is there; the one removed takes it away.
+    """
+    f, _ = accelerations_and_decelerations()
+    trajectory = measured(f, ax_bias=0.2)
+    forces = FlightForces(trajectory, AIRCRAFT, PROPELLER)
+    steep = forces.nominal.assign(theta=np.radians(50.0))
+    for removed, left in (({}, 0.2), ({"pitch": 0.15 / g}, 0.05)):
+        found = input_table(forces, steep, trajectory.sensor_errors, removed, (STILL_AIR, STILL_AIR))
+        assert found["theta_measured"].to_numpy() == pytest.approx(
+            np.full(len(f), np.radians(50.0) + left / (g * np.cos(np.radians(50.0)))), rel=1e-9
+        )
+        assert found["ax"].to_numpy() == pytest.approx(f["ax"].to_numpy(), rel=1e-9)
+
+
+def weighed_within(fraction: float) -> Aircraft:
+    """The aircraft whose weight is known to this standard deviation."""
+    return replace(AIRCRAFT, uncertainty=Uncertainty(weight_fraction=fraction))
+
+
+def test_a_wrong_weight_changes_power_by_what_the_interval_has_for_it() -> None:
+    """The same flight analyzed with a weight 1 % too large; its curve is that of the heavier aircraft."""
+    f, runs = accelerations_and_decelerations()
+    trajectory = measured(f)
+    known, unsure = (estimate_polar(trajectory, runs, weighed_within(x), PROPELLER) for x in (0.0, 0.01))
+    heavier = estimate_polar(trajectory, runs, AIRCRAFT.weighing(1.01 * W), PROPELLER)
+    at_its_weight, _ = power_required(V, heavier.polar, AT._replace(weight_N=1.01 * W))
+    added = Polar(polar(), (unsure.systematic - known.systematic)[:3, :3])
+    assert power_required(V, added, AT)[1] == pytest.approx(np.abs(at_its_weight - power(known.polar.A)), rel=1e-6)
+    assert np.array_equal(unsure.values, known.values)
+
+
+def test_the_floor_is_a_direction_of_lift_known_to_0_02_deg() -> None:
+    """Power W V tan(0.02 deg) at every speed, in the covariance of the methods that take measurements as they are."""
+    lift_direction_W = W * V * np.tan(np.radians(0.02))
+    assert power_required(V, Polar(polar(), covariance.floor()), AT)[1] == pytest.approx(lift_direction_W, rel=1e-9)
+    f, runs = accelerations_and_decelerations()
+    same = MethodInputs(
+        AIRCRAFT, runs, f, [f], dict.fromkeys(error_prior_sigma(AIRCRAFT.uncertainty), f), dict.fromkeys(CAUSES, f)
+    )
+    for method in (one for one in ALL_METHODS if one.name in ("direct-speed", "energy")):
+        systematic = Polar(polar(), estimate_with(method, same).systematic)
+        assert power_required(V, systematic, AT)[1] == pytest.approx(lift_direction_W, rel=1e-9), method.name
+
+
+def test_lift_that_gusts_tilt_within_a_block_is_drag() -> None:
+    """Angle and lift rise and fall by 0.6 deg and 5 % of lift within each block: CD and CL^2 are means over samples.
+    Vibration of the accelerometer is in the correction for upwash too, and changes nothing."""
+    f, _ = accelerations_and_decelerations()
+    trajectory = measured(f)
+    forces = FlightForces(trajectory, AIRCRAFT, PROPELLER).nominal
+    pattern = np.tile([1.0, -1.0, 0.0, -1.0, 1.0], len(f))
+    gust_rad = 0.01 * pattern
+    by_gust = np.repeat(forces["qS_over_m_mps2"].to_numpy(), BLOCK) * lift_slope(AIRCRAFT.aspect_ratio) * gust_rad
+    steady = trajectory.block_means._table
+    upwash = AIRCRAFT.probe.upwash_per_CL_rad
+    table = steady.assign(
+        alpha_rad=steady["alpha_rad"] + gust_rad,
+        alpha_by_upwash_rad=upwash * lift_slope(AIRCRAFT.aspect_ratio) * gust_rad,
+        az_mps2=steady["az_mps2"] - by_gust,
+    )
+    found = FlightForces(replace(trajectory, block_means=BlockMeans(table)), AIRCRAFT, PROPELLER).nominal
+
+    qS = np.repeat(forces["qS_over_m_mps2"].to_numpy(), BLOCK)
+    along_V = np.repeat(forces["thrust_along_V_over_m_mps2"].to_numpy(), BLOCK) / np.cos(steady["alpha_rad"])
+    sample_CL, sample_CD = stability_axes((table["ax_mps2"] - along_V) / qS, table["az_mps2"] / qS, table["alpha_rad"])
+    assert found["CD"].to_numpy() == pytest.approx(np.asarray(sample_CD).reshape(-1, BLOCK).mean(axis=1), rel=2e-4)
+    assert np.all(found["CD"] - forces["CD"] > 3e-4)
+    of_gusts = FlightForces(replace(trajectory, block_means=BlockMeans(table)), AIRCRAFT, PROPELLER)
+    f = input_table(of_gusts, of_gusts.nominal, trajectory.sensor_errors, {}, (STILL_AIR, STILL_AIR))
+    drag_over_m = (f["thrust_x_over_m_mps2"] - f["ax"]) * np.cos(f["alpha"]) - f["az"] * np.sin(f["alpha"])
+    assert drag_over_m.to_numpy() == pytest.approx((found["CD"] * found["qS_over_m_mps2"]).to_numpy(), rel=1e-6)
+
+    # A polar flown sample by sample is found again.
+    A = polar()
+    lacks = (A @ [1 + 0 * sample_CL, sample_CL, sample_CL**2] - sample_CD) * qS
+    flown = table.assign(ax_mps2=table["ax_mps2"] - lacks / np.cos(table["alpha_rad"]))
+    runs = accelerations_and_decelerations()[1]
+    result = estimate_polar(replace(trajectory, block_means=BlockMeans(flown)), runs, AIRCRAFT, PROPELLER)
+    assert power(result.polar.A) == pytest.approx(power(A), rel=1e-3)
+
+    vibration_mps2 = 1.5 * np.tile([0.0, 1.0, 0.0, -1.0, 0.0], len(f))
+    by_vibration = -upwash * vibration_mps2 / qS
+    shaken = table.assign(
+        az_mps2=table["az_mps2"] + vibration_mps2,
+        alpha_rad=table["alpha_rad"] - by_vibration,
+        alpha_by_upwash_rad=table["alpha_by_upwash_rad"] + by_vibration,
+    )
+    of_shaken = FlightForces(replace(trajectory, block_means=BlockMeans(shaken)), AIRCRAFT, PROPELLER).nominal
+    assert of_shaken["CD"].to_numpy() == pytest.approx(found["CD"].to_numpy(), rel=1e-9)
+    of_square = np.asarray(sample_CL**2).reshape(-1, BLOCK).mean(axis=1)
+    assert found["CL_squared"].to_numpy() == pytest.approx(of_square, rel=1e-3)
+    assert np.all(found["CL_squared"] - found["CL"] ** 2 > 1e-3)
+
+
+def test_drag_with_a_quartic_term_is_a_doubt_and_the_interval_covers_it() -> None:
+    """C_D rises by 0.02 C_L^4, 10 % at the slowest speed: a warning, and an interval that contains the true curve."""
+    f, runs = accelerations_and_decelerations()
+    forces = FlightForces(measured(f), AIRCRAFT, PROPELLER).forces(
+        measured(f).states.to_numpy(), np.zeros(len(SENSOR_ERRORS))
+    )
+    more = 0.02 * forces["CL"] ** 4
+    extra = f["qS_over_m_mps2"] * more
+    alpha = f["alpha"]
+    trajectory = measured(f.assign(ax=f["ax"] - extra * np.cos(alpha), az=f["az"] - extra * np.sin(alpha)))
+    result = estimate_polar(trajectory, runs, AIRCRAFT, PROPELLER)
+    (warning,) = (warning for warning in result.warnings if "Drag is no parabola" in warning)
+    assert float(warning.partition("a quartic term is ")[2].split(" times")[0]) > 3, "or it would be no doubt"
+    found, error = power_required(V, result.polar, AT)
+    CL = 2 * W / (AT.rho * V**2 * AT.wing_area_m2)
+    true = power(polar()) + AT.rho * V**3 * AT.wing_area_m2 / 2 * 0.02 * CL**4
+    assert np.all(np.abs(found - true) < 1.96 * error + 0.003 * true)
+    assert np.all(error < 0.1 * true), "wider by what the term changes, which is less than all of it"
+    assert not estimate_polar(measured(f), runs, AIRCRAFT, PROPELLER).warnings
+
+
+def test_a_propeller_far_from_its_table_is_a_doubt() -> None:
+    """Thrust 9 % beyond the table's, five prior standard deviations, is named; 3 % is not."""
+    f, runs = accelerations_and_decelerations()
+    for scale, named in ((0.09, True), (0.03, False)):
+        warnings = estimate_polar(measured(f, scale), runs, AIRCRAFT, PROPELLER).warnings
+        assert any("thrust differs from its table" in warning for warning in warnings) is named
+
+
+def test_the_interval_contains_the_updrafts_that_differ_from_run_to_run() -> None:
+    """Air that rises by w carries the aircraft: power W w at every speed."""
+    f, runs = accelerations_and_decelerations()
+    trajectory = measured(f)
+    aircraft = replace(AIRCRAFT, uncertainty=Uncertainty(weight_fraction=0))
+    for w in (0.004, 1.0):
+        result = estimate_polar(replace(trajectory, eddies_mps=w), runs, aircraft, PROPELLER)
+        systematic = Polar(polar(), result.systematic[:3, :3])
+        assert power_required(V, systematic, AT)[1] == pytest.approx(np.full(len(V), W * w), rel=0.02)
+        assert np.all(power_required(V, result.polar, AT)[1] > 0.98 * W * w)
+
+
+def test_a_density_that_is_too_high_looks_like_thrust_and_airspeed_and_leaves_the_power() -> None:
+    """By 2 %, at right airspeeds: of an equal power the polar and the correction of thrust are as `by_density` says."""
+    f, runs = accelerations_and_decelerations()
+    aircraft = replace(AIRCRAFT, uncertainty=replace(AIRCRAFT.uncertainty, air_density_fraction=0.02))
+    right, trajectory = estimate_polar(measured(f), runs, aircraft, PROPELLER), measured(f)
+    trajectory.block_means.means["rho"] = 1.02 * trajectory.block_means["rho"]
+    wrong = estimate_polar(trajectory, runs, aircraft, PROPELLER)
+    assert right.joint is not None
+    change = dict(zip(right.joint.names, right.joint.changes[DENSITY], strict=True))
+    assert wrong.values - right.values == pytest.approx([change[name] for name in right.joint.names[:5]], rel=1e-3)
+    assert change["thrust_scale"] == pytest.approx(-0.02, abs=0.001), "the propeller pushes as it did"
+    assert change["V_scale"] == pytest.approx(-0.01), "V = sqrt(2 q / rho)"
+    there = power_required(V, wrong.polar, AT._replace(rho=1.02 * AT.rho))[0]
+    assert there == pytest.approx(power(right.values[:3]), rel=0.002)
+
+
+@pytest.mark.parametrize(
+    ("method", "name", "value"),
+    [
+        ("direct", "alpha_bias", 0.02),
+        ("direct-speed", "pitch", 0.02),
+        ("energy", "airspeed_scale", 0.03),
+        ("accelerations", "lag", 0.1),
+        ("decelerations", "lag", 0.1),
+        ("direct", "thrust_scale", 0.03),
+    ],
+)
+def test_a_method_s_sensitivity_predicts_the_error_of_its_power(method: str, name: str, value: float) -> None:
+    """True polar = estimate with the error in it + sensitivity times the error, to second order."""
+    f, trajectory = wrong(name, value)
+    _, runs = accelerations_and_decelerations()
+    flight_forces = FlightForces(trajectory, AIRCRAFT, PROPELLER)
+    errors = estimate_errors(flight_forces, trajectory, np.ones(len(f), dtype=bool))
+    errors[name] = errors[name]._replace(value=value)
+    (chosen,) = (one for one in ALL_METHODS if one.name == method)
+    result = estimate_with(chosen, method_inputs(flight_forces, trajectory, runs, errors))
+    assert result.polar is not None
+    (cause,) = (cause for cause, names in CAUSES.items() if name in names)
+    wrong_by = power(result.polar.A) - power(polar())
+    assert np.abs(wrong_by / power(polar())).max() > 0.005, "the error is worth a test"
+    second_order = 0.3 * np.abs(wrong_by).max()
+    corrected = power(result.polar.A + value * result.sensitivities[name])
+    assert np.abs(corrected - power(polar())).max() < second_order
+    assert power(result.cause_effects[cause]) == pytest.approx(wrong_by, abs=second_order)
+
+
+FACTORS = {  # of the stated standard deviation, and the error that it is of
+    "angle_of_attack_offset_rad": (2.0, "alpha_bias"),
+    "angle_of_attack_slope_fraction": (2.2, "alpha_scale"),
+    "airspeed_scale_fraction": (1.5, "airspeed_scale"),
+    "air_data_lag_s": (1.7, "lag"),
+    "accelerometer_offset_mps2": (1.3, "pitch"),
+    "thrust_scale_fraction": (1.9, "thrust_scale"),
+    "thrust_slope": (1.4, "thrust_slope"),
+}
+
+
+def test_a_method_s_interval_contains_the_errors_that_the_aircraft_file_states() -> None:
+    """Of the quantities that it takes as measured: systematic errors are sensitivities times stated sizes."""
+    f, runs = accelerations_and_decelerations()
+    trajectory = measured(f)
+    sizes = {key: factor * getattr(Uncertainty(), key) for key, (factor, _) in FACTORS.items()}
+    found = []
+    for stated in (Uncertainty(), replace(Uncertainty(), **sizes)):
+        flight_forces = FlightForces(trajectory, replace(AIRCRAFT, uncertainty=stated), PROPELLER)
+        errors = estimate_errors(flight_forces, trajectory, np.ones(len(f), dtype=bool))
+        found.append(method_inputs(flight_forces, trajectory, runs, errors))
+    factors = {error: factor for factor, error in FACTORS.values()}
+    for method in (one for one in ALL_METHODS if one.name in ("direct", "direct-speed", "energy", "accelerations")):
+        default, stated = (estimate_with(method, inputs) for inputs in found)
+        parts = {
+            error: factors[error] ** 2 * np.outer(s, s) * error_prior_sigma(Uncertainty())[error] ** 2
+            for error, s in default.sensitivities.items()
+        }
+        expected = Polar(polar(), covariance.floor() + sum(parts.values()))
+        error = power_required(V, Polar(polar(), stated.systematic), AT)[1]
+        assert error == pytest.approx(power_required(V, expected, AT)[1], rel=0.03), method.name
+
+
+@pytest.mark.parametrize(("key", "name"), [("thrust_scale_fraction", "thrust_scale"), ("thrust_slope", "thrust_slope")])
+def test_twice_the_stated_error_of_thrust_widens_the_interval(key: str, name: str) -> None:
+    """One deceleration with noise, which tells little of thrust."""
+    f, runs = accelerations_and_decelerations()
+    noise = 0.3 * np.random.default_rng(0).standard_normal(len(f))
+    trajectory = measured(f.assign(ax=f["ax"] + noise))
+    found = []
+    for factor in (1.0, 2.0):
+        stated = replace(Uncertainty(), **{key: factor * getattr(Uncertainty(), key)})
+        found.append(estimate_polar(trajectory, runs[1:2], replace(AIRCRAFT, uncertainty=stated), PROPELLER))
+    i = 3 + ("thrust_scale", "thrust_slope").index(name)
+    before, after = (np.sqrt((one.noise + one.systematic)[i, i]) for one in found)
+    assert after > 1.3 * before
+    assert [one.joint.prior_sigma[i] for one in found] == pytest.approx(getattr(Uncertainty(), key) * np.array([1, 2]))
+    assert np.all(power_required(V, found[1].polar, AT)[1] > power_required(V, found[0].polar, AT)[1])

@@ -1,0 +1,128 @@
+"""The source's cases 1 and 2 (its ch. 4): runs as good as they get; runs in which height wanders, rises or falls.
+
+Its own estimators, on case 1.
+"""
+
+from dataclasses import replace
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+import pytest
+from flight_record import flight_record
+from methods import Flown, drawn, fly
+
+from analysis.air.flown import flown_lift
+from analysis.air.probe import ProbeCalibration
+from analysis.curve import Condition, Polar, power_required
+from analysis.estimation.noise import NORMAL_95
+from analysis.maneuvers.find_level import find_runs
+from analysis.maneuvers.kinds import Maneuver
+from analysis.methods import likelihood
+from analysis.methods.dynamic import estimate_polar
+from analysis.methods.likelihood import LikelihoodEstimates
+from analysis.trajectory.reconstruction import Trajectory, reconstruct
+from flight.aircraft import load_aircraft
+from flight.atmosphere import FOOT_POUND_PER_SECOND_W
+from flight.propeller import Propeller
+from flight.propeller_files import load_propeller
+from sim.sensors import load_budget
+
+AIRCRAFT = load_aircraft("nexstar")
+PROPELLER = load_propeller(AIRCRAFT.propulsion.propeller)
+WORST_W = 2 * FOOT_POUND_PER_SECOND_W  # what the source reports, mid-range
+V = np.linspace(13.0, 20.0, 20)  # mid-range
+METHODS = ("two-state", "force-models")
+
+
+class Case(NamedTuple):
+    flown: Flown
+    runs: list[Maneuver]
+    trajectory: Trajectory
+    truth_W: np.ndarray  # at V
+    at: Condition
+
+
+@pytest.fixture(scope="module")
+def case(probe: ProbeCalibration):
+    """A case by plan and seed, with the noise of Table 4.1 and what a careful installation leaves of errors."""
+
+    @cache
+    def of(plan: str, seed: int) -> Case:
+        flown = fly(AIRCRAFT, probe, drawn(load_budget("bench"), seed), plan, 0.0, seed)
+        runs, _ = find_runs(flown.table)
+        rho = float(flown.table.loc[flown.table["flying"], "rho"].mean())
+        at = Condition(AIRCRAFT.mass.weight_N, rho, AIRCRAFT.geometry.wing_area_m2)
+        truth = np.interp(V, flown.truth["speed_mps"], flown.truth["power_W"])
+        return Case(flown, runs, reconstruct(flown.table, flown.still), truth, at)
+
+    return of
+
+
+@pytest.fixture(scope="module")
+def by_likelihood(case) -> LikelihoodEstimates:
+    one = case("case-1", 0)
+    CL = flown_lift(one.flown.table[one.flown.table["flying"]], AIRCRAFT)
+    return likelihood.estimate(
+        flight_record(one.flown.table, one.trajectory, one.runs, AIRCRAFT, PROPELLER, flown_CL=CL)
+    )
+
+
+@pytest.mark.xdist_group("case-1")
+@pytest.mark.parametrize(
+    ("plan", "seed"), [("case-1", 0), ("case-2-returns", 1), ("case-2-higher", 2), ("case-2-lower", 3)]
+)
+def test_power_is_within_the_source_s_worst_deviation(case, plan: str, seed: int) -> None:
+    one = case(plan, seed)
+    estimate = estimate_polar(one.trajectory, one.runs, AIRCRAFT, PROPELLER)
+    power, _ = power_required(V, estimate.polar, one.at)
+    assert np.abs(power - one.truth_W).max() < WORST_W
+
+
+@pytest.mark.xdist_group("case-1")
+@pytest.mark.parametrize("name", METHODS)
+def test_maximum_likelihoods_are_right_to_a_third_of_their_intervals(case, by_likelihood, name: str) -> None:
+    """The offset of angle of attack, known to a degree, makes the intervals wide; here it is some hundredths."""
+    one = case("case-1", 0)
+    found = next(estimate for estimate in by_likelihood.methods if estimate.method.name == name)
+    power, error = power_required(V, found.polar, one.at)
+    assert (np.abs(power - one.truth_W) < NORMAL_95 * error / 3).all()
+    assert (NORMAL_95 * error > 0.1 * one.truth_W).all()
+
+
+@pytest.mark.xdist_group("case-1")
+def test_few_more_steps_are_the_effect_of_a_thrust_error(case, by_likelihood) -> None:
+    """The same as a whole fit with a table that is one standard deviation higher."""
+    one = case("case-1", 0)
+    sigma = AIRCRAFT.uncertainty.thrust_scale_fraction
+    rows = tuple(replace(row, cT=tuple((1 + sigma) * cT for cT in row.cT)) for row in PROPELLER.rows)
+    higher = Propeller("higher", PROPELLER.diameter_m, rows)
+    again = likelihood.estimate(flight_record(one.flown.table, one.trajectory, one.runs, AIRCRAFT, higher))
+    for found, other in zip(by_likelihood.methods, again.methods, strict=True):
+        changes = other.polar.A - found.polar.A, found.sensitivities["thrust_scale"] * sigma
+        by_whole, by_steps = (power_required(V, Polar(A, np.zeros((3, 3))), one.at)[0] for A in changes)
+        assert by_steps == pytest.approx(by_whole, abs=0.002 * one.truth_W.min())
+
+
+@pytest.mark.xdist_group("case-1")
+def test_pitch_rate_of_runs_is_too_small_for_CLq(by_likelihood) -> None:
+    """The source's second assumption. An acceleration pitches faster than a deceleration."""
+    found = by_likelihood.pitch_rate
+    assert not found.significant
+    assert found.t == pytest.approx(found.CLq / found.standard_error)
+    assert found.critical_t == pytest.approx(1.96, abs=0.01)
+    acceleration = max(snr for run, snr in found.signal_to_noise.items() if run.startswith("acceleration"))
+    assert acceleration > 3 * max(snr for run, snr in found.signal_to_noise.items() if run.startswith("deceleration"))
+
+
+def test_noise_is_told_from_a_smooth_signal() -> None:
+    t = np.arange(4000) / 25
+    noise = 0.005 * np.random.default_rng(1).standard_normal(len(t))
+    assert likelihood.sample_variance(0.1 * np.sin(t) + noise) == pytest.approx(0.005**2, rel=0.1)
+
+
+def test_without_runs_the_likelihoods_have_a_note(case) -> None:
+    estimates = likelihood.estimate(flight_record(pd.DataFrame(), None, [], AIRCRAFT, PROPELLER))
+    assert [one.polar for one in estimates.methods] == [None, None]
+    assert "acceleration" in estimates.methods[0].notes[0] and estimates.pitch_rate is None

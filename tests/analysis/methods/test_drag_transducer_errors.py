@@ -1,0 +1,51 @@
+"""Hysteresis and steps of the zero as consider terms: the outer products of the changes by each transducer."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis.air.transducers import AIR_DATA_CHANNELS, with_hysteresis, with_zero_step
+from analysis.methods.assumed_values import ZERO_STEPS, AssumptionUncertainty, with_transducer_uncertainty
+from flight.aircraft import load_aircraft
+from tests.analysis.air.test_transducer_errors import up_and_down
+
+AIR = up_and_down()
+AIRCRAFT = load_aircraft("nexstar")
+HYSTERESIS = replace(AIRCRAFT, uncertainty=replace(AIRCRAFT.uncertainty, hysteresis_fraction=0.004))
+
+
+def values_from(air: pd.DataFrame) -> np.ndarray:
+    """Some function of the air data with two values."""
+    return np.array([air["V_mps"].iloc[250], 3 + 10 * air["alpha_rad"].iloc[750]])
+
+
+def test_the_covariance_is_the_sum_over_the_transducers() -> None:
+    found = with_transducer_uncertainty(None, values_from, AIR, HYSTERESIS)
+    assert found is not None and len(found.changes) == len(AIR_DATA_CHANNELS)
+    changes = [values_from(with_hysteresis(AIR, channel, 0.004)) - values_from(AIR) for channel in AIR_DATA_CHANNELS]
+    assert np.abs(changes).max() > 1e-4
+    assert found.covariance == pytest.approx(sum(np.outer(change, change) for change in changes))
+    assert np.stack(list(found.changes.values())) == pytest.approx(np.stack(changes))
+    other = AssumptionUncertainty(np.diag([2.0, 3.0]), ["a note"], {"upwash": np.ones(2)})
+    both = with_transducer_uncertainty(other, values_from, AIR, HYSTERESIS)
+    assert both is not None and both.covariance == pytest.approx(found.covariance + other.covariance)
+    assert set(both.changes) == {"upwash", *found.changes} and both.notes == other.notes
+
+
+def test_half_of_the_variance_of_a_zero_arises_in_mid_flight() -> None:
+    """A change of the zero of 2 Pa: a step of 1.41 Pa, besides the hysteresis."""
+    uncertainty = replace(HYSTERESIS.uncertainty, transducer_zero_Pa=2.0)
+    found = with_transducer_uncertainty(None, values_from, AIR, replace(AIRCRAFT, uncertainty=uncertainty))
+    assert found is not None and len(found.changes) == 2 * len(AIR_DATA_CHANNELS)
+    for channel, name in ZERO_STEPS.items():
+        change = values_from(with_zero_step(AIR, channel, 2**0.5)) - values_from(AIR)
+        assert np.abs(change).max() > 1e-3
+        assert found.changes[name] == pytest.approx(change)
+    assert found.covariance == pytest.approx(sum(np.outer(change, change) for change in found.changes.values()))
+
+
+def test_transducers_without_errors_add_nothing() -> None:
+    none = replace(AIRCRAFT, uncertainty=replace(AIRCRAFT.uncertainty, hysteresis_fraction=0.0, transducer_zero_Pa=0.0))
+    assert with_transducer_uncertainty(None, values_from, AIR, none) is None

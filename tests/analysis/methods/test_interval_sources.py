@@ -1,0 +1,83 @@
+"""The variance of power required by source: shares that add up, and what each of them answers to."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from analysis.curve import Condition, Polar, power_required
+from analysis.estimation.noise import NORMAL_95
+from analysis.methods.consider import JointEstimate
+from analysis.methods.interval_sources import Source, shares_of_correlated, variance_by_source
+from analysis.results.curves import interval_parts
+
+NAMES = ("A0", "A1", "A2", "thrust_scale", "V_scale", "alpha_bias", "gps_latency")
+CONDITION = Condition(weight_N=37.0, rho=1.2, wing_area_m2=0.46)
+V = np.linspace(12.0, 24.0, 5)
+
+
+def joint(covariance: np.ndarray, **changes: np.ndarray) -> JointEstimate:
+    values = np.array([0.045, 0.0, 0.065, 0.0, 0.0, 0.0, 0.0])
+    return JointEstimate(NAMES, values, covariance, covariance[:4, :4], values, np.full(7, np.inf), changes)
+
+
+def covariance_of(seed: int) -> np.ndarray:
+    """Of seven correlated errors whose units differ by a million."""
+    root = np.random.default_rng(seed).normal(size=(7, 12))
+    scale = np.array([1e-3, 1e-3, 1e-3, 1e-2, 1e-2, 1e-4, 10.0])
+    return (root @ root.T) * np.outer(scale, scale)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_shares_are_never_negative_and_with_all_known_the_noise_of_the_runs_is_left(seed: int) -> None:
+    covariance, gradient = covariance_of(seed), np.random.default_rng(seed).normal(size=(4, 3))
+    shares = shares_of_correlated(joint(covariance), gradient)
+    assert shares.keys() == {Source.PROPELLER, Source.AIRSPEED, Source.ANGLE_OF_ATTACK, Source.OTHER_SENSORS}
+    assert min(share.min() for share in shares.values()) >= 0
+    across = covariance[:3, 3:]
+    explained = gradient @ across @ np.linalg.inv(covariance[3:, 3:]) @ across.T @ gradient.T
+    assert sum(shares.values()) == pytest.approx(np.diag(explained), rel=1e-9)
+
+
+def test_independent_errors_have_what_each_alone_contributes_and_alike_ones_share() -> None:
+    """A0 = error of airspeed + 2 of angle of attack; then, with both errors the same, half each."""
+    covariance = np.diag([5.0, 1, 1, 1, 1, 1, 1])
+    covariance[0, 4] = covariance[4, 0] = 1.0
+    covariance[0, 5] = covariance[5, 0] = 2.0
+    shares = shares_of_correlated(joint(covariance), np.array([[1.0, 0, 0]]))
+    assert shares[Source.AIRSPEED] == pytest.approx([1.0]) and shares[Source.ANGLE_OF_ATTACK] == pytest.approx([4.0])
+    covariance[4, 5] = covariance[5, 4] = 1.0
+    covariance[0, 5] = covariance[5, 0] = 1.0
+    shares = shares_of_correlated(joint(covariance), np.array([[1.0, 0, 0]]))
+    assert shares[Source.AIRSPEED] == pytest.approx([0.5]) and shares[Source.ANGLE_OF_ATTACK] == pytest.approx([0.5])
+
+
+def test_the_sources_add_up_to_the_variance_of_the_curve() -> None:
+    covariance = covariance_of(7)
+    changes = {"updraft": np.array([2e-3, 0, 1e-3, 0, 0, 0, 0]), "hysteresis alpha": np.array([1e-3, 0, 0, 0, 0, 0, 0])}
+    whole = covariance[:3, :3] + sum(np.outer(change[:3], change[:3]) for change in changes.values())
+    polar = Polar(np.array([0.045, 0.0, 0.065]), whole)
+    estimate = SimpleNamespace(polar=polar, joint=joint(covariance, **changes))
+    found = variance_by_source(estimate, SimpleNamespace(), CONDITION, V)  # type: ignore[arg-type]
+    assert {Source.NOISE, Source.UPDRAFT, Source.TRANSDUCERS} <= found.keys() and Source.WEIGHT not in found
+    assert np.sqrt(sum(found.values())) == pytest.approx(power_required(V, polar, CONDITION)[1], rel=1e-9)
+
+
+def test_a_curve_by_another_method_has_noise_and_what_all_runs_share() -> None:
+    noise, shared = np.diag([1e-6, 0, 0]), np.diag([3e-6, 0, 0])
+    polar = Polar(np.array([0.045, 0.0, 0.065]), noise + shared)
+    estimate = SimpleNamespace(polar=polar, joint=None, noise=noise, systematic=shared)
+    found = variance_by_source(estimate, SimpleNamespace(), CONDITION, V)  # type: ignore[arg-type]
+    assert found[Source.SHARED] / found[Source.NOISE] == pytest.approx(3.0)
+
+
+def test_what_a_propeller_table_contributes_is_no_noise_that_more_runs_average() -> None:
+    """A0 goes with thrust's scale alone: all of its variance is common to all runs."""
+    covariance = np.diag([4e-6, 0.0, 0.0, 1e-2, 1.0, 1.0, 1.0])
+    covariance[0, 3] = covariance[3, 0] = 2e-4
+    polar = Polar(np.array([0.045, 0.0, 0.065]), covariance[:3, :3])
+    estimate = SimpleNamespace(polar=polar, joint=joint(covariance))
+    parts = interval_parts(estimate, SimpleNamespace(), CONDITION, V)  # type: ignore[arg-type]
+    whole = NORMAL_95 * power_required(V, polar, CONDITION)[1]
+    assert [part.systematic_W for part in parts] == pytest.approx(whole, rel=1e-9)
+    assert max(part.noise_W for part in parts) < 1e-3 * min(whole)

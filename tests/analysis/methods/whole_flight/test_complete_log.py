@@ -1,0 +1,51 @@
+"""What a complete log gives beside the runs: the drag polar of the energy of the whole flight."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.curve import Condition, power_required
+from analysis.methods.whole_flight.drag import DragEstimate
+from analysis.methods.whole_flight.energy_balance import FlightConditions, drag_power
+from analysis.methods.whole_flight.method import method_estimate, whole_flight
+from analysis.methods.whole_flight.settings import GPS
+from analysis.methods.whole_flight.thrust_balance import aerodynamics
+from flight.aircraft import Uncertainty
+from flight.complete_aircraft import load_complete_aircraft
+from flight.log_reader import Log
+from flight.propeller_files import load_propeller
+from flight.units import GRAVITY_MPS2
+
+CONDITIONS = FlightConditions(mass_kg=3.8, wing_area_m2=0.46, rho=1.19, idle_power_W=4.0)
+PARAMETERS = np.array([np.log(0.04), np.log(0.06), 0.2, 0.0, 0.0, 0.0, 0.0, np.log(0.2), 0.0])
+
+
+def test_the_polar_has_the_power_and_the_interval_of_the_curve() -> None:
+    V, scaled = np.linspace(12.0, 22.0, 31), np.zeros(len(PARAMETERS))
+    scaled[0] = 0.03
+    drag_W = drag_power(V, 1.0, 0.0, aerodynamics(PARAMETERS), CONDITIONS)
+    heavier = CONDITIONS._replace(mass_kg=1.01 * CONDITIONS.mass_kg)
+    drag = DragEstimate(
+        V, drag_W, 0 * V, drag_W, 0 * V, PARAMETERS, np.diag(np.full(9, 1e-12)),
+        [(scaled, CONDITIONS), (0 * scaled, heavier)], CONDITIONS, 0.8, True,
+    )  # fmt: skip
+    found = method_estimate(drag)
+    condition = Condition(CONDITIONS.mass_kg * GRAVITY_MPS2, CONDITIONS.rho, CONDITIONS.wing_area_m2)
+    assert found.polar is not None
+    power, error = power_required(V, found.polar, condition)
+    assert power == pytest.approx(drag_W, rel=1e-6)
+    by_scale = drag_power(V, 1.0, 0.0, aerodynamics(PARAMETERS + scaled), CONDITIONS) - drag_W
+    by_mass = drag_power(V, 1.0, 0.0, aerodynamics(PARAMETERS), heavier) - drag_W
+    assert error == pytest.approx(np.hypot(by_scale, by_mass), rel=0.02)
+
+
+def test_a_log_without_battery_says_so() -> None:
+    aircraft = load_complete_aircraft("nexstar")
+    found = whole_flight(Log(Path("log.mcap"), {}), aircraft, load_propeller(aircraft.propulsion.propeller))
+    assert found.electrical is None and found.method.polar is None
+    assert found.method.notes == ("the log has no voltage and current",)
+
+
+def test_an_airspeed_sensor_is_as_uncertain_as_an_aircraft_file_that_says_nothing() -> None:
+    assert GPS.scale_sigma == Uncertainty().airspeed_scale_fraction

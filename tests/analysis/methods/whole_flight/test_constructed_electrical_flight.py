@@ -1,0 +1,350 @@
+"""A flight without noise, whose truth is known: each channel is what its sensor would have read."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple, cast
+
+import numpy as np
+import pytest
+
+from analysis.estimation.model import PriorMeasurement
+from analysis.methods.whole_flight.airspeed_gps import airspeed_errors, one_way
+from analysis.methods.whole_flight.curve import ElectricalEstimate, FlownAircraft, estimate
+from analysis.methods.whole_flight.drag import DragEstimate, DragLacks, DragWithheld, ThrustSource, drag_estimate
+from analysis.methods.whole_flight.energy_balance import FlightConditions
+from analysis.methods.whole_flight.fit import derivatives, with_standard_error
+from analysis.methods.whole_flight.flight_table import FlightTable, flight_table
+from analysis.methods.whole_flight.thrust_balance import PARAMETERS, MotorConstants
+from analysis.performance.autopilot_parameters import flight_values
+from analysis.records.flight import Provenance, SpeedInterval
+from analysis.results.electrical import ElectricalFindings, UsedBattery, _warnings, electrical_results
+from analysis.sources import recording
+from analysis.sources.recording import Channel, FlightRecording
+from flight.arrays import Array
+from flight.atmosphere import height_at, pressure_at, temperature_at
+from flight.errors import InputError
+from flight.propeller_files import load_propeller
+from flight.propeller_speed import revps_for_thrust
+from flight.units import GRAVITY_MPS2 as g
+
+MASS_KG, AREA_M2, SPAN_M = 3.0, 0.5, 2.0
+GROUND_S, FLOWN_S, STEP_S = 60.0, 400.0, 0.1
+AIR_K, IDLE_W, ZERO_PA, SCALE = 295.0, 4.0, 7.0, 0.02
+WIND_NORTH_MPS, WIND_EAST_MPS = 3.0, -4.0
+LATENCY_S = 0.15
+CD0, K, CL_MIND = 0.045, 0.06, 0.2
+MOTOR = MotorConstants(torque_constant=0.015, resistance_ohm=0.05, no_load_A=1.0)
+PROPELLER = load_propeller("apc-12x8e")
+
+
+class Truth(NamedTuple):
+    """What the aircraft did, (n,) each."""
+
+    t_s: Array
+    V_mps: Array
+    height_m: Array
+    rho: Array
+    load_factor: Array
+    electrical_W: Array
+    revps: Array
+
+
+def drag_W(V: Array, load_factor: Array | float, rho: Array | float) -> Array:
+    qS = rho * V**2 / 2 * AREA_M2
+    CL = load_factor * MASS_KG * g / qS
+    return qS * V * (CD0 + K * (CL - CL_MIND) ** 2)
+
+
+def electrical_W(thrust_N: Array, V: Array, rho: Array) -> tuple[Array, Array]:
+    revps = revps_for_thrust(PROPELLER, V, thrust_N, rho)
+    _, shaft_W = PROPELLER.thrust_and_power(V, revps, rho)
+    return MOTOR.electrical_W(shaft_W, revps) + IDLE_W, revps
+
+
+@pytest.fixture(scope="module")
+def truth() -> Truth:
+    """Sixty seconds on the ground, then speeds from 12 to 20 m/s with climbs and descents, and the ground again."""
+    t = np.arange(0, 2 * GROUND_S + FLOWN_S, STEP_S)
+    s = t - GROUND_S
+    flying = (s > 0) & (s < FLOWN_S)
+    V = np.where(flying, 16 + 4 * np.sin(0.035 * s), 0.0)
+    h = np.where(flying, np.minimum(np.minimum(s, FLOWN_S - s) * 0.6, 60.0) + 2 * np.sin(0.08 * s), 0.0)
+    air_h = np.maximum(h, 0.0)
+    rho = pressure_at(air_h, ground_temperature_K=AIR_K) / (287.05287 * AIR_K)
+    load = np.where(flying, 1.05 + 0.05 * np.sin(0.07 * s), 1.0)
+    power, revps = np.full(len(t), IDLE_W), np.zeros(len(t))
+    V_dot, h_dot = np.gradient(V, STEP_S), np.gradient(air_h, STEP_S)
+    inside = flying & (s > 1) & (s < FLOWN_S - 1)
+    thrust = drag_W(V[inside], load[inside], rho[inside]) / V[inside] + MASS_KG * (
+        V_dot[inside] + g * h_dot[inside] / V[inside]
+    )
+    pulling = thrust > 0.1
+    rows = np.flatnonzero(inside)[pulling]
+    power[rows], revps[rows] = electrical_W(thrust[pulling], V[rows], rho[rows])
+    return Truth(t, V, air_h, rho, load, power, revps)
+
+
+def flown(truth: Truth, *, gps: bool = True, motor: bool = True) -> FlightRecording:
+    t = truth.t_s
+    heading = 0.05 * t
+    moving = (truth.V_mps > 0).astype(float)
+    read = truth.rho / 2 * (truth.V_mps * (1 + SCALE)) ** 2 + ZERO_PA
+    volts = np.full(len(t), 12.0)
+    channels = {
+        recording.AIRSPEED_PRESSURE: Channel(t, read),
+        recording.STATIC: Channel(t, pressure_at(truth.height_m, ground_temperature_K=AIR_K)),
+        recording.FORCE_Z: Channel(t, -g * truth.load_factor),
+        recording.VOLTAGE: Channel(t, volts),
+        recording.CURRENT: Channel(t, truth.electrical_W / volts),
+    }
+    if motor:
+        channels[recording.MOTOR] = Channel(t, truth.revps)
+    if gps:
+        down = -np.gradient(truth.height_m, STEP_S)
+        along = np.sqrt(np.maximum(truth.V_mps**2 - down**2, 0.0))
+        velocity = (
+            along * np.cos(heading) + WIND_NORTH_MPS * moving,
+            along * np.sin(heading) + WIND_EAST_MPS * moving,
+            down,
+        )
+        channels |= {name: Channel(t + LATENCY_S, x) for name, x in zip(recording.GPS, velocity, strict=True)}
+    thermometers = {"board": Channel(t, np.full(len(t), AIR_K + 20.0)), "air": Channel(t, np.full(len(t), AIR_K))}
+    return FlightRecording(Path("constructed"), channels, thermometers, zeroed=False)
+
+
+@pytest.fixture(scope="module")
+def table(truth: Truth) -> FlightTable:
+    return flight_table(flown(truth), MASS_KG * g, AREA_M2)
+
+
+@pytest.fixture(scope="module")
+def electrical(table: FlightTable) -> ElectricalEstimate:
+    return estimate(table, MASS_KG * g, AREA_M2, SPAN_M)
+
+
+def test_the_table_is_what_the_aircraft_did(table: FlightTable, truth: Truth) -> None:
+    t = table.table.index.to_numpy()
+    rows = table.flown
+
+    def at(values: Array) -> Array:
+        return np.interp(t[rows], truth.t_s, values)
+
+    found = table.table[rows]
+    assert found["rho"].to_numpy() == pytest.approx(at(truth.rho), rel=1e-3)
+    assert found["load_factor"].to_numpy() == pytest.approx(at(truth.load_factor), rel=1e-3)
+    assert found["power_W"].to_numpy() == pytest.approx(at(truth.electrical_W), rel=0.02, abs=1.0)
+    pressure = at(truth.rho) / 2 * (at(truth.V_mps) * (1 + SCALE)) ** 2
+    assert found["pressure_Pa"].to_numpy() == pytest.approx(pressure, abs=1.0)
+    assert np.ptp(found["height_m"].to_numpy() - at(truth.height_m)) < 0.5
+    assert table.idle_power_W == pytest.approx(IDLE_W, abs=0.01)
+    assert table.zero_sigma_Pa == pytest.approx(0.7, abs=0.01)  # what a zero of a minute on the ground is good for
+    assert table.air_temperature_K == AIR_K and table.rho_sigma == pytest.approx(3.0 / AIR_K)
+    assert "22 °C, by the coolest thermometer, air (board shows 42 °C)" in table.notes[-1]
+
+
+def test_flight_begins_clear_of_the_ground(table: FlightTable, truth: Truth) -> None:
+    """Eight seconds after and before the three meters above the ground; one stretch between."""
+    (rows,) = table.airborne
+    first, last = (table.table.index[i] for i in (rows.start, rows.stop - 1))
+    high = truth.t_s[truth.height_m > 3.0]
+    assert (first - high[0], high[-1] - last) == pytest.approx((8.0, 8.0), abs=0.5)
+    assert table.flown.sum() == rows.stop - rows.start
+
+
+def test_without_a_thermometer_and_too_short_a_flight_it_is_said(truth: Truth) -> None:
+    whole = flown(truth)
+    blind = FlightRecording(whole.path, whole.channels, {}, zeroed=False)
+    found = flight_table(blind, MASS_KG * g, AREA_M2)
+    standard_K = temperature_at(height_at(float(np.median(whole.channels[recording.STATIC].value))))
+    assert found.air_temperature_K == pytest.approx(standard_K, abs=1e-6)
+    assert found.rho_sigma == pytest.approx(8.0 / standard_K)
+    assert "taken as 15 °C" in found.notes[-1]
+    short = {name: Channel(*(x[truth.t_s < GROUND_S + 60] for x in one)) for name, one in whole.channels.items()}
+    with pytest.raises(InputError, match=r"for [0-9]+ s in the air; 60 s clear"):
+        flight_table(FlightRecording(whole.path, short, {}, zeroed=False), MASS_KG * g, AREA_M2)
+    late = {name: one._replace(t_s=one.t_s + 1e5) for name, one in whole.channels.items()}  # on for a day
+    assert flight_table(FlightRecording(whole.path, late, {}, zeroed=False), MASS_KG * g, AREA_M2).flown.any()
+    late = {name: Channel(one.t_s + 1e5 + 4e4 * (one.t_s > 100.0), one.value) for name, one in whole.channels.items()}
+    with pytest.raises(InputError, match=f"its clock spans {4e4 + truth.t_s[-1]:.0f} s; longer than any flight"):
+        flight_table(FlightRecording(whole.path, late, {}, zeroed=False), MASS_KG * g, AREA_M2)
+    hot = FlightRecording(whole.path, whole.channels, {"bay": Channel(truth.t_s, 0 * truth.t_s + 305.0)}, zeroed=False)
+    assert flight_table(hot, MASS_KG * g, AREA_M2).rho_sigma == pytest.approx(8.0 / 305.0)
+
+
+def test_circles_against_gps_show_scale_and_wind(table: FlightTable) -> None:
+    found = airspeed_errors(table)
+    assert found.scale == pytest.approx(SCALE, abs=0.001)
+    assert found.zero_Pa == pytest.approx(0.0, abs=1.5)
+    assert found.wind_mps == pytest.approx(5.0, abs=0.1)
+    assert found.wind_from_deg == pytest.approx(np.degrees(np.arctan2(4, -3)) % 360, abs=1.0)
+    assert np.sqrt(found.covariance[0, 0]) < 0.3 * 0.0125
+    north, east = (table.table[name].to_numpy()[table.flown] for name in recording.GPS[:2])
+    assert one_way(north, east, found) < 0.15
+    assert one_way(np.full(9, 12.0) + WIND_NORTH_MPS, np.full(9, WIND_EAST_MPS), found) > 0.99
+
+
+def test_without_gps_the_airspeed_is_believed_to_its_prior(truth: Truth) -> None:
+    found = airspeed_errors(flight_table(flown(truth, gps=False), MASS_KG * g, AREA_M2))
+    assert (found.scale, found.zero_Pa, found.wind_mps) == (0.0, 0.0, None)
+    assert np.sqrt(np.diag(found.covariance)) == pytest.approx([0.0125, 0.7], rel=0.02)
+
+
+def level_truth_W(V: Array, rho: float) -> Array:
+    return electrical_W(drag_W(V, 1.0, rho) / V, V, np.full(len(V), rho))[0]
+
+
+def test_the_electrical_power_of_level_flight_is_found(electrical: ElectricalEstimate) -> None:
+    V = electrical.V_mps
+    inside = (V > 13) & (V < 19)
+    expected = level_truth_W(V[inside], electrical.conditions.rho)
+    assert electrical.power_W[inside] == pytest.approx(expected, rel=0.05)
+    relative = electrical.standard_error_W[inside] / electrical.power_W[inside]
+    assert 0.012 < relative.min() and relative.max() < 0.06
+    near = (electrical.measured_V_mps > 13) & (electrical.measured_V_mps < 19)
+    measured = electrical.measured_W[near] / level_truth_W(electrical.measured_V_mps[near], electrical.conditions.rho)
+    assert np.median(measured) == pytest.approx(1.0, abs=0.03) and np.std(measured) < 0.08
+    assert electrical.gust_mps < 0.15
+
+
+@pytest.fixture(scope="module", params=["measured speed", "motor constants"])
+def drag(request: pytest.FixtureRequest, truth: Truth, electrical: ElectricalEstimate, table: FlightTable) -> Iterator:
+    measured = request.param == "measured speed"
+    flight = table if measured else flight_table(flown(truth, motor=False), MASS_KG * g, AREA_M2)
+    yield drag_estimate(flight, electrical, SPAN_M, ThrustSource(PROPELLER, None if measured else MOTOR)), measured
+
+
+def test_power_required_and_shaft_power_are_found_by_the_propeller_s_table(
+    drag: tuple[DragEstimate, bool],
+) -> None:
+    found, measured = drag
+    assert isinstance(found, DragEstimate) and found.measured_speed is measured
+    V = found.V_mps
+    inside = (V > 13) & (V < 19)
+    V, rho = V[inside], found.conditions.rho
+    expected = drag_W(V, 1.0, rho)
+    assert found.power_W[inside] == pytest.approx(expected, rel=0.01)
+    assert np.abs(found.power_W[inside] - expected).max() < 2 * found.error_W[inside].max()
+    revps = revps_for_thrust(PROPELLER, V, expected / V, rho)
+    assert found.shaft_W[inside] == pytest.approx(PROPELLER.thrust_and_power(V, revps, rho)[1], rel=0.04)
+    assert 0.7 < found.motor_efficiency < 0.95
+    relative = found.error_W[inside] / found.power_W[inside]
+    assert 0.01 < relative.min() and relative.max() < 0.06
+
+
+def test_thrust_on_a_stand_is_a_prior_of_the_table_s_errors(table: FlightTable, electrical: ElectricalEstimate) -> None:
+    """A stand that says thrust at rest is 10 % above the table, nearly exactly: so do the parameters."""
+    stand = PriorMeasurement(
+        name="stand", coefficients={"thrust_scale": 1, "thrust_slope": -0.5}, value=0.1, sigma=1e-3
+    )
+    found = drag_estimate(table, electrical, SPAN_M, ThrustSource(PROPELLER, stand=(stand,)))
+    assert isinstance(found, DragEstimate)
+    row = np.array([{"thrust_scale": 1.0, "thrust_slope": -0.5}.get(name, 0.0) for name in PARAMETERS])
+    assert row @ found.parameters == pytest.approx(0.1, abs=1e-3)
+    assert np.sqrt(row @ found.parameter_covariance @ row) == pytest.approx(1e-3, rel=0.01)
+
+
+def test_a_wrong_number_of_poles_is_found_by_the_efficiency(table: FlightTable, electrical: ElectricalEstimate) -> None:
+    doubled = table._replace(table=table.table.assign(**{recording.MOTOR: 2 * table.table[recording.MOTOR]}))
+    said = drag_estimate(doubled, electrical, SPAN_M, ThrustSource(PROPELLER))
+    assert isinstance(said, DragWithheld) and said.lacks is DragLacks.POSSIBLE_EFFICIENCY
+    assert said.motor_efficiency is not None
+    assert 4 * 0.7 < said.motor_efficiency < 20, (
+        "by twice the speed, at the same airspeed: four times the power at least"
+    )
+    assert drag_estimate(table, electrical, SPAN_M, ThrustSource()) == DragWithheld(DragLacks.PROPELLER)
+
+
+def test_standard_errors_add_what_the_flight_shares() -> None:
+    """A linear quantity: its variance is that of the parameters, and squares of what each shared error changes."""
+    conditions = FlightConditions(MASS_KG, AREA_M2, 1.2, IDLE_W)
+    heavier = conditions._replace(mass_kg=MASS_KG + 0.1)
+
+    def quantity(x: Array, c: FlightConditions) -> Array:
+        return np.array([2 * x[0] - x[1], 10 * c.mass_kg + x[1]])
+
+    covariance = np.array([[0.04, 0.01], [0.01, 0.09]])
+    shared = [(np.array([0.0, 0.5]), heavier)]
+    gradient, effects = derivatives(quantity, np.array([1.0, 2.0]), covariance, shared, conditions)
+    assert gradient == pytest.approx(np.array([[2.0, 0.0], [-1.0, 1.0]]))
+    assert effects == pytest.approx(np.array([[-0.5, 1.5]]))
+    value, error = with_standard_error(quantity, np.array([1.0, 2.0]), covariance, shared, conditions)
+    assert value == pytest.approx([0.0, 32.0])
+    assert error**2 == pytest.approx([4 * 0.04 - 4 * 0.01 + 0.09 + 0.25, 0.09 + 2.25])
+
+
+def test_a_motor_s_electrical_power_is_that_of_its_constants() -> None:
+    """omega k + R I volts, I amperes; k (I - I0) is the shaft's torque. Driven by the air it takes none."""
+    omega, current = 600.0, 12.0
+    shaft_W = MOTOR.torque_constant * (current - MOTOR.no_load_A) * omega
+    taken = MOTOR.electrical_W(np.array([shaft_W, -1000.0]), np.array([omega, omega]) / (2 * np.pi))
+    assert taken == pytest.approx([(omega * 0.015 + 0.05 * current) * current, 0.0])
+
+
+def test_the_results_are_those_of_the_estimate(
+    drag: tuple[DragEstimate, bool], table: FlightTable, electrical: ElectricalEstimate
+) -> None:
+    found, _ = drag
+    aircraft, battery = FlownAircraft("test", MASS_KG * g, AREA_M2, SPAN_M), UsedBattery(125.0, 0.8)
+    provenance = cast(Provenance, None)
+    known = ElectricalFindings(table, electrical, found, "apc-12x8e", battery)
+    results = electrical_results(Path("log"), aircraft, known, provenance)
+    beside = results.electrical
+    assert beside is not None and beside.endurance_s is not None and beside.range_m is not None
+    V, power = electrical.V_mps, electrical.power_W
+    assert beside.endurance_s.value == pytest.approx(battery.usable_J / power.min())
+    assert beside.range_m.value == pytest.approx(battery.usable_J * np.max(V / power))
+    assert 0.9 < beside.range_m.lo / beside.range_m.value < 0.995
+    assert 1.005 < beside.range_m.hi / beside.range_m.value < 1.1
+    assert beside.best_range_speed.speed_mps == pytest.approx(V[np.argmin(power / V)])
+    assert beside.airspeed_scale.hi - beside.airspeed_scale.value == pytest.approx(
+        1.96 * np.sqrt(electrical.airspeed.covariance[0, 0]), rel=1e-3
+    )
+    assert beside.flown_s == pytest.approx(table.flown.sum() * 0.2)
+    for point, p, error in zip(results.electrical_power, power, electrical.standard_error_W, strict=True):
+        assert (point.power_hi_W - p, p - point.power_lo_W) == pytest.approx((1.96 * error,) * 2, rel=1e-3)
+    parts = beside.interval_parts[10]
+    both = np.hypot(parts.noise_W, parts.systematic_W)
+    assert both == pytest.approx(1.96 * electrical.standard_error_W[10], rel=1e-3)
+    polar = results.drag_polar
+    assert polar is not None
+    CL = np.array([0.3, 0.8])
+    quadratic = polar.CD0 + polar.K * (CL - polar.CL_minD) ** 2
+    assert polar.A0 + polar.A1 * CL + polar.A2 * CL**2 == pytest.approx(quadratic)
+    assert polar.oswald_efficiency == pytest.approx(AREA_M2 / (np.pi * polar.K * SPAN_M**2))
+
+
+def test_an_autopilot_is_told_equivalent_airspeeds_and_the_sink_of_gliding(
+    drag: tuple[DragEstimate, bool], electrical: ElectricalEstimate
+) -> None:
+    found, _ = drag
+    V, rho = electrical.V_mps, electrical.conditions.rho
+    best = SpeedInterval(speed_mps=16.0, lo_mps=15.0, hi_mps=17.0, inside_flown_range=True)
+    told = flight_values(electrical, best, {}, found)
+    to_equivalent = np.sqrt(rho / 1.225)
+    assert told.cruise.value == pytest.approx(16.0 * to_equivalent, rel=1e-4)
+    assert (told.slowest.value, told.fastest.value) == pytest.approx((V[0] * to_equivalent, V[-1] * to_equivalent))
+    # GPS shows true airspeed; equivalent airspeed has half the error of density besides.
+    sigma = np.hypot(np.sqrt(electrical.airspeed.covariance[0, 0]), electrical.rho_sigma / 2)
+    assert told.slowest.hi / told.slowest.value - 1 == pytest.approx(1.96 * sigma, rel=0.5)
+    assert told.cruise_power is not None and told.sink is not None and told.airspeed_factor is not None
+    assert told.cruise_power.value == pytest.approx(np.interp(16.0, V, electrical.power_W))
+    weight_N = MASS_KG * g
+    assert told.sink.value == pytest.approx(np.interp(16.0, found.V_mps, found.power_W) / weight_N, rel=1e-3)
+    assert told.airspeed_factor.value == pytest.approx(1 / 1.02, rel=2e-3)
+    assert told.wing_loading.value == pytest.approx(2 * weight_N / (1.225 * AREA_M2), rel=1e-3)
+    assert told.CD0 is not None and told.B is not None
+    CL = 2 * weight_N / (rho * V**2 * AREA_M2)
+    CD = 2 * found.power_W / (rho * V**3 * AREA_M2)
+    assert told.CD0.value + told.B.value * CL**2 == pytest.approx(CD, rel=0.05)
+
+
+def test_what_a_reader_must_know_is_said(electrical: ElectricalEstimate) -> None:
+    def said(**change: object) -> str:
+        return " ".join(_warnings(electrical._replace(**change)))
+
+    assert said() == ""
+    assert "GPS" in said(airspeed=electrical.airspeed._replace(wind_mps=None))
+    assert "5 % too low by GPS" in said(airspeed=electrical.airspeed._replace(scale=-0.05))
+    assert "2 % too high" not in said(airspeed=electrical.airspeed._replace(scale=0.02))
+    noise = np.diag((0.2 * electrical.power_W) ** 2)
+    assert "wider than ±30 % at 100 %" in said(noise=noise)

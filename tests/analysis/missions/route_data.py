@@ -1,0 +1,142 @@
+"""Results of an analysis without a flight: an aircraft of 3.84 kg with its propeller, and how well it is known."""
+
+from dataclasses import replace
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from analysis.curve import Condition, speed_at
+from analysis.missions.energy import Battery
+from analysis.missions.inputs import RouteInput
+from analysis.missions.mission import Mission, Wind, parse_legs
+from analysis.missions.power import source_of
+from analysis.missions.prediction import RESOLUTION, Air, Flight, Route
+from analysis.performance.propagation import ParameterVector
+from analysis.records.flight import (
+    AircraftResult,
+    AvailableResult,
+    ComputationModel,
+    ConditionResult,
+    CurveStatus,
+    ElectricalResult,
+    ElectricalStatistics,
+    PerformanceResult,
+    PowerTrainResult,
+    PropellerRow,
+    PropellerTable,
+    Results,
+    SlowestFlown,
+    SpeedInterval,
+)
+from flight.propeller_files import load_propeller
+
+WEIGHT_N, RHO, AREA_M2 = 3.84 * 9.80665, 1.19, 0.4636
+FLOWN_CL = (0.25, 1.0)
+VALUES = {
+    "A0": 0.0465, "A1": -0.0195, "A2": 0.065, "thrust_scale": 0.0, "thrust_slope": 0.0, "alpha_0": -0.075,
+    "alpha_CL": 0.235, "shaft_scale": 1.0, "friction": 0.28, "copper": 300.0, "meter_scale": 0.0,
+    "unloaded_revps": 165.0, "revps_per_Nm": 60.0,
+}  # fmt: skip
+SHARES = {"A0": 0.03, "A1": 0.05, "A2": 0.04, "shaft_scale": 0.03, "friction": 0.1, "copper": 0.1}  # standard errors
+UNKNOWN = SpeedInterval(speed_mps=None, lo_mps=None, hi_mps=None, inside_flown_range=False)
+CALM = Wind(0.0, 0.0, 0.0)
+BATTERY = Battery(energy_J=74 * 3600.0, reserve=0.2)
+
+
+def parameters() -> ParameterVector:
+    sigma = np.array([SHARES.get(name, 0.0) * abs(value) for name, value in VALUES.items()])
+    sigma[list(VALUES).index("meter_scale")] = 0.02
+    return ParameterVector(tuple(VALUES), np.array([*VALUES.values()]), np.diag(sigma**2))
+
+
+def aerodynamic_results(**changed: Any) -> RouteInput:
+    return of_results(aerodynamic_flight(**changed))
+
+
+def of_results(results: Results) -> RouteInput:
+    return msgspec.convert(results, RouteInput, from_attributes=True)
+
+
+def aerodynamic_flight(**changed: Any) -> Results:
+    table = load_propeller("apc-12x8e")
+    known = parameters()
+    model = ComputationModel(
+        names=list(known.names),
+        values=known.values.tolist(),
+        covariance=known.covariance.tolist(),
+        no_load_torque_Nm=0.01,
+        flown_CL=FLOWN_CL,
+        propeller=PropellerTable(
+            name=table.name,
+            diameter_m=table.diameter_m,
+            beyond_zero_thrust=table.beyond_zero_thrust,
+            rows=[PropellerRow(rpm=r.rpm, J=list(r.J), cT=list(r.cT), cP=list(r.cP)) for r in table.rows],
+        ),
+    )
+    available = AvailableResult(
+        reason="", basis="", power_available=[], climb_mps=[], maximum_speed_mps=None, maximum_speed_extrapolated=False,
+        best_climb_mps=None, best_climb_speed_mps=None, service_ceiling_m=None, absolute_ceiling_m=None, notes=[],
+    )  # fmt: skip
+    train = PowerTrainResult(measured=True, basis="", parameters=[], efficiency=[], points=[])
+    use = PerformanceResult(
+        battery_energy_Wh=74.0, usable=0.8, power_train=train, available=available, loadings=[], costs=[],
+        field_table=[], model=model,
+    )  # fmt: skip
+    slowest = SlowestFlown(
+        speed_mps=float(speed_at(FLOWN_CL[1], Condition(WEIGHT_N, RHO, AREA_M2))),
+        lift_coefficient=FLOWN_CL[1],
+        largest_lift_coefficient=1.2,
+    )
+    return _results(**{"use": use, "slowest_flown": slowest} | changed)
+
+
+def electrical_results(**changed: Any) -> RouteInput:
+    return of_results(electrical_flight(**changed))
+
+
+def electrical_flight(**changed: Any) -> Results:
+    """A curve of electrical power with 8 W of idle power in it."""
+    V = np.linspace(11.0, 22.0, 13)
+    power_W = 8 + 0.022 * V**3 + 500 / V
+    statistics = ElectricalStatistics(
+        speed_mps=V.tolist(),
+        power_W=power_W.tolist(),
+        own_covariance=np.diag((0.01 * power_W) ** 2).tolist(),
+        shared={"current": (0.02 * power_W).tolist()},
+    )
+    found = ElectricalResult(
+        least_power_speed=UNKNOWN, best_range_speed=UNKNOWN, endurance_s=None, range_m=None, interval_parts=[],
+        residual_W=3.0, idle_power_W=8.0, airspeed_scale=None, wind_mps=None, wind_from_deg=None, flown_s=600.0,
+        withheld=[], pooling=statistics,
+    )  # fmt: skip
+    return _results(**{"electrical": found} | changed)
+
+
+def _results(**more: Any) -> Results:
+    at = ConditionResult(weight_N=WEIGHT_N, air_density_kgpm3=RHO)
+    return Results(
+        **{
+            "software_version": "0", "log": "log.mcap", "aircraft": AircraftResult(
+                name="a", title="A", wing_area_m2=AREA_M2, span_m=1.75, propeller="apc-12x8e"
+            ), "test": at, "standard": at, "air_temperature_K": 288.15, "air_pressure_Pa": 1.19 * 287.05287 * 288.15,
+            "runs": [], "rejected": [], "parameters": [], "drag_polar": None, "power_required": [],
+            "power_required_standard": [], "cross_check": [], "minimum_power_speed": UNKNOWN,
+            "best_range_speed": UNKNOWN, "status": CurveStatus.CONVERGED, "verdict": "", "warnings": [],
+        }
+        | more
+    )  # fmt: skip
+
+
+def flight(wind: Wind = CALM, **changed: Any) -> Flight:
+    air = Air(1.19 * 287.05287 * 288.15, 288.15)
+    return replace(Flight(wind, BATTERY, air, WEIGHT_N), **changed)
+
+
+def legs(text: str) -> Mission:
+    return parse_legs(text, 0.0)
+
+
+def route_of(results: RouteInput, mission: Mission, how: Flight) -> Route:
+    rng = np.random.default_rng(0)
+    return Route(source_of(results, how.idle_W, RESOLUTION.draws, rng), mission, how, rng)

@@ -1,0 +1,86 @@
+"""The card: it warns of what the field cannot mend, and has what is filled in and ticked off there."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis.missions import card
+from analysis.missions.expected_aircraft import ExpectedAircraft, expected_aircraft
+from analysis.missions.pieces import Pilot, Run, Space
+from analysis.missions.plan_settings import PATH
+from analysis.missions.search import Request
+from flight.aircraft import load_aircraft
+from flight.propeller import Propeller
+
+
+@pytest.fixture(scope="module")
+def nexstar() -> ExpectedAircraft:
+    return expected_aircraft(load_aircraft("nexstar"), 40.0)
+
+
+def plan(aircraft: ExpectedAircraft, *, minutes: float = 10.0, height_m: float = 40.0) -> Any:
+    """Level at 16 m/s, in a circle of 200 m about a point 200 m east of the take-off."""
+    n, V = round(minutes * 60 / PATH.step_s), 16.0
+    drag_N = float(aircraft.drag_N(V))
+    table = pd.DataFrame({
+        "height_m": height_m, "V_mps": V, "thrust_N": drag_N,
+        "n_revps": aircraft.revps_of_thrust(np.array([V]), np.array([drag_N]))[0],
+    }, index=np.arange(n) * PATH.step_s)  # fmt: skip
+    angle = np.linspace(0.0, 2 * np.pi, n)
+    position = 200 * np.column_stack([np.sin(angle), 1 - np.cos(angle)])
+    request = Request(minutes, 8.0, Space(500.0, height_m), Pilot(autopilot=False, load=1.0))
+    history = SimpleNamespace(table=table, position_m=position, starts_s=np.array([0.0, n * PATH.step_s]))
+    maneuvers, question = (Run(0.5, 1.0, V),), SimpleNamespace(speeds=np.array([V, 2 * V]))
+    return SimpleNamespace(history=history, aircraft=aircraft, request=request, maneuvers=maneuvers, question=question)
+
+
+def test_a_flight_inside_table_battery_and_height_has_no_warning(nexstar: ExpectedAircraft) -> None:
+    assert card.warnings(plan(nexstar)) == []
+
+
+def test_a_table_that_ends_below_the_revolutions_flown_is_warned_of(nexstar: ExpectedAircraft) -> None:
+    whole = nexstar.propeller
+    slow = Propeller(whole.name, whole.diameter_m, whole.rows[:1])
+    (warning,) = card.warnings(plan(replace(nexstar, propeller=slow)))
+    assert f"{whole.rows[0].rpm:.0f} rpm" in warning
+
+
+def test_a_battery_that_is_empty_before_the_landing_is_warned_of(nexstar: ExpectedAircraft) -> None:
+    """Drag times speed over an efficiency of a half to two thirds; a tenth of the time takes a tenth of the energy."""
+    needed = [card.energy_Wh(plan(nexstar, minutes=minutes)) for minutes in (10.0, 1.0)]
+    work_Wh = float(nexstar.drag_N(16.0)) * 16.0 / 6
+    assert 1.4 * work_Wh < needed[0] < 2.2 * work_Wh and needed[1] == pytest.approx(needed[0] / 10, rel=1e-3)
+    battery_Wh = nexstar.aircraft.propulsion.battery_energy_Wh
+    assert battery_Wh is not None
+    minutes = 10 * 0.8 * battery_Wh / needed[0]
+    assert card.warnings(plan(nexstar, minutes=0.98 * minutes)) == []
+    assert len(card.warnings(plan(nexstar, minutes=1.02 * minutes))) == 1
+
+
+def test_a_flight_above_the_limit_of_height_is_warned_of(nexstar: ExpectedAircraft) -> None:
+    assert card.warnings(plan(nexstar, height_m=120.0)) == [] and len(card.warnings(plan(nexstar, height_m=125.0))) == 1
+
+
+def test_a_wind_that_the_flight_hardly_advances_against_is_warned_of(nexstar: ExpectedAircraft) -> None:
+    slow = replace(nexstar, stall_mps=plan(nexstar).request.wind_mps / 0.72 / 1.6)  # 1.6 times that between maneuvers
+    (warning,) = card.warnings(plan(slow))
+    assert f"the speed between maneuvers {slow.cruise_mps:.1f} m/s" in warning
+
+
+def test_the_sketch_holds_the_way_and_the_wind(nexstar: ExpectedAircraft) -> None:
+    drawn = card._sketch(plan(nexstar))
+    points = np.array(
+        [[float(x) for x in pair.split(",")] for pair in drawn.split('points="')[1].split('"')[0].split()]
+    )
+    assert card.farthest_m(plan(nexstar)) == pytest.approx(400.0, rel=1e-3)
+    assert points[0] == pytest.approx([50.0, 50.0]) and points.min() > 0 and points.max() < 100
+    assert points[:, 0].max() == pytest.approx(50 * (1 + 1 / 1.15), abs=0.1) and points[:, 0].min() > 49.9
+    assert "rotate(-50)" in drawn and "8 kt" in drawn
+
+
+def test_there_is_a_box_to_tick_for_each_time() -> None:
+    assert card._boxes("3 ×").count("☐") == 3 and card._boxes("") == "☐"

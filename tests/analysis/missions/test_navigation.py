@@ -1,0 +1,76 @@
+"""A plan over the ground: it stays where it is watched from, in any wind, and says so of the path that it flies."""
+
+import numpy as np
+import pytest
+
+from analysis.missions.expected_aircraft import ExpectedAircraft, expected_aircraft
+from analysis.missions.navigation import kept_in_place
+from analysis.missions.pieces import Hold, Land, Maneuver, Piece, Pilot, Run, Space, Turn, catalog, sequence
+from analysis.missions.plan_settings import PATH
+from analysis.missions.time_history import fly
+from flight.aircraft import load_aircraft
+
+HEIGHT_M, LEG_M = 40.0, 500.0
+
+
+@pytest.fixture(scope="module")
+def nexstar() -> ExpectedAircraft:
+    return expected_aircraft(load_aircraft("nexstar"), HEIGHT_M)
+
+
+@pytest.fixture(scope="module")
+def pieces_flown(nexstar: ExpectedAircraft) -> list[Piece]:
+    """Each piece of the catalog, so that each follows another."""
+    return catalog(nexstar, Space(LEG_M, HEIGHT_M), Pilot(autopilot=False, load=0.8), 5.0)
+
+
+def farthest_m(maneuvers: list[Maneuver], aircraft: ExpectedAircraft, wind_mps: float) -> float:
+    return float(np.hypot(*fly(maneuvers, aircraft, HEIGHT_M, wind_mps).position_m.T).max())
+
+
+@pytest.mark.parametrize("wind_mps", [0.0, 4.0, 8.0])
+def test_a_flight_stays_in_sight_in_any_wind(nexstar, pieces_flown: list[Piece], wind_mps: float) -> None:
+    """A leg about the place of take-off; in a strong wind half as much more, since runs downwind cannot be shortened.
+    As planned in still air it would be gone by miles."""
+    plan = sequence(pieces_flown, nexstar)
+    kept = kept_in_place(plan, nexstar, Space(LEG_M, HEIGHT_M), wind_mps)
+    assert farthest_m(kept, nexstar, wind_mps) < (1.1 if wind_mps < 5 else 1.5) * LEG_M
+    assert farthest_m(plan, nexstar, wind_mps) > 1500.0
+    assert [type(one) for one in kept] == [type(one) for one in plan]
+
+
+def test_legs_end_at_the_same_two_places_and_take_longer_against_the_wind(nexstar: ExpectedAircraft) -> None:
+    turn = Turn(18.0)
+    plan = sequence([Piece("", 2 * (Hold(25.0, 18.0), turn), None)] * 4, nexstar)  # type: ignore[arg-type]
+    wind_mps = 6.0
+    kept = kept_in_place(plan, nexstar, Space(LEG_M, HEIGHT_M), wind_mps)
+    history = fly(kept, nexstar, HEIGHT_M, wind_mps)
+    at = np.rint(history.starts_s / 0.04).astype(int)[:-1]
+    x, y = history.position_m.T
+    legs = [i for i, one in enumerate(kept) if isinstance(one, Hold)][3:-1]  # after the first, before landing
+    ends = np.array([at[i + 1] for i in legs])
+    assert np.ptp(y[ends]) < 60.0, "crabbed: all end on one line"
+    seconds = {}
+    for into_the_wind in (True, False):
+        these = [k for k, i in enumerate(legs) if (x[at[i + 1]] > x[at[i]]) == into_the_wind]
+        assert np.ptp(x[ends[these]]) < 60.0
+        seconds[into_the_wind] = [kept[legs[k]].duration_s for k in these]
+    assert min(seconds[True]) > 1.5 * max(seconds[False])
+
+
+@pytest.mark.parametrize("pairs", [2, 3])
+def test_the_landing_is_into_the_wind(nexstar: ExpectedAircraft, pieces_flown: list[Piece], pairs: int) -> None:
+    """Also after a number of turns that would have it downwind: the last one is a circle then."""
+    plan = sequence([*pieces_flown[:1] * 2, *pieces_flown[-1:] * pairs], nexstar)
+    kept = kept_in_place(plan, nexstar, Space(LEG_M, HEIGHT_M), 4.0)
+    history = fly(kept, nexstar, HEIGHT_M, 4.0)
+    touching = int(history.starts_s[-2] / 0.04) - 25
+    assert np.cos(history.attitude[touching, 2] - np.radians(PATH.wind_from_deg)) > 0.3
+
+
+def test_without_a_turn_nothing_changes_and_no_wind_makes_a_plan_endless(nexstar: ExpectedAircraft) -> None:
+    straight: list[Maneuver] = [Hold(10.0, 15.0), Run(0.87, 8.0, 20.0), Land(16.0)]
+    assert kept_in_place(straight, nexstar, Space(LEG_M, HEIGHT_M), 8.0) == straight
+    plan = sequence([Piece("", (Hold(20.0, 12.0), Turn(15.0)), None)] * 6, nexstar)  # type: ignore[arg-type]
+    kept = kept_in_place(plan, nexstar, Space(LEG_M, HEIGHT_M), 20.0)
+    assert max(one.duration_s for one in kept if isinstance(one, Hold)) <= 20.0 + 120.0

@@ -1,0 +1,140 @@
+"""A mission by the curve of several flights: the pool's polar with its covariance, and the mean of the power trains."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from analysis.cli import route
+from analysis.flights.electrical import electrical_pool, pooled_results
+from analysis.flights.flight_statistics import POOLED
+from analysis.flights.pool import Pool, pool_results
+from analysis.missions.inputs import RouteInput
+from analysis.missions.power import source_of
+from analysis.missions.prediction import predict
+from analysis.performance.stored_model import LOSSES, model_of, part
+from analysis.records.flight import ElectricalFlight
+from tests.analysis.flights.synthetic_flights import flight as statistics_of
+from tests.analysis.flights.synthetic_flights import truth
+from tests.analysis.missions.route_data import (
+    aerodynamic_flight,
+    electrical_flight,
+    electrical_results,
+    flight,
+    legs,
+    route_of,
+)
+
+SCALES = (0.9, 1.0, 1.04)  # of the shaft power of each flight
+
+
+def contents(*, measured: tuple[bool, ...] = (True, True, True), use: bool = True) -> list[dict[str, Any]]:
+    """Flights of one aircraft with drag of their own errors, and power trains whose shaft powers differ by SCALES."""
+    rng = np.random.default_rng(3)
+    x = truth(rng)
+    found = []
+    for number, (scale, known) in enumerate(zip(SCALES, measured, strict=True)):
+        whole = msgspec.to_builtins(aerodynamic_flight())
+        at = whole["use"]["model"]["names"].index("shaft_scale")
+        whole["use"]["model"]["values"][at] = scale
+        whole["use"]["power_train"]["measured"] = known
+        whole["slowest_flown"]["largest_lift_coefficient"] += 0.1 * number
+        taken = {name: whole[name] for name in ("air_pressure_Pa", "slowest_flown", *(["use"] if use else []))}
+        found.append(statistics_of(x, rng, str(number)) | taken)
+    return found
+
+
+def route_input(pool: Pool) -> RouteInput:
+    """As written and read."""
+    return msgspec.json.decode(msgspec.json.encode(pool.results()), type=RouteInput)
+
+
+def test_polar_and_thrust_are_those_of_the_pool_with_their_joint_covariance() -> None:
+    pool = pool_results(contents())
+    use = pool.results().use
+    assert use is not None
+    found = model_of(use.model).parameters
+    at = [POOLED.index(name) for name in found.names[:5]]
+    assert found.names[:5] == ("A0", "A1", "A2", "thrust_scale", "thrust_slope")
+    assert found.values[:3] == pytest.approx(pool.polar.A)
+    assert found.covariance[:3, :3] == pytest.approx(pool.polar.covariance)
+    np.testing.assert_allclose(found.covariance[:5, 3:5], pool.estimate.total[np.ix_(at, at[3:])])
+    assert np.any(found.covariance[:3, 3:5]), "thrust and drag err together"
+    assert use.model.flown_CL == pool.flown_CL
+    largest = pool.results().slowest_flown
+    assert largest is not None and largest.largest_lift_coefficient == pytest.approx(1.4), "of any flight"
+
+
+def test_losses_are_the_mean_of_the_flights_that_measured_them_and_no_surer_than_one() -> None:
+    for measured, scale, logs in (
+        ((True, True, True), np.mean(SCALES), ["0.mcap", "1.mcap", "2.mcap"]),
+        ((True, False, True), np.mean([SCALES[0], SCALES[2]]), ["0.mcap", "2.mcap"]),
+        ((False, False, False), np.mean(SCALES), ["0.mcap", "1.mcap", "2.mcap"]),
+    ):
+        use = pool_results(contents(measured=measured)).results().use
+        assert use is not None and use.losses_of == logs and use.losses_measured == any(measured)
+        losses, single = (part(model_of(one).parameters, LOSSES) for one in (use.model, _model_of_one()))
+        assert losses.values[0] == pytest.approx(scale)
+        assert np.diag(losses.covariance) == pytest.approx(np.diag(single.covariance))
+
+
+def _model_of_one() -> Any:
+    use = aerodynamic_flight().use
+    assert use is not None
+    return use.model
+
+
+def test_power_by_a_pool_has_the_spread_of_the_pool_and_less_than_that_of_a_flight() -> None:
+    def spread(number: int) -> float:
+        given = contents()[:number]
+        for one in given:  # of drag alone
+            one["use"]["model"]["covariance"] = np.zeros((13, 13)).tolist()
+        found = route_of(route_input(pool_results(given)), legs("3 km 000"), flight(power_sd=0.0))
+        power_W = found.source.drawn.battery_W(found.V, found.legs.condition, 0.0, 1.0)
+        return float(np.std(power_W) / np.mean(power_W))
+
+    assert 0.002 < spread(3) < 0.8 * spread(1)
+
+
+def test_a_pool_of_one_flight_of_electrical_power_is_that_flight() -> None:
+    content = msgspec.convert(electrical_flight(), ElectricalFlight, from_attributes=True)
+    written = msgspec.json.encode(pooled_results(electrical_pool([content])))
+    one, pooled = (
+        source_of(results, None, 2000, np.random.default_rng(2))
+        for results in (electrical_results(), msgspec.json.decode(written, type=RouteInput))
+    )
+    V, at = np.array([12.0, 15.0, 20.0]), one.reference
+    assert pooled.flown_CL == pytest.approx(one.flown_CL)
+    for of in ("nominal", "drawn"):
+        powers = [getattr(source, of).battery_W(V, at, 0.0, 1.0) for source in (one, pooled)]
+        assert powers[1].mean(axis=0) == pytest.approx(powers[0].mean(axis=0), rel=3e-3)
+        assert powers[1].std(axis=0) == pytest.approx(powers[0].std(axis=0), rel=0.08)
+    heavier = predict(
+        msgspec.json.decode(written, type=RouteInput), legs("3 km 000"), flight(weight_N=1.2 * at.weight_N)
+    )
+    assert heavier.energy_Wh.value > 1.1 * predict(electrical_results(), legs("3 km 000"), flight()).energy_Wh.value
+
+
+def test_the_command_takes_a_pool_and_says_whose_losses_count(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    def run(content: list[dict[str, Any]]) -> int:
+        file = tmp_path / "results.json"
+        file.write_bytes(msgspec.json.encode(pool_results(content).results()))
+        words = ["--legs", "1 km 000, 1 km 180", "--results", str(file), "--wind", "0", "--json"]
+        monkeypatch.setattr(sys, "argv", ["route", *words])
+        try:
+            route.main()
+        except SystemExit as stopped:
+            return int(stopped.code or 0)
+        return 0
+
+    assert run(contents(measured=(True, False, True))) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["flights"] == ["0.mcap", "1.mcap", "2.mcap"] and found["losses_of"] == ["0.mcap", "2.mcap"]
+    assert run(contents(use=False)) == 2
+    assert capsys.readouterr().err.count("\n") == 1

@@ -1,0 +1,204 @@
+"""Energy left and probabilities against flights in worlds that are stepped through second by second."""
+
+import msgspec
+import numpy as np
+import pytest
+from route_data import (
+    AREA_M2,
+    BATTERY,
+    CALM,
+    WEIGHT_N,
+    aerodynamic_results,
+    electrical_results,
+    flight,
+    legs,
+    parameters,
+    route_of,
+)
+
+from analysis.curve import Condition
+from analysis.missions.energy import energy_and_time
+from analysis.missions.mission import Wind
+from analysis.missions.power import AerodynamicPower
+from analysis.missions.prediction import Objective, Route, predict
+from analysis.performance.stored_model import model_of
+from analysis.trajectory import dryden
+
+TRIANGLE = "2 km 045, 1.5 km 135 +40 m, 2.5 km 270 -40 m"
+WIND = Wind(4.0, -2.0, 1.0)
+
+
+def flown(route: Route, rng: np.random.Generator, worlds: int, power_sigma: float = 0.03) -> np.ndarray:
+    """Energy [J] of the route in other worlds, (worlds,), stepped every two seconds.
+
+    Polar, train and losses are drawn from their covariance; the wind's mean is wrong, and turbulence is added to it as
+    a process in time; power is wrong by `power_sigma`, half of it by a share of all legs and half anew by leg.
+    """
+    known, step_s = parameters(), 2.0
+    values = rng.multivariate_normal(known.values, known.covariance, worlds)
+    columns = {name: values[:, i : i + 1] for i, name in enumerate(known.names)}
+    power = AerodynamicPower(columns, model_of(aerodynamic_results().use.model), 0.0)
+    wind = route.flight.wind
+    mean = np.array([[wind.east_mps], [wind.north_mps]]) + wind.sd_mps * rng.standard_normal((2, worlds))
+    airspeed = 1 + 0.0125 * rng.standard_normal((worlds, 1))
+    common = rng.standard_normal(worlds)
+    gust = dryden.longitudinal(
+        0.1 * wind.mps * float(dryden.mean_wind_profile(6.1) / dryden.mean_wind_profile(80.0)), 80.0, 15.0
+    )
+    decay, increment = gust.discretize(step_s)
+    u, total_J = gust.sigma_mps * rng.standard_normal((2, worlds)), np.zeros(worlds)
+    L = route.legs
+    for i in range(len(L)):
+        V = route.V[i] * airspeed
+        at = Condition(np.array([WEIGHT_N]), L.condition.rho[i : i + 1], AREA_M2)
+        course = L.course_rad[i]
+        blown = np.hypot(*wind[:2]) * np.cos(np.arctan2(wind.east_mps, wind.north_mps) - course)
+        sine = np.full_like(V, L.climb_m[i] / (L.distance_m[i] / (route.V[i] + blown)) / route.V[i])
+        level_W = power.battery_W(V, at, sine, 1.0)[:, 0]
+        turn_W = power.battery_W(V, at, 0.0, L.turn_load)[:, 0]
+        turn_s = L.turn_rad[i] * V[:, 0] / (9.80665 * np.sqrt(L.turn_load**2 - 1))
+        off = 1 + power_sigma / np.sqrt(2) * (common + rng.standard_normal(worlds))
+        covered, seconds = np.zeros(worlds), np.zeros(worlds)
+        for _ in range(600):
+            air = mean + u
+            along = air[0] * np.sin(course) + air[1] * np.cos(course)
+            across = air[0] * np.cos(course) - air[1] * np.sin(course)
+            speed = np.sqrt(V[:, 0] ** 2 - across**2) + along
+            seconds += np.clip((L.distance_m[i] - covered) / speed, 0.0, step_s)
+            covered += speed * step_s
+            u = decay * u + increment * rng.standard_normal((2, worlds))
+            if (covered > L.distance_m[i]).all():
+                break
+        total_J += off * (level_W * (seconds - turn_s) + turn_W * turn_s)
+    return total_J
+
+
+@pytest.fixture(scope="module", params=["aerodynamic, wind", "aerodynamic, calm"])
+def route_and_worlds(request) -> tuple[Route, np.ndarray]:
+    wind = CALM._replace(sd_mps=1.0) if request.param.endswith("calm") else WIND
+    route = route_of(aerodynamic_results(), legs(TRIANGLE), flight(wind))
+    return route, flown(route, np.random.default_rng(2001), 1200)
+
+
+def test_the_interval_of_the_energy_holds_what_it_promises(route_and_worlds) -> None:
+    """Between 92 and 98 % of worlds; the median is right to 2 %, and neither side is missed alone."""
+    route, truth_J = route_and_worlds
+    drawn_J = route.left()[0].sum(axis=1)
+    low, median, high = np.quantile(drawn_J, [0.025, 0.5, 0.975])
+    assert 0.92 <= np.mean((truth_J > low) & (truth_J < high)) <= 0.98
+    assert median == pytest.approx(np.median(truth_J), rel=0.02)
+    assert np.mean(truth_J > high) < 0.05 and np.mean(truth_J < low) < 0.05
+
+
+@pytest.mark.parametrize("said", [0.5, 0.8, 0.9, 0.95, 0.99])
+def test_a_probability_of_return_is_the_share_that_returns(route_and_worlds, said: float) -> None:
+    """With the battery that makes the prediction say so: as many return, within the 1200 worlds' scatter and 3 %."""
+    route, truth_J = route_and_worlds
+    drawn_J = route.left()[0].sum(axis=1)
+    assert np.mean(truth_J <= np.quantile(drawn_J, said)) == pytest.approx(said, abs=0.03 + 0.03 * (1 - said))
+
+
+def test_probability_and_interval_of_the_result_are_those_of_the_draws() -> None:
+    """The battery's own uncertainty counts: capacity 20 % wrong makes the charge left far less certain."""
+    more = predict(aerodynamic_results(), legs(TRIANGLE), flight(WIND))
+    battery = BATTERY._replace(energy_J=3600 * more.energy_Wh.value / 0.79)
+    sure = predict(aerodynamic_results(), legs(TRIANGLE), flight(WIND, battery=battery))
+    aged = predict(aerodynamic_results(), legs(TRIANGLE), flight(WIND, battery=battery._replace(health_sd=0.2)))
+    assert 0.02 < sure.probability < 0.98
+    assert aged.charge_left.hi - aged.charge_left.lo > 2 * (sure.charge_left.hi - sure.charge_left.lo)
+    assert more.probability > sure.probability
+    assert more.charge_left.value == pytest.approx(1 - more.energy_Wh.value / 74, abs=0.005)
+
+
+def test_a_curve_known_better_and_a_wind_known_better_narrow_the_interval() -> None:
+    def width(wind: Wind, shrink: float) -> float:
+        results = aerodynamic_results()
+        assert results.use is not None and results.use.model is not None
+        covariance = shrink * np.array(results.use.model.covariance)
+        model = msgspec.structs.replace(results.use.model, covariance=covariance.tolist())
+        use = msgspec.structs.replace(results.use, model=model)
+        found = predict(aerodynamic_results(use=use), legs(TRIANGLE), flight(wind))
+        return (found.energy_Wh.hi - found.energy_Wh.lo) / found.energy_Wh.value
+
+    assert width(WIND._replace(sd_mps=0.0), 0.01) < width(WIND._replace(sd_mps=0.0), 1.0) < width(WIND, 1.0)
+
+
+def test_beyond_the_point_of_no_return_the_energy_for_the_way_home_is_missing() -> None:
+    """Straight out without errors: half of the usable energy, in calm and at the same speed both ways."""
+    results = electrical_results()
+    found = predict(results, legs("30 km 000"), flight(CALM, battery=BATTERY._replace(energy_J=40 * 3600.0)))
+    usable_Wh, per_m = 0.8 * 40, found.legs[0].energy_Wh.value / 30_000
+    assert found.no_return is not None
+    assert found.no_return.route_m == pytest.approx(found.no_return.from_home_m)
+    # The median reaches half the usable energy out; the safe point lies nearer, to the step of the search.
+    assert found.no_return.from_home_m < usable_Wh / (2 * per_m) < found.no_return.from_home_m + 30_000 / 8 * 1.5
+    assert predict(results, legs("2 km 000, 2 km 180"), flight(CALM)).no_return is None
+    to_the_end = flight(CALM, battery=BATTERY._replace(energy_J=40 * 3600.0, reserve=0.0))
+    farther = predict(results, legs("30 km 000"), to_the_end).no_return
+    assert farther is not None and farther.from_home_m > found.no_return.from_home_m
+
+
+def test_a_leg_that_cannot_be_flown_in_some_draws_is_safe_in_none_of_these() -> None:
+    """Its energy is infinite there: without a warning, and the last safe point lies before it where many are lost."""
+    route = route_of(electrical_results(), legs("2 km 000, 2 km 180"), flight(CALM))
+    energy_J, _, _ = route.left()
+    with np.errstate(all="raise"):
+        assert route._no_return(energy_J) is None
+        energy_J[: len(energy_J) // 100, 1] = np.inf
+        assert route._no_return(energy_J) is None  # 1 % of 5 %
+        energy_J[: len(energy_J) // 10, 1] = np.inf
+        found = route._no_return(energy_J)
+    assert found is not None and found.route_m == pytest.approx(2000.0)
+
+
+def test_how_far_out_and_back_is_what_the_battery_gives_both_ways() -> None:
+    results = electrical_results()
+    calm = predict(results, legs("2 km 000"), flight(CALM))
+    per_m = calm.headwind_Wh_per_km.value / 1000
+    radii = np.array([one.radius_m for one in calm.directions])
+    np.testing.assert_allclose(radii, 0.8 * 74 / (2 * per_m), rtol=0.01)
+    windy = predict(results, legs("2 km 000"), flight(WIND))
+    assert all(one.safe_radius_m < one.radius_m for one in windy.directions)
+    for there, back in zip(windy.directions, windy.directions[18:], strict=False):
+        assert there.radius_m == pytest.approx(back.radius_m, rel=1e-6)  # the same way, begun at the other end
+    assert max(one.radius_m for one in windy.directions) < radii.min()  # wind costs in every direction
+    assert windy.headwind_Wh_per_km.value > calm.headwind_Wh_per_km.value
+
+
+def test_a_dropped_payload_saves_energy_after_it() -> None:
+    text = "3 km 000{}, 3 km 180"
+    kept, dropped = (
+        predict(aerodynamic_results(), legs(text.format(d)), flight(CALM)).legs for d in ("", ", drop 1 kg")
+    )
+    assert dropped[0].energy_Wh.value == pytest.approx(kept[0].energy_Wh.value, rel=1e-3)
+    assert dropped[1].energy_Wh.value < 0.85 * kept[1].energy_Wh.value
+    light = predict(aerodynamic_results(), legs("3 km 180"), flight(CALM, weight_N=WEIGHT_N - 9.80665)).legs
+    assert dropped[1].airspeed_mps == pytest.approx(light[0].airspeed_mps, rel=1e-3)
+
+
+def test_the_fastest_route_is_the_fastest_that_full_throttle_holds() -> None:
+    mission = legs("4 km 000, 4 km 180")
+    slow, fast = (
+        predict(aerodynamic_results(), mission, flight(WIND, speed=s)) for s in (Objective.ENERGY, Objective.TIME)
+    )
+    assert fast.time_s.value < 0.9 * slow.time_s.value
+    assert fast.energy_Wh.value > slow.energy_Wh.value
+    route = route_of(aerodynamic_results(), mission, flight(WIND, speed=Objective.TIME))
+    climb = route.source.nominal.best_climb_mps(route.V, route.legs.condition)
+    assert np.all(climb > 0) and np.all(route.V <= route.limits.fastest * (1 + 1e-9))
+
+
+def test_a_launch_takes_the_kinetic_energy() -> None:
+    results, mission = electrical_results(), legs("3 km 000")
+    launched = mission._replace(steps=(mission.steps[0]._replace(launched=True),))
+    energies = [route_of(results, one, flight(CALM)) for one in (mission, launched)]
+    V = energies[0].V[0]
+    difference_J = np.subtract(
+        *(energy_and_time(r.legs, energies[0].V, r.nominal, BATTERY)[0][0, 0] for r in reversed(energies))
+    )
+    assert difference_J == pytest.approx(WEIGHT_N / 9.80665 * V**2 / 2 / 0.6, rel=1e-3)
+
+
+def test_the_same_mission_gives_the_same_result() -> None:
+    first, second = (predict(aerodynamic_results(), legs(TRIANGLE), flight(WIND)) for _ in range(2))
+    assert first == second

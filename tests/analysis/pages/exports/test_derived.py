@@ -1,0 +1,103 @@
+"""Derived quantities of a flight whose forces are in exact balance, and their standard errors by single causes."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.pages.exports.derived import derived
+from analysis.trajectory.equations import SENSOR_ERRORS, STATES
+from flight.aircraft import Uncertainty
+
+sys.path.append(str(Path(__file__).parents[1] / "drag"))
+from constructed import AIRCRAFT, PROPELLER, S, accelerations_and_decelerations, m, measured, polar
+
+CERTAIN = replace(AIRCRAFT, uncertainty=Uncertainty(weight_fraction=0, thrust_scale_fraction=0, thrust_slope=0))
+FLOWN, _ = accelerations_and_decelerations(0.03)
+QS_N = FLOWN["rho"] * FLOWN["V"] ** 2 / 2 * S
+THRUST_N, ALPHA = FLOWN["thrust_x_over_m_mps2"] * m, FLOWN["alpha"]
+
+
+def standard_error(name: str, trajectory=None, aircraft=CERTAIN) -> np.ndarray:
+    table = derived(trajectory or measured(FLOWN), aircraft, PROPELLER)
+    return table[f"{name}_standard_error"].to_numpy()
+
+
+def test_quantities_are_those_of_the_flight() -> None:
+    found = derived(measured(FLOWN), CERTAIN, PROPELLER)
+    assert found["V_mps"].to_numpy() == pytest.approx(FLOWN["V"].to_numpy())
+    assert found["alpha_rad"].to_numpy() == pytest.approx(ALPHA.to_numpy())
+    assert found["theta_rad"].to_numpy() == pytest.approx(ALPHA.to_numpy() + 0.03)
+    assert found["thrust_N"].to_numpy() == pytest.approx(THRUST_N.to_numpy(), rel=1e-6)
+    CL = found["C_L"].to_numpy()
+    assert found["C_D"].to_numpy() == pytest.approx(np.polynomial.polynomial.polyval(CL, polar()), rel=1e-5)
+    within = THRUST_N > 0.5  # the table's continuation beyond zero thrust has an error of its own
+    assert np.nanmax(standard_error("thrust_N")[within]) < 0.05
+    assert np.max(standard_error("V_mps")) < 1e-6 and np.max(standard_error("theta_rad")) < 1e-6
+
+
+def test_a_weight_that_is_not_known_changes_the_forces_and_no_angle() -> None:
+    """By its share of the specific force; thrust is that of the table, and its part of lift and drag stays."""
+    unsure = replace(CERTAIN, uncertainty=replace(CERTAIN.uncertainty, weight_fraction=0.01))
+    of_lift = 0.01 * m * np.abs(FLOWN["ax"] * np.sin(ALPHA) - FLOWN["az"] * np.cos(ALPHA)) / QS_N
+    found = np.sqrt(standard_error("C_L", aircraft=unsure) ** 2 - standard_error("C_L") ** 2)
+    assert found == pytest.approx(of_lift.to_numpy(), rel=1e-3)
+    assert np.max(standard_error("alpha_rad", aircraft=unsure)) < 1e-6
+    assert standard_error("thrust_N", aircraft=unsure) == pytest.approx(standard_error("thrust_N"), abs=1e-6)
+
+
+def test_an_accelerometer_s_bias_changes_drag_by_mass_times_it() -> None:
+    trajectory = measured(FLOWN)
+    covariance = trajectory.covariance.copy()
+    i = SENSOR_ERRORS.index("ax_bias")
+    covariance[i, i] = 0.05**2
+    found = standard_error("C_D", replace(trajectory, covariance=covariance))
+    by_bias = np.sqrt(found**2 - standard_error("C_D") ** 2)
+    assert by_bias == pytest.approx((0.05 * m * np.cos(ALPHA) / QS_N).to_numpy(), rel=1e-3)
+
+
+def test_states_move_with_the_sensor_errors() -> None:
+    """A pitch attitude that rises by 2 times an error of 0.01, by its sensitivity."""
+    trajectory = measured(FLOWN)
+    covariance, sensitivity = trajectory.covariance.copy(), trajectory.state_sensitivity.copy()
+    covariance[0, 0] = 0.01**2
+    sensitivity[:, STATES.index("theta"), 0] = 2.0
+    found = standard_error("theta_rad", replace(trajectory, covariance=covariance, state_sensitivity=sensitivity))
+    assert found == pytest.approx(np.full(len(FLOWN), 0.02), rel=1e-6)
+
+
+def test_random_errors_of_the_states_are_those_of_the_draws() -> None:
+    """Their root mean square."""
+    trajectory = measured(FLOWN)
+    draws = np.zeros((4, len(FLOWN), len(STATES)))
+    draws[:, :, STATES.index("theta")] = np.array([0.01, -0.02, 0.02, -0.01])[:, None]
+    found = standard_error("theta_rad", replace(trajectory, draws=draws))
+    assert found == pytest.approx(np.full(len(FLOWN), np.sqrt(2.5e-4)), rel=1e-6)
+
+
+def with_first_rows_at(speed_mps: float):
+    """The flight, with five first instants at another speed."""
+    trajectory = measured(FLOWN)
+    states = trajectory.states.copy()
+    states.iloc[:5, STATES.index("v_north")], states.iloc[:5, STATES.index("v_down")] = speed_mps, 0.0
+    return derived(replace(trajectory, states=states), CERTAIN, PROPELLER)
+
+
+@pytest.mark.parametrize(("speed_mps", "known"), [(3.5, False), (3.8, True)])
+def test_nothing_is_told_below_8_Pa_of_dynamic_pressure(speed_mps: float, known: bool) -> None:
+    found = with_first_rows_at(speed_mps)
+    assert found.iloc[:5][["V_mps", "theta_rad", "theta_rad_standard_error"]].notna().all(axis=None) == known
+    assert found.iloc[5:].notna().all(axis=None)
+
+
+@pytest.mark.parametrize(("height_m", "known"), [(19.0, False), (21.0, True)])
+def test_coefficients_are_left_out_near_the_ground(height_m: float, known: bool) -> None:
+    """On the ground roll, also a fast one, the wheels carry weight, and C_L and C_D are those of no flight."""
+    low = FLOWN.copy()
+    low.loc[low.index[:5], "height_measured"] = height_m
+    found = derived(measured(low), CERTAIN, PROPELLER)
+    assert found.iloc[:5][["C_L", "C_D", "C_L_standard_error"]].notna().all(axis=None) == known
+    assert found.iloc[:5][["V_mps", "alpha_rad"]].notna().all(axis=None)
+    assert found.iloc[5:].notna().all(axis=None)

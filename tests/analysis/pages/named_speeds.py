@@ -1,0 +1,93 @@
+"""Every speed that results and report name, against the slowest one flown: what benchmarks and tests share."""
+
+import re
+from collections.abc import Iterator
+
+import numpy as np
+
+from analysis.curve import Condition, speed_at
+from analysis.pages.answers import headline_answers
+from analysis.pages.charts.power import every_method, power_required, run_by_run
+from analysis.pages.sections.certainty import certainty_section
+from analysis.pages.sections.curve import curve_section, methods_section
+from analysis.pages.sections.performance import loading_rows, speed_rows
+from analysis.pages.sections.summary import verdict_section
+from analysis.records.flight import Results
+
+ROUNDED = 0.051  # speeds are written to a tenth of a meter per second
+
+
+def below_slowest(results: Results, *, figures: bool = True) -> list[str]:
+    """Every speed of results and report below the slowest one flown, or that of the same lift coefficient, in words."""
+    named = [*_speeds(results), *(_drawn_speeds(results) if figures else ())]
+    return [f"{where}: {V:.2f} m/s" for where, V, slowest in named if V < slowest]
+
+
+def _speeds(results: Results) -> Iterator[tuple[str, float, float]]:
+    """Where a speed is named, the speed, and the slowest one allowed there [m/s]."""
+    flown = results.slowest_flown
+    assert flown is not None
+    S = results.aircraft.wing_area_m2
+    slowest = _slowest(results)
+
+    def slowest_at(weight_N: float, rho: float) -> float:
+        return float(speed_at(flown.lift_coefficient, Condition(weight_N, rho, S))) * (1 - 1e-9)
+
+    for name in ("minimum_power_speed", "best_range_speed"):
+        found = getattr(results, name)
+        yield from ((name, v, slowest) for v in (found.speed_mps, found.lo_mps, found.hi_mps) if v is not None)
+    yield from (("power_required", p.speed_mps, slowest) for p in results.power_required + results.cross_check)
+    at = results.standard
+    standard = slowest_at(at.weight_N, at.air_density_kgpm3)
+    yield from (("power_required_standard", p.speed_mps, standard) for p in results.power_required_standard)
+    for method in results.methods + results.one_by_one:
+        yield from ((method.title, p.speed_mps, slowest) for p in method.power_required)
+    yield from (("disagreements", one.speed_mps, slowest) for one in results.disagreements)
+    use = results.use
+    if use is not None:
+        yield from (("power_available", p.speed_mps, slowest) for p in use.available.power_available)
+        yield from (("efficiency", p.speed_mps, slowest) for p in use.power_train.efficiency)
+        yield from (("field_table", row.speed_mps, slowest) for row in use.field_table)
+        for case, cells in zip(use.loadings, loading_rows(use), strict=True):
+            least = slowest_at(case.weight_N, case.air_density_kgpm3)
+            for best in (case.endurance_speed_mps, case.range_speed_mps):
+                yield from ((case.title, v, least) for v in (best.value, best.lo, best.hi))
+            yield from (("loadings", float(cells[i].split("\u00a0")[0]), least - ROUNDED) for i in (3, 5))
+        yield from (("field", float(cells[0].removesuffix(" *")), slowest) for cells in speed_rows(use))
+    for text in _texts(results):
+        for number in re.findall(r"(\d+\.\d+)(?: to (\d+\.\d+)\))? m/s(?!²)", text):
+            yield from ((f'"{text}"', float(n), slowest - ROUNDED) for n in number if n)
+        for lo, hi in re.findall(r"m/s \((\d+\.\d+|up) to (\d+\.\d+)\)", text):
+            yield from ((f'"{text}"', float(n), slowest - ROUNDED) for n in (lo, hi) if n != "up")
+
+
+def _drawn_speeds(results: Results) -> Iterator[tuple[str, float, float]]:
+    slowest = _slowest(results) - ROUNDED
+    for figure in (power_required(results), every_method(results), run_by_run(results)):
+        yield from (
+            (f"figure, {t.get('name', '')}", float(np.nanmin(t["x"])), slowest) for t in figure.data if len(t["x"])
+        )
+
+
+def _slowest(results: Results) -> float:
+    """A method on steady points has a curve from its own slowest point on: a speed that was flown."""
+    assert results.slowest_flown is not None
+    points = [point.speed_mps for method in results.methods for point in method.points]
+    return min([results.slowest_flown.speed_mps, *points]) * (1 - 1e-9)
+
+
+def _texts(results: Results) -> Iterator[str]:
+    """Sentences and cells of the report that may name a speed of flight; a climb is no speed of flight."""
+    for answer in headline_answers(results):
+        yield answer.answer
+        yield re.sub(r"Climbs .*? m/s \(.*?\)", "", answer.note)
+    curve = curve_section(results)
+    yield from (curve.least_power, curve.least_drag)
+    yield from (f"{row[0]} m/s" for row in curve.table.rows)
+    certainty = certainty_section(results)
+    yield from (certainty.stall, *certainty.next_flight)
+    yield verdict_section(results).sentence
+    methods = methods_section(results)
+    yield from methods.disagreements
+    yield from (cell for row in methods.table.rows for cell in row[3:5])
+    yield from (warning for warning in results.warnings if "differ" in warning)

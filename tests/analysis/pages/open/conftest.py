@@ -1,0 +1,33 @@
+"""A folder with the log of a simulated flight, as it is opened."""
+
+from pathlib import Path
+
+import pytest
+
+from analysis.pages.open.flights import Folder
+from tests.unchanged.commands import flight
+
+
+@pytest.fixture(scope="session")
+def flown() -> bytes:
+    return flight("demo", "--seed", "11")
+
+
+@pytest.fixture(scope="module")
+def shared(flown: bytes, tmp_path_factory: pytest.TempPathFactory) -> Folder:
+    """The same folder for all tests of a module: what was computed of the flight stays."""
+    return folder_with(flown, tmp_path_factory.mktemp("shared"))
+
+
+@pytest.fixture
+def opened(flown: bytes, tmp_path: Path) -> Folder:
+    return folder_with(flown, tmp_path)
+
+
+def folder_with(log: bytes, at: Path) -> Folder:
+    """The folder `flights` beside a file that is nobody's business."""
+    for name in ("flights", "workspace"):
+        (at / name).mkdir()
+    (at / "flights" / "log.mcap").write_bytes(log)
+    (at / "secret.mcap").write_text("SECRET", "utf-8")
+    return Folder(at / "flights", at / "workspace")

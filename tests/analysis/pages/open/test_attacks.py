@@ -1,0 +1,173 @@
+"""What other pages, programs and wrong files may try on the local page: refused, nothing written, nothing read."""
+
+import io
+import json
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+
+from analysis.pages.open.flights import LIMITS, Folder
+from analysis.pages.open.server import LocalPage
+
+HOST, TOKEN = "127.0.0.1:5555", "the-secret-of-this-page"
+VALUES = {"file": "log.mcap"}
+OUTSIDE = "../secret.mcap"
+
+
+class Answer(NamedTuple):
+    status: int
+    headers: dict[str, str]
+    body: bytes
+
+
+@pytest.fixture
+def page(opened: Folder) -> LocalPage:
+    return LocalPage(opened, {HOST}, TOKEN)
+
+
+def asked(page: LocalPage, method: str, path: str, body: bytes = b"", **changed: Any) -> Answer:
+    """The answer to a request of the page itself, with changes by name of the WSGI environment; None leaves one out."""
+    environ = {
+        "REQUEST_METHOD": method, "PATH_INFO": path, "HTTP_HOST": HOST, "wsgi.input": io.BytesIO(body),
+        "CONTENT_LENGTH": str(len(body)), "HTTP_SEC_FETCH_SITE": "same-origin",
+    }  # fmt: skip
+    if method != "GET":
+        environ |= {"HTTP_ORIGIN": f"http://{HOST}", "CONTENT_TYPE": "application/json"}
+    environ |= changed
+    environ = {key: value for key, value in environ.items() if value is not None}
+    found: list[Any] = []
+    content = b"".join(page(environ, lambda status, headers: found.extend((status, headers))))
+    return Answer(int(found[0].split()[0]), dict(found[1]), content)
+
+
+def of(name: str) -> str:
+    return f"/{TOKEN}/{name}"
+
+
+def values(**changed: Any) -> bytes:
+    return json.dumps(VALUES | changed).encode()
+
+
+def test_the_page_itself_is_answered(page: LocalPage) -> None:
+    """Or the table below would pass whatever is asked."""
+    for name, kind in (("", "text/html"), ("page.js", "text/javascript"), ("page.css", "text/css")):
+        answer = asked(page, "GET", of(name))
+        assert answer.status == 200 and answer.headers["Content-Type"].startswith(kind)
+    assert json.loads(asked(page, "GET", of("logs")).body)["logs"][0]["name"] == "log.mcap"
+    assert json.loads(asked(page, "POST", of("open"), values()).body)["file"] == "log.mcap"
+    assert json.loads(asked(page, "POST", of("curve"), values()).body)["curve"]["power_W"]
+
+
+RUN = {"kind": "deceleration", "start_s": 77.0, "end_s": 89.0, "keep": True}
+ATTACKS: dict[str, tuple[str, str, bytes, dict[str, Any]]] = {
+    "without the secret": ("GET", "/", b"", {}),
+    "without a path": ("GET", "", b"", {}),
+    "another secret": ("GET", "/guess/", b"", {}),
+    "a part of the secret": ("GET", f"/{TOKEN[:-1]}/", b"", {}),
+    "a secret of other letters": ("GET", "/\xff\xfe/", b"", {}),
+    "the secret elsewhere": ("GET", f"/x/{TOKEN}/", b"", {}),
+    "a foreign name that leads here": ("GET", of(""), b"", {"HTTP_HOST": "evil.example:5555"}),
+    "another port": ("GET", of(""), b"", {"HTTP_HOST": "127.0.0.1:80"}),
+    "no host": ("GET", of(""), b"", {"HTTP_HOST": None}),
+    "a name that begins like ours": ("GET", of(""), b"", {"HTTP_HOST": HOST + ".evil.example"}),
+    "a link on another page": ("GET", of("logs"), b"", {"HTTP_SEC_FETCH_SITE": "cross-site"}),
+    "another server of this computer": ("GET", of("logs"), b"", {"HTTP_SEC_FETCH_SITE": "same-site"}),
+    "a form on another page": ("POST", of("write"), values(), {"HTTP_ORIGIN": "http://evil.example"}),
+    "a request without origin": ("POST", of("write"), values(), {"HTTP_ORIGIN": None}),
+    "a report that asks": ("POST", of("write"), values(), {"HTTP_ORIGIN": "null"}),
+    "the origin over https": ("POST", of("write"), values(), {"HTTP_ORIGIN": f"https://{HOST}"}),
+    "another port's origin": ("POST", of("write"), values(), {"HTTP_ORIGIN": "http://127.0.0.1:80"}),
+    "a plain form": ("POST", of("write"), values(), {"CONTENT_TYPE": "application/x-www-form-urlencoded"}),
+    "text as JSON": ("POST", of("write"), values(), {"CONTENT_TYPE": "text/plain"}),
+    "writing by GET": ("GET", of("write"), b"", {}),
+    "deleting": ("DELETE", of("file/log.mcap"), b"", {}),
+    "options": ("OPTIONS", of("write"), b"", {}),
+    "no such page": ("GET", of("etc/passwd"), b"", {}),
+    "a template by path": ("GET", of("../server.py"), b"", {}),
+    "up by a report": ("GET", of("report/../../secret.mcap"), b"", {}),
+    "up in one word": ("GET", of("report/..%2f..%2fsecret.mcap"), b"", {}),
+    "up by backslashes": ("GET", of("report/..\\secret.mcap"), b"", {}),
+    "the report of a log that has none": ("GET", of("report/log.mcap"), b"", {}),
+    "a file outside": ("POST", of("open"), values(file=OUTSIDE), {}),
+    "an absolute file": ("POST", of("open"), values(file="/etc/passwd"), {}),
+    "an end of text in the name": ("POST", of("open"), values(file="log.mcap\0.txt"), {}),
+    "the folder itself": ("POST", of("open"), values(file="."), {}),
+    "a link that leads out": ("POST", of("open"), values(file="link.mcap"), {}),
+    "no JSON": ("POST", of("open"), b"{", {}),
+    "another form of JSON": ("POST", of("open"), b"[1, 2]", {}),
+    "unknown fields": ("POST", of("open"), values(command="rm -rf"), {}),
+    "deep JSON": ("POST", of("open"), b"[" * 100_000, {}),
+    "no length": ("POST", of("open"), values(), {"CONTENT_LENGTH": None}),
+    "a negative length": ("POST", of("open"), values(), {"CONTENT_LENGTH": "-1"}),
+    "a length beyond the limit": ("POST", of("open"), values(), {"CONTENT_LENGTH": str(LIMITS.request_bytes + 1)}),
+    "runs without end": ("POST", of("curve"), values(runs=[RUN] * (LIMITS.entries + 1)), {}),
+    "times that are no numbers": ("POST", of("curve"), values(runs=[RUN | {"start_s": "NaN"}]), {}),
+    "a list of nothing": ("POST", of("write"), values(runs=[]), {}),
+    "a propeller by path": ("POST", of("write"), values(propeller=OUTSIDE), {}),
+    "a key that is a section": ("POST", of("write"), values(aircraft={"mass]\nweight": "1"}), {}),
+    "a log that is none": ("PUT", of("file/new.mcap"), b"not a log", {}),
+    "an empty log": ("PUT", of("file/new.mcap"), b"", {}),
+    "a log cut short": ("PUT", of("file/new.mcap"), b"\x89MCAP0\r\n", {"CONTENT_LENGTH": "1000"}),
+    "a log beyond the limit": ("PUT", of("file/new.mcap"), b"", {"CONTENT_LENGTH": str(LIMITS.log_bytes + 1)}),
+    "a log over another": ("PUT", of("file/log.mcap"), b"x", {}),
+    "a log with a path": ("PUT", of("file/../new.mcap"), b"x", {}),
+    "a log outside by backslash": ("PUT", of("file/..\\new.mcap"), b"x", {}),
+    "a hidden log": ("PUT", of("file/.new.mcap"), b"x", {}),
+    "a polar that is none": ("PUT", of("file/polar.csv"), b"name,value\na,1\n", {}),
+    "a polar beyond the limit": (
+        "PUT", of("file/polar.txt"), b"", {"CONTENT_LENGTH": str(LIMITS.request_bytes + 1)}
+    ),
+    "a polar outside": ("POST", of("curve"), values(polar=OUTSIDE), {}),
+    "a polar by an absolute path": ("POST", of("write"), values(polar="/etc/passwd"), {}),
+    "a log as a polar": ("POST", of("curve"), values(polar="log.mcap"), {}),
+    "a program": ("PUT", of("file/run.sh"), b"x", {}),
+    "a log with a device's name": ("PUT", of("file/new.mcap:stream"), b"x", {}),
+    "a log whose name is too long": ("PUT", of(f"file/{'n' * 300}.mcap"), b"x", {}),
+    "a log from another page": ("PUT", of("file/new.mcap"), b"x", {"HTTP_ORIGIN": "http://evil.example"}),
+}  # fmt: skip
+
+
+def files_in(folder: Path) -> dict[Path, tuple[int, int]]:
+    """Every file and folder but the workspace, with size and time of change."""
+    found = [path for path in folder.rglob("*") if path.parent.name != "workspace"]
+    stat = {path: path.lstat() for path in found}
+    return {path: (0, 0) if path.is_dir() else (one.st_size, one.st_mtime_ns) for path, one in stat.items()}
+
+
+@pytest.mark.parametrize("name", ATTACKS)
+def test_an_attack_is_refused_in_words_and_leaves_everything_as_it_was(page: LocalPage, name: str) -> None:
+    folder = page.folder.path
+    (folder / "link.mcap").symlink_to(folder.parent / "secret.mcap")
+    before = files_in(folder.parent)
+    method, path, body, changed = ATTACKS[name]
+    answer = asked(page, method, path, body, **changed)
+    assert 400 <= answer.status < 500 and answer.headers["Content-Type"].startswith("text/plain")
+    said = answer.body.decode()
+    assert said and "\n" not in said and "Traceback" not in said
+    assert "SECRET" not in said and "root:" not in said and TOKEN not in said
+    assert "unsafe" not in answer.headers["Content-Security-Policy"]
+    assert files_in(folder.parent) == before
+
+
+def test_a_dropped_log_is_kept_and_opens(page: LocalPage, flown: bytes) -> None:
+    answer = asked(page, "PUT", of("file/dropped flight (2).mcap"), flown)
+    assert answer.status == 200
+    assert json.loads(asked(page, "POST", of("open"), values(file="dropped flight (2).mcap")).body)["kind"] == "drag"
+
+
+def test_a_report_is_shown_where_it_can_reach_nothing(page: LocalPage) -> None:
+    (page.folder.path / "log.report").mkdir()
+    (page.folder.path / "log.report" / "report.html").write_text("<!doctype html><title>Report</title>", "utf-8")
+    answer = asked(page, "GET", of("report/log.mcap"))
+    assert answer.body.lstrip().lower().startswith(b"<!doctype html>")
+    policy = answer.headers["Content-Security-Policy"].split("; ")
+    assert policy[0] == "sandbox allow-scripts allow-downloads" and "default-src 'none'" in policy
+    assert not any("connect-src" in one for one in policy)
+
+
+def test_a_linked_report_folder_that_leads_out_is_not_read(page: LocalPage, tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "report.html").write_text("SECRET", "utf-8")
+    (page.folder.path / "log.report").symlink_to(tmp_path / "elsewhere")
+    assert asked(page, "GET", of("report/log.mcap")).status == 422

@@ -1,0 +1,85 @@
+"""`flightpower open` as it is called: what it opens, and that it closes with its terminal."""
+
+import os
+import signal
+import subprocess
+import sys
+from concurrent.futures import BrokenExecutor, Future
+from contextlib import ExitStack
+from pathlib import Path
+from urllib.error import HTTPError, URLError
+from urllib.request import urlopen
+
+import pytest
+
+from analysis.pages.open.command import _read_apart, opened_folder
+from analysis.pages.open.flights import OpenedFlight
+from flight.errors import InputError
+from flight.log_reader import Log
+
+
+def test_logs_of_one_folder_are_opened_and_others_refused(tmp_path: Path) -> None:
+    (tmp_path / "a").mkdir()
+    for name in ("one.mcap", "two.mcap", "a/three.mcap"):
+        (tmp_path / name).touch()
+    one, two, three = tmp_path / "one.mcap", tmp_path / "two.mcap", tmp_path / "a" / "three.mcap"
+    assert opened_folder([one, two]) == (tmp_path, "one.mcap")
+    assert opened_folder([tmp_path]) == (tmp_path, "") and opened_folder([]) == (Path(), "")
+    for wrong in ([one, three], [tmp_path / "missing.mcap"]):
+        with pytest.raises(InputError):
+            opened_folder(wrong)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="no process is forked elsewhere")
+def test_a_log_is_read_in_another_process_and_here_if_that_ends(flown: bytes, tmp_path: Path) -> None:
+    log = tmp_path / "log.mcap"
+    log.write_bytes(flown)
+    reading = _read_apart(log)
+    assert reading is not None
+    apart, ended = reading.result(20), Future[Log]()
+    ended.set_exception(BrokenExecutor("killed"))
+    assert OpenedFlight(log, tmp_path, reading).log is apart
+    here = OpenedFlight(log, tmp_path, ended).log
+    for topic, entries in here.entries.items():
+        assert list(apart.entries[topic]) == list(entries)
+    assert apart.attachments == here.attachments
+    log.write_bytes(b"no log")
+    refused = _read_apart(log)
+    with pytest.raises(InputError, match="not an MCAP file"):
+        _ = OpenedFlight(log, tmp_path, refused).log
+
+
+@pytest.mark.parametrize("closing", [signal.SIGHUP, signal.SIGINT])
+def test_the_page_closes_with_the_terminal_and_leaves_nothing(
+    flown: bytes, tmp_path: Path, closing: signal.Signals
+) -> None:
+    """Also of the process that reads the log."""
+    for name in ("flights", "temporary"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "flights" / "log.mcap").write_bytes(flown)
+    command = [sys.executable, "-m", "flightpower", "open", str(tmp_path / "flights" / "log.mcap"), "--no-browser"]
+    environment = os.environ | {"TMPDIR": str(tmp_path / "temporary")}
+    with (
+        subprocess.Popen(
+            command,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+            env=environment,
+            preexec_fn=lambda: signal.signal(closing, signal.SIG_DFL),  # a shell's job in the background ignores it
+        ) as page,
+        ExitStack() as at_the_end,
+    ):
+        at_the_end.callback(page.kill)
+        assert page.stdout is not None
+        address = page.stdout.readline().strip()
+        assert address.startswith("http://127.0.0.1:") and len(address.split("/")[3]) >= 32, "this computer, a secret"
+        with urlopen(address, timeout=10) as answer:
+            assert "default-src 'none'" in answer.headers["Content-Security-Policy"]
+        with pytest.raises(HTTPError):
+            urlopen(address.rsplit("/", 2)[0] + "/", timeout=10)
+        page.send_signal(closing)
+        assert page.wait(20) in (0, 130)
+    with pytest.raises(URLError):
+        urlopen(address, timeout=2)
+    assert [*(tmp_path / "temporary").iterdir()] == []

@@ -1,0 +1,250 @@
+"""What the local page computes is what the command writes, and only what changed is computed again."""
+
+import json
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from analysis.maneuvers.runs_file import load
+from analysis.options import Options
+from analysis.pages.open import flights
+from analysis.pages.open.flights import LIMITS, Folder, Kind, OpenedFlight, Run, Values, runs_text
+from analysis.pages.open.server import LocalPage
+from flight.errors import InputError
+from tests.unchanged.commands import flight, run
+
+
+@pytest.fixture
+def log(shared: Folder) -> OpenedFlight:
+    return shared.flight("log.mcap")
+
+
+@pytest.fixture
+def new_log(opened: Folder) -> OpenedFlight:
+    """Of which nothing was computed yet."""
+    return opened.flight("log.mcap")
+
+
+def runs_of(log: OpenedFlight) -> list[Run]:
+    return [Run(**one) for one in log.curve(Values("log.mcap"))["runs"]]
+
+
+def without_the_acceleration(log: OpenedFlight) -> Values:
+    runs = runs_of(log)
+    for one in runs:
+        one.keep = one.keep and one.kind != "acceleration"
+    return Values("log.mcap", runs=runs, aircraft={"mass.weight": "4.2 kg"})
+
+
+def test_a_flight_is_shown_with_its_runs_and_the_reasons_of_those_left_out(log: OpenedFlight) -> None:
+    shown = log.shown
+    assert shown["kind"] is Kind.DRAG and [*shown["strips"]][2:5] == [
+        "motor, rpm",
+        "throttle, %",
+        "angle of attack, deg",
+    ]
+    used = [one["kind"] for one in shown["runs"] if one["keep"]]
+    assert used.count("acceleration") == used.count("deceleration") == 1
+    assert all(one["why"] for one in shown["runs"] if not one["keep"])
+    assert {"mass.weight", "probe.position", "propulsion.battery_energy"} <= {field["key"] for field in shown["form"]}
+
+
+def test_a_log_is_read_ahead_once_and_what_is_wrong_is_said_when_it_is_asked_for(
+    opened: Folder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = LocalPage(opened, set(), "secret")
+    for name in ("log.mcap", "missing.mcap"):
+        page.read_ahead(name)
+    monkeypatch.setattr(flights, "read_log", None)
+    monkeypatch.setattr(flights, "synchronized", None)
+    assert opened.flight("log.mcap").shown["runs"]
+    with pytest.raises(InputError):
+        opened.flight("missing.mcap")
+
+
+def test_the_page_s_curve_is_that_of_the_files_and_of_the_command_that_it_shows(
+    log: OpenedFlight, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    values = without_the_acceleration(log)
+    curve = log.curve(values)["curve"]
+    told = log.write(values)["command"]
+    written = log.path.parent / "log.report"
+    results = json.loads((written / "results.json").read_text("utf-8"))
+    for name, drawn in curve.items():
+        assert drawn == pytest.approx([point[name] for point in results["power_required"]], rel=1e-12)
+    of_report = {method["name"]: method["power_required"] for method in results["methods"]}
+    assert of_report["direct"]
+    for method in ("direct", "whole-flight"):
+        beside = log.curve(msgspec.structs.replace(values, method=method))
+        assert beside["curve"] == curve
+        drawn = beside["method"]["curve"]["power_W"]
+        assert drawn == pytest.approx([point["power_W"] for point in of_report[method]], rel=1e-9)
+    assert results["test"]["weight_N"] == pytest.approx(4.2 * 9.80665)
+    _, *words = shlex.split(told)
+    assert run("analyze", *words, "-o", tmp_path / "again")["exit code"] == 0
+    again = json.loads((tmp_path / "again" / "results.json").read_text("utf-8"))
+    for key in ("power_required", "runs", "methods", "use", "trust"):
+        assert again[key] == results[key], key
+    assert {path.name for path in (tmp_path / "again").iterdir()} <= {path.name for path in written.iterdir()}
+
+
+def test_another_weight_and_density_keep_the_polar(log: OpenedFlight) -> None:
+    """At one lift coefficient, speed goes with the root of weight over density, and power with weight times speed."""
+    flown = log.curve(Values("log.mcap"))
+    asked = log.curve(Values("log.mcap", at=(1.3 * flown["mass_kg"], 0.9 * flown["density_kgpm3"])))
+    faster = (1.3 / 0.9) ** 0.5
+    for name, factor in (("speed_mps", faster), ("power_W", 1.3 * faster), ("power_hi_W", 1.3 * faster)):
+        assert asked["curve"][name] == pytest.approx(factor * np.array(flown["curve"][name]), rel=1e-9)
+    assert asked["mass_kg"] == pytest.approx(1.3 * flown["mass_kg"])
+    for nothing in ((-1.0, 1.2), (3.0, 0.0), (np.nan, 1.2)):
+        with pytest.raises(InputError):
+            log.curve(Values("log.mcap", at=nothing))
+
+
+def test_two_flights_stay_in_memory_to_be_compared(opened: Folder, flown: bytes) -> None:
+    for name in ("b.mcap", "c.mcap"):
+        (opened.path / name).write_bytes(flown)
+    first, second = opened.flight("log.mcap"), opened.flight("b.mcap")
+    assert opened.flight("log.mcap") is first and opened.flight("b.mcap") is second
+    assert opened.flight("c.mcap") and opened.flight("b.mcap") is second and opened.flight("log.mcap") is not first
+
+
+def test_other_runs_keep_the_trajectory_and_other_values_do_not(
+    new_log: OpenedFlight, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    computed = []
+
+    def counted(function: Callable[..., object]) -> Callable[..., object]:
+        return lambda *given: (computed.append(function.__name__), function(*given))[1]
+
+    for name in ("synchronized", "flight_path"):
+        monkeypatch.setattr(flights, name, counted(getattr(flights, name)))
+    before = new_log.curve(Values("log.mcap"))
+    assert computed == ["synchronized", "flight_path"]
+    runs = [Run(**one) for one in before["runs"]]
+    run = next(one for one in runs if one.kind == "deceleration" and one.keep)
+    run.start_s += 2.0
+    after = new_log.curve(Values("log.mcap", runs=runs))
+    assert computed == ["synchronized", "flight_path"]
+    assert after["curve"]["speed_mps"] != before["curve"]["speed_mps"]
+    heavier = new_log.curve(Values("log.mcap", runs=runs, aircraft={"mass.weight": "4.5 kg"}))
+    assert computed == ["synchronized", "flight_path"] * 2
+    assert heavier["mass_kg"] == pytest.approx(4.5)
+    assert np.mean(heavier["curve"]["power_W"]) > np.mean(after["curve"]["power_W"])
+    assert new_log.curve(Values("log.mcap")) is before
+    new_log.curve(Values("log.mcap", at=(4.0, 1.2)))
+    assert computed == ["synchronized", "flight_path"] * 2, "as recorded stays"
+
+
+def test_other_methods_are_listed_as_far_as_runs_were_flown_for_them(log: OpenedFlight) -> None:
+    shown = log.curve(Values("log.mcap"))
+    names = {one["name"]: one["missing"] for one in shown["methods"]}
+    assert shown["method"] is None and "dynamic" not in names
+    assert names["energy"] == "" and "roller coaster" in names["varied-lift"]
+    with pytest.raises(InputError):
+        log.curve(Values("log.mcap", method="the best"))
+
+
+def test_what_is_drawn_beside_the_curve_is_in_the_command_and_in_the_report(
+    log: OpenedFlight, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The methods of maximum likelihood are only applied where they are asked for."""
+    asked: list[tuple[bool, Path | None, list[str]]] = []
+
+    def analyze_log(path: Path, folder: Path, options: Options, progress: object, command_line: str) -> None:
+        asked.append((options.likelihood, options.polar, shlex.split(command_line)[2:]))
+        raise InputError("enough")
+
+    monkeypatch.setattr("analysis.pages.one_log.analyze_log", analyze_log)
+    monkeypatch.chdir(log.path.parent)
+    Path("polar.csv").write_text("CL,CD\n0.2,0.03\n0.6,0.04\n1.0,0.08\n", "utf-8")
+    for values in (Values("", method="energy"), Values("", method="force-models"), Values("", polar="polar.csv")):
+        with pytest.raises(InputError, match="enough"):
+            log.write(values)
+    polar = log.path.parent / "polar.csv"
+    assert asked == [(False, None, []), (True, None, ["--likelihood"]), (False, polar, ["--polar", "polar.csv"])]
+    polar.unlink()
+
+
+def test_the_last_curves_are_kept(new_log: OpenedFlight, monkeypatch: pytest.MonkeyPatch) -> None:
+    computed: list[Values] = []
+    monkeypatch.setattr(OpenedFlight, "_curve", lambda _, values: computed.append(values) or {})
+    asked = [Values("log.mcap", at=(4.0, 1 + k / 100)) for k in range(LIMITS.curves + 1)]
+    for values in [*asked, *asked[1:]]:
+        new_log.curve(values)
+    assert computed == asked
+    new_log.curve(asked[0])
+    assert computed == [*asked, asked[0]], "that of longest ago was dropped"
+
+
+def test_a_log_that_changed_is_read_again(opened: Folder, new_log: OpenedFlight) -> None:
+    assert opened.flight("log.mcap") is new_log
+    new_log.path.write_bytes(new_log.path.read_bytes() + b"\0")
+    assert opened.flight("log.mcap") is not new_log
+
+
+@pytest.mark.parametrize("plan, as_, kind", [("ordinary-flight", "ardupilot", Kind.AUTOPILOT)])
+def test_a_log_of_an_autopilot_needs_three_values(opened: Folder, plan: str, as_: str, kind: Kind) -> None:
+    (opened.path / "flight.BIN").write_bytes(flight(plan, "--as", as_, "--seed", "3"))
+    log = opened.flight("flight.BIN")
+    shown = log.shown
+    assert shown["kind"] is kind and [field["key"] for field in shown["form"]] == ["mass", "wing area", "span"]
+    with pytest.raises(InputError):
+        log.write(Values("flight.BIN"))
+    values = Values("flight.BIN", aircraft={"mass": "3.84 kg", "wing area": "0.464 m^2", "span": "1.75 m"})
+    assert shlex.split(log.write(values)["command"])[2:] == [
+        "--mass", "3.84 kg", "--wing-area", "0.464 m^2", "--span", "1.75 m",
+    ]  # fmt: skip
+    assert (opened.path / "flight.report" / "results.json").is_file()
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        Values("log.mcap", runs=[]),
+        Values("log.mcap", runs=[Run("loop", 60, 70, True)]),
+        Values("log.mcap", runs=[Run("steady\"\nkeep = true # ", 60, 70, True)]),
+        Values("log.mcap", runs=[Run("deceleration", 70, 60, True)]),
+        Values("log.mcap", runs=[Run("deceleration", -5, 60, True)]),
+        Values("log.mcap", runs=[Run("deceleration", 1e6, 2e6, True)]),
+        Values("log.mcap", runs=[Run("deceleration", 60, float("inf"), True)]),
+        Values("log.mcap", runs=[Run("deceleration", 77, 85, True), Run("deceleration", 80, 89, True)]),
+        Values("log.mcap", runs=[Run("deceleration", 77, 89, False)]),
+        Values("log.mcap", aircraft={"mass.weight": "-3 kg"}),
+        Values("log.mcap", aircraft={"mass.weight": "four"}),
+        Values("log.mcap", aircraft={"mass.weight": ""}),
+        Values("log.mcap", aircraft={"mass.weight": '4 kg"\n[geometry]\nspan = "1 m'}),
+        Values("log.mcap", aircraft={"mass.wheight": "4 kg"}),
+        Values("log.mcap", aircraft={"x = 1\n[mass]\nweight": "4 kg"}),
+        Values("log.mcap", propeller="../../etc/passwd"),
+        Values("log.mcap", propeller="apc-99x99"),
+    ],
+    ids=str,
+)  # fmt: skip
+def test_wrong_values_are_refused_and_nothing_is_written(log: OpenedFlight, values: Values) -> None:
+    before = sorted(path.name for path in log.path.parent.rglob("*"))
+    with pytest.raises(InputError) as refused:
+        log.write(values)
+    assert "\n" not in str(refused.value).strip()
+    assert sorted(path.name for path in log.path.parent.rglob("*")) == before
+
+
+def test_what_was_typed_stays_text_number_or_list(log: OpenedFlight) -> None:
+    typed = {"title": '"]] = 3', "probe.upwash_per_CL": "2 deg", "imu_position": '["1 cm", "0 m", "0 m"]'}
+    text = log.aircraft_text(Values("log.mcap", aircraft=typed))
+    assert 'title = "\\"]] = 3"\n' in text and 'imu_position = ["1 cm", "0 m", "0 m"]\n' in text
+    assert flights.parse_aircraft(text, "form").title == '"]] = 3'
+
+
+def test_the_list_of_runs_is_the_file_that_analyze_reads(tmp_path: Path) -> None:
+    runs = [Run("deceleration", 77.0, 89.26, True, "a\nremark"), Run("steady", 20.0, 30.0, False)]
+    (tmp_path / "runs.toml").write_text(runs_text(runs, "log.mcap"), "utf-8")
+    entries = load(tmp_path / "runs.toml")
+    assert [(one.kind, one.start_s, one.end_s, one.keep) for one in entries] == [
+        ("steady", 20.0, 30.0, False), ("deceleration", 77.0, 89.26, True),
+    ]  # fmt: skip

@@ -1,0 +1,162 @@
+"""How sure: the arithmetic of more runs, the margin to the stall, and what the verdict rests on."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+from analysis.pages.sections.certainty import (
+    _largest_shared,
+    certainty_section,
+    halving,
+    more_runs_to_halve,
+    next_flight,
+    stall_margin,
+    thrust_share,
+)
+from analysis.pages.sections.summary import reference_point, verdict_section
+from analysis.records.flight import (
+    Correlation,
+    CurveStatus,
+    IntervalPart,
+    ParameterResult,
+    PathResult,
+    Results,
+    RunAgainstOthers,
+    RunResidual,
+    SensorError,
+    SlowestFlown,
+)
+from analysis.results.evidence import with_trust
+
+
+def part(noise_W: float, systematic_W: float) -> IntervalPart:
+    return IntervalPart(speed_mps=13.0, noise_W=noise_W, systematic_W=systematic_W)
+
+
+def test_noise_alone_is_halved_by_four_times_the_runs() -> None:
+    assert more_runs_to_halve(part(2.0, 0.0), 5) == 15
+
+
+def test_a_part_that_all_runs_share_takes_more_runs_or_forbids_it() -> None:
+    """noise 2, shared 0.9: (4 + 0.81)/4 - 0.81 = 0.3925 W² are left to the noise, 4/0.3925 = 10.2 times the runs."""
+    assert more_runs_to_halve(part(2.0, 0.9), 10) == 92
+    assert more_runs_to_halve(part(1.0, 0.6), 10) is None
+
+
+def test_the_sentence_says_how_many_runs_or_why_not(results: Results) -> None:
+    few = halving(replace(results, interval_parts=[part(2.0, 0.0)]))
+    assert few and few.by_more_runs
+    assert few.text.startswith("To halve ±2.0 W at 13.0 m/s, fly 3 more runs like these 1:")
+    never = halving(replace(results, interval_parts=[part(1.0, 2.0)]))
+    assert never and not never.by_more_runs
+    assert "±2.0 W is common to all runs" in never.text
+    assert "Four times the runs would give ±2.1 W." in never.text  # sqrt(0.5^2 + 2^2)
+    assert halving(replace(results, interval_parts=[])) is None
+
+
+def test_the_next_flight_of_the_results_is_told_first_and_nothing_twice(results: Results) -> None:
+    by_runs = replace(results, interval_parts=[part(2.0, 0.0)])
+    shared = replace(results, interval_parts=[part(1.0, 2.0)])
+    assert next_flight(by_runs)[0].startswith("To halve")
+    sentence = "The next twenty minutes: porpoise. The interval is widest by the slope of angle of attack."
+    first, *others = next_flight(replace(by_runs, next_flight=[sentence]))
+    assert first == sentence and not any("To halve" in other for other in others)
+    first, second, *_ = next_flight(replace(shared, next_flight=[sentence]))
+    assert first == sentence and "are not enough" in second  # the propeller table is in no other sentence
+    error = SensorError(
+        name="alpha_scale", title="slope of angle of attack", value=0.0, standard_error=3.0, assumed_sigma=3.0,
+        unit="%", determined=False, missing=["gusts"],
+    )  # fmt: skip
+    path = PathResult(converged=True, gust_mps=0.7, residuals={}, checks=[], sensor_errors=[error])
+    gusty = replace(results, path=path)
+    assert "Not determined: slope of angle of attack (gusts)." in next_flight(gusty)
+    assert not any(
+        "gusts" in advice
+        for advice in next_flight(replace(gusty, next_flight=[sentence], next_flight_lowers="alpha_scale"))
+    )
+
+
+def test_thrust_explains_as_much_as_it_is_correlated(results: Results) -> None:
+    """Drag known but for A0, and A0's error correlated by 0.6 with that of thrust: 0.36 of the variance."""
+    names = ["A0", "A1", "A2", "thrust_scale", "thrust_slope"]
+    errors = (0.002, 1e-12, 1e-12, 0.05, 0.05)
+    matrix = [[float(i == j) for j in range(5)] for i in range(5)]
+    matrix[0][3] = matrix[3][0] = 0.6
+    known = replace(
+        results,
+        parameters=[
+            ParameterResult(name=name, value=0.0, standard_error=error, unit="")
+            for name, error in zip(names, errors, strict=True)
+        ],
+        parameter_correlation=Correlation(names=names, matrix=matrix),
+    )
+    assert thrust_share(known) == pytest.approx(0.36, abs=1e-3)
+    assert thrust_share(results) is None
+    assert "reduce it most" not in _largest_shared(known), "most of it has other causes"
+    matrix[0][3] = matrix[3][0] = 0.8
+    assert thrust_share(known) == pytest.approx(0.64, abs=1e-3) and "reduce it most" in _largest_shared(known)
+
+
+def test_the_margin_to_the_stall_is_what_the_wing_has_carried(results: Results) -> None:
+    slowest = SlowestFlown(speed_mps=12.0, lift_coefficient=1.0, largest_lift_coefficient=1.21)
+    assert "a margin of 10 % of speed to the stall at least" in stall_margin(replace(results, slowest_flown=slowest))
+    none = replace(slowest, largest_lift_coefficient=1.0)
+    assert "shows no margin" in stall_margin(replace(results, slowest_flown=none))
+    assert "not known" in stall_margin(results)
+
+
+def test_the_verdict_is_the_curve_at_the_speed_of_least_drag(results: Results) -> None:
+    at, meaning = reference_point(results)
+    assert (at.speed_mps, meaning) == (13.1, "the speed of least drag")
+    unknown = replace(results.best_range_speed, speed_mps=None)
+    middle, meaning = reference_point(replace(results, best_range_speed=unknown, minimum_power_speed=unknown))
+    ends = results.power_required[0].speed_mps, results.power_required[-1].speed_mps
+    assert middle.speed_mps == pytest.approx(np.mean(ends), abs=0.3) and meaning == "the middle of those flown"
+    assert at.power_lo_W < at.power_W < at.power_hi_W
+    assert "but 1 pair of methods disagree" in verdict_section(results).reasons
+    agreeing = replace(results, disagreements=[])
+    assert "1 other method agrees within the intervals" in verdict_section(agreeing).reasons
+    for wrong, heading in (
+        ({"status": CurveStatus.NOT_CONVERGED}, "Not to be trusted as it stands"),
+        ({"cross_check_differs": True}, "Doubtful"),
+    ):
+        headings = [verdict_section(with_trust(one)).heading for one in (agreeing, replace(agreeing, **wrong))]
+        assert headings == ["To be trusted", heading]
+
+
+def test_a_fit_of_the_runs_alone_is_said_to_agree_only_where_it_is_compared(results: Results) -> None:
+    def answer(**changed: Any) -> str:
+        rows = certainty_section(replace(results, **changed)).checks.rows
+        return dict(rows)["Does a fit of the runs alone agree?"]
+
+    assert answer() == "Yes, within what the intervals allow (output error)."
+    assert answer(cross_check_differs=True).startswith("No: it differs by more than")
+    still, moving = (verdict_section(replace(results, cross_check=c)).reasons for c in (results.cross_check, []))
+    assert "the cross-check on the runs alone agrees" in still and "cross-check" not in moving
+
+
+def test_residuals_that_are_not_white_are_said_to_be(results: Results) -> None:
+    def answer(autocorrelation: list[float]) -> str:
+        run = RunResidual(run="acceleration at 1 s", points=100, step_s=0.2, rms_mps2=0.1,
+                          autocorrelation=[1.0, *autocorrelation])  # fmt: skip
+        return dict(certainty_section(replace(results, run_residuals=[run])).checks.rows)[
+            "Do the fits leave only noise?"
+        ]
+
+    assert answer([0.1] * 20).startswith("Yes. 0 %")
+    assert answer([0.5] * 10 + [0.0] * 10).startswith("Not only") and "50 %" in answer([0.5] * 10 + [0.0] * 10)
+
+
+def test_the_certificate_lists_each_run_and_the_answer_names_the_largest_difference(results: Results) -> None:
+    assert certainty_section(results).certificate is None
+    runs = [
+        RunAgainstOthers(run=f"acceleration at {i} s", kind="acceleration", speed_mps=17.0, power_W=70.0 + z,
+                         others_W=70.0, standard_error_W=1.0, z=z)
+        for i, z in enumerate((0.5, -7.0))
+    ]  # fmt: skip
+    for some, answer in ((runs[:1], "Yes"), (runs, "No")):
+        section = certainty_section(replace(results, runs_against_others=some))
+        assert section.certificate is not None and len(section.certificate.rows) == len(some)
+        assert dict(section.checks.rows)["Do the runs agree with each other?"].startswith(answer)

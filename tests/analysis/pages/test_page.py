@@ -1,0 +1,141 @@
+"""The page's words for results of every kind, without a flight."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from msgspec.structs import replace
+
+from analysis.curve import Condition, Polar, minimum_power_lift
+from analysis.pages import page
+from analysis.pages.answers import headline_answers, optimum_speed_text
+from analysis.pages.charts.flight import run_fit
+from analysis.pages.charts.power import every_method, power_required
+from analysis.pages.charts.style import Figure
+from analysis.pages.wording import listed_methods
+from analysis.records.flight import ParameterResult, PathResult, RejectedResult, Results, SensorError
+from analysis.results.curves import optimum
+from analysis.results.files import to_csv
+
+T = np.linspace(0.0, 1.0, 5)
+
+
+@dataclass
+class Drawn:
+    dashes: set[str]
+    names: list[str]
+
+
+def drawn(figure) -> Drawn:
+    lines = [trace for trace in figure.data if "dash" in trace.get("line", {})]
+    return Drawn({t["line"]["dash"] for t in lines}, [t["name"] for t in figure.data if t.get("showlegend", True)])
+
+
+def test_without_battery_answers_the_aerodynamic_speeds_are_the_answers(results: Results) -> None:
+    slow, far = headline_answers(results)
+    assert slow.question == "Longest endurance" and slow.answer == "not found: the curve has no such point"
+    assert far.question == "Longest range" and far.answer == "13.1 m/s (12.8 to 13.4)"
+
+
+def drawings(results: Results) -> dict[str, Figure]:
+    """The figures that the page always has, and those of a battery."""
+    names = ("power", "methods", "timeline", "polar", "parts", "loadings", "efficiency")
+    return dict.fromkeys(names, power_required(results))
+
+
+def test_the_page_says_all_of_it_and_escapes_what_users_wrote(results: Results) -> None:
+    text = page.render(results, drawings(results), {})
+    for said in (
+        "A &amp; B",
+        "mind &lt;this&gt;",
+        "&lt;gives&gt; too much",
+        "few points &amp; short",
+        "no steady points",
+    ):
+        assert said in text, said
+    assert "no curve" in text, "the method that failed is in the table"
+    assert "Of ±2.2 W at 18 m/s, ±2.0 W is common to all runs" in text  # hypot(1, 2)
+    assert "All methods agree" not in text
+
+
+HOSTILE = "<script>alert('x')</script>&\"</style>"
+
+
+def test_text_of_a_user_is_text_wherever_it_stands(with_battery: Results) -> None:
+    """In titles, tables, sentences, warnings and figures; a script could change every number of the page."""
+    r = with_battery
+    assert r.use is not None
+    results = replace(
+        r, aircraft=replace(r.aircraft, title=HOSTILE, propeller=HOSTILE), log=HOSTILE, warnings=[HOSTILE],
+        verdict=HOSTILE, runs=[replace(r.runs[0], kind=HOSTILE, notes=[HOSTILE]), r.runs[0]],
+        rejected=[RejectedResult(kind=HOSTILE, start_s=0, end_s=1, reason=HOSTILE)],
+        parameters=[ParameterResult(name=HOSTILE, value=1, standard_error=1, unit=HOSTILE)],
+        methods=[replace(r.methods[0], title=HOSTILE, equations=HOSTILE, notes=[HOSTILE], taken_as_measured=[HOSTILE])],
+        disagreements=[replace(r.disagreements[0], text=HOSTILE)],
+        path=PathResult(converged=True, gust_mps=0.1, residuals={"V": 1.0}, checks=[], sensor_errors=[
+            SensorError(name="V", title=HOSTILE, value=1.0, standard_error=0.1, assumed_sigma=1.0, unit=HOSTILE,
+                        determined=False, missing=[HOSTILE])]),
+        use=replace(
+            r.use, costs=[HOSTILE], too_much=[HOSTILE], power_train=replace(r.use.power_train, basis=HOSTILE),
+            available=replace(r.use.available, reason=HOSTILE, basis=HOSTILE, notes=[HOSTILE]),
+            loadings=[replace(r.use.loadings[0], title=HOSTILE)],
+        ),
+    )  # fmt: skip
+    figures = drawings(results) | {"methods": every_method(results)}
+    text = page.render(results, figures, {HOSTILE: run_fit(HOSTILE, T, {"V": T}, {"V": T})})
+    drawn = text.count("<script>figures[")
+    assert drawn == len(drawings(r)) + 2 and text.count("<script>") == drawn + 3, "Plotly, figures.js and its start"
+    assert "alert('x')" not in text
+    assert text.count("&lt;script&gt;alert") > 20
+
+
+def test_what_a_battery_gives_stands_on_the_page(with_battery: Results) -> None:
+    text = page.render(with_battery, drawings(with_battery), {})
+    assert "<b>14.0</b> m/s<small> (12.6 to 16.8)</small>" in text
+    assert "50 km/h · 46 ft/s" in text  # 14 m/s
+    assert "74 Wh of which 80 % are used" in text
+    assert text.count("The motor is assumed.") == 3, "below the curve, the field table and the efficiencies"
+    assert "* Outside the propeller table: an extrapolation." in text
+    assert "Costs &lt;b&gt;." in text
+    assert "friction loss of the motor" in text
+
+
+def test_the_caption_names_the_circles_where_there_are_some(results: Results) -> None:
+    without = replace(results, methods=[method for method in results.methods if not method.points])
+    assert "Circles: steady points, with the thrust" in page.render(results, drawings(results), {})
+    assert "Circles: steady points, with the thrust" not in page.render(without, drawings(without), {})
+
+
+def test_methods_that_agree_are_said_to_agree(results: Results) -> None:
+    agreeing = replace(results, disagreements=[])
+    assert "All methods agree within their intervals." in page.render(agreeing, drawings(results), {})
+    differing = page.render(replace(agreeing, cross_check_differs=True), drawings(results), {})
+    assert "All methods agree within their intervals, but for the cross-check: see the warning above." in differing
+
+
+def test_a_curve_is_dashed_where_it_is_flagged_and_solid_elsewhere(results: Results) -> None:
+    assert drawn(power_required(results)).dashes >= {"solid", "9px,6px"}
+    assert drawn(every_method(results)).names[-1] == "Dynamic, two steps", "the leading one lies on top"
+
+
+def test_the_table_of_the_curve_carries_the_flag(results: Results) -> None:
+    header, *rows = [line.split(",") for line in to_csv(results).splitlines()]
+    assert header[-1] == "extrapolated"
+    flags = {row[3]: row[-1] for row in rows if row[0] == "test"}
+    assert flags["12"] == "false" and flags["24"] == "true"
+
+
+def test_a_flight_of_steady_points_alone_shows_their_methods_alone(results: Results) -> None:
+    steady = replace(results, runs=[replace(results.runs[0], kind="steady")], cross_check=[])
+    assert [method.name for method in listed_methods(steady)] == ["piw-viw", "w-delta"]
+    polar = steady.drag_polar
+    leads = replace(steady.methods[1], drag_polar=[polar.A0, polar.A1, polar.A2])
+    assert listed_methods(replace(steady, methods=[steady.methods[0], leads]))[0].name == "w-delta"
+
+
+def test_a_speed_whose_interval_has_no_lower_end_says_so() -> None:
+    """A curve may have its minimum anywhere below: no speed of 0 m/s is claimed."""
+    polar = Polar(np.array([0.03, 0.0, 0.004]), np.diag([0.004, 0.01, 0.004]) ** 2)
+    at = Condition(37.7, 1.2, 0.46)
+    lowest = optimum(minimum_power_lift, polar, at, (0.2, 10.0))
+    assert lowest.lo_mps is None and lowest.speed_mps and lowest.hi_mps
+    assert optimum_speed_text(lowest) == f"{lowest.speed_mps:.1f} m/s (up to {lowest.hi_mps:.1f})"

@@ -1,0 +1,85 @@
+"""Sentences and tables of the page tell the numbers of the results, in the units that they name."""
+
+from types import SimpleNamespace
+
+import pytest
+from msgspec.structs import replace
+
+from analysis.pages.sections.curve import _power_at_ends
+from analysis.pages.sections.flight import _air, _log, _place, _ticks, _wind, decimals, flight_section
+from analysis.pages.sections.performance import ceilings, performance_section
+from analysis.pages.sections.summary import summary_section
+from analysis.records.flight import AirFound, ConditionResult, Interval, PowerPoint, RejectedResult, Results
+
+AIR = AirFound(
+    wind_mps=5.0, wind_from_deg=310.0, wind_standard_error_mps=0.5, gust_mps=0.25, temperature_K=290.0,
+    density_altitude_m=250.0, lowest_height_m=40.0, highest_height_m=60.0,
+)  # fmt: skip
+
+
+def found(**facts: object) -> SimpleNamespace:
+    return SimpleNamespace(provenance=SimpleNamespace(**facts))
+
+
+def test_the_head_of_the_page_is_in_kilograms_and_degrees_celsius(results: Results) -> None:
+    at = ConditionResult(weight_N=4.0 * 9.80665, air_density_kgpm3=1.2)
+    said = summary_section(replace(results, test=at, air_temperature_K=290.15)).condition
+    assert said.startswith("4.00 kg, air 1.200 kg/m³ (17 °C)")
+
+
+def test_runs_are_told_with_their_lengths(results: Results) -> None:
+    rejected = RejectedResult(kind="steady", start_s=30.0, end_s=37.5, reason="too short")
+    section = flight_section(replace(results, rejected=[rejected]))
+    assert section.runs.rows[0] == ("1", "acceleration", "10.0", "8.0", "12.0 to 24.0", "+0.0", "")
+    assert section.rejected is not None and section.rejected.rows == [("steady", "30.0", "7.5", "too short")]
+
+
+def test_a_method_is_told_with_half_of_its_interval() -> None:
+    curve = [
+        PowerPoint(speed_mps=V, power_W=50.0, power_lo_W=46.0, power_hi_W=56.0, extrapolated=False)
+        for V in (12.0, 24.0)
+    ]
+    assert _power_at_ends(curve) == ("50 ± 5 at 12.0 m/s", "50 ± 5 at 24.0 m/s")
+
+
+def test_the_battery_s_share_and_the_ceilings_are_told(with_battery: Results) -> None:
+    section = performance_section(with_battery)
+    assert section is not None and section.battery == "74 Wh of which 80 % are used"
+    assert with_battery.use is not None
+    assert "Service ceiling (climb of 0.5 m/s): density altitude 3000" in ceilings(with_battery.use)
+    only = replace(
+        with_battery.use.available, service_ceiling_m=None, absolute_ceiling_m=Interval(value=9.0, lo=8, hi=9)
+    )
+    assert ceilings(replace(with_battery.use, available=only)).startswith("Absolute ceiling (no climb): density alt")
+
+
+def test_wind_and_air_are_told_with_95_per_cent_and_in_everyday_units(results: Results) -> None:
+    whole = replace(results, air=AIR)
+    assert _wind(whole) == "5.0 ± 1.0 m/s from 310°"
+    facts = dict(_air(whole))
+    assert facts["Air"] == "16.9 °C, 1000 hPa, 1.200 kg/m³: density altitude 250 m"
+    assert facts["Height of the runs"] == "40 to 60 m above the start"
+    assert facts["Turbulence"] == "0.25 m/s vertical gusts (1 standard deviation)"
+    short = dict(_air(replace(results, air=replace(AIR, gust_length=0.44))))
+    assert short["Turbulence"].endswith(", 0.44 times as long as MIL-F-8785C has them, by their spectra")
+
+
+@pytest.mark.parametrize(
+    ("latitude", "longitude", "said"),
+    [(48.1, 11.5, "48.10000° N 11.50000° E"), (-35.5, -70.25, "35.50000° S 70.25000° W"), (0.0, 0.0, "0.00000° N 0")],
+)
+def test_a_place_is_told_by_its_hemispheres(latitude: float, longitude: float, said: str) -> None:
+    place = found(latitude_deg=latitude, longitude_deg=longitude, height_msl_m=512.4)
+    assert _place(place).startswith(said)  # type: ignore[arg-type]
+    assert _place(place).endswith(", 512 m above sea level")  # type: ignore[arg-type]
+
+
+def test_the_log_s_size_and_missed_instants_are_told() -> None:
+    facts = SimpleNamespace(duration_s=600.0, log_bytes=12_340_000, log_sha256="abc")
+    assert _log(SimpleNamespace(log="a.mcap"), facts) == "a.mcap, 600 s, 12.3 MB, SHA-256 abc"  # type: ignore[arg-type]
+    assert _ticks(found(ticks=990, ticks_missed=10)) == "10 of 1000 sampling instants were missed"  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("sigma", "shown"), [(12.0, 0), (1.0, 1), (0.12, 2), (0.012, 3), (0.0, 2)])
+def test_a_standard_error_is_shown_with_two_digits(sigma: float, shown: int) -> None:
+    assert decimals(sigma) == shown

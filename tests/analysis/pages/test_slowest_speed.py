@@ -1,0 +1,93 @@
+"""No card, table, figure or interval names a speed below the slowest flown: 50 polars and conditions at random."""
+
+import numpy as np
+from msgspec.structs import replace
+
+from analysis.curve import Condition, Polar, best_range_lift, minimum_power_lift, speed_at
+from analysis.pages.answers import headline_answers
+from analysis.pages.sections.performance import to_markdown
+from analysis.performance.analysis import flight_performance
+from analysis.performance.full_throttle import FullThrottle
+from analysis.performance.level_flight import PerformanceModel
+from analysis.performance.power_train import PowerTrainModel
+from analysis.performance.propagation import ParameterVector, combine_independent, exact
+from analysis.performance.request import Request, TitledCondition
+from analysis.records.flight import ConditionResult, MethodResult, Results, SlowestFlown, SpeedReason
+from analysis.results.curves import drag_polar, optimum, power_curve
+from tests.analysis.pages.named_speeds import below_slowest
+
+SEEDS = range(50)
+LOSSLESS = PowerTrainModel(exact(shaft_scale=1.0, friction=0.0, copper=0.0, meter_scale=0.0), 0.0, True, "", ())
+REST = exact(thrust_scale=0.0, thrust_slope=0.0, alpha_0=0.0, alpha_CL=0.0)
+
+
+def drawn(seed: int, template: Results, nexstar, propeller, performs: bool = True) -> Results:
+    """The results of a polar, its covariance, weight, density and range of lift coefficients, all drawn."""
+    rng = np.random.default_rng(seed)
+    A = np.array([rng.uniform(0.02, 0.06), rng.uniform(-0.03, 0.01), rng.uniform(0.03, 0.09)])
+    root = rng.uniform(0.02, 0.2) * np.diag(np.abs(A)) @ rng.standard_normal((3, 3))
+    polar = Polar(A, root @ root.T)
+    at = Condition(nexstar.mass.weight_N * rng.uniform(0.6, 1.2), rng.uniform(0.95, 1.25), 0.46)
+    flown_CL = (rng.uniform(0.2, 0.35), rng.uniform(0.6, 1.8))
+    parameters = combine_independent(ParameterVector(("A0", "A1", "A2"), *polar), REST, LOSSLESS.parameters)
+    model = PerformanceModel(parameters, LOSSLESS, FullThrottle(None, reason="not flown"), propeller, flown_CL)
+    heavier = TitledCondition("heavier", at._replace(weight_N=1.1 * at.weight_N, rho=0.9 * at.rho))
+    performance = flight_performance(model, at, [heavier], Request(battery_Wh=50.0)) if performs else None
+    curve = power_curve(polar, at, flown_CL)
+    method = MethodResult(name="direct", title="direct", drag_polar=A.tolist(), power_required=curve)
+    standard = at._replace(rho=1.225)
+    return replace(
+        template,
+        test=ConditionResult(weight_N=at.weight_N, air_density_kgpm3=at.rho),
+        standard=ConditionResult(weight_N=at.weight_N, air_density_kgpm3=1.225),
+        aircraft=replace(template.aircraft, wing_area_m2=at.wing_area_m2),
+        drag_polar=drag_polar(polar, nexstar),
+        power_required=curve,
+        power_required_standard=power_curve(polar, standard, flown_CL),
+        cross_check=curve,
+        minimum_power_speed=optimum(minimum_power_lift, polar, at, flown_CL),
+        best_range_speed=optimum(best_range_lift, polar, at, flown_CL),
+        slowest_flown=SlowestFlown(
+            speed_mps=float(speed_at(flown_CL[1], at)),
+            lift_coefficient=flown_CL[1],
+            largest_lift_coefficient=1.1 * flown_CL[1],
+        ),
+        methods=[method],
+        one_by_one=[method],
+        disagreements=[],
+        interval_parts=[],
+        use=performance,
+    )
+
+
+def test_nothing_names_a_speed_below_the_slowest_flown(results: Results, nexstar, propeller) -> None:
+    """Performance, and the figures, which take longest, for some of them."""
+    reports = [drawn(seed, results, nexstar, propeller, performs=seed % 5 == 0) for seed in SEEDS]
+    assert [found for i, one in enumerate(reports) for found in below_slowest(one, figures=i % 10 == 0)] == []
+    assert sum(one.minimum_power_speed.reason is SpeedReason.BELOW_SLOWEST for one in reports) > 10
+    assert sum(one.minimum_power_speed.speed_mps is not None for one in reports) > 10
+    assert sum(one.use is not None for one in reports) == 10
+
+
+def test_a_best_speed_that_was_not_flown_is_replaced_by_the_slowest_with_its_margin(
+    results: Results, nexstar, propeller
+) -> None:
+    """The largest lift coefficient is 10 % above that of the slowest speed, which are 4.9 % of speed: at least 4 %."""
+    drawings = (drawn(seed, results, nexstar, propeller) for seed in SEEDS)
+    results = next(
+        one
+        for one in drawings
+        if one.minimum_power_speed.reason is SpeedReason.BELOW_SLOWEST
+        and one.use
+        and one.use.loadings[0].endurance_at_slowest
+    )
+    assert results.slowest_flown is not None and results.use is not None
+    slowest = results.slowest_flown
+    for shown in (results, replace(results, use=None)):
+        endurance = headline_answers(shown)[0]
+        assert endurance.speed_mps is not None and round(endurance.speed_mps - slowest.speed_mps, 1) == 0
+        assert endurance.note.endswith("no slower flight was measured; at least 4 % above the stall.")
+        at_most = replace(slowest, largest_lift_coefficient=1.004 * slowest.lift_coefficient)
+        note = headline_answers(replace(shown, slowest_flown=at_most))[0].note
+        assert note.endswith("the flight shows no margin to the stall.")
+    assert f"{slowest.speed_mps:.1f}\u00a0(slowest)" in to_markdown(results, results.use)

@@ -1,0 +1,249 @@
+"""Evidence against a result makes it doubtful or not to be trusted; `analyze` says so, and ends with exit code 1."""
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from msgspec.structs import replace
+from typer.testing import CliRunner
+
+from analysis.cli.analyze import _finish
+from analysis.cli.export import app as export_app
+from analysis.missions.information import read_results
+from analysis.pages.electrical_log import Done
+from analysis.records.flight import (
+    CurveStatus,
+    Evidence,
+    EvidenceKind,
+    ImplausibleReadings,
+    Interval,
+    LevelEfficiencyPoint,
+    PartOfResult,
+    PathResult,
+    PoolingStatistics,
+    PriorMeasurementStatistics,
+    Results,
+    RunAgainstOthers,
+    Trust,
+)
+from analysis.results.evidence import (
+    evidence_against,
+    noise_limit,
+    reasons_not_to_trust,
+    sentences,
+    trust_by,
+    with_trust,
+)
+from analysis.results.files import to_json
+from analysis.results.provenance import provenance_of_file
+from analysis.results.settings import TRUST
+from flight.command_line import ExitCode
+from flight.errors import InputError
+from flight.messages import Comparison
+
+NOT_TRUSTED = {
+    EvidenceKind.NOT_CONVERGED: lambda r: replace(r, status=CurveStatus.NOT_CONVERGED, verdict="at a bound: A0 = 0"),
+    EvidenceKind.TRAJECTORY_NOT_CONVERGED: lambda r: replace(r, status=CurveStatus.TRAJECTORY_NOT_CONVERGED),
+    EvidenceKind.INTERVAL_REACHES_ZERO: lambda r: replace(
+        r, power_required=[replace(r.power_required[0], power_lo_W=-1.0)]
+    ),
+    EvidenceKind.POLAR_CURVES_DOWNWARD: lambda r: replace(r, drag_polar=replace(r.drag_polar, A2=-0.01)),
+    EvidenceKind.THRUST_TABLE: lambda r: replace(r, pooling=statistics(thrust_scale=-19.0)),
+}
+DOUBTFUL = {
+    EvidenceKind.CROSS_CHECK: lambda r: replace(r, cross_check_differs=True),
+    EvidenceKind.THRUST_TABLE: lambda r: replace(r, pooling=statistics(thrust_slope=4.0)),
+    EvidenceKind.MOTOR_SPEED: lambda r: replace(r, speed_over_motor_constant=14 / 12),
+    EvidenceKind.RUN_AGAINST_OTHERS: lambda r: replace(r, runs_against_others=[compared(0.5), compared(-9.0)]),
+    EvidenceKind.OUTSIDE_TABLE: lambda r: replace(
+        r, power_required=[replace(point, extrapolated=True) for point in r.power_required]
+    ),
+    EvidenceKind.IMPLAUSIBLE_READINGS: lambda r: doubted(r, Comparison.AIRSPEED),
+    EvidenceKind.SENSOR_ERROR: lambda r: replace(r, path=path(V_scale=-4.8), pooling=statistics()),
+}
+
+
+def doubted(results: Results, compared: Comparison, after_s: float = 0.0) -> Results:
+    """With two seconds of readings that cannot be true together, begun so long after the begin of its run."""
+    (run,) = results.runs
+    period = ImplausibleReadings(compared=compared, start_s=run.start_s + after_s, end_s=run.start_s + after_s + 2.0)
+    origin = provenance_of_file(Path(__file__), "", None, "")
+    return replace(results, provenance=replace(origin, implausible=[period]))
+
+
+def statistics(stand: float = 0.0, **sigmas: float) -> PoolingStatistics:
+    """Of a flight whose corrections of thrust are that many prior standard deviations of 0.1, without others."""
+    names = ["A0", "A1", "A2", "thrust_scale", "thrust_slope"]
+    values = [0.05, 0.0, 0.06, *(0.1 * sigmas.get(name, 0.0) for name in names[3:])]
+    return PoolingStatistics(
+        names=names, values=values, covariance=[], weighting_covariance=[], prior_mean=[0.0] * 5,
+        prior_sigma=[None, None, None, 0.1, 0.1], changes={}, polar_covariance=[], flown_CL=(0.2, 1.0),
+        installation="", propeller_table="", probe_calibration="",
+        prior_measurements=[
+            PriorMeasurementStatistics(name="stand", coefficients={"A0": 1.0}, value=0.05 - stand, sigma=1.0)
+        ],
+    )  # fmt: skip
+
+
+def compared(z: float) -> RunAgainstOthers:
+    return RunAgainstOthers(
+        run="acceleration at 10 s", kind="acceleration", speed_mps=17.0, power_W=70.0, others_W=70.0 - z,
+        standard_error_W=1.0, z=z,
+    )  # fmt: skip
+
+
+def path(**conflicts: float) -> PathResult:
+    return PathResult(
+        converged=True, gust_mps=0.1, residuals={}, checks=[], sensor_errors=[], prior_conflicts=conflicts
+    )
+
+
+def efficiency(results: Results, propeller: Interval, motor: Interval) -> Results:
+    point = LevelEfficiencyPoint(speed_mps=15.0, propeller=propeller, motor=motor, overall=motor, extrapolated=False)
+    assert results.use is not None
+    return replace(
+        results,
+        use=replace(results.use, power_train=replace(results.use.power_train, measured=True, efficiency=[point])),
+    )
+
+
+@pytest.mark.parametrize("kind", NOT_TRUSTED)
+def test_a_result_not_to_be_trusted_says_why_on_stderr_with_exit_code_1(
+    results: Results, kind: EvidenceKind, capsys: Any
+) -> None:
+    assert _finish(Done(results, print), json=True, quiet=False) == 0
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)["format"] == results.format and printed.err == ""
+    changed = with_trust(NOT_TRUSTED[kind](results))
+    assert changed.trust is Trust.NOT_TO_BE_TRUSTED and [one.kind for one in changed.evidence] == [kind]
+    assert _finish(Done(changed, print), json=False, quiet=True) == 1
+    printed = capsys.readouterr()
+    assert len(printed.err.splitlines()) == 1 and printed.out == ""
+
+
+@pytest.mark.parametrize("kind", DOUBTFUL)
+def test_a_doubtful_result_says_so_first_and_ends_with_exit_code_0(
+    results: Results, kind: EvidenceKind, capsys: Any
+) -> None:
+    changed = with_trust(DOUBTFUL[kind](results))
+    assert changed.trust is Trust.DOUBTFUL and [one.kind for one in changed.evidence] == [kind]
+    assert reasons_not_to_trust(changed) == []
+    assert _finish(Done(changed, print), json=True, quiet=False) == 0
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)["trust"] == Trust.DOUBTFUL and len(printed.err.splitlines()) == 1
+    assert printed.err.startswith(f"doubtful: {changed.evidence[0].part}.")
+
+
+@pytest.mark.parametrize(
+    ("z", "trust"),
+    [(2.9, Trust.TRUSTED), (-3.1, Trust.DOUBTFUL), (5.8, Trust.DOUBTFUL), (-6.1, Trust.NOT_TO_BE_TRUSTED)],
+)
+def test_accelerations_against_decelerations_doubt_the_thrust_of_a_curve_by_energy(
+    results: Results, z: float, trust: Trust
+) -> None:
+    """One test at 0.3 %: 2.97 standard errors, beyond doubt at twice as many."""
+    changed = with_trust(replace(results, accelerations_against_decelerations=compared(z)))
+    assert changed.trust is trust
+    assert [one.kind for one in changed.evidence] == [EvidenceKind.THRUST_TABLE] * (trust is not Trust.TRUSTED)
+
+
+def test_a_page_says_what_is_in_doubt_where_it_changes() -> None:
+    doubts = [
+        Evidence(kind=EvidenceKind.CROSS_CHECK, level=Trust.DOUBTFUL, part=part, log="1.mcap", text=f"{i}")
+        for i, part in enumerate((PartOfResult.CURVE, PartOfResult.CURVE, PartOfResult.POWER_TRAIN))
+    ]
+    said = sentences(doubts)
+    assert said[0].startswith(PartOfResult.CURVE) and PartOfResult.CURVE not in said[1]
+    assert 0 < said[2].index(PartOfResult.POWER_TRAIN) < said[2].index("1.mcap: 2")
+
+
+@pytest.mark.parametrize(
+    ("compared", "after_s", "shared_s"),
+    [(Comparison.AIRSPEED, 7.0, 1.0), (Comparison.AIRSPEED, 9.0, 0.0), (Comparison.GPS, 0.0, 0.0)],
+)
+def test_readings_are_doubted_only_in_runs(
+    results: Results, compared: Comparison, after_s: float, shared_s: float
+) -> None:
+    """The receiver's faults are those of an aid, and told by the trajectory."""
+    told = [e.figure for e in evidence_against(doubted(results, compared, after_s))]
+    assert told == [shared_s] * (shared_s > 0)
+
+
+def test_the_evidence_of_a_sound_result_is_none(with_battery: Results) -> None:
+    assert evidence_against(with_battery) == [] and with_trust(with_battery).trust is Trust.TRUSTED
+
+
+def test_thrust_within_what_noise_and_prior_allow_is_no_evidence(results: Results) -> None:
+    """Three corrections of a sound flight: one in 300 flights beyond 3.3 standard deviations."""
+    assert 3.2 < noise_limit(3) < 3.4
+    assert evidence_against(replace(results, pooling=statistics(thrust_scale=3.0))) == []
+
+
+def test_a_stand_that_the_flight_denies_is_evidence(results: Results) -> None:
+    (one,) = evidence_against(replace(results, pooling=statistics(stand=5.0)))
+    assert one.kind is EvidenceKind.THRUST_TABLE and one.figure == pytest.approx(5.0)
+
+
+def test_efficiencies_above_one_are_impossible_and_above_any_propeller_doubtful(with_battery: Results) -> None:
+    sound, above_one = Interval(value=0.8, lo=0.75, hi=0.85), Interval(value=1.1, lo=1.05, hi=1.15)
+    uncertain, best = Interval(value=1.1, lo=0.7, hi=1.5), Interval(value=0.95, lo=0.92, hi=0.98)
+    verdicts = [
+        trust_by(evidence_against(efficiency(with_battery, propeller, motor)))
+        for propeller, motor in (
+            (sound, sound), (above_one, sound), (sound, above_one), (uncertain, sound), (best, sound), (sound, best)
+        )
+    ]  # fmt: skip
+    N, D, T = Trust.NOT_TO_BE_TRUSTED, Trust.DOUBTFUL, Trust.TRUSTED
+    assert verdicts == [T, N, N, D, D, T]
+
+
+def test_the_cause_is_told_before_what_follows_from_it_and_the_worst_first(with_battery: Results) -> None:
+    both = replace(
+        efficiency(with_battery, Interval(value=1.1, lo=1.05, hi=1.15), Interval(value=0.8, lo=0.7, hi=0.9)),
+        speed_over_motor_constant=1.17, pooling=statistics(thrust_scale=-19.0), cross_check_differs=True,
+    )  # fmt: skip
+    assert [one.kind for one in evidence_against(both)] == [
+        EvidenceKind.THRUST_TABLE, EvidenceKind.PROPELLER_EFFICIENCY, EvidenceKind.MOTOR_SPEED, EvidenceKind.CROSS_CHECK
+    ]  # fmt: skip
+
+
+def test_the_motor_s_constants_may_be_wrong_by_some_percent(results: Results) -> None:
+    within = [1 - 0.9 * TRUST.motor_constant, 1 + 0.9 * TRUST.motor_constant]
+    assert [evidence_against(replace(results, speed_over_motor_constant=ratio)) for ratio in within] == [[], []]
+
+
+def test_a_result_without_curve_of_drag_can_be_trusted(results: Results) -> None:
+    electrical = replace(results, drag_polar=None, power_required=[], electrical_power=results.power_required)
+    assert reasons_not_to_trust(electrical) == []
+
+
+def test_an_export_of_such_a_result_is_written_and_ends_with_exit_code_1(
+    results: Results, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """As `analyze` does; the program that called it is not to go on with the tables unaware."""
+    written: list[Path] = []
+    analyzed = SimpleNamespace(results=with_trust(NOT_TRUSTED[EvidenceKind.POLAR_CURVES_DOWNWARD](results)))
+    monkeypatch.setattr("analysis.cli.export.read_log", lambda path: None)
+    monkeypatch.setattr("analysis.pipeline.analyze", lambda *_, **__: analyzed)
+    monkeypatch.setattr("analysis.pages.exports.tables.tables_of", lambda flight: {})
+    monkeypatch.setattr(
+        "analysis.pages.exports.tables.export_tables", lambda tables, log, to, path: written.append(path)
+    )
+    (tmp_path / "log.mcap").touch()
+    outcome = CliRunner().invoke(export_app, [str(tmp_path / "log.mcap"), "--to", "mat"], standalone_mode=False)
+    assert outcome.return_value is ExitCode.FAILURE
+    assert written == [tmp_path / "log.mat"]
+
+
+def test_no_flight_is_planned_after_such_a_result(results: Results, tmp_path: Path) -> None:
+    file = tmp_path / "results.json"
+    for change, usable in ((NOT_TRUSTED[EvidenceKind.POLAR_CURVES_DOWNWARD], False), (lambda same: same, True)):
+        changed = with_trust(change(results))
+        file.write_bytes(to_json(changed))
+        if usable:
+            assert read_results(file) == changed
+        else:
+            with pytest.raises(InputError, match="plan without it"):
+                read_results(file)

@@ -1,0 +1,122 @@
+"""A flight in ArduPilot's dataflash log, in its text, and in the recording of a ground station: the same channels."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.sources import recording
+from analysis.sources.ardupilot import read_ardupilot
+from analysis.sources.recognize import Autopilot, autopilot_of
+from analysis.sources.recording import FlightRecording
+from analysis.sources.telemetry import TelemetryLog
+from flight.errors import InputError
+from sim.dataflash_writer import DataflashMessages, write_dataflash, write_text
+from sim.telemetry_writer import write_telemetry
+
+SUFFIXES = {".BIN": write_dataflash, ".log": write_text, ".tlog": write_telemetry}
+# By channel: how exactly telemetry tells it, by the units of its messages.
+STEPS = {
+    recording.AIRSPEED_PRESSURE: 1e-3,
+    recording.STATIC: 0.02,
+    recording.FORCE_X: 0.005,
+    recording.FORCE_Z: 0.005,
+    recording.VOLTAGE: 0.0006,
+    recording.CURRENT: 0.006,
+    recording.MOTOR: 1e-4,
+    recording.THROTTLE: 0.005,
+    **dict.fromkeys(recording.GPS, 0.02),
+}
+
+
+def flight(firmware: str = "ArduPlane V4.5.7") -> list[DataflashMessages]:
+    """A minute at 10 Hz of smooth, different signals."""
+    t_s = np.arange(0.0, 60.0, 0.1)
+    time_us = (1e6 * (10.0 + t_s)).astype(np.uint64)
+    wave = np.sin(0.3 * t_s)
+    airspeed = 15.0 + 3.0 * wave
+
+    def kind(name: str, codes: str, **columns: np.ndarray) -> DataflashMessages:
+        return DataflashMessages(name, codes, {"TimeUS": time_us, **columns})
+
+    return [
+        DataflashMessages("MSG", "QZ", {"TimeUS": time_us[:1], "Message": np.array([firmware.encode()])}),
+        DataflashMessages("PARM", "QNf", {"TimeUS": time_us[:1], "Name": np.array([b"ARSPD_RATIO"]),
+                                          "Value": np.array([1.9])}),
+        kind("ARSP", "Qffc", Airspeed=airspeed, DiffPress=airspeed**2 / 1.9, Temp=0 * t_s + 12.5),
+        kind("BARO", "Qfc", Press=1e5 - 300 * wave, Temp=0 * t_s + 31.0),
+        kind("BAT", "QBff", Inst=0 * t_s, Volt=15.2 - 0.3 * wave, Curr=12.0 + 5.0 * wave),
+        kind("IMU", "Qfff", AccX=0.5 * wave, AccY=0.1 * wave, AccZ=-9.8 + wave),
+        kind("CTUN", "Qf", ThO=50 + 40 * wave),
+        kind("RPM", "Qf", RPM=6000 + 600 * wave),
+        kind("GPS", "QBfff", Status=0 * t_s + 3, Spd=14 + wave, GCrs=90 + 40 * wave, VZ=0.5 * wave),
+    ]  # fmt: skip
+
+
+def read(folder: Path, suffix: str, kinds: list[DataflashMessages]) -> FlightRecording:
+    path = folder / f"flight{suffix}"
+    SUFFIXES[suffix](path, kinds)
+    assert autopilot_of(path) is Autopilot.ARDUPILOT
+    return read_ardupilot(path)
+
+
+@pytest.fixture
+def by_dataflash(tmp_path: Path) -> FlightRecording:
+    return read(tmp_path, ".BIN", flight())
+
+
+def test_the_text_of_a_log_has_its_channels(tmp_path: Path, by_dataflash: FlightRecording) -> None:
+    text = read(tmp_path, ".log", flight())
+    assert text.channels.keys() == by_dataflash.channels.keys() and text.parameters == pytest.approx(
+        {"ARSPD_RATIO": 1.9}
+    )
+    for name, one in by_dataflash.channels.items():
+        assert text.channels[name].t_s == pytest.approx(one.t_s, abs=1e-9)
+        assert text.channels[name].value == pytest.approx(one.value, rel=1e-5, abs=1e-5), name
+
+
+def test_telemetry_has_the_channels_in_its_own_steps(tmp_path: Path, by_dataflash: FlightRecording) -> None:
+    heard = read(tmp_path, ".tlog", flight())
+    assert heard.channels.keys() == by_dataflash.channels.keys()
+    for name, step in STEPS.items():
+        one, other = by_dataflash.channels[name], heard.channels[name]
+        assert np.diff(other.t_s) == pytest.approx(np.diff(one.t_s), abs=1e-6)
+        assert other.value == pytest.approx(one.value, abs=step), name
+    assert heard.parameters == pytest.approx({"ARSPD_RATIO": 1.9})
+    assert heard.thermometers["ARSP 0"].value == pytest.approx(12.5 + 273.15)
+
+
+def test_without_differential_pressure_the_airspeed_shown_is_no_sensors(tmp_path: Path) -> None:
+    kinds = [one for one in flight() if one.name != "ARSP"]
+    assert recording.AIRSPEED_PRESSURE not in read(tmp_path, ".tlog", kinds).channels
+
+
+def test_multicopters_are_refused_in_text_too(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="multicopter"):
+        read(tmp_path, ".log", flight("ArduCopter V4.5.7"))
+
+
+@pytest.mark.parametrize("suffix", [".log", ".tlog"])
+def test_altered_files_give_a_recording_or_one_line(tmp_path: Path, suffix: str) -> None:
+    path, rng = tmp_path / f"flight{suffix}", np.random.default_rng(0)
+    SUFFIXES[suffix](path, flight())
+    data = np.frombuffer(path.read_bytes(), dtype=np.uint8)
+    for _ in range(20):
+        altered = data[: rng.integers(100, len(data))].copy()
+        altered[rng.integers(9, len(altered), 30)] = rng.integers(0, 256, 30)
+        path.write_bytes(altered.tobytes())
+        try:
+            read_ardupilot(path)
+        except InputError as error:
+            assert "\n" not in str(error)
+
+
+def test_a_damaged_frame_costs_one_message(tmp_path: Path) -> None:
+    path = tmp_path / "flight.tlog"
+    write_telemetry(path, flight())
+    data = bytearray(path.read_bytes())
+    whole = len(TelemetryLog(bytes(data)).columns("IMU")["TimeUS"])
+    at = data.index(b"\xfd", len(data) // 2)
+    data[at + 12] ^= 0xFF
+    log = TelemetryLog(bytes(data))
+    assert whole == 600 and whole - len(log.columns("IMU")["TimeUS"]) in (0, 1)

@@ -1,0 +1,123 @@
+"""Telemetry of Paparazzi: fields and units, two messages of one airspeed, two aircraft, gaps; and two real flights."""
+
+import gzip
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.methods.whole_flight.curve import estimate
+from analysis.methods.whole_flight.flight_table import flight_table
+from analysis.sources import recording
+from analysis.sources.paparazzi import read_paparazzi
+from analysis.sources.recognize import Autopilot, autopilot_of
+from flight.errors import InputError
+from flight.units import GRAVITY_MPS2 as g
+from tests.analysis.added_sensors import (
+    SENSORS,
+    Flown,
+    assert_more_is_never_less,
+    curves_by_sensors,
+    with_sensors,
+)
+from tests.shared_data import beside, needs
+
+FLOWN = beside("real-flights") / "daredevil-2020-07-10-flight2.data.gz"
+WEIGHT_N, WING_AREA_M2, SPAN_M = 0.75 * g, 0.23, 1.0
+AIR_DATA, AIRSPEED = b" AIR_DATA ", b" AIRSPEED "
+
+
+def lines(aircraft: int = 20, seconds: int = 100) -> list[str]:
+    """Level flight to the east at 12 m/s with 20 W; the differential pressure's zero is 3 Pa."""
+    out = []
+    for t in range(1, seconds):
+        for message in (
+            f"AIR_DATA -1. {0.5 * 1.225 * 144 + 3:.3f} 20. -1. 0. 12. 12.",
+            "AIRSPEED 12. 0. 0. 0.",
+            "ENERGY 55 11.5 1.74 20.0 0.1 1.0",
+            "GPS 3 36028159 481361026 900 250000 1200 -150 2113 30382600 31 0",
+            "IMU_ACCEL 0.5 0.1 -9.8",
+            "ATTITUDE 0. 0. 0.",
+        ):
+            out.append(f"{t + 0.001 * len(out) % 1:.3f} {aircraft} {message}")
+    return out
+
+
+def written(path: Path, text: list[str]) -> Path:
+    path.write_text("\n".join(text) + "\n")
+    return path
+
+
+def test_fields_have_their_units(tmp_path: Path) -> None:
+    path = written(tmp_path / "log.data", lines())
+    assert autopilot_of(path) == Autopilot.PAPARAZZI
+    read = read_paparazzi(path)
+    median = {name: float(np.median(one.value)) for name, one in read.channels.items()}
+    assert median[recording.AIRSPEED_PRESSURE] == pytest.approx(0.5 * 1.225 * 144 + 3, abs=0.01)
+    assert (median[recording.VOLTAGE], median[recording.CURRENT]) == (11.5, 1.74)
+    assert median[recording.THROTTLE] == 0.55
+    north, east, down = (median[name] for name in recording.GPS)
+    assert (north, east, down) == pytest.approx((0.0, 12.0, 1.5), abs=1e-9)
+    assert median[recording.FORCE_Z] == -9.8
+    # The barometer is not connected: the height by GPS stands for it, 250 m in the standard atmosphere.
+    assert median[recording.STATIC] == pytest.approx(98_358, abs=30)
+    assert float(read.thermometers["AIR_DATA"].value[0]) == pytest.approx(293.15)
+
+
+def test_two_messages_of_one_sensor_are_used_together(tmp_path: Path) -> None:
+    both = read_paparazzi(written(tmp_path / "log.data", lines())).channels[recording.AIRSPEED_PRESSURE]
+    alone = read_paparazzi(written(tmp_path / "alone.data", [one for one in lines() if "AIRSPEED" not in one]))
+    assert len(both.t_s) == 2 * len(alone.channels[recording.AIRSPEED_PRESSURE].t_s)
+    assert np.ptp(both.value) < 0.01  # one zero, that of the raw pressure
+
+
+def test_compressed_file_is_recognized_by_its_content(tmp_path: Path) -> None:
+    path = tmp_path / "log.txt"
+    path.write_bytes(gzip.compress("\n".join(lines()).encode()))
+    assert autopilot_of(path) == Autopilot.PAPARAZZI
+    assert len(read_paparazzi(path).channels[recording.VOLTAGE].t_s) == 99
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (sorted(lines(20) + lines(7)), "2 aircraft, (20, 7|7, 20)"),
+        ([one.replace("ENERGY 55 11.5 1.74 20.0 0.1 1.0", "ENERGY 11.5 1.74") for one in lines()], "ENERGY"),
+    ],
+)
+def test_refused_in_one_line(tmp_path: Path, text: list[str], told: str) -> None:
+    with pytest.raises(InputError, match=told) as raised:
+        read_paparazzi(written(tmp_path / "log.data", text))
+    assert "\n" not in str(raised.value)
+
+
+def test_a_log_of_gaps_is_refused_for_its_gaps(tmp_path: Path) -> None:
+    kept = [one for one in lines(seconds=600) if float(one.split()[0]) % 30 < 15]
+    with pytest.raises(InputError, match=r"torn by gaps, for 1\d s at most"):
+        flight_table(read_paparazzi(written(tmp_path / "log.data", kept)), WEIGHT_N, WING_AREA_M2)
+
+
+@needs(FLOWN)
+@pytest.mark.parametrize("without", [None, AIR_DATA, AIRSPEED])
+def test_either_airspeed_message_gives_the_curve_of_level_windows(tmp_path: Path, without: bytes | None) -> None:
+    """Mean battery power in level windows of 8 s of the same flight, by measured airspeed."""
+    path = tmp_path / "flight.data"
+    with gzip.open(FLOWN) as stream:
+        path.write_bytes(b"".join(line for line in stream if without is None or without not in line))
+    found = estimate(flight_table(read_paparazzi(path), WEIGHT_N, WING_AREA_M2), WEIGHT_N, WING_AREA_M2, SPAN_M)
+    measured_mps = np.array([12.4, 12.7, 13.1, 13.4])
+    power_W = np.interp(measured_mps / (1 + found.airspeed.scale), found.V_mps, found.power_W)
+    assert power_W == pytest.approx([17.9, 19.7, 20.4, 21.5], rel=0.08)
+
+
+@needs(FLOWN)
+def test_a_sensor_that_is_added_makes_no_curve_of_a_real_flight_worse(tmp_path: Path) -> None:
+    """Against the mean power of its level windows, by measured airspeed (docs/evidence/real-flights.md)."""
+    unpacked = tmp_path / "flight.data"
+    unpacked.write_bytes(gzip.decompress(FLOWN.read_bytes()))
+    read = read_paparazzi(unpacked)
+    level_W = np.array([17.9, 19.7, 20.4, 21.5])
+    aircraft = Flown(WEIGHT_N, WING_AREA_M2, SPAN_M, np.array([12.4, 12.7, 13.1, 13.4]), lambda _: level_W)
+    found = curves_by_sensors(SENSORS, lambda sensors: with_sensors(read, sensors), aircraft)
+    assert_more_is_never_less(found)
+    assert sum(curve is not None for curve in found.values()) == 4  # with pitot: its turns show no wind

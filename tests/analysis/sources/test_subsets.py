@@ -1,0 +1,56 @@
+"""Never less from more: a flight's table with columns added gives a curve wherever it did, no worse and no wider."""
+
+from pathlib import Path
+
+import numpy as np
+from typer.testing import CliRunner
+
+from analysis.cli.analyze import app
+from analysis.methods.whole_flight.method import recording_of
+from analysis.sources.column_map import load_map, mapped_channels
+from analysis.sources.recording import FlightRecording
+from analysis.sources.table import as_log
+from analysis.sources.table_file import read_columns
+from flight.units import GRAVITY_MPS2 as g
+from tests.analysis.added_sensors import Flown, Sensors, assert_more_is_never_less, curves_by_sensors
+from tests.analysis.sources.flown_table import (
+    AREA_M2,
+    MAP,
+    MASS_KG,
+    SPAN_M,
+    flown_table,
+    level_power_W,
+    map_text,
+    written,
+)
+
+ALWAYS = ("time", "battery_voltage", "battery_current")
+SENSORS = {
+    "pitot": ("true_airspeed",),
+    "GPS": ("velocity_north", "velocity_east", "velocity_down"),
+    "barometer": ("static_pressure",),
+    "IMU": tuple(name for name in MAP if name.startswith("specific_force") or name.endswith("_rate")),
+    "motor": ("motor_speed", "throttle"),
+}
+
+
+def test_a_sensor_that_is_added_makes_no_curve_worse(tmp_path: Path) -> None:
+    path = written(tmp_path, flown_table(), map_text())
+    channels = mapped_channels(path, read_columns(path), load_map(path.with_name(f"{path.name}.columns.toml")))
+
+    def recorded(sensors: Sensors) -> FlightRecording:
+        names = {name for sensor in sensors for name in SENSORS[sensor]} | set(ALWAYS)
+        return recording_of(as_log(path, {quantity: one for quantity, one in channels.items() if quantity in names}))
+
+    V = np.linspace(14.0, 18.0, 5)
+    aircraft = Flown(MASS_KG * g, AREA_M2, SPAN_M, V, lambda found: level_power_W(V, found.conditions.rho))
+    found = curves_by_sensors(SENSORS, recorded, aircraft)
+    assert_more_is_never_less(found)
+    assert sum(curve is not None for curve in found.values()) >= 16
+
+
+def test_the_sensors_of_drag_take_no_electrical_curve_away(tmp_path: Path) -> None:
+    """By the command: a vane and a motor speed beside the rest, without aircraft file and propeller's table."""
+    mine = ["--mass", f"{MASS_KG} kg", "--wing-area", f"{AREA_M2} m^2", "--span", f"{SPAN_M} m"]
+    done = CliRunner().invoke(app, [str(written(tmp_path, flown_table())), *mine, "-o", str(tmp_path / "out")])
+    assert done.exit_code == 0, done.output

@@ -1,0 +1,271 @@
+"""A table with a map of its columns gives the curve of its flight; files are known by content; maps are drafted."""
+
+import gzip
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.io import savemat
+from typer.testing import CliRunner
+
+from analysis.air.contents import Replacements
+from analysis.cli.analyze import app
+from analysis.methods.whole_flight.curve import estimate
+from analysis.methods.whole_flight.flight_table import flight_table
+from analysis.methods.whole_flight.method import recording_of
+from analysis.sources.column_map import load_map
+from analysis.sources.map_draft import draft
+from analysis.sources.position import EARTH_RADIUS_M, velocity_by_position
+from analysis.sources.recording import Channel
+from analysis.sources.table import log_of_table
+from analysis.sources.table_file import TableKind, read_columns, table_kind
+from flight.errors import InputError
+from flight.units import GRAVITY_MPS2 as g
+from flightpower.command import app as flightpower
+from tests.analysis.sources.flown_table import (
+    AREA_M2,
+    MAP,
+    MASS_KG,
+    SPAN_M,
+    flown_table,
+    level_power_W,
+    map_text,
+    written,
+)
+from tests.shared_data import beside, needs
+
+TRUE = flown_table()
+CYCLONE, CITATION = (beside("real-flights") / name for name in ("cyclone-test.mat", "citation-reference-flight.csv.gz"))
+AIRCRAFT = ["--mass", f"{MASS_KG} kg", "--wing-area", f"{AREA_M2} m^2", "--span", f"{SPAN_M} m"]
+
+
+def curve_errors(path: Path) -> np.ndarray:
+    flight = flight_table(recording_of(log_of_table(path)), MASS_KG * g, AREA_M2)
+    found = estimate(flight, MASS_KG * g, AREA_M2, SPAN_M)
+    V = np.linspace(found.V_mps[0], found.V_mps[-1], 5)
+    truth = level_power_W(V, found.conditions.rho)
+    return np.asarray(np.interp(V, found.V_mps, found.power_W) / truth - 1)
+
+
+GPS_BY_COURSE = {"ground_speed": ("gs", "m/s"), "course": ("track", "deg")}
+WITHOUT_IMU = {name: MAP[name] for name in ("time", "true_airspeed", "height", "battery_voltage", "battery_current")}
+VELOCITIES = {name: MAP[name] for name in ("velocity_north", "velocity_east", "velocity_down")}
+POSITION = {"latitude": ("lat_deg", "deg"), "longitude": ("lon_deg", "deg")}
+BY_POSITION = {name: one for name, one in MAP.items() if name not in VELOCITIES} | POSITION
+
+
+def with_position(digits: int = 7, every: int = 1) -> pd.DataFrame:
+    """TRUE with its position, repeated by the table until the receiver gives the next one; across 180 degrees east."""
+    degrees = np.degrees(0.1 / EARTH_RADIUS_M)
+    latitude = 52 + degrees * np.cumsum(TRUE["vn_mps"])
+    longitude = (180.01 + degrees * np.cumsum(TRUE["ve_mps"]) / np.cos(np.radians(52)) + 180) % 360 - 180
+    last = np.arange(len(TRUE)) // every * every
+    return TRUE.assign(
+        lat_deg=np.round(latitude.to_numpy()[last], digits), lon_deg=np.round(longitude.to_numpy()[last], digits)
+    )
+
+
+@pytest.mark.parametrize(
+    ("entries", "within"),
+    [
+        (MAP, 0.05),
+        (WITHOUT_IMU, 0.06),
+        ({name: one for name, one in MAP.items() if name not in ("height", "static_pressure")}, 0.05),
+        ({**WITHOUT_IMU, **GPS_BY_COURSE}, 0.06),
+        ({**{name: one for name, one in MAP.items() if name != "true_airspeed"}}, 0.08),
+        ({name: one for name, one in BY_POSITION.items() if name != "true_airspeed"}, 0.08),
+    ],
+    ids=["all", "without IMU and GPS", "height by GPS", "speed and course", "without airspeed", "position alone"],
+)
+def test_inputs_are_interchangeable(entries: dict[str, tuple[str, str]], within: float, tmp_path: Path) -> None:
+    """The electrical curve of the same flight from whatever its table has."""
+    north, east = TRUE["vn_mps"], TRUE["ve_mps"]
+    more = with_position().assign(gs=np.hypot(north, east), track=np.degrees(np.arctan2(east, north)))
+    assert np.abs(curve_errors(written(tmp_path, more, map_text(entries)))).max() < within
+
+
+@pytest.mark.parametrize(("digits", "every", "within_mps"), [(7, 1, 0.2), (5, 1, 0.5), (7, 10, 0.9)])
+def test_velocity_by_position(digits: int, every: int, within_mps: float) -> None:
+    """1 cm and 1 m in the last digit ten times a second; once a second, when turns of 0.5 rad/s are cut short."""
+    table = with_position(digits, every)
+    t_s = TRUE["t_s"].to_numpy()
+    position = (Channel(t_s, np.radians(table[name].to_numpy())) for name in ("lat_deg", "lon_deg"))
+    for found, true in zip(velocity_by_position(*position), ("vn_mps", "ve_mps"), strict=True):
+        error = np.interp(t_s, *found) - TRUE[true].to_numpy()
+        assert np.sqrt(np.mean(error[50:-50] ** 2)) < within_mps
+
+
+@pytest.mark.parametrize("wrong", [{"lat_deg": "lon_deg", "lon_deg": "lat_deg"}, {"lat_deg": "lat_deg"}])
+def test_a_wrong_position_is_told(wrong: dict[str, str], tmp_path: Path) -> None:
+    """Exchanged columns, and that of another flight."""
+    table = with_position()
+    taken = {name: table[of].to_numpy()[:: -1 if name == of else 1] for name, of in wrong.items()}
+    with pytest.raises(InputError) as raised:
+        log_of_table(written(tmp_path, table.assign(**taken), map_text(BY_POSITION)))
+    assert "latitude (column lat_deg)" in str(raised.value)
+
+
+def test_a_delay_in_the_map_is_taken_out(tmp_path: Path) -> None:
+    """The GPS shows what was 1.5 s ago; the map says so."""
+    names = ["vn_mps", "ve_mps", "vd_mps"]
+    late = TRUE.assign(**{name: TRUE[name].shift(15) for name in names})
+    delays = dict.fromkeys(VELOCITIES, 'delay = "1.5 s"')
+    assert np.abs(curve_errors(written(tmp_path, late, map_text(**delays)))).max() < 0.05
+    with pytest.raises(InputError):
+        log_of_table(written(tmp_path, late))
+
+
+def test_one_of_two_motors_counts_twice(tmp_path: Path) -> None:
+    half = written(tmp_path, TRUE.assign(current_A=TRUE["current_A"] / 2), map_text(battery_current="factor = 2"))
+    current = recording_of(log_of_table(half)).channels["battery_A"].value
+    assert np.mean(current) == pytest.approx(TRUE["current_A"].mean(), rel=1e-3)
+
+
+def test_thrust_and_vane_become_motor_speed_and_probe(tmp_path: Path) -> None:
+    """The log gives thrust and angle of attack back through its own propeller table and probe calibration."""
+    from analysis.air.contents import contents
+    from analysis.air.flight_data import flight_data
+    from flight.aircraft import parse_aircraft
+
+    thrust = 3 + np.sin(0.1 * TRUE["t_s"])
+    text = map_text({name: one for name, one in MAP.items() if name != "motor_speed"} | {"thrust": ("T_N", "N")})
+    log = log_of_table(written(tmp_path, TRUE.assign(T_N=thrust), text))
+    aircraft = parse_aircraft(
+        f'name = "a"\n[geometry]\nspan = "{SPAN_M} m"\nwing_area = "{AREA_M2} m^2"\n[mass]\nweight = "{MASS_KG} kg"\n'
+        '[probe]\nposition = ["0 m", "0 m", "0 m"]\nupwash_per_CL = "0 deg"\n',
+        "a.toml",
+    )
+    known = contents(log, Replacements(aircraft=aircraft))
+    table = flight_data(log, known.aircraft, known.propeller, known.calibrations).table.iloc[100:-100]
+    rows = np.searchsorted(TRUE["t_s"], table.index)
+    assert np.degrees(table["alpha_rad"].to_numpy()) == pytest.approx(TRUE["alpha_deg"].to_numpy()[rows], abs=0.5)
+    assert table["V_mps"].to_numpy() == pytest.approx(TRUE["tas_mps"].to_numpy()[rows], abs=1.0)
+    V, n, rho = (table[name].to_numpy() for name in ("V_mps", "n_revps", "rho"))
+    T, _ = known.propeller.thrust_and_power(V, n, rho)
+    assert np.asarray(T) == pytest.approx(thrust.to_numpy()[rows], rel=0.02)
+
+
+def test_files_are_known_by_their_content(tmp_path: Path) -> None:
+    few = TRUE.iloc[:50]
+    few.to_parquet(tmp_path / "a.csv")
+    savemat(tmp_path / "b.csv", {"data": {name: few[name].to_numpy() for name in few}})
+    (tmp_path / "c.mat").write_bytes(gzip.compress(few.to_csv(index=False).encode()))
+    (tmp_path / "d.csv").write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(600))
+    (tmp_path / "e.csv").write_bytes(bytes(range(256)))
+    kinds = [table_kind(tmp_path / name) for name in ("a.csv", "b.csv", "c.mat", "d.csv", "e.csv")]
+    assert kinds == [TableKind.PARQUET, TableKind.MAT, TableKind.CSV, TableKind.MAT_7_3, None]
+    for name, prefix in (("a.csv", ""), ("b.csv", "data."), ("c.mat", "")):
+        assert read_columns(tmp_path / name)[f"{prefix}tas_mps"] == pytest.approx(few["tas_mps"].to_numpy())
+    with pytest.raises(InputError, match="-v7"):
+        read_columns(tmp_path / "d.csv")
+
+
+def test_a_spreadsheet_of_another_country(tmp_path: Path) -> None:
+    """Semicolons, decimal commas, a line of units, dates as times, and a comment."""
+    rows = [f"2024-05-01T10:00:{i:02d};{20 + i / 10:.1f};{i}".replace(".", ",") for i in range(30)]
+    (tmp_path / "a.csv").write_text("\n".join(["# a comment", "time;airspeed;motor", "s;km/h;1/min", *rows]))
+    columns = read_columns(tmp_path / "a.csv")
+    assert list(columns) == ["time [s]", "airspeed [km/h]", "motor [1/min]"]
+    assert columns["airspeed [km/h]"] == pytest.approx(20 + np.arange(30) / 10)
+    assert columns["time [s]"] == pytest.approx(np.arange(30))
+
+
+def drafted(tmp_path: Path, table: pd.DataFrame) -> dict[str, tuple[str, str, float]]:
+    path = tmp_path / "flight.csv"
+    table.to_csv(path, index=False)
+    (tmp_path / "map.toml").write_text(draft(path))
+    return {name: (one.column, one.unit, one.factor) for name, one in load_map(tmp_path / "map.toml").columns.items()}
+
+
+def test_a_draft_by_names(tmp_path: Path) -> None:
+    assert drafted(tmp_path, TRUE) == {name: (*one, 1.0) for name, one in MAP.items()}
+
+
+def test_a_draft_takes_position_for_velocity(tmp_path: Path) -> None:
+    table = with_position().drop(columns=[column for column, _ in VELOCITIES.values()])
+    assert drafted(tmp_path, table) == {name: (*one, 1.0) for name, one in BY_POSITION.items()}
+
+
+def test_a_draft_by_physics(tmp_path: Path) -> None:
+    """Names without units: knots and feet by GPS, degrees per second by attitude, g by gravity, signs by motion."""
+    table = pd.DataFrame(
+        {
+            "time": TRUE["t_s"] * 1000, "airspeed": TRUE["tas_mps"] * 1.9438, "altitude": TRUE["height_m"] / 0.3048,
+            "acc_x": TRUE["ax_mps2"] / g, "acc_y": TRUE["ay_mps2"] / g, "acc_z": -TRUE["az_mps2"] / g,
+            "gyro_p": TRUE["gyro_p_degps"], "gyro_q": -TRUE["gyro_q_degps"], "gyro_r": TRUE["gyro_r_degps"],
+            "roll": TRUE["roll_deg"], "pitch": TRUE["pitch_deg"], "yaw": TRUE["heading_deg"],
+            "vel_n": TRUE["vn_mps"], "vel_e": TRUE["ve_mps"], "vel_d": TRUE["vd_mps"],
+            "voltage": TRUE["voltage_V"] * 1000, "current": TRUE["current_A"], "rpm": TRUE["motor_rpm"],
+        }
+    )  # fmt: skip
+    found = drafted(tmp_path, table.iloc[:2000])
+    units = {name: (unit, factor) for name, (_, unit, factor) in found.items()}
+    assert units["time"] == ("ms", 1)
+    assert units["true_airspeed"] == ("knot", 1)
+    assert units["height"] == ("ft", 1)
+    assert [units[f"specific_force_{axis}"] for axis in ("forward", "right")] == [("standard_gravity", 1)] * 2
+    assert units["specific_force_down"] == ("standard_gravity", -1)
+    assert [units[f"{axis}_rate"] for axis in ("roll", "pitch", "yaw")] == [("deg/s", 1), ("deg/s", -1), ("deg/s", 1)]
+    assert units["battery_voltage"] == ("mV", 1)
+
+
+def test_the_command_needs_a_map_and_says_how_to_draft_it(tmp_path: Path) -> None:
+    path = tmp_path / "flight.csv"
+    TRUE.to_csv(path, index=False)
+    refused = CliRunner().invoke(app, [str(path), *AIRCRAFT])
+    assert isinstance(refused.exception, InputError)
+    assert "flightpower new columns" in str(refused.exception)
+    made = CliRunner().invoke(flightpower, ["new", "columns", str(path), "-o", f"{path}.columns.toml"])
+    assert made.exit_code == 0, made.output
+    done = CliRunner().invoke(app, [str(path), *AIRCRAFT, "-o", str(tmp_path / "out")])
+    assert done.exit_code == 0, done.output
+    assert (tmp_path / "out" / "results.json").exists()
+
+
+@needs(CYCLONE)
+def test_a_tailsitter_from_its_file_as_it_is(tmp_path: Path) -> None:
+    """One of two motors is measured: half the power; published: 0.87 of it are shaft power."""
+    (tmp_path / "map.toml").write_text(draft(CYCLONE).replace('"A"', '"A"\nfactor = 2'))
+    flight = flight_table(recording_of(log_of_table(CYCLONE, tmp_path / "map.toml")), 1.0 * g, 0.18)
+    found = estimate(flight, 1.0 * g, 0.18, 0.9)
+    table = flight.table[flight.flown]
+    level = table[np.abs(np.gradient(table["height_m"], table.index)) < 0.5]
+    at = np.interp(16.5, found.V_mps, found.power_W)
+    half = 1.96 * np.interp(16.5, found.V_mps, found.standard_error_W)
+    assert abs(at - level["power_W"].median()) < half < 0.3 * at
+
+
+@needs(CITATION)
+def test_the_draft_of_a_large_aircraft_finds_the_sign_of_its_vertical_force(tmp_path: Path) -> None:
+    (tmp_path / "map.toml").write_text(draft(CITATION))
+    columns = load_map(tmp_path / "map.toml").columns
+    assert {"true_airspeed", "height", "angle_of_attack", "thrust", "roll", "pitch", "yaw_rate"} <= set(columns)
+    assert all(one.factor == (-1 if name == "specific_force_down" else 1) for name, one in columns.items())
+
+
+def test_a_table_of_blackbox_decode_needs_no_map_by_hand(tmp_path: Path) -> None:
+    """Names, units and axes of INAV's blackbox_decode --unit-acceleration m/s2 --merge-gps: upward, and centimeters."""
+    n = len(TRUE)
+    columns = {
+        "loopIteration": 64 * np.arange(n), "time (us)": np.round(1e6 * TRUE["t_s"]).astype(int),
+        "vbat (V)": TRUE["voltage_V"].round(2), "amperage (A)": TRUE["current_A"].round(2),
+        "BaroAlt (cm)": (100 * TRUE["height_m"]).astype(int), "accSmooth[0] (m/s/s)": TRUE["ax_mps2"].round(2),
+        "accSmooth[1] (m/s/s)": -TRUE["ay_mps2"].round(2), "accSmooth[2] (m/s/s)": -TRUE["az_mps2"].round(2),
+        "attitude[0]": (10 * TRUE["roll_deg"]).astype(int), "GPS_numSat": [12] * n,
+        "navVel[0]": (100 * TRUE["vn_mps"]).astype(int), "navVel[1]": (100 * TRUE["ve_mps"]).astype(int),
+        "navVel[2]": (-100 * TRUE["vd_mps"]).astype(int), "AirSpeed": (100 * TRUE["tas_mps"]).astype(int),
+        "flightModeFlags (flags)": ["ANGLE_MODE|ARM"] * n,
+    }  # fmt: skip
+    path = tmp_path / "LOG00001.01.csv"
+    lines = (", ".join(map(str, row)) for row in zip(*columns.values(), strict=True))
+    path.write_text("\n".join([", ".join(columns), *lines]) + "\n", "utf-8")
+    beside_it = Path(f"{path}.columns.toml")
+    beside_it.write_text(draft(path), "utf-8")
+    found = {quantity.value: one for quantity, one in load_map(beside_it).columns.items()}
+    assert {"battery_voltage", "battery_current", "true_airspeed", "velocity_north", "specific_force_down"} <= set(
+        found
+    )
+    assert found["height"].unit == found["velocity_down"].unit.partition("/")[0] == "cm"
+    assert found["velocity_down"].factor == found["specific_force_down"].factor == -1
+    assert np.abs(curve_errors(path)).max() < 0.06

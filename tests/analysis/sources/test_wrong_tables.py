@@ -1,0 +1,134 @@
+"""Tables wrong in a new way each: told in one line, and never a curve."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis.sources.table import log_of_table
+from flight.errors import InputError
+from tests.analysis.sources.flown_table import MAP, flown_table, map_text, written
+
+Table = pd.DataFrame
+TRUE = flown_table()
+COLUMN = {quantity: column for quantity, (column, _) in MAP.items()}
+
+
+def times(quantity: str, factor: float, offset: float = 0.0) -> Callable[[Table], Table]:
+    return lambda t: t.assign(**{COLUMN[quantity]: t[COLUMN[quantity]] * factor + offset})
+
+
+def late(*quantities: str, seconds: float) -> Callable[[Table], Table]:
+    """The columns show what was so long ago."""
+
+    def shifted(t: Table) -> Table:
+        n = round(seconds / 0.1)
+        names = [COLUMN[one] for one in quantities]
+        return t.assign(**{name: t[name].shift(n) for name in names})
+
+    return shifted
+
+
+def exchanged(one: str, other: str) -> Callable[[Table], Table]:
+    a, b = COLUMN[one], COLUMN[other]
+    return lambda t: t.assign(**{a: t[b], b: t[a]})
+
+
+def of_another_flight(*quantities: str) -> Callable[[Table], Table]:
+    """Columns of a flight with the same statistics: the same one, backward."""
+    return lambda t: t.assign(**{COLUMN[one]: t[COLUMN[one]].to_numpy()[::-1] for one in quantities})
+
+
+GYROS = ("roll_rate", "pitch_rate", "yaw_rate")
+GROUND = ("velocity_north", "velocity_east", "velocity_down")
+WRONG: dict[str, Callable[[Table], Table]] = {
+    # Units.
+    "airspeed in knots": times("true_airspeed", 1.944),
+    "airspeed in km/h": times("true_airspeed", 3.6),
+    "height in feet": times("height", 3.281),
+    "static pressure in hPa": times("static_pressure", 0.01),
+    "temperature in degrees Celsius": times("air_temperature", 1, -273.15),
+    "roll rate in rad/s": times("roll_rate", 0.01745),
+    "pitch rate in hundredths": times("pitch_rate", 100),
+    "roll angle in rad": times("roll", 0.01745),
+    "angle of attack in rad": times("angle_of_attack", 0.01745),
+    "forces in g": lambda t: t.assign(**{f"a{axis}_mps2": t[f"a{axis}_mps2"] / 9.80665 for axis in "xyz"}),
+    "ground velocity in cm/s": lambda t: t.assign(**{n: 100 * t[n] for n in ("vn_mps", "ve_mps", "vd_mps")}),
+    "times in milliseconds": times("time", 1000),
+    "voltage in mV": times("battery_voltage", 1000),
+    "climb in ft/min": times("velocity_down", 196.85),
+    # Signs.
+    "roll rate": times("roll_rate", -1),
+    "pitch rate": times("pitch_rate", -1),
+    "yaw rate": times("yaw_rate", -1),
+    "gravity": times("specific_force_down", -1),
+    "forward force": times("specific_force_forward", -1),
+    "roll angle": times("roll", -1),
+    "climb positive": times("velocity_down", -1),
+    "east is west": times("velocity_east", -1),
+    "angle of attack": times("angle_of_attack", -1),
+    "current of discharge negative": times("battery_current", -1),
+    # Columns exchanged.
+    "roll and yaw rate": exchanged("roll_rate", "yaw_rate"),
+    "roll and pitch angle": exchanged("roll", "pitch"),
+    "forward and down force": exchanged("specific_force_forward", "specific_force_down"),
+    "north and east": exchanged("velocity_north", "velocity_east"),
+    "voltage and current": exchanged("battery_voltage", "battery_current"),
+    "airspeed and height": exchanged("true_airspeed", "height"),
+    "airspeed is that of the motor": lambda t: t.assign(tas_mps=t["motor_rpm"] / 60),
+    # Delays.
+    "airspeed 2 s late": late("true_airspeed", seconds=2.0),
+    "gyros 1 s late": late(*GYROS, seconds=1.0),
+    "height 3 s late": late("height", seconds=3.0),
+    "GPS 2 s late": late(*GROUND, seconds=2.0),
+    "motor speed 2 s late": late("motor_speed", seconds=2.0),
+    # Several flights or aircraft in one.
+    "two flights one after the other": lambda t: pd.concat([t, t]),
+    "rows of two aircraft in turns": lambda t: pd.concat([t, t.assign(tas_mps=25.0)]).sort_values("t_s"),
+    "gyros of another flight": of_another_flight(*GYROS),
+    "GPS of another flight": of_another_flight(*GROUND),
+    "times of a constant": lambda t: t.assign(t_s=1.0),
+}
+
+
+def test_the_true_table_is_accepted(tmp_path: Path) -> None:
+    for seed in range(1, 6):
+        log = log_of_table(written(tmp_path, flown_table(seed)))
+        assert log.entries["/imu"]
+
+
+@pytest.mark.parametrize("mistake", WRONG)
+def test_told_in_one_line(mistake: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError) as raised:
+        log_of_table(written(tmp_path, WRONG[mistake](TRUE.copy())))
+    told = str(raised.value)
+    assert "\n" not in told
+    assert "flight.csv" in told
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (map_text().replace('"tas_mps"', '"airspeed"'), "has no column airspeed"),
+        (map_text().replace('unit = "m/s"', 'unit = "kg"', 1), "true_airspeed.unit"),
+        (map_text().replace("[roll]", "[rol]"), "rol is no quantity"),
+        (map_text().replace("[time]", "[throttle_2]"), "throttle_2"),
+        (map_text(true_airspeed='delay = "2 s"'), "early by 2.0 s"),
+        (map_text(height="factor = -1"), "height"),
+        ("[time", "not a TOML file"),
+    ],
+)
+def test_a_wrong_map_is_told_in_one_line(text: str, told: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=told) as raised:
+        log_of_table(written(tmp_path, TRUE, text))
+    assert "\n" not in str(raised.value)
+
+
+def test_two_aircraft_by_their_number(tmp_path: Path) -> None:
+    number = np.where(np.arange(len(TRUE)) % 2, 7, 8)
+    text = map_text({**MAP, "aircraft_number": ("ac_id", "")})
+    with pytest.raises(InputError, match="2 aircraft"):
+        log_of_table(written(tmp_path, TRUE.assign(ac_id=number), text))
+    assert log_of_table(written(tmp_path, TRUE.assign(ac_id=7), text))
