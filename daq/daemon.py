@@ -189,7 +189,7 @@ def record(
     plausibility = Plausibility(probe, parse_zero(attachments.zero, tray.zero) if attachments.zero else None)
     missed_ticks = MissedTicks(round(1e9 / tray.rate_Hz))
     if disk_space.sufficient and arm_switch.recording:
-        log_files.open(start_ns)
+        log_files.open(start_ns, waits=path is None)
     disk_space.start()
     recovery.start()
     tell = on_event or (lambda event: None)

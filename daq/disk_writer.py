@@ -2,9 +2,11 @@
 
 Python threads that compute delay each other; a thread that waits for a slow SD card does not delay the sampling.
 Data are kept in memory until they are synced, because after a failed sync the content of the card is unknown: Linux
-discards the pages and reports the error once (fsync(2), "NOTES" and "ERRORS").
+discards the pages and reports the error once (fsync(2), "NOTES" and "ERRORS"). A new file is tried with its first
+bytes: until they are synced nothing else is written, so that a card that fails is not filled with copies.
 """
 
+import enum
 import errno
 import fcntl
 import os
@@ -22,7 +24,17 @@ RETRY_EVERY_S = 1.0  # after a write error: space may be freed, a stalled card m
 SLOW_CALL_S = 2.0  # a write or sync that takes longer is reported
 CLOSE_WITHIN_S = 8.0  # for a disk that does not answer; TimeoutStopSec of the systemd unit is longer
 WRITE_BYTES = 2**18  # per call: while these bytes are joined, the sampling thread cannot run
+TRIAL_BYTES = 4096  # of a new file, before its first sync: a page, the least that a card is given
 FULL = frozenset({errno.ENOSPC, errno.EDQUOT})
+# Of a card that may be mended, freed or exchanged while the daemon waits; any other is a mistake in the tray file.
+CARD_FAULTS = frozenset({errno.EIO, errno.EROFS, errno.ENODEV, errno.ENXIO, *FULL})
+
+
+class Gone(enum.Enum):
+    """How a file has left its place while it was written."""
+
+    DELETED = "was deleted while it was written: what it held is lost"
+    MOVED = "was moved away while it was written"
 
 
 class DiskWriter:
@@ -39,10 +51,14 @@ class DiskWriter:
         self._new_path: Path | None = None  # requested by `rename`
         self._file = -1
         self._error = ""
-        self._errno = 0
+        self._errno, self._cause = 0, ""
         self._failing_since_s: float | None = None
         self._busy_since_s: float | None = None  # start of the write or sync that has not returned yet
-        self.broken = False  # a sync failed: nothing more is written to this file
+        self.broken = False  # a sync failed, or the file is gone: nothing more is written to this file
+        self.gone: Gone | None = None
+        self.syncs = 0  # that succeeded
+        self.synced_bytes = 0  # of the pieces that are on the disk as a whole
+        self._handed_over = self._cut = self._remove = False
         self._waiting: deque[bytes] = deque()  # not written yet, or the first one in part
         self._head_written = 0  # bytes of the first one that are written
         self._unsynced: deque[bytes] = deque()
@@ -65,9 +81,10 @@ class DiskWriter:
 
     @property
     def failing_s(self) -> float:
-        """For how long writing has failed [s], for another reason than a full disk; 0 when it works."""
+        """For how long writing has failed [s]; 0 when it works, and while a full disk may take the rest later."""
         since_s = self._failing_since_s
-        return 0.0 if since_s is None or self._errno in FULL else time.monotonic() - since_s
+        waits = self._errno in FULL and not self.broken
+        return 0.0 if since_s is None or waits else time.monotonic() - since_s
 
     @property
     def backlog_bytes(self) -> int:
@@ -92,6 +109,13 @@ class DiskWriter:
         with self._changed:
             return [*self._unsynced, *self._waiting]
 
+    def hand_over(self) -> list[bytes]:
+        """The unsaved data, which are for another file from now on: nothing more is written to this one."""
+        with self._changed:
+            self._handed_over = self.broken = True
+            self._changed.notify_all()
+            return [*self._unsynced, *self._waiting]
+
     def finish(self) -> None:
         """Write the remaining data, sync and close, in the background."""
         with self._changed:
@@ -103,6 +127,11 @@ class DiskWriter:
         with self._changed:
             self._closing = self._given_up = True
             self._changed.notify_all()
+
+    def cut_off(self, *, remove: bool) -> None:
+        """Close, and cut off what was handed over and is saved elsewhere. remove: the file itself, too."""
+        self._cut, self._remove = True, remove
+        self.give_up()
 
     def close(self, within_s: float = CLOSE_WITHIN_S) -> None:
         """Finish the file and wait for the disk: at most `within_s` without progress.
@@ -137,19 +166,23 @@ class DiskWriter:
                     break
             try:
                 if self.broken:  # the data are kept for another file
-                    raise OSError(self._errno, "a sync failed, nothing more is written to this file")
+                    raise OSError(self._errno, self._cause)
                 if self._file < 0:
                     self._open()
                 self._rename()
-                self._write_some()
-                if self._unsynced and (closing or time.monotonic() - synced_s >= SYNC_EVERY_S):
+                self._write_some(WRITE_BYTES if self.syncs else TRIAL_BYTES)
+                due = closing or not self.syncs or time.monotonic() - synced_s >= SYNC_EVERY_S
+                if due and (self._unsynced or (self._position and not self.syncs)):
                     self._sync()
                     synced_s = time.monotonic()
-                self._error, self._errno, self._failing_since_s = "", 0, None
+                if not self._unsynced:
+                    self._error, self._errno, self._failing_since_s = "", 0, None
             except OSError as error:
-                self._error = f"{self.path or error.filename or 'a new file'}: {error.strerror or error}"
-                self._errno = error.errno or errno.EIO
+                self._errno, self._cause = error.errno or errno.EIO, error.strerror or str(error)
+                self._error = f"{self.path or error.filename or 'a new file'}: {self._cause}"
                 self._failing_since_s = self._failing_since_s or time.monotonic()
+                if not self.syncs:
+                    self._begin_again()
                 if closing:
                     break
                 with self._changed:
@@ -160,6 +193,18 @@ class DiskWriter:
             if closing and not self._waiting and not self._unsynced:
                 break
         if self._file >= 0:
+            self._leave()
+
+    def _leave(self) -> None:
+        """Close the file, and cut off what is not to stay in it; an error changes nothing."""
+        try:
+            if self._remove and self.path is not None and self._find_gone() is None:
+                self.path.unlink()
+            elif self._cut:
+                os.ftruncate(self._file, self.synced_bytes)
+        except OSError:
+            pass
+        finally:
             os.close(self._file)
 
     def _open(self, *, take_next: bool = True) -> None:
@@ -174,7 +219,11 @@ class DiskWriter:
                 if not take_next:
                     raise
                 self._attempt += 1
-        self.path = path
+            except FileNotFoundError:  # the folder could not be made at first, or was deleted since
+                if not take_next:
+                    raise
+                path.parent.mkdir(parents=True)
+        self.path, self._failing_since_s = path, None
         fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # marks the file as being written, see log_recovery
         sync_directory(path.parent)
         self._busy_since_s = None
@@ -186,7 +235,7 @@ class DiskWriter:
         if path is None or self.path is None or path == self.path:
             return
         try:
-            if not path.exists():
+            if not path.exists() and self._find_gone() is None:
                 self._busy_since_s = time.monotonic()
                 self.path.rename(path)
                 self.path = path
@@ -196,14 +245,17 @@ class DiskWriter:
         finally:
             self._busy_since_s = None
 
-    def _write_some(self) -> None:
-        """Write the waiting data and move what the disk has accepted to the unsynced data."""
+    def _write_some(self, most: int) -> None:
+        """Write the waiting data and move what the disk has accepted to the unsynced data.
+
+        most: bytes of one call. Of a file without a sync that succeeded, there is one call only.
+        """
         while True:
             with self._changed:
-                if not self._waiting:
+                if not self._waiting or self._handed_over:
                     return
                 pieces: list[memoryview] = []
-                begin, capacity = self._head_written, WRITE_BYTES
+                begin, capacity = self._head_written, most
                 for piece in self._waiting:
                     pieces.append(memoryview(piece)[begin : begin + capacity])
                     begin, capacity = 0, capacity - len(pieces[-1])
@@ -220,17 +272,45 @@ class DiskWriter:
                     self._head_written -= len(self._waiting[0])
                     self._unsynced.append(self._waiting.popleft())
                 self._changed.notify_all()
+            if not self.syncs:
+                return
+
+    def _begin_again(self) -> None:
+        """Let the first bytes be written again, in the same place."""
+        with self._changed:
+            self._waiting.extendleft(reversed(self._unsynced))
+            self._unsynced.clear()
+            self._backlog_bytes += self._position
+            self._head_written = self._position = 0
 
     def _sync(self) -> None:
         count = len(self._unsynced)
         self._busy_since_s = time.monotonic()
         try:
             os.fdatasync(self._file)
+            self.gone = self._find_gone()
         except OSError:
-            self.broken = True
+            self.broken = self.broken or self.syncs > 0
             raise
         finally:
             self._busy_since_s = None
         with self._changed:
-            for _ in range(count):
-                self._unsynced.popleft()
+            if not self._handed_over and self.gone is not Gone.DELETED:
+                for _ in range(count):
+                    self.synced_bytes += len(self._unsynced.popleft())
+        self.syncs += 1
+        if self.gone is not None:
+            self.broken = True
+            raise OSError(errno.ENOENT, self.gone.value)
+
+    def _find_gone(self) -> Gone | None:
+        """Whether the file is no longer where it was begun."""
+        try:
+            ours = os.fstat(self._file)
+            if not ours.st_nlink:
+                return Gone.DELETED
+            return None if os.path.samestat(ours, Path(self.path or "").stat()) else Gone.MOVED
+        except (FileNotFoundError, NotADirectoryError):
+            return Gone.MOVED
+        except OSError:  # a card that does not tell: the next write does
+            return None

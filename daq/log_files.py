@@ -1,9 +1,10 @@
-"""The log files of one recording: a new file is started when the current one is large or old enough, on request, or
-when the disk fails.
+"""The log files of one recording: a new file is started when the current one is large or old enough, on request, when
+the disk fails, or when the file is gone.
 
 Tick numbers, time and topics continue from file to file. Each file can be read by itself.
 """
 
+import math
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -12,16 +13,17 @@ from typing import NamedTuple
 from zstandard import ZstdCompressor
 
 from daq.disk_space import DiskSpace
-from daq.disk_writer import CLOSE_WITHIN_S
+from daq.disk_writer import CARD_FAULTS, CLOSE_WITHIN_S, Gone
 from daq.log_names import name_with_start
 from daq.recorder import BACKLOG_BYTES, Recorder
 from daq.sensors import Sample
 from flight.errors import InputError
 from flight.messages import Event
 
-GIVE_UP_AFTER_S = 3.0  # a file that cannot be written (unless the disk is full) is replaced after this time
+GIVE_UP_AFTER_S = 3.0  # a file that cannot be written or synced (unless the disk is full) is replaced after this time
 BACK_OFF_FACTOR = 2  # each further file gets this many times longer,
 MAX_PATIENCE_S = 60.0  # at most this, so that a failing card does not fill with files
+WELL_AFTER_S = 60.0  # a disk without an error for this long has earned the first patience again
 
 
 class FileLimits(NamedTuple):
@@ -59,6 +61,15 @@ class LogFiles:
         self._began_ns = 0
         self._previous: Path | None = None
         self._patience_s = GIVE_UP_AFTER_S
+        self._error = ""  # of the disk, until a sync has succeeded
+        self._syncs_at_error = 0
+        self._failed_s = -math.inf  # real time at which the disk failed last
+        self._replaced: dict[int, Recorder] = {}  # whose data another file has taken over and not saved yet, by number
+        self._saver: Recorder | None = None  # that one,
+        self._saved_at_bytes = 0  # and its size with them
+        self._deleted = False  # a file, since the last news that the log is being written
+        self._missing = ""  # why the end of a finished file is missing
+        self._new_file = False  # asked for, and not begun yet
         self._announced: Path | None = None  # the path of the current file that was reported last
         self.satellite_offset_ns: int | None = None
         self._renamed = -1  # number of the file that was given its name last
@@ -68,15 +79,21 @@ class LogFiles:
         self._losing = False
         self._paths: dict[int, Path] = {}  # by file number; a file without a path is not open yet
 
-    def open(self, now_ns: int) -> None:
-        """Start the first file; raises InputError when it cannot be created."""
+    def open(self, now_ns: int, *, waits: bool = False) -> None:
+        """Start the first file; raises InputError when it cannot be created.
+
+        waits: for a card that is read-only, full or fails, the recording begins in memory instead.
+        """
         path = self._name(0)
         try:
             self._start(now_ns, wait=True)
         except FileExistsError:
             raise InputError(f"{path}: exists already, and a log is never overwritten") from None
         except OSError as error:
-            raise InputError(f"{path}: cannot be created ({error.strerror or error})") from None
+            if not (waits and error.errno in CARD_FAULTS):
+                raise InputError(f"{path}: cannot be created ({error.strerror or error})") from None
+            self._attempts = 0
+            self._start(now_ns)
 
     @property
     def paths(self) -> list[Path]:
@@ -94,8 +111,8 @@ class LogFiles:
 
     @property
     def error(self) -> str:
-        """Why the disk cannot be written at the moment; empty when it can."""
-        return "" if self._current is None else self._current.disk.error
+        """Why the disk cannot be written, until what waited for it is synced; empty when all is well."""
+        return self._error
 
     @property
     def dropped(self) -> int:
@@ -117,22 +134,21 @@ class LogFiles:
         wanted: whether to record at all. new_file: start a new file now.
         """
         current, wanted = self._current, wanted and self._disk_space.sufficient
+        self._new_file = self._new_file or new_file
         if current is None:
             if wanted:
                 self._start(now_ns)
         elif not wanted:
             self._finish_current()
-        elif current.disk.broken or current.disk.failing_s > self._patience_s:
+        elif self._should_replace(current):
             self._replace_current(now_ns)
-        elif current.ticks and (new_file or self._reached_limit(current, now_ns)):
+        elif current.ticks and not self.error and (self._new_file or self._reached_limit(current, now_ns)):
             self._finish_current()
             self._start(now_ns)
         self._name_by_start()
-        for number, recorder in list(self._closing.items()):
-            self._note_path(number, recorder)
-            if recorder.disk.done:
-                del self._closing[number]
-        return self._disk_space.events() + self._events()
+        self._release_replaced()
+        self._note_error()
+        return self._disk_space.events() + self._events() + self._closed_events()
 
     def close(self) -> str:
         """Finish the file and wait for the disk. Returns why the end of the log may be missing, or an empty string."""
@@ -145,7 +161,10 @@ class LogFiles:
             recorder.disk.close(max(0.1, deadline_s - time.monotonic()))
             self._note_path(number, recorder)
             error = error or recorder.disk.error
-        return error
+        self._release_replaced()
+        for failed in self._replaced.values():
+            failed.disk.give_up()  # what it holds may be all there is
+        return error or self._missing
 
     def _start(self, now_ns: int, *, wait: bool = False) -> None:
         first = self._attempts
@@ -157,7 +176,7 @@ class LogFiles:
         recorder = Recorder(name, offset_ns=self._offset_ns, wait=wait, compressor=self._compressor)
         self._attempts = max(self._attempts, first + 1)
         self._begin(recorder, self._files, now_ns, self._previous)
-        self._current, self._files, self._began_ns = recorder, self._files + 1, now_ns
+        self._current, self._files, self._began_ns, self._new_file = recorder, self._files + 1, now_ns, False
 
     def _finish_current(self) -> None:
         assert self._current is not None
@@ -165,16 +184,51 @@ class LogFiles:
         self._closing[self._files - 1] = self._current
         self._leave_current()
 
+    def _should_replace(self, current: Recorder) -> bool:
+        """Whether another file is to be tried. One that cannot be created goes on trying by itself."""
+        disk = current.disk
+        if disk.gone is not None and self._patience_s == GIVE_UP_AFTER_S:
+            return True  # the card works
+        return disk.path is not None and disk.failing_s > self._patience_s
+
     def _replace_current(self, now_ns: int) -> None:
         """Start a new file with the data that could not be written to the current one."""
-        failed = self._current
+        failed, number = self._current, self._files - 1
         assert failed is not None
         self._leave_current()
         self._start(now_ns)
         assert self._current is not None
         self._current.take_over(failed)
-        failed.disk.give_up()
+        self._saver, self._saved_at_bytes, self._syncs_at_error = self._current, self._current.log.size_bytes, 0
+        self._error, self._failed_s = failed.disk.error or self._error, time.monotonic()
+        if failed.holds_messages:
+            self._replaced[number] = failed
+        else:
+            failed.cut_off()
+        if failed.disk.gone is not None or not failed.holds_messages:
+            self._paths.pop(number, None)
+        self._deleted = self._deleted or failed.disk.gone is Gone.DELETED
         self._patience_s = min(BACK_OFF_FACTOR * self._patience_s, MAX_PATIENCE_S)
+
+    def _release_replaced(self) -> None:
+        """Cut off from the files that failed what is saved in another one, so that nothing is there twice."""
+        if self._replaced and self._saver is not None and self._saver.disk.synced_bytes >= self._saved_at_bytes:
+            for failed in self._replaced.values():
+                failed.cut_off()
+            self._replaced.clear()
+
+    def _note_error(self) -> None:
+        """Keep an error until a sync has succeeded after it, and the data of files that failed are saved."""
+        if self._current is None:
+            self._error = ""
+            return
+        disk = self._current.disk
+        if error := disk.error:
+            self._error, self._syncs_at_error, self._failed_s = error, disk.syncs, time.monotonic()
+        elif self._error and disk.syncs > self._syncs_at_error and not self._replaced:
+            self._error = ""
+        elif not self._error and time.monotonic() - self._failed_s > WELL_AFTER_S:
+            self._patience_s = GIVE_UP_AFTER_S
 
     def _leave_current(self) -> None:
         assert self._current is not None
@@ -209,12 +263,31 @@ class LogFiles:
         if self.dropped > self._reported_dropped and not self._losing:
             self._losing = True
             events.append(_event("error", "the disk is too slow and the memory is full: messages are being lost"))
-        if (before or self._losing) and not error and not self._backlog_full:
+        if self._current is not None and (before or self._losing) and not error and not self._backlog_full:
             lost = self.dropped - self._reported_dropped
-            self._losing, self._reported_dropped, self._patience_s = False, self.dropped, GIVE_UP_AFTER_S
-            text = f"{lost} messages were lost" if lost else "nothing was lost"
+            self._losing, self._reported_dropped = False, self.dropped
+            text = (
+                f"{lost} messages were lost"
+                if lost
+                else "nothing more was lost"
+                if self._deleted
+                else "nothing was lost"
+            )
+            self._deleted = False
             events.append(_event("info", f"the log is being written again, {text}"))
         self._reported_error = error
+        return events
+
+    def _closed_events(self) -> list[Event]:
+        """Forget the finished files that are on the disk. Returns the events on those whose end is missing."""
+        events = []
+        for number, recorder in list(self._closing.items()):
+            self._note_path(number, recorder)
+            if recorder.disk.done:
+                del self._closing[number]
+                if error := recorder.disk.error:
+                    self._missing = self._missing or error
+                    events.append(_event("error", f"the end of a log is missing: {error}"))
         return events
 
 

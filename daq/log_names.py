@@ -8,6 +8,7 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 
+from daq.disk_writer import CARD_FAULTS
 from flight.errors import InputError
 
 NAME = re.compile(r"log-(\d+)(_[^/]*)?\.mcap")
@@ -25,13 +26,18 @@ def numbered_logs(directory: Path) -> list[Path]:
 
 
 def numbered_names(directory: Path) -> Callable[[int], Path]:
-    """Names log-NNNN.mcap after the highest number in use. Raises InputError if the directory is unusable."""
+    """Names log-NNNN.mcap after the highest number in use. Raises InputError if the directory is unusable.
+
+    A card that fails or is read-only may be usable later: whoever creates the file sees then.
+    """
+    taken: list[int] = []
     try:
         directory.mkdir(parents=True, exist_ok=True)
         # Names such as log-0007.mcap.part count too: somebody is copying or renaming that log.
         taken = [log_number(Path(path.name.partition(".mcap")[0] + ".mcap")) for path in directory.glob("log-*.mcap*")]
     except OSError as error:
-        raise InputError(f"{directory}: cannot be used for logs ({error.strerror or error})") from None
+        if error.errno not in CARD_FAULTS:
+            raise InputError(f"{directory}: cannot be used for logs ({error.strerror or error})") from None
     first = max(taken, default=0) + 1
     return lambda number: directory / f"log-{max(first, 1) + number:04d}.mcap"
 

@@ -35,6 +35,7 @@ class Recorder:
         self.offset_ns = offset_ns
         self.dropped = 0
         self.ticks = 0
+        self._header_bytes = 0  # written before the first message
         self.log = LogWriter(self.disk, chunk_bytes=NEVER_BY_SIZE, compressor=compressor)  # type: ignore[arg-type]
         self._chunk_due_ns = float("-inf")  # the first tick is written at once
         self._in_chunk = 0
@@ -46,6 +47,8 @@ class Recorder:
 
     def write(self, samples: list[Sample], *, tick: int, now_ns: int) -> None:
         """Add a tick's messages, and late ones of earlier ticks. Closes the chunk when it is old enough."""
+        if not self.ticks:
+            self._header_bytes = self.log.size_bytes
         write, offset_ns = self.log.write, self.offset_ns
         for topic, time_ns, message, own in samples:
             write(topic, message, time_ns=time_ns + offset_ns, tick=tick if own is None else own)
@@ -58,9 +61,18 @@ class Recorder:
     def take_over(self, other: "Recorder") -> None:
         """Add the chunks that `other` could not write. Both must have declared the same topics in the same order."""
         other._close_chunk()
-        for piece in other.disk.unsaved():
+        for piece in other.disk.hand_over():
             if piece[0] == Opcode.CHUNK:
                 self.log.append(piece)
+
+    @property
+    def holds_messages(self) -> bool:
+        """Whether the file holds more than its header, safe on the disk."""
+        return self.disk.synced_bytes > self._header_bytes
+
+    def cut_off(self) -> None:
+        """Leave the file with what is safe in it; without a message it is removed. The rest is in another file."""
+        self.disk.cut_off(remove=not self.holds_messages)
 
     def finish(self) -> None:
         """Queue the last chunk and the index for writing. Returns before they are on the disk."""

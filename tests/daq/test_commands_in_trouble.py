@@ -158,9 +158,27 @@ def test_a_card_that_stays_full_costs_only_the_rest(tmp_path, counter):
 
 
 @needs_root
-def test_a_read_only_directory(tmp_path, counter):
-    with card(tmp_path, "ro"):
-        done = daq("run", "-c", tray_file(tmp_path, counter.path))
+@pytest.mark.parametrize(("option", "cure", "cause"), [
+    ("ro", "remount,rw", "Read-only file system"),
+    ("nr_inodes=1", "remount,nr_inodes=50", "No space left on device"),
+])  # fmt: skip
+def test_a_card_that_takes_no_file_at_power_on(tmp_path, counter, option, cure, cause):
+    """The daemon waits and tells, as with a full one; what was measured meanwhile is in the log."""
+    with card(tmp_path, option) as logs, running(tray_file(tmp_path, counter.path)) as (daemon, lines):
+        wait_for(lambda: any("kept in memory" in line and cause in line for line in lines))
+        assert daemon.poll() is None and not list(logs.iterdir())
+        subprocess.run(["mount", "-o", cure, logs], check=True)
+        wait_for(lambda: any("written again, nothing was lost" in line for line in lines))
+        daemon.send_signal(signal.SIGTERM)
+        assert daemon.wait(GIVE_UP_S) == 0
+        assert ticks_of(logs / "log-0001.mcap")[0] == 0
+
+
+@needs_root
+def test_a_read_only_file_is_asked_for(tmp_path, counter):
+    """A log that was named is wanted there: one line, before anything is read."""
+    with card(tmp_path, "ro") as logs:
+        done = daq("run", "-c", tray_file(tmp_path, counter.path), "-o", logs / "mine.mcap")
         assert done.returncode == 2
         assert "Read-only file system" in done.stderr and len(done.stderr.strip().splitlines()) == 1
 

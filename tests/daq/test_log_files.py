@@ -47,7 +47,7 @@ def wait_for(condition, seconds=GIVE_UP_S):
 class RecordingSession:
     """The log files of a directory, with a tick counter and all reported events."""
 
-    def __init__(self, directory: Path, *, name=None, limits=NO_LIMITS, keep=0, policy="stop"):
+    def __init__(self, directory: Path, *, name=None, limits=NO_LIMITS, keep=0, policy="stop", waits=False):
         self.disk_space = DiskSpace(directory, keep, policy)
         self.tick = 0
         self.events: list = []
@@ -59,7 +59,7 @@ class RecordingSession:
         self.files = LogFiles(
             name or numbered_names(directory), begin, offset_ns=10**18, limits=limits, disk_space=self.disk_space
         )
-        self.files.open(0)
+        self.files.open(0, waits=waits)
 
     def run(self, ticks: int, **options) -> None:
         for _ in range(ticks):
@@ -249,7 +249,7 @@ def test_a_file_that_cannot_be_continued_is_left_and_nothing_is_lost(tmp_path, f
     monkeypatch.setattr(logbook_module, "GIVE_UP_AFTER_S", 0.05)
     session = RecordingSession(tmp_path)
     session.run(100)
-    wait_for(lambda: session.files.path.stat().st_size == session.files._current.log.size_bytes)
+    wait_for(lambda: session.files._current.disk.synced_bytes == session.files._current.log.size_bytes)
     setattr(faulty, failing, errno.EIO)
     faulty.open_error = errno.EIO  # the card is gone for a while
     session.run_until(lambda: "Input/output error" in session.files.error)
@@ -264,6 +264,146 @@ def test_a_file_that_cannot_be_continued_is_left_and_nothing_is_lost(tmp_path, f
     assert found == set(range(session.tick))
     assert not later[-1].torn
     assert any("written again, nothing was lost" in text for text in session.texts)
+
+
+FAULTS = {
+    "every sync fails": {"sync_error": errno.EIO},
+    "every write fails": {"write_error": errno.EIO},
+    "full": {"write_error": errno.ENOSPC},
+    "read-only": {"write_error": errno.EROFS, "sync_error": errno.EIO, "open_error": errno.EROFS},
+    "hangs": {},
+}
+
+
+@pytest.fixture
+def hurried(monkeypatch):
+    """Patience in hundredths of what it is: sixty seconds of a flight last 0.6 s."""
+    for name in ("GIVE_UP_AFTER_S", "MAX_PATIENCE_S", "WELL_AFTER_S"):
+        monkeypatch.setattr(logbook_module, name, getattr(logbook_module, name) / 100)
+    monkeypatch.setattr(disk_module, "SYNC_EVERY_S", disk_module.SYNC_EVERY_S / 100)
+
+
+def told_again(session: RecordingSession) -> list[str]:
+    return [text for text in session.texts if "written again" in text]
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_minute_of_a_fault_leaves_few_files_and_every_tick_once(tmp_path, faulty, hurried, monkeypatch, fault):
+    """It is told at once and nothing better is said meanwhile; afterwards all that waited is saved, in one place."""
+    session = RecordingSession(tmp_path)
+    session.run_until(lambda: session.tick > 20 and session.files._current.holds_messages)
+    for name, number in FAULTS[fault].items():
+        setattr(faulty, name, number)
+    if fault == "hangs":
+        monkeypatch.setattr(disk_module, "SLOW_CALL_S", 0.02)
+        faulty.hold.clear()
+    session.run_until(lambda: session.files.error)
+    minute_over_s = time.monotonic() + 0.6
+    session.run_until(lambda: time.monotonic() > minute_over_s or not session.files.error)
+    assert session.files.error and not told_again(session)
+    assert session.files._files <= 1 + 4 and len(list(tmp_path.iterdir())) <= 1 + 4
+    for name in FAULTS[fault]:
+        setattr(faulty, name, 0)
+    faulty.hold.set()
+    session.run_until(lambda: told_again(session))
+    session.run(20)
+    assert session.files.close() == ""
+    assert [text for text in told_again(session) if not text.endswith("nothing was lost")] == []
+    wait_for(lambda: sorted(all_ticks(tmp_path)) == list(range(session.tick)))
+    wait_for(lambda: len(list(tmp_path.iterdir())) <= 2)
+    assert not read_log(session.files.paths[-1]).torn
+
+
+def all_ticks(folder: Path) -> list[int]:
+    return [entry.tick for path in folder.iterdir() for entry in read_log(path).entries.get("/imu", [])]
+
+
+def test_the_first_bytes_of_a_new_file_are_its_trial(tmp_path, faulty):
+    """A card that takes everything and saves nothing is not given what waits, second after second."""
+    disk = DiskWriter(lambda _: tmp_path / "log.mcap")
+    faulty.sync_error = errno.EIO
+    data = os.urandom(10 * disk_module.TRIAL_BYTES)
+    disk.write(data)
+    wait_for(lambda: disk.failing_s > 0.1)
+    assert (tmp_path / "log.mcap").stat().st_size <= disk_module.TRIAL_BYTES
+    faulty.sync_error = 0
+    disk.close()
+    assert not disk.error and (tmp_path / "log.mcap").read_bytes() == data
+
+
+def test_syncs_that_fail_now_and_then_do_not_bring_the_patience_back(tmp_path, faulty, hurried):
+    """A card that works between its faults is asked as rarely as one that does not."""
+    session = RecordingSession(tmp_path)
+    for _ in range(3):
+        syncs = session.files._current.disk.syncs
+        session.run_until(lambda syncs=syncs: session.files._current.disk.syncs > syncs + 1)
+        faulty.sync_error = errno.EIO
+        session.run_until(lambda: session.files.error)
+        faulty.sync_error = 0
+        session.run_until(lambda: not session.files.error)
+    assert session.files._patience_s == 8 * logbook_module.GIVE_UP_AFTER_S
+    session.files.close()
+    assert sorted(all_ticks(tmp_path)) == list(range(session.tick))
+
+
+@pytest.mark.parametrize("how", ["deleted", "moved away"])
+def test_a_log_that_goes_away_is_told_and_followed_by_another(tmp_path, hurried, how):
+    logs, elsewhere = tmp_path / "logs", tmp_path / "log-0001.mcap"
+    session = RecordingSession(logs)
+    session.run_until(lambda: session.tick > 20 and session.files._current.holds_messages)
+    first = session.files.path
+    if how == "deleted":
+        first.unlink()
+    else:
+        first.rename(elsewhere)
+    session.run_until(lambda: told_again(session))
+    session.run(20)
+    assert session.files.close() == ""
+    assert any(f"{first}: was {how}" in text for text in session.texts)
+    kept = ticks_of(logs / "log-0002.mcap")
+    assert kept[-1] == session.tick - 1 and session.files.paths == [logs / "log-0002.mcap"]
+    if how == "deleted":
+        assert told_again(session)[0].endswith("nothing more was lost") and len(kept) >= 20
+    else:
+        wait_for(
+            lambda: (
+                sorted(all_ticks(logs) + [e.tick for e in read_log(elsewhere).entries["/imu"]])
+                == list(range(session.tick))
+            )
+        )
+        assert told_again(session)[0].endswith("nothing was lost")
+
+
+def test_the_end_of_a_file_that_could_not_be_saved_is_told(tmp_path, faulty):
+    """The arm switch ends the recording while the card fails: that is no all-clear."""
+    session = RecordingSession(tmp_path)
+    session.run_until(lambda: session.files._current.disk.syncs > 1)
+    faulty.sync_error = errno.EIO
+    session.run_until(lambda: session.files.error)
+    session.run(1, wanted=False)
+    wait_for(lambda: all(recorder.disk.done for recorder in session.files._closing.values()))
+    session.run(1, wanted=False)
+    assert "the end of a log is missing" in session.texts[-1] and not told_again(session)
+    assert "Input/output error" in session.files.close()
+
+
+@pytest.mark.parametrize("number", [errno.EROFS, errno.ENOSPC, errno.EIO])
+def test_a_card_that_takes_no_file_at_power_on_is_waited_for_and_told(tmp_path, faulty, number):
+    faulty.open_error = number
+    session = RecordingSession(tmp_path, waits=True)
+    session.run_until(lambda: session.texts)
+    assert session.events[0].severity == "error" and os.strerror(number) in session.files.error
+    session.run(50)
+    faulty.open_error = 0
+    session.run_until(lambda: told_again(session))
+    assert session.files.close() == ""
+    assert ticks_of(tmp_path / "log-0001.mcap") == list(range(session.tick))
+
+
+def test_a_folder_without_permission_at_power_on_is_a_mistake_and_not_waited_for(tmp_path, faulty):
+    faulty.open_error = errno.EACCES
+    with pytest.raises(InputError, match="Permission denied"):
+        RecordingSession(tmp_path, waits=True)
 
 
 def test_a_disk_that_stays_broken_costs_data_but_never_time(tmp_path, faulty):
@@ -324,6 +464,8 @@ def test_a_disk_that_hangs_is_reported_and_does_not_delay_the_end(tmp_path, faul
 def test_a_sync_that_fails_is_not_believed_later(tmp_path, faulty):
     """After EIO from fsync the kernel has forgotten the pages; that the next one succeeds means nothing (fsync(2))."""
     disk = DiskWriter(lambda _: tmp_path / "log.mcap")
+    disk.write(b"the beginning")
+    wait_for(lambda: disk.synced_bytes == len(b"the beginning"))
     faulty.sync_error = errno.EIO
     disk.write(b"half a second of a flight")
     wait_for(lambda: disk.broken)
