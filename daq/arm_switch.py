@@ -5,6 +5,7 @@ from daq.sensors import Sample
 from flight.messages import Controls, Event
 
 HYSTERESIS_US = 50.0  # pulse widths vary by a few microseconds
+ABSENT_NS = 2_000_000_000  # a channel without a pulse for so long, while others have one, is not connected
 
 
 class ArmSwitch:
@@ -13,6 +14,8 @@ class ArmSwitch:
     def __init__(self, arm: ArmSwitchConfig | None):
         self._arm = arm
         self.armed = False
+        self.trouble: list[str] = []  # why the switch cannot be seen
+        self._absent_since_ns: int | None = None
 
     @property
     def recording(self) -> bool:
@@ -23,17 +26,25 @@ class ArmSwitch:
         """Update the position from a tick's messages. Returns an event when the switch was moved."""
         if self._arm is None:
             return []
-        before = self.armed
+        before, trouble_before = self.armed, self.trouble
         for sample in samples:
             if isinstance(sample.message, Controls):
-                self._take(self._arm, sample.message)
+                self._take(self._arm, sample.message, sample.time_ns)
+        told = [Event(severity="warning", sensor="arm", text=each) for each in self.trouble if not trouble_before]
         if self.armed is before:
-            return []
-        return [Event(sensor="arm", text="armed" if self.armed else "disarmed")]
+            return told
+        return [*told, Event(sensor="arm", text="armed" if self.armed else "disarmed")]
 
-    def _take(self, arm: ArmSwitchConfig, controls: Controls) -> None:
+    def _take(self, arm: ArmSwitchConfig, controls: Controls, time_ns: int) -> None:
         pulses_us = (controls.stick_pulse_us if arm.seen_at == "receiver" else controls.pulse_us) or []
         pulse_us = pulses_us[arm.channel - 1] if arm.channel <= len(pulses_us) else 0
+        if pulse_us or not any(pulses_us):
+            self._absent_since_ns = None
+            self.trouble = [] if pulse_us else self.trouble
+        else:
+            self._absent_since_ns = time_ns if self._absent_since_ns is None else self._absent_since_ns
+            if time_ns - self._absent_since_ns >= ABSENT_NS:
+                self.trouble = [f"arm switch: no pulse on channel {arm.channel}: correct [arm]"]
         if pulse_us:  # 0: no signal
             threshold_us = arm.above_us - (HYSTERESIS_US if self.armed else 0.0)
             self.armed = pulse_us > threshold_us

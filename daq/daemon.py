@@ -234,6 +234,8 @@ def record(
                     sensors={each.name: each.health.state for each in supervisors},
                     slow=cycle.slow,
                     implausible=plausibility.implausible,
+                    recent_missed=missed_ticks.recent(cycle.now_ns),
+                    trouble=arm_switch.trouble,
                     values=plausibility.values(cycle.now_ns),
                     run=news.progress,
                     card=news.card,

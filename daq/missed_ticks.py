@@ -1,5 +1,8 @@
 """News of ticks that were missed: other programs, or a kernel that was busy, kept the sampling thread waiting."""
 
+from collections import deque
+
+from daq.recording_status import RECENT_S
 from daq.sampling_loop import GridTick
 from flight.messages import Event
 
@@ -14,9 +17,12 @@ class MissedTicks:
         self._period_ns = period_ns
         self._unreported = self._longest = 0
         self._reported_ns: int | None = None
+        self._latest: deque[tuple[int, int]] = deque()  # when, and how many were missed
 
     def add(self, tick: GridTick, now_ns: int) -> list[Event]:
         """Take a tick; returns an event when missed ones are to be reported."""
+        if tick.missed:
+            self._latest.append((now_ns, tick.missed))
         self._unreported += tick.missed
         self._longest = max(self._longest, tick.missed)
         if not self._unreported or (self._reported_ns is not None and now_ns - self._reported_ns < EVENT_SPACING_NS):
@@ -27,3 +33,9 @@ class MissedTicks:
         self._unreported = self._longest = 0
         self._reported_ns = now_ns
         return [Event(severity="error" if stalled else "warning", sensor="daq", text=text)]
+
+    def recent(self, now_ns: int) -> int:
+        """How many were missed in the last RECENT_S."""
+        while self._latest and now_ns - self._latest[0][0] > RECENT_S * 1e9:
+            self._latest.popleft()
+        return sum(missed for _, missed in self._latest)

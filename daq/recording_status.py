@@ -11,6 +11,9 @@ from daq.sensor_health import SensorState
 from flight.messages import Event, State
 
 LATEST_EVENTS = 20
+NO_NEWS_S = 3.0  # a status is written once a second; an older one says nothing of now
+LEAST_RATE = 0.9  # of the tray's rate
+RECENT_S = 10.0  # ticks missed this long ago are told
 
 
 class RecordingState(enum.StrEnum):
@@ -38,6 +41,9 @@ class RecordingStatus(msgspec.Struct, frozen=True, kw_only=True):
     sensors: dict[str, SensorState]  # by name
     slow: list[str]  # what to do about buses that are too slow
     implausible: list[str] = []  # readings that cannot be true together
+    recent_missed: int = 0  # ticks, in the last RECENT_S
+    trouble: list[str] = []  # what else is wrong, such as a supply that is too low
+    age_s: float = 0.0  # for a reader: how long ago this was written
     values: Values = Values()
     run: str = ""  # progress of the run that is being flown
     card: list[str] = []  # planned runs, and how many of them are flown
@@ -53,33 +59,52 @@ class RecordingStatus(msgspec.Struct, frozen=True, kw_only=True):
         return [f"{', '.join(names)} {state}" for state, names in by_state.items()]
 
     @property
+    def grid_Hz(self) -> float:
+        """The rate that the tray asks for: ticks and missed ones over the time since the first."""
+        return (self.ticks + self.missed - 1) / self.elapsed_s if self.elapsed_s > 0 else 0.0
+
+    @property
+    def late(self) -> list[str]:
+        """What was not sampled in time lately."""
+        told = []
+        if self.rate_Hz < LEAST_RATE * self.grid_Hz:
+            told.append(f"{self.rate_Hz:.1f} of {self.grid_Hz:.1f} Hz")
+        if self.recent_missed:
+            told.append(f"{self.recent_missed} ticks missed in {RECENT_S:.0f} s")
+        return told
+
+    @property
+    def wrong(self) -> list[str]:
+        """What the crew should know before the next run."""
+        failing = ", ".join(self.failing)
+        told = [self.error, failing, *self.late, *self.slow, *self.implausible, *self.trouble]
+        return [text for text in told if text]
+
+    @property
     def well(self) -> bool:
         """Whether there is nothing that the crew should know before the next run."""
-        return self.state is not RecordingState.CARD_FULL and not (
-            self.failing or self.error or self.slow or self.implausible
-        )
+        return self.state is not RecordingState.CARD_FULL and self.age_s <= NO_NEWS_S and not self.wrong
 
     @property
     def summary(self) -> str:
         """The state in one short line, for the ground station, the page and the log."""
+        if self.age_s > NO_NEWS_S:
+            return f"No news from the daemon for {self.age_s:.0f} s"
         if self.state is RecordingState.RECORDING:
-            begin = f"recording {self.elapsed_s / 60:.0f} min, {self.rate_Hz:.0f} Hz"
+            to = " to memory" if self.error else ""
+            begin = f"recording{to} {self.elapsed_s / 60:.0f} min, {self.rate_Hz:.0f} Hz"
         else:
             begin = str(self.state)
-        wrong = "; ".join(filter(None, (self.error, ", ".join(self.failing), *self.slow, *self.implausible)))
-        return f"{begin}: {wrong}" if wrong else f"{begin}, all well" if self.well else begin
+        return f"{begin}: {'; '.join(self.wrong)}" if self.wrong else f"{begin}, all well" if self.well else begin
 
     @property
     def line(self) -> str:
         """All of it in one line, for the terminal and systemd."""
-        state = f"recording {self.log or 'to memory'}" if self.state is RecordingState.RECORDING else str(self.state)
-        error = f"{self.error}; " if self.error else ""
+        log = "to memory" if self.error or not self.log else self.log
+        state = f"recording {log}" if self.state is RecordingState.RECORDING else str(self.state)
         free = "" if self.free_bytes is None else f", {self.free_bytes / 1e9:.1f} GB free"
-        line = (
-            f"{state}, {self.elapsed_s:.0f} s, {self.ticks} ticks, {self.missed} missed{free}; "
-            f"{error}{', '.join(self.failing) or 'all sensors ok'}"
-        )
-        return "; ".join([line, *self.slow, *self.implausible])
+        line = f"{state}, {self.elapsed_s:.0f} s, {self.ticks} ticks, {self.missed} missed{free}"
+        return "; ".join([line, *(self.wrong or ["all well"])])
 
     @property
     def message(self) -> State:

@@ -21,7 +21,6 @@ from daq.still_air_zero import Zero
 from daq.tray_check import check_file
 from flight.errors import InputError
 
-NO_NEWS_S = 5.0  # the daemon writes once a second
 SHOWN_LOGS = 5
 REFRESH_S = 2
 # Many connections that ask for nothing, as a phone that goes out of range leaves them, shut nobody out.
@@ -107,28 +106,29 @@ def _daemon(path: Path, now_s: float) -> tuple[str, bool, list[str]]:
         published = msgspec.json.decode(path.read_bytes(), type=PublishedStatus)
     except (OSError, msgspec.MsgspecError):
         return "The daemon does not run", False, []
-    status = published.status
+    status = msgspec.structs.replace(published.status, age_s=max(0.0, age_s))
     recording = status.state is RecordingState.RECORDING
-    if age_s > NO_NEWS_S:
-        headline, good = f"No news from the daemon for {age_s:.0f} s", False
-    else:
-        headline, good = status.summary, status.well
     rows: list[Row] = [
         ("log", status.log or "none", bool(status.log) or not recording),
-        ("ticks", f"{status.ticks}, {status.missed} missed", True),
+        ("ticks", f"{status.ticks}, {status.missed} missed", not status.late),
     ]
     if status.free_bytes is not None:
         rows.append(("free on the card", f"{status.free_bytes / 1e9:.1f} GB", True))
     rows += [("card", status.error, False)] if status.error else []
     rows += [("bus", text, False) for text in status.slow]
     rows += [("readings", text, False) for text in status.implausible]
+    rows += [("trouble", text, False) for text in status.trouble]
     rows += [("run", status.run, True)] if status.run else []
     rows += [("reached", status.reached, True)] if status.reached else []
     rows += [("card", line, True) for line in status.card]
     rows += _values(status.values)
     sensors: list[Row] = [(name, state, state in IN_ORDER) for name, state in status.sensors.items()]
     events: list[Row] = [(event.severity, event.text, event.severity == "info") for event in published.events]
-    return headline, good, [_section("Now", rows), _section("Sensors", sensors), _section("Latest events", events)]
+    return (
+        status.summary,
+        status.well,
+        [_section("Now", rows), _section("Sensors", sensors), _section("Latest events", events)],
+    )
 
 
 def _values(values: Values) -> list[Row]:

@@ -21,7 +21,7 @@ import msgspec
 from daq.config import AutopilotConfig, TelemetryConfig, Tray
 from daq.flight_card import FlightCard, load_card
 from daq.linux_bus import LinuxSerial
-from daq.recording_status import IN_ORDER, RecordingState, RecordingStatus, RunNews
+from daq.recording_status import IN_ORDER, NO_NEWS_S, RecordingState, RecordingStatus, RunNews
 from daq.run_monitor import Progress, RunMonitor
 from daq.sampling_loop import Cycle
 from daq.still_air_zero import DIFFERENCE, Zero, parse_zero
@@ -235,6 +235,7 @@ class MavlinkEncoder:
         self._probe = probe
         self._zero = zero
         self._heartbeat_s: float | None = None
+        self._said_well: bool | None = None
         self._state_s: float | None = None
         self._text_id = 0
         self._first_height_m: float | None = None
@@ -262,12 +263,11 @@ class MavlinkEncoder:
                 yield self._sys_status(snapshot.bits)
         for event in snapshot.events:
             yield from self._text(event)
-        if snapshot.status is not None and (
-            self._state_s is None or snapshot.elapsed_s - self._state_s >= STATE_PERIOD_S
-        ):
-            self._state_s = snapshot.elapsed_s
-            severity = "info" if snapshot.status.well else "warning"
-            yield from self._text(Event(severity=severity, text=snapshot.status.summary))
+        status = snapshot.status
+        due = self._state_s is None or snapshot.elapsed_s - self._state_s >= STATE_PERIOD_S
+        if status is not None and (due or status.well is not self._said_well):
+            self._state_s, self._said_well = snapshot.elapsed_s, status.well
+            yield from self._text(Event(severity="info" if status.well else "warning", text=status.summary))
         fresh = {topic: values for topic, values in snapshot.messages.items() if snapshot.ages_s[topic] <= MAX_AGE_S}
         gps, static, controls = fresh.get("/gps", {}), fresh.get("/static", {}), fresh.get("/controls", {})
         flow = self._flow(fresh)
@@ -401,11 +401,15 @@ def main(arguments: list[str]) -> None:
     progress: Progress | None = None
     said = RunNews()
     decoder = msgspec.json.Decoder(Snapshot)
+    snapshot, heard_s = Snapshot(elapsed_s=0.0), time.monotonic()
     for lines in newest_lines(0):
-        snapshot = decoder.decode(lines[-1])
+        if lines:
+            snapshot, heard_s = decoder.decode(lines[-1]), time.monotonic()
+        else:  # the recording stalls
+            snapshot = without_news(snapshot, time.monotonic() - heard_s)
         earlier = [decoder.decode(line) for line in lines[:-1]]
         snapshot.events = [event for some in (*earlier, snapshot) for event in some.events]
-        if monitor is not None:
+        if monitor is not None and lines:
             means = [each for some in (*earlier, snapshot) for each in some.means]
             news, told = run_news(monitor, means, before=progress)
             snapshot.events += told
@@ -460,10 +464,25 @@ def drop_priority() -> None:
         return
 
 
+def without_news(last: Snapshot, silent_s: float) -> Snapshot:
+    """What to send when nothing has been heard for so long [s] since the last snapshot."""
+    status = last.status and msgspec.structs.replace(last.status, age_s=silent_s)
+    bits = SensorBits(last.bits.present, last.bits.healthy & ~LOGGING_BIT)
+    elapsed_s = last.elapsed_s + silent_s - (last.status.age_s if last.status else 0.0)
+    return Snapshot(elapsed_s=elapsed_s, status=status, bits=bits, autopilot_system=last.autopilot_system)
+
+
 def newest_lines(file: int) -> Iterator[list[bytes]]:
-    """Whole lines as they arrive: each item holds all lines that have accumulated."""
-    rest = b""
-    while data := os.read(file, 2**16):
+    """Whole lines as they arrive: each item holds all lines that have accumulated; none after NO_NEWS_S without."""
+    rest, heard_s = b"", time.monotonic()
+    while True:
+        wait_s = HEARTBEAT_PERIOD_S if time.monotonic() - heard_s >= NO_NEWS_S else NO_NEWS_S
+        if not select.select([file], [], [], wait_s)[0]:
+            yield []
+            continue
+        data, heard_s = os.read(file, 2**16), time.monotonic()
+        if not data:
+            return
         *lines, rest = (rest + data).split(b"\n")
         if lines:
             yield lines

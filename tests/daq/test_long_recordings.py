@@ -311,5 +311,5 @@ def test_the_status_line_says_how_it_goes(tmp_path):
     assert len(lines) == 6
     line = lines[-1].line
     assert line.startswith("recording log-0001_2016-05-14_093000Z.mcap, 5 s, 126 ticks, 0 missed, ")
-    assert line.endswith("GB free; all sensors ok")
+    assert line.endswith("GB free; all well")
     assert "starting" in lines[0].line
