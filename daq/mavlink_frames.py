@@ -20,7 +20,6 @@ SIGNED = 0x01  # incompatibility flag
 REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))  # the bits of a byte in the other order
 COMMAND_LONG, COMMAND_LONG_EXTRA = 76, 152
 COMMAND_FIELDS = struct.Struct("<7fHBBB")
-AUTOPILOT_COMPONENT = 1  # MAV_COMP_ID_AUTOPILOT1
 
 
 class Heartbeat(NamedTuple):
@@ -86,9 +85,10 @@ SERVO_OUTPUT_RAW, RC_CHANNELS, ATTITUDE, BATTERY_STATUS, RPM, RAW_RPM = 36, 65, 
 
 
 class Received(NamedTuple):
-    """A message and the system that sent it."""
+    """A message, and the system and component that sent it."""
 
     system: int
+    component: int
     content: Content
 
 
@@ -123,9 +123,10 @@ class MavlinkParser:
                 at += 1
                 continue
             if head == HEAD_2:
-                system, number = buffer[at + 5], int.from_bytes(buffer[at + 7 : at + 10], "little")
+                system, component = buffer[at + 5], buffer[at + 6]
+                number = int.from_bytes(buffer[at + 7 : at + 10], "little")
             else:
-                system, number = buffer[at + 3], buffer[at + 5]
+                system, component, number = buffer[at + 3], buffer[at + 4], buffer[at + 5]
             end = at + head + buffer[at + 1] + CRC_BYTES
             after = end + SIGNATURE_BYTES if flags else end
             if after > size:
@@ -142,7 +143,7 @@ class MavlinkParser:
             if kind is not None:
                 layout = kind.payload
                 payload = buffer[at + head : end - CRC_BYTES][: layout.size].ljust(layout.size, b"\0")
-                received.append(Received(system, kind.content(*layout.unpack(payload))))
+                received.append(Received(system, component, kind.content(*layout.unpack(payload))))
             at = after
         self._buffer = buffer[at:]
         return received
@@ -155,10 +156,10 @@ def checksum(body: bytes, crc_extra: int) -> bytes:
 
 
 def command_frame(
-    sequence: int, sender: tuple[int, int], system: int, command: int, parameters: tuple[float, ...]
+    sequence: int, sender: tuple[int, int], target: tuple[int, int], command: int, parameters: tuple[float, ...]
 ) -> bytes:
-    """COMMAND_LONG (protocol 2) to the autopilot of `system`. sender: system and component; parameters: up to 7."""
+    """COMMAND_LONG (protocol 2). sender, target: system and component; parameters: up to 7."""
     values = (*parameters, *[0.0] * (7 - len(parameters)))
-    payload = COMMAND_FIELDS.pack(*values, command, system, AUTOPILOT_COMPONENT, 0).rstrip(b"\0")
+    payload = COMMAND_FIELDS.pack(*values, command, *target, 0).rstrip(b"\0")
     body = bytes([len(payload), 0, 0, sequence & 0xFF, *sender]) + COMMAND_LONG.to_bytes(3, "little") + payload
     return bytes([MARKER_2]) + body + checksum(body, COMMAND_LONG_EXTRA)

@@ -1,7 +1,8 @@
 """MAVLink autopilot: servo and stick pulse widths, attitude, battery, and optionally motor speed.
 
-Protocols 1 and 2, see `daq.mavlink_frames`. The required messages are requested (SET_MESSAGE_INTERVAL) after the first
-heartbeat, and again when they stop.
+Protocols 1 and 2, see `daq.mavlink_frames`. A line may carry other senders, too: a gimbal sends its own attitude, and a
+radio forwards other vehicles. The first heartbeat of an autopilot settles whose messages are read: those of its system
+and component, no others. It is then asked for the required messages (SET_MESSAGE_INTERVAL), and again when they stop.
 """
 
 import math
@@ -48,12 +49,17 @@ class AutopilotDriver:
             self._silence_ns["/battery"] = BATTERY_SILENCE_NS
         if rpm:
             self._silence_ns["/rpm"] = SILENCE_NS
-        self.system_id: int | None = None  # of the autopilot, once it was heard
+        self._sender: tuple[int, int] | None = None  # system and component of the autopilot, once it was heard
         self._last_ns: dict[str, int] = {}
         self._requested_ns: int | None = None
         self._has_battery_status = False
         self._sticks: list[int] | None = None
         self._damaged = False  # damaged bytes were received since the last valid message
+
+    @property
+    def system_id(self) -> int | None:
+        """MAVLink system of the autopilot, once it was heard."""
+        return None if self._sender is None else self._sender[0]
 
     def start(self) -> Iterator[float]:
         """Nothing to wait for."""
@@ -62,13 +68,15 @@ class AutopilotDriver:
     def read(self, now_ns: int) -> list[Sample]:
         """The latest message on each topic. `no_data`, or `corrupt` after damaged bytes, when one is overdue."""
         newest: dict[str, Message] = {}
-        system = None
+        heard = False
         rejected = self._parser.rejected
-        for sender, content in self._parser.feed(self._port.read_available()):
+        for system, component, content in self._parser.feed(self._port.read_available()):
+            sender = system, component
             if isinstance(content, Heartbeat):
-                if is_autopilot(content):
-                    self.system_id = system = sender
-            else:
+                if self._sender is None and is_autopilot(content):
+                    self._sender = sender
+                heard |= sender == self._sender
+            elif sender == self._sender:
                 self._take(content, newest)
         self._damaged |= self._parser.rejected > rejected
         self._damaged &= not newest
@@ -80,10 +88,8 @@ class AutopilotDriver:
             elif now_ns - self._last_ns[topic] >= limit_ns:
                 newest[topic] = SILENT[topic](status=Status.CORRUPT if self._damaged else Status.NO_DATA)
                 silent = True
-        if system is not None and (
-            self._requested_ns is None or (silent and now_ns - self._requested_ns >= REQUEST_AGAIN_NS)
-        ):
-            self._request_messages(system)
+        if heard and (self._requested_ns is None or (silent and now_ns - self._requested_ns >= REQUEST_AGAIN_NS)):
+            self._request_messages()
             self._requested_ns = now_ns
         return [Sample(topic, now_ns, message) for topic, message in newest.items()]
 
@@ -108,7 +114,7 @@ class AutopilotDriver:
                 if content.sensor == 0:
                     newest["/rpm"] = motor_speed(content.rpm)
 
-    def _request_messages(self, system: int) -> None:
+    def _request_messages(self) -> None:
         wanted = {
             mavlink_frames.SERVO_OUTPUT_RAW: self._rate_Hz,
             mavlink_frames.RC_CHANNELS: self._rate_Hz,
@@ -117,10 +123,11 @@ class AutopilotDriver:
         }
         if "/rpm" in self._silence_ns:
             wanted[mavlink_frames.RPM] = wanted[mavlink_frames.RAW_RPM] = self._rate_Hz
-        sender = (OUR_SYSTEM, OUR_COMPONENT)
+        assert self._sender is not None
+        ours = (OUR_SYSTEM, OUR_COMPONENT)
         for message_id, rate_Hz in wanted.items():
             parameters = (message_id, 1e6 / rate_Hz)
-            self._port.write(mavlink_frames.command_frame(0, sender, system, SET_MESSAGE_INTERVAL, parameters))
+            self._port.write(mavlink_frames.command_frame(0, ours, self._sender, SET_MESSAGE_INTERVAL, parameters))
 
 
 SILENT: dict[str, type[Message]] = {"/controls": Controls, "/attitude": Attitude, "/battery": Battery, "/rpm": Rpm}

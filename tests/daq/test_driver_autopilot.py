@@ -35,10 +35,14 @@ def heartbeat() -> bytes:
     return packed(mavlink.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3))
 
 
-def autopilot(**options) -> tuple[ScriptedPort, AutopilotDriver]:
+def autopilot(*, heard: bool = True, **options) -> tuple[ScriptedPort, AutopilotDriver]:
+    """A driver and its port. heard: whether the autopilot's first heartbeat has arrived."""
     port = ScriptedPort()
     sensor = AutopilotDriver(port, aircraft=NEXSTAR, rate_Hz=25, **options)
     bring_up(sensor)
+    if heard:
+        port.incoming = [heartbeat()]
+        sensor.read(0)
     return port, sensor
 
 
@@ -84,20 +88,51 @@ def test_battery_from_either_message():
     assert sensor.read(0)[0].message == message
 
 
+def of_another(message, system: int, component: int) -> bytes:
+    """A message of another sender on the same line."""
+    return bytes(message.pack(mavlink.MAVLink(None, srcSystem=system, srcComponent=component)))
+
+
+GIMBAL, OTHER_VEHICLE, GROUND_STATION = (7, 154), (2, 1), (255, 190)  # system and component
+
+
+@pytest.mark.parametrize("sender", [GIMBAL, OTHER_VEHICLE, GROUND_STATION])
+def test_what_others_on_the_line_send_is_not_the_aircrafts(sender):
+    port, sensor = autopilot()
+    port.incoming = [
+        of_another(mavlink.MAVLink_attitude_message(0, 0, 1.0, 0, 0, 0, 0), *sender)
+        + of_another(mavlink.MAVLink_servo_output_raw_message(0, 0, *[1111] * 8), *sender)
+        + of_another(mavlink.MAVLink_sys_status_message(0, 0, 0, 0, 7000, 10, 50, 0, 0, 0, 0, 0, 0), *sender)
+    ]
+    assert sensor.read(TICK_NS) == []
+    port.incoming = [of_another(mavlink.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3), *sender) + attitude()]
+    (mine,) = sensor.read(2 * TICK_NS)
+    assert mine.message.pitch_rad == pytest.approx(-0.2) and sensor.system_id == 7
+
+
+@pytest.mark.parametrize("before", [b"", "gimbal's heartbeat"])
+def test_nothing_is_read_before_an_autopilot_has_said_that_it_is_one(before):
+    port, sensor = autopilot(heard=False)
+    gimbals = mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GIMBAL, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3)
+    port.incoming = [(of_another(gimbals, *GIMBAL) if before else b"") + attitude(), heartbeat() + attitude()]
+    assert sensor.read(0) == [] and sensor.system_id is None
+    assert [s.message.pitch_rad for s in sensor.read(TICK_NS)] == [pytest.approx(-0.2)]
+
+
 def test_each_kind_that_stays_away_is_said_to_and_the_others_are_not():
     port, sensor = autopilot()
     statuses: dict[str, list[Status]] = {}
-    for tick in range(26):
+    for tick in range(1, 27):
         port.incoming.append(attitude())
         for sample in sensor.read(tick * TICK_NS):
             statuses.setdefault(sample.topic, []).append(sample.message.status)
     assert statuses["/attitude"] == [Status.OK] * 26
-    assert set(statuses["/controls"]) == {Status.NO_DATA} and len(statuses["/controls"]) == 13
+    assert set(statuses["/controls"]) == {Status.NO_DATA} and len(statuses["/controls"]) == 14
     assert "/battery" not in statuses
 
 
 def test_streams_are_asked_for_when_a_heartbeat_is_heard():
-    port, sensor = autopilot()
+    port, sensor = autopilot(heard=False)
     sensor.read(0)
     assert port.written == []
     port.incoming = [heartbeat()]
@@ -133,7 +168,7 @@ def test_what_the_sticks_say_stands_once_beside_what_the_servos_are_told():
     moved = [1600, 1400, 1300, 1500]
     port, sensor = autopilot()
     port.incoming = [sticks(moved, count=5), servo(), servo()]
-    said = [[s.message for s in sensor.read(tick)] for tick in range(3)]
+    said = [[s.message for s in sensor.read(tick)] for tick in range(1, 4)]
     assert said[0] == []
     assert (said[1][0].pulse_us, said[1][0].stick_pulse_us) == (PULSES, [*moved, 0])  # 65535: no such channel
     assert (said[2][0].pulse_us, said[2][0].stick_pulse_us) == (PULSES, None)
@@ -203,7 +238,7 @@ def test_messages_are_those_that_pymavlink_reads(chosen, cuts):
     received = [each for piece in pieces(stream + other, cuts) for each in ours.feed(piece)]
     wanted = [message for message in theirs.parse_buffer(stream) or () if message.get_msgId() in KINDS]
     assert repr([values_of(each.content) for each in received]) == repr([expected(message) for message in wanted])
-    assert ours.rejected == 0 and {each.system for each in received} <= {7}
+    assert ours.rejected == 0 and {each[:2] for each in received} <= {(7, 1)}
 
 
 def decoded(kind, payload) -> list:
@@ -249,4 +284,4 @@ def test_a_signed_message_is_read():
 def test_the_command_is_what_pymavlink_sends():
     link = mavlink.MAVLink(None, srcSystem=255, srcComponent=191)
     command = mavlink.MAVLink_command_long_message(7, 1, 511, 0, 30, 40_000.0, 0, 0, 0, 0, 0)
-    assert command_frame(0, (255, 191), 7, 511, (30, 40_000.0)) == bytes(command.pack(link))
+    assert command_frame(0, (255, 191), (7, 1), 511, (30, 40_000.0)) == bytes(command.pack(link))
