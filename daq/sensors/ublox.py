@@ -12,7 +12,7 @@ from itertools import accumulate
 
 from daq.bus import BytePort
 from daq.sensors import Sample, SensorFailure
-from flight.messages import Gps, Status
+from flight.messages import OK, Gps, Status
 
 SYNC = b"\xb5\x62"
 OVERHEAD = 8  # sync, class, id, length, checksum
@@ -61,6 +61,7 @@ class UBloxDriver:
         self._to_send: list[bytes] = []
         self._sent_ns: int | None = None
         self._last_ns: int | None = None
+        self._itow_ms: int | None = None  # of the latest solution
         self._corrupt = False
         self.refused: list[str] = []  # commands that the receiver rejected
         self._dynamic_model: int | None = None  # as the receiver says, after it was set
@@ -75,16 +76,22 @@ class UBloxDriver:
         yield 0.0
 
     def read(self, now_ns: int) -> list[Sample]:
-        """Every solution that has arrived since the last tick. `no_data` after each 1.5 s of silence."""
+        """Every solution that has arrived since the last tick, `stale` where it is the last one again.
+
+        `no_data` after each 1.5 s without a new solution.
+        """
         if self._last_ns is None:
             self._last_ns = self._begun_ns = now_ns
         frames, rejected = self._take(now_ns)
         self._corrupt |= rejected > 0
         samples = []
+        solved = False
         for frame in frames:
             kind = frame[2:4]
             if kind == NAV_PVT:
-                samples.append(Sample(self._topic, now_ns, solution(frame, self._dynamic_model)))
+                message = self._solution(frame)
+                solved |= message.status is not Status.STALE
+                samples.append(Sample(self._topic, now_ns, message))
             elif kind == CFG_NAV5 and len(frame) == NAV5_PAYLOAD + OVERHEAD:
                 self._dynamic_model = frame[8]
             elif kind in (ACK_ACK, ACK_NAK) and self._to_send and frame[6:8] == self._to_send[0][2:4]:
@@ -92,10 +99,14 @@ class UBloxDriver:
                     self.refused.append(self._to_send[0][2:4].hex())
                 self._to_send.pop(0)
                 self._sent_ns = None
-        if samples:
+        if solved:
             self._last_ns, self._corrupt, self._silences = now_ns, False, 0
-        elif now_ns - self._last_ns >= SILENCE_NS:
-            samples.append(Sample(self._topic, now_ns, self._silence(now_ns)))
+        elif samples:  # it answers, and a restart would forget which solution it repeats
+            self._silences = 0
+        if not solved and now_ns - self._last_ns >= SILENCE_NS:
+            silence = self._silence(now_ns)
+            if not samples:
+                samples.append(Sample(self._topic, now_ns, silence))
         self._configure(now_ns)
         return samples
 
@@ -111,6 +122,14 @@ class UBloxDriver:
             rejected += 1
             self._begun_ns = now_ns
         return frames, rejected
+
+    def _solution(self, frame: bytes) -> Gps:
+        """The message of a NAV-PVT frame: `stale` and empty if its time of week is that of the solution before it."""
+        message = solution(frame, self._dynamic_model)
+        if message.status is OK and message.itow_ms == self._itow_ms:
+            return Gps(status=Status.STALE)
+        self._itow_ms = message.itow_ms
+        return message
 
     def _silence(self, now_ns: int) -> Gps:
         """Configure the receiver again. The second time in a row, fail: it is restarted from its factory rate."""

@@ -28,6 +28,11 @@ def nav_pvt(**changes) -> bytes:
 PVT = nav_pvt()
 
 
+def solution_at(tick: int) -> bytes:
+    """A solution of its own for each tick."""
+    return nav_pvt(iTOW=123456000 + 40 * tick)
+
+
 def test_a_solution_in_si():
     message = solution(PVT)
     assert message.status is Status.OK and message.itow_ms == 123456000
@@ -72,8 +77,8 @@ def test_the_model_that_is_logged_is_what_the_receiver_says_and_not_what_was_set
     port = ScriptedPort()
     sensor = UBloxDriver(port)
     bring_up(sensor)
-    for command in configuration(10, 38400):
-        port.incoming.append(PVT + frame_of(ACK_ACK, command[2:4]))
+    for tick, command in enumerate(configuration(10, 38400)):
+        port.incoming.append(solution_at(tick) + frame_of(ACK_ACK, command[2:4]))
     port.incoming[-1] = frame_of(CFG_NAV5, bytes([1, 0, kept]) + bytes(33)) + port.incoming[-1]
     samples = [sample for tick in range(len(configuration(10, 38400)) + 1) for sample in sensor.read(tick * TICK_NS)]
     assert samples[0].message.dynamic_model is None
@@ -135,7 +140,7 @@ def test_an_unacknowledged_command_is_repeated_and_a_refused_one_is_remembered()
     sensor = UBloxDriver(port)
     bring_up(sensor)
     for tick in range(60):  # PVT keeps coming: the receiver is there, it only does not acknowledge
-        port.incoming.append(PVT)
+        port.incoming.append(solution_at(tick))
         sensor.read(tick * TICK_NS)
     assert port.written == [configuration(10, 38400)[0]] * 3
     port.incoming.append(frame_of(ACK_NAK, b"\x06\x00"))
@@ -153,6 +158,27 @@ def test_silence_is_said_and_the_receiver_configured_again():
     samples = [sample for tick in range(100) for sample in sensor.read(tick * TICK_NS)]
     assert [sample.message for sample in samples] == [Gps(status=Status.NO_DATA)] * 2
     assert port.written.count(configuration(10, 38400)[0]) > 1
+
+
+def test_a_solution_that_the_receiver_repeats_is_none_and_the_receiver_is_configured_again():
+    """Always of one time of week: an old value would stand in the log as a new one."""
+    port = ScriptedPort()
+    sensor = UBloxDriver(port, reopen=lambda baud: port)
+    bring_up(sensor)
+    port.incoming = [solution_at(0) + frame_of(ACK_ACK, c[2:4]) for c in configuration(10, 38400)] + [PVT] * 200
+    samples = [sample for tick in range(200) for sample in sensor.read(tick * TICK_NS)]
+    assert port.written.count(configuration(10, 38400)[0]) > 8 / 1.5  # at the start, and after each 1.5 s
+    assert len(samples) == 200 and samples[0].message.status is Status.OK
+    assert all(sample.message == Gps(status=Status.STALE) for sample in samples[1:])
+
+
+def test_without_a_fix_a_receiver_may_not_know_the_time():
+    port = ScriptedPort()
+    sensor = UBloxDriver(port, reopen=lambda baud: port)
+    bring_up(sensor)
+    port.incoming = [nav_pvt(fixType=0)] * 100
+    samples = [sample for tick in range(100) for sample in sensor.read(tick * TICK_NS)]
+    assert len(samples) == 100 and {sample.message.status for sample in samples} == {Status.NO_DATA}
 
 
 def test_damaged_solutions_are_corrupt_rather_than_silent():
