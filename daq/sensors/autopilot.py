@@ -12,6 +12,7 @@ from daq import mavlink_frames
 from daq.bus import BytePort
 from daq.mavlink_frames import BatteryStatus, Content, Heartbeat, MavlinkParser, MotorRpm, RcChannels, ServoOutput
 from daq.sensors import Sample
+from daq.sensors.esc_counter import FASTEST_REVPS
 from flight.aircraft import Aircraft
 from flight.messages import Attitude, Battery, Controls, Message, Rpm, Status
 
@@ -24,6 +25,8 @@ SET_MESSAGE_INTERVAL = 511  # MAV_CMD
 BATTERY_RATE_HZ = 2.0
 UNKNOWN_MILLIVOLT = 0xFFFF
 UNUSED_CHANNEL = 0xFFFF
+SERVO_PULSES_US = frozenset({0, *range(500, 2501)})  # of any servo; 0 means off
+LARGEST_ANGLE_RAD = math.tau  # yaw is sent from -pi or from 0 on
 PULSE_LOW_US, PULSE_SPAN_US = 1000.0, 1000.0
 
 
@@ -97,7 +100,7 @@ class AutopilotDriver:
         match content:
             case ServoOutput():
                 if content.port == 0:
-                    newest["/controls"] = message = controls(pulses_us(content), self._aircraft)
+                    newest["/controls"] = message = servo_controls(pulses_us(content), self._aircraft)
                     message.stick_pulse_us, self._sticks = self._sticks, None
             case mavlink_frames.Attitude():
                 newest["/attitude"] = attitude(content)
@@ -145,20 +148,44 @@ def pulses_us(received: ServoOutput) -> list[int]:
 
 
 def sticks_us(received: RcChannels) -> list[int]:
-    """Pulse widths of the receiver's channels; 0 for an unused channel."""
-    return [0 if pulse == UNUSED_CHANNEL else pulse for pulse in received.pulses_us[: received.channels]]
+    """Pulse widths of the receiver's channels; 0 for an unused channel, and for what is no pulse of a servo."""
+    return [pulse if pulse in SERVO_PULSES_US else 0 for pulse in received.pulses_us[: received.channels]]
 
 
 def attitude(received: mavlink_frames.Attitude) -> Attitude:
-    """The message for an attitude. NaN means "not estimated"."""
+    """The message for an attitude. NaN means "not estimated"; more than a turn is no angle."""
     if not all(map(math.isfinite, received)):
         return Attitude(status=Status.NO_DATA)
+    if max(map(abs, received)) > LARGEST_ANGLE_RAD:
+        return Attitude(status=Status.CORRUPT)
     return Attitude(roll_rad=received.roll, pitch_rad=received.pitch, yaw_rad=received.yaw)
 
 
 def motor_speed(rpm: float) -> Rpm:
     """The message for a speed in rev/min. A negative or non-finite value means "not measured"."""
-    return Rpm(motor_speed_revps=rpm / 60) if 0 <= rpm < math.inf else Rpm(status=Status.NO_DATA)
+    if not 0 <= rpm < math.inf:
+        return Rpm(status=Status.NO_DATA)
+    return Rpm(motor_speed_revps=rpm / 60) if rpm / 60 <= FASTEST_REVPS else Rpm(status=Status.CORRUPT)
+
+
+def servo_controls(pulse_us: list[int], aircraft: Aircraft | None) -> Controls:
+    """`controls` of the outputs to the servos. Without values if an output that the aircraft uses has no pulse of a
+    servo, or none has one; another output of that kind is as if it were off.
+    """
+    if SERVO_PULSES_US.issuperset(pulse_us):
+        return controls(pulse_us, aircraft)
+    wrong = {channel for channel, pulse in enumerate(pulse_us, 1) if pulse not in SERVO_PULSES_US}
+    if wrong & channels_of(aircraft) or len(wrong) == len(pulse_us):
+        return Controls(status=Status.CORRUPT)
+    return controls([0 if channel in wrong else pulse for channel, pulse in enumerate(pulse_us, 1)], aircraft)
+
+
+def channels_of(aircraft: Aircraft | None) -> set[int]:
+    """The outputs that move a surface of the aircraft or its throttle."""
+    if aircraft is None:
+        return set()
+    surfaces = (aircraft.elevator, aircraft.aileron, aircraft.rudder)
+    return {aircraft.propulsion.throttle_channel, *(surface.channel for surface in surfaces if surface is not None)}
 
 
 def controls(pulse_us: list[int], aircraft: Aircraft | None) -> Controls:

@@ -41,6 +41,7 @@ FRAMED_SILENCE_NS = 1_200_000_000  # a little more than two frames of a stopped 
 PULSES = 10  # electrical periods in a transmitted period
 # Ten electrical periods between 300 us and 1 s: a two-pole motor at 2 million rpm, a 14-pole one at 90 rpm.
 SHORTEST_US, LONGEST_US = 300, 1_000_000
+FASTEST_REVPS = 2500.0  # of any motor that turns a propeller or a fan: 150,000 rpm
 MAX_PERIOD_RATIO = 1.25  # of neighboring frames, while searching for the start of frames
 LEGACY_BYTES = 4
 LETTER = ord("x")
@@ -100,11 +101,13 @@ class EscCounterDriver:
 
     def _message(self, frame: CounterFrame) -> Rpm:
         period_us = frame.period_us
-        believed = frame.believed and period_us is not None
+        speed = motor_speed_revps(period_us, self._pole_pairs) if period_us is not None and frame.believed else None
+        if speed is not None and speed > FASTEST_REVPS:
+            speed = None
         return Rpm(
-            status=Status.OK if believed else Status.CORRUPT,
+            status=Status.CORRUPT if speed is None else Status.OK,
             period_us=period_us,
-            motor_speed_revps=motor_speed_revps(period_us or 0, self._pole_pairs) if believed else None,
+            motor_speed_revps=speed,
             pulses_captured=frame.captured,
             pulses_rejected=frame.rejected,
             pulses_inserted=frame.inserted,

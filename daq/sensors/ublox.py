@@ -32,6 +32,8 @@ SWITCH_S = 0.1  # CFG-PRT lasts 29 ms at 9600 baud, and the receiver takes a mom
 MAX_FRAME_NS = 300_000_000  # a frame incomplete for this long is discarded; 100 bytes take 0.1 s at 9600 baud
 ACK_TIMEOUT_NS = 1_000_000_000
 SILENCE_NS = 1_500_000_000  # no solution for this long is `no_data`; a receiver without fix still sends solutions
+LOWEST_M, HIGHEST_M = -600.0, 15_000.0  # above the ellipsoid: the shore of the Dead Sea is at -420
+FASTEST_MPS = 200.0  # in a dive, with the wind
 WITH_POSITION = (2, 3, 4)  # fixType: 2D, 3D, GNSS with dead reckoning
 
 
@@ -125,7 +127,7 @@ class UBloxDriver:
 
     def _solution(self, frame: bytes) -> Gps:
         """The message of a NAV-PVT frame: `stale` and empty if its time of week is that of the solution before it."""
-        message = solution(frame, self._dynamic_model)
+        message = believed(solution(frame, self._dynamic_model))
         if message.status is OK and message.itow_ms == self._itow_ms:
             return Gps(status=Status.STALE)
         self._itow_ms = message.itow_ms
@@ -245,6 +247,20 @@ def solution(frame: bytes, dynamic_model: int | None = None) -> Gps:
         speed_accuracy_mps=speed / 1e3,
         dynamic_model=dynamic_model,
     )
+
+
+def believed(message: Gps) -> Gps:
+    """The solution, or `corrupt` without values where no such aircraft can be there, or be so fast."""
+    if message.status is not OK:
+        return message
+    latitude, longitude, height = message.latitude_deg, message.longitude_deg, message.height_m
+    north, east, down = message.velocity_north_mps, message.velocity_east_mps, message.velocity_down_mps
+    assert latitude is not None and longitude is not None and height is not None
+    assert north is not None and east is not None and down is not None
+    on_earth = -90 <= latitude <= 90 and -180 <= longitude <= 180 and LOWEST_M <= height <= HIGHEST_M
+    if on_earth and north * north + east * east + down * down <= FASTEST_MPS**2:
+        return message
+    return Gps(status=Status.CORRUPT, itow_ms=message.itow_ms, fix_type=message.fix_type, satellites=message.satellites)
 
 
 def utc_of(date: list[int], nano: int) -> int:

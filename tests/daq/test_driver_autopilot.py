@@ -9,9 +9,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scripted_parts import ScriptedPort, bring_up, pieces
 
 from daq.mavlink_frames import KINDS, MARKER_1, MARKER_2, BatteryStatus, MavlinkParser, command_frame
-from daq.sensors.autopilot import AutopilotDriver, battery, controls, motor_speed
+from daq.sensors.autopilot import AutopilotDriver, battery, controls, motor_speed, servo_controls
 from flight.aircraft import load_aircraft
-from flight.messages import Rpm, Status
+from flight.messages import Attitude, Controls, Rpm, Status
 
 TICK_NS = 40_000_000
 NEXSTAR = load_aircraft("nexstar")
@@ -157,6 +157,38 @@ def test_motor_speed_only_when_wanted(message):
 @pytest.mark.parametrize("rpm", [-1.0, math.nan, math.inf])
 def test_a_motor_speed_that_was_not_measured_is_no_data(rpm):
     assert motor_speed(rpm) == Rpm(status=Status.NO_DATA)
+
+
+def test_a_motor_speed_of_no_motor_is_corrupt():
+    assert motor_speed(149_000.0).motor_speed_revps == pytest.approx(2483, abs=1)
+    assert motor_speed(1e30) == Rpm(status=Status.CORRUPT)
+
+
+@pytest.mark.parametrize("angles", [(0.1, 7.0, 0), (0, 0, -1e9)])
+def test_an_attitude_of_more_than_a_turn_is_corrupt(angles):
+    port, sensor = autopilot()
+    port.incoming = [packed(mavlink.MAVLink_attitude_message(1000, *angles, 0, 0, 0))]
+    assert sensor.read(0)[0].message == Attitude(status=Status.CORRUPT)
+
+
+@pytest.mark.parametrize(
+    ("output", "pulse", "status"),
+    [(2, 65535, Status.CORRUPT), (3, 300, Status.CORRUPT), (7, 65535, Status.OK), (2, 0, Status.OK)],
+)
+def test_what_is_no_pulse_of_a_servo_is_no_angle(output, pulse, status):
+    """Outputs 2 and 3 move elevator and throttle, 7 nothing: another one that is not used hides nothing."""
+    message = servo_controls([*PULSES[: output - 1], pulse, *PULSES[output:]], NEXSTAR)
+    assert message.status is status
+    if status is Status.OK:
+        assert message.pulse_us[output - 1] == 0 and message.throttle == pytest.approx(0.4)
+        assert (message.elevator_rad is None) == (output == 2)
+    assert servo_controls([65535] * 8, None) == Controls(status=Status.CORRUPT)
+
+
+def test_a_stick_without_a_pulse_has_none():
+    port, sensor = autopilot()
+    port.incoming = [sticks([1500, 40_000, 1300, 1500]) + servo()]
+    assert sensor.read(0)[0].message.stick_pulse_us[:4] == [1500, 0, 1300, 1500]
 
 
 def sticks(pulses, count=8) -> bytes:

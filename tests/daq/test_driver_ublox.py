@@ -7,7 +7,17 @@ from pyubx2 import GET, POLL, SET, UBXMessage, UBXReader
 from scripted_parts import ScriptedPort, bring_up, pieces
 
 from daq.sensors import SensorFailure
-from daq.sensors.ublox import ACK_ACK, ACK_NAK, CFG_NAV5, UBloxDriver, configuration, frame_of, solution, take_frames
+from daq.sensors.ublox import (
+    ACK_ACK,
+    ACK_NAK,
+    CFG_NAV5,
+    UBloxDriver,
+    believed,
+    configuration,
+    frame_of,
+    solution,
+    take_frames,
+)
 from flight.messages import Gps, Status
 
 TICK_NS = 40_000_000
@@ -48,6 +58,20 @@ def test_a_solution_in_si():
 @pytest.mark.parametrize("changes", [{"validDate": 0}, {"validTime": 0}])
 def test_a_date_the_receiver_does_not_vouch_for_is_not_logged(changes):
     assert solution(nav_pvt(**changes)).utc_ns is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "status"),
+    [
+        ({"velN": 300_000}, Status.CORRUPT), ({"velN": 80_000, "velD": -90_000}, Status.OK),
+        ({"lat": 91}, Status.CORRUPT),
+        ({"lon": -181}, Status.CORRUPT), ({"height": 40_000_000}, Status.CORRUPT), ({"height": -400_000}, Status.OK),
+    ],
+)  # fmt: skip
+def test_where_no_such_aircraft_can_be_there_is_no_position(changes, status):
+    message = believed(solution(nav_pvt(**changes)))
+    assert message.status is status
+    assert (message.velocity_north_mps is None) == (message.latitude_deg is None) == (status is Status.CORRUPT)
 
 
 @pytest.mark.parametrize("changes", [{"fixType": 0}, {"fixType": 5}, {"gnssFixOk": 0}])
