@@ -11,6 +11,7 @@ from analysis.performance.request import Request, parse_request, parse_weight
 from flight.aircraft import load_aircraft
 from flight.command_line import quantity
 from flight.errors import InputError
+from flight.units import GRAVITY_MPS2
 
 if TYPE_CHECKING:
     from analysis.air.contents import Replacements
@@ -246,3 +247,13 @@ class Options(LogOptions):
     def request(self) -> Request:
         """Battery, weights and density altitudes to compute performance for."""
         return parse_request(self.battery_Wh, self.usable, self.weights, self.density_altitudes)
+
+    @property
+    def flown_weight_N(self) -> float | None:
+        """Of --weight or --mass; None where neither is given."""
+        return self.weight_N if self.mass_kg is None else self.mass_kg * GRAVITY_MPS2
+
+    def for_drag(self) -> dict[str, object]:
+        """The options that only the analysis of runs has a use for, by name; None where not given."""
+        names = ("probe", "zero", "runs", "magnetometer", "transducers", "thrust_stand", "polar")
+        return {name: getattr(self, name) for name in names} | {"likelihood": self.likelihood or None}

@@ -15,7 +15,7 @@ from analysis.estimation import uncertainty
 from analysis.estimation.fit import Fit
 from analysis.maneuvers.kinds import LEVEL_RUNS, STANDING, Maneuver, Maneuvers
 from analysis.methods import likelihood
-from analysis.pipeline import Analysis, analyze
+from analysis.pipeline.runs import Analysis, analyze_runs
 from flight.aircraft import load_aircraft
 from flight.log_reader import read_log
 
@@ -132,7 +132,7 @@ def shown(name: FlightName, folder: Path) -> Shown:
 
 def _shown(name: FlightName, path: Path) -> Shown:
     log = read_log(path / "log.mcap")
-    found = analyze(log, by_likelihood=True)
+    found = analyze_runs(log, by_likelihood=True)
     aircraft, results = found.aircraft, found.results
     at = Condition(results.test.weight_N, results.test.air_density_kgpm3, aircraft.geometry.wing_area_m2)
     truth = pd.read_csv(path / "truth_power_required.csv")

@@ -35,7 +35,7 @@ from analysis.flights.campaign.addresses import FoundLogs
 from analysis.flights.campaign.campaign import Work, run
 from analysis.flights.campaign.folders import exclusive
 from analysis.flights.campaign.processes import Outcome
-from analysis.pages.one_log import Options
+from analysis.options import Options
 from flight.log_index import MAGIC, RECORD_HEAD
 from flight.log_writer import LogWriter
 

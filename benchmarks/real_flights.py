@@ -29,7 +29,7 @@ from analysis.estimation.noise import NORMAL_95
 from analysis.methods.whole_flight.curve import ElectricalEstimate, estimate
 from analysis.methods.whole_flight.flight_table import FlightTable, flight_table
 from analysis.methods.whole_flight.method import recording_of
-from analysis.pipeline import analyze
+from analysis.pipeline.runs import analyze_runs
 from analysis.records.flight import Results
 from analysis.sources.column_map import load_map, mapped_channels
 from analysis.sources.map_draft import draft
@@ -214,7 +214,7 @@ def citation_row(title: str, folder: Path, scratch: Path) -> Record:
     log = citation_log(csv, scratch, with_velocity=title == WITH_VELOCITY)
     started = time.process_time()
     given = Replacements(aircraft=parse_aircraft(AIRCRAFT, "citation.toml"))
-    found = analyze(log, given, runs_file=runs_file if title == DECELERATIONS else None)
+    found = analyze_runs(log, given, runs_file=runs_file if title == DECELERATIONS else None)
     seconds, megabytes = time.process_time() - started, _megabytes()
     decelerations = found.maneuvers.of("deceleration")
     runs_file.write_text(

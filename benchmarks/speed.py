@@ -46,14 +46,14 @@ try:
     import_lean()
 except ImportError:  # earlier versions
     pass
-from analysis.pipeline import analyze
+from analysis.pipeline.runs import analyze_runs
 from analysis.pages.write import write_report
 step("import of the libraries")
 doing = ["units of the aircraft file"]
 def progress(name):
     step(doing[0])
     doing[0] = name.partition(" from ")[0]
-analysis = analyze(log, progress=progress)
+analysis = analyze_runs(log, progress=progress)
 step(doing[0])
 write_report(analysis, Path(sys.argv[2]))
 step("writing the report")

@@ -39,7 +39,7 @@ from analysis.air.transducers import TransducerCalibration, plateaus, readings
 from analysis.calibrations.transducers import calibrate
 from analysis.curve import Condition
 from analysis.methods import cross_check
-from analysis.pipeline import Analysis, analyze
+from analysis.pipeline.runs import Analysis, analyze_runs
 from analysis.records.flight import Trust
 from analysis.results.files import to_json
 from flight.aircraft import load_aircraft
@@ -104,7 +104,7 @@ def one_flight(job: Job) -> dict[str, Any]:
             fly(output, plan=str(folder / "plan.toml"), world=cell.world, seed=seed, probe=folder / "probe.json",
                 no_hardware=True)  # fmt: skip
             given = Replacements(transducers=transducers(folder, cell.world, seed) if calibrated else None)
-            analysis = analyze(read_log(output / "log.mcap"), given)
+            analysis = analyze_runs(read_log(output / "log.mcap"), given)
         except (InputError, np.linalg.LinAlgError) as error:
             return {**line, "refused": str(error).replace(name, "")}
         V, results = speeds(load_aircraft("nexstar")), json.loads(to_json(analysis.results))

@@ -13,17 +13,22 @@ import msgspec
 
 from analysis import pipeline
 from analysis.cli.plan import PlanOptions, flight_plan
-from analysis.flights.comparison import Comparison, compare
-from analysis.flights.pool import Pool, pool_results
+from analysis.flights.comparison import Comparison as DragComparison
+from analysis.flights.either_kind import ElectricalComparison, compare_pools, pool_flights
+from analysis.flights.electrical import ElectricalPool
+from analysis.flights.pool import Pool as DragPool
 from analysis.missions.search import FlightPlan
 from analysis.options import Options
-from analysis.pages import write
+from analysis.pages import one_log
 from analysis.pages.exports import tables as exports
-from analysis.pipeline import Analysis as Flight
+from analysis.pipeline.runs import Analysis
+from analysis.pipeline.whole_flight import WholeFlightAnalysis
 from analysis.records.flight import Results
 from analysis.results.evidence import reasons_not_to_trust
+from analysis.sources.open import open_source
+from analysis.sources.recording import FlightRecording as Recording
 from flight.errors import InputError
-from flight.log_reader import Log, read_log
+from flight.log_reader import Log
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,6 +42,7 @@ __all__ = [
     "Options",
     "PlanOptions",
     "Pool",
+    "Recording",
     "Results",
     "analyze",
     "compare",
@@ -49,34 +55,36 @@ __all__ = [
     "write_report",
 ]
 Paths = str | os.PathLike[str]
+# Of either kind: with drag by runs, or electrical power by the energy balance of the whole flight.
+Flight = Analysis | WholeFlightAnalysis
+Pool = DragPool | ElectricalPool
+Comparison = DragComparison | ElectricalComparison
 
 
-def read(path: Paths) -> Log:
-    """A log of the daemon. A torn one is read as far as it goes; `torn` then says why it ends.
+def read(path: Paths, columns: Paths | None = None) -> Log | Recording:
+    """A log of the daemon or a table, as messages; a log of an autopilot, as channels.
 
-    Raises InputError when the file cannot be read as a log.
+    A truncated log of the daemon is read as far as it goes; `torn` then says why it ends. columns: the map of a table.
+    Raises InputError when the file cannot be read.
     """
-    return read_log(Path(path))
+    return open_source(Path(path), Path(columns) if columns is not None else None)
 
 
-def analyze(log: Log | Paths, options: Options = Options(), progress: Callable[[str], None] = lambda _: None) -> Flight:
-    """Power required from a log. progress: called with the name of each step.
+def analyze(
+    log: Log | Recording | Paths, options: Options = Options(), progress: Callable[[str], None] = lambda _: None
+) -> Flight:
+    """Power required from a log with runs, flow angles and motor speed; else electrical power of level flight.
 
+    log : of the daemon or an autopilot, or a table     progress : called with the name of each step
     Raises InputError when the log lacks something, or holds no run.
     """
-    recorded = log if isinstance(log, Log) else read(log)
-    return pipeline.analyze(
-        recorded,
-        options.replacements(),
-        progress,
-        request=options.request,
-        runs_file=options.runs,
-        by_likelihood=options.likelihood,
-    )
+    source = log if isinstance(log, Log | Recording) else read(log, options.columns)
+    return pipeline.analyze(source, options, progress)
 
 
 def tables(flight: Flight) -> dict[str, "pd.DataFrame"]:
-    """The flight as tables by name: synchronized, states, derived, runs, curves (docs/use/exports.md)."""
+    """The flight as tables by name (docs/use/exports.md): synchronized, states, derived, runs and curves; of a whole
+    flight synchronized, windows and curves."""
     return exports.tables_of(flight)
 
 
@@ -93,15 +101,24 @@ def write_report(flight: Flight, folder: Paths) -> None:
 
     Raises InputError when it cannot be written.
     """
-    write.write_report(flight, Path(folder))
+    one_log.write_analysis(flight, Path(folder))
 
 
 def pool(flights: Sequence[Flight | Paths | Mapping[str, Any]]) -> Pool:
     """The joint estimate of flights of one aircraft: each analyzed here, or its results.json.
 
-    Raises InputError for none, for one flight twice, and for flights of two aircraft, propellers or installations.
+    Raises InputError for none, for one flight twice, for flights of both kinds, and for flights of two aircraft,
+    propellers or installations.
     """
-    return pool_results([_results(flight) for flight in flights])
+    return pool_flights([_results(flight) for flight in flights])
+
+
+def compare(a: Pool, b: Pool) -> Comparison:
+    """Power of B against that of A, at the weight and density of A.
+
+    Raises InputError for pools of two kinds, for a flight in both, and where they have no speeds in common.
+    """
+    return compare_pools(a, b)
 
 
 def _results(flight: Flight | Paths | Mapping[str, Any]) -> Path | Mapping[str, Any]:

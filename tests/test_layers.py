@@ -58,7 +58,7 @@ def test_the_daemon_imports_no_library_of_the_analysis(module: str) -> None:
 def test_the_analysis_of_an_autopilot_s_log_imports_no_casadi() -> None:
     """Its 280 MB are then not needed: the extra [autopilot]. Here are the modules that such an analysis loads."""
     modules = (
-        "analysis.pages.electrical_log, analysis.methods.whole_flight.drag, analysis.methods.whole_flight.curve,"
+        "analysis.pages.one_log, analysis.pipeline.whole_flight, analysis.methods.whole_flight.drag,"
         "analysis.methods.whole_flight.simulated_truth, analysis.pages.electrical_page, analysis.results.electrical,"
         "analysis.flights.electrical, analysis.pages.pooled_page, analysis.cli.route, analysis.cli.parameters"
     )

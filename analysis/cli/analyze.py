@@ -15,8 +15,8 @@ from analysis.cli.compare import app as compare_app
 from analysis.cli.verdict import tell
 from analysis.flights.campaign.addresses import as_file, find_logs, is_address, name_by_address, place, shown
 from analysis.options import Options, QuietOption
-from analysis.pages.electrical_log import Done
-from analysis.pages.one_log import analyze_log, refuse_folder
+from analysis.pages.one_log import Report, analyze_log
+from analysis.sources.open import refuse_folder
 from flight.command_line import ExitCode, application, run, takes_options
 from flight.errors import InputError
 
@@ -143,7 +143,7 @@ def analyze(
     return _finish(done, json, quiet)
 
 
-def _finish(done: Done, json: bool, quiet: bool) -> ExitCode:
+def _finish(done: Report, json: bool, quiet: bool) -> ExitCode:
     """Print the results, and on stderr what speaks against them. Returns the exit code."""
     from analysis.results.files import to_json
 

@@ -7,12 +7,12 @@ import typer
 from rich.console import Console
 
 from analysis.cli.verdict import tell
-from analysis.options import LogOptions, QuietOption, ReplaceOption
+from analysis.options import Options, QuietOption, ReplaceOption
 from analysis.pages.exports import FOLDERS, KINDS
+from analysis.sources.open import open_source
 from flight.command_line import ExitCode, application, run, takes_options
 from flight.errors import InputError
 from flight.files import check_new_file
-from flight.log_reader import read_log
 
 SUFFIX = {"parquet": ".parquet", "csv": ".csv", "mat": ".mat", "mcap": ".derived.mcap"}
 
@@ -20,9 +20,11 @@ app = application(no_args_is_help=False)
 
 
 @app.command()
-@takes_options(LogOptions)
+@takes_options(Options)
 def export(
-    log: Annotated[Path, typer.Argument(metavar="LOG", help="A log of the daemon (docs/understand/log-format.md).")],
+    log: Annotated[
+        Path, typer.Argument(metavar="LOG", help="A log of the daemon, PX4, ArduPilot or Paparazzi, or a table.")
+    ],
     to: Annotated[str, typer.Option("--to", metavar="KIND", help=f"{', '.join(KINDS[:-1])} or {KINDS[-1]}.")],
     output: Annotated[
         Path | None,
@@ -33,7 +35,7 @@ def export(
             help="File to write; for csv and parquet a folder of files, one a table. Default: beside the log.",
         ),
     ] = None,
-    options: LogOptions = LogOptions(),
+    options: Options = Options(),
     replace: ReplaceOption = False,
     quiet: QuietOption = False,
 ) -> ExitCode:
@@ -66,14 +68,13 @@ def export(
     check_new_file(path / "tables" if to in FOLDERS else path, replace=replace)
     stderr = Console(stderr=True, quiet=quiet)
     with stderr.status("reading the log …") as status:
-        recorded = read_log(log)
-        given = options.replacements()
+        source = open_source(log, options.columns)
         from analysis.pages.exports.tables import export_tables, tables_of
         from analysis.pipeline import analyze
 
-        analysis = analyze(recorded, given, lambda step: status.update(f"{step} …"), runs_file=options.runs)
+        analysis = analyze(source, options, lambda step: status.update(f"{step} …"))
         status.update("writing …")
-        export_tables(tables_of(analysis), recorded, to, path)
+        export_tables(tables_of(analysis), source, to, path)
     if not quiet:
         print(f"{path}: written")
     return tell(analysis.results.evidence, lambda: None)

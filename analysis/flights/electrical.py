@@ -76,6 +76,20 @@ class ElectricalPool(NamedTuple):
     def covariance(self) -> Array:
         return self.own + _by(self.shared)
 
+    @property
+    def speeds_mps(self) -> Array:
+        """Speeds (n,) of the curve [m/s]."""
+        return self.V_mps
+
+    def power(self, V: Array) -> tuple[Array, Array]:
+        """Electrical power and its standard error [W], each (k,), at speeds V (k,) [m/s] within those flown."""
+        error_W = np.sqrt(np.diag(self.covariance))
+        return np.interp(V, self.V_mps, self.power_W), np.interp(V, self.V_mps, error_W)
+
+    def results(self, left_out: Sequence[str] = (), failures: Sequence[str] = ()) -> ElectricalPooledResults:
+        """The contents of the pooled results.json; left_out, failures: as of a pool of drag."""
+        return pooled_results(self, left_out, failures)
+
 
 def electrical_pool(flights: Sequence[ElectricalFlight], condition: ConditionResult | None = None) -> ElectricalPool:
     """At the flights' mean weight and density, or at another condition.

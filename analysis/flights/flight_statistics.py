@@ -123,10 +123,7 @@ def read_statistics(results: Path | Mapping[str, Any]) -> FlightStatistics:
 
     Raises InputError where the file cannot be read, or holds no statistics for pooling.
     """
-    if isinstance(results, Path):
-        where, content = str(results), _read(results)
-    else:
-        where, content = f"results of {results.get('log', 'a flight')}", results
+    where, content = read_content(results)
     found = content.get("pooling")
     if found is None:
         raise InputError(
@@ -141,6 +138,13 @@ def read_statistics(results: Path | Mapping[str, Any]) -> FlightStatistics:
         return of_content(msgspec.convert(content, FlightContent))
     except (ValueError, IndexError, msgspec.ValidationError) as error:
         raise InputError(f"{where}: malformed statistics for pooling ({error}); analyze the log again") from None
+
+
+def read_content(results: Path | Mapping[str, Any]) -> tuple[str, Mapping[str, Any]]:
+    """Where results are from, for messages, and the content of results.json. Raises InputError."""
+    if isinstance(results, Path):
+        return str(results), _read(results)
+    return f"results of {results.get('log', 'a flight')}", results
 
 
 def _read(path: Path) -> Mapping[str, Any]:

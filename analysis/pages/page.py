@@ -16,7 +16,7 @@ from analysis.pages.sections.flight import flight_section, provenance_section, s
 from analysis.pages.sections.performance import autopilot_section, performance_section
 from analysis.pages.sections.summary import summary_section, verdict_section
 from analysis.performance.analysis import Performance
-from analysis.pipeline import Analysis
+from analysis.pipeline.runs import Analysis
 from analysis.records.flight import Results
 
 Drawn = Figure | Sequence[Figure]  # one, or several side by side

@@ -17,7 +17,7 @@ from analysis.pages.page import figures_by_name, run_fits
 from analysis.pages.pooled_page import render_comparison, render_electrical_flights, render_pooled
 from analysis.pages.predicted_polar import PredictedPolar, comparison
 from analysis.pages.sections import performance as field_table
-from analysis.pipeline import Analysis
+from analysis.pipeline.runs import Analysis
 from analysis.records.flight import ElectricalFlight, Results
 from analysis.records.pool import ComparisonResults, ElectricalPooledResults, PooledResults
 from analysis.results.files import to_csv, to_json

@@ -51,7 +51,7 @@ def command(name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
     line, out, err, code = [name, *map(str, arguments)], io.StringIO(), io.StringIO(), 0
     with (
         patch.object(sys, "argv", line),
-        patch("analysis.pages.one_log.read_log", read_once),
+        patch("analysis.sources.open.read_log", read_once),
         redirect_stdout(out),
         redirect_stderr(err),
         warnings.catch_warnings(record=True) as warned,

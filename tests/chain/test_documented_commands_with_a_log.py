@@ -15,8 +15,8 @@ from typing import Any
 import pytest
 from test_documented_commands import quick_commands
 
-from analysis import pipeline
 from analysis.missions import search
+from analysis.pipeline import runs as pipeline
 from flight.propeller_files import load_propeller
 from sim.plan import load_plan
 from tests.documented_commands import PAGES, ROOT, TUTORIAL, Walk, do, every_command_in, run, steps_in
@@ -158,14 +158,14 @@ def test_commands_of_a_flight(walk: Walk, tmp_path: Path, monkeypatch: pytest.Mo
     shutil.copy("out/px4/log.ulg", "log.ulg")
     Path("T1-VLM2.txt").write_text(PREDICTED, "utf-8")
     made: dict[tuple[str, ...], Any] = {}
-    analyze = pipeline.analyze
+    analyze = pipeline.analyze_runs
 
     def once(*arguments: Any, **options: Any) -> Any:
         if tuple(options) not in made:
             made[tuple(options)] = analyze(*arguments, **options)
         return made[tuple(options)]
 
-    monkeypatch.setattr(pipeline, "analyze", once)
+    monkeypatch.setattr(pipeline, "analyze_runs", once)
     for command, written in OF_A_FLIGHT.items():
         succeeds(command, written)
     succeeds("analyze out/demo/log.mcap", "out/demo/log.report/results.json")

@@ -14,8 +14,10 @@ from analysis.files import write_file
 from analysis.pages.exports import KINDS
 from analysis.pages.exports.derived import ERROR, derived, write_derived_log
 from analysis.pages.write import COLUMNS as STATE_COLUMNS
-from analysis.pipeline import Analysis
+from analysis.pipeline.runs import Analysis
+from analysis.pipeline.whole_flight import WholeFlightAnalysis
 from analysis.records.flight import PowerPoint
+from analysis.sources.recording import FlightRecording
 from analysis.trajectory.equations import GUST_FILTER_STATES
 from flight.errors import InputError
 from flight.log_reader import Log
@@ -29,8 +31,8 @@ LEFT_OUT = (
 WITHOUT_UNIT = ("advance_ratio", "C_L", "C_D", "flying", "propeller_covered", "curve", "kind", "notes", "extrapolated")
 
 
-def tables_of(analysis: Analysis) -> dict[str, pd.DataFrame]:
-    """By name: `synchronized`, `states`, `derived`, `runs`, `curves`.
+def tables_of(analysis: Analysis | WholeFlightAnalysis) -> dict[str, pd.DataFrame]:
+    """By name: `synchronized`, `states`, `derived`, `runs`, `curves`; of a whole flight as `_of_whole_flight`.
 
     synchronized : every channel on one time base, corrected, with air data; index t_s since the log began
     states : reconstructed attitude, velocity, height, wind and gusts with standard errors; index t_s
@@ -38,6 +40,8 @@ def tables_of(analysis: Analysis) -> dict[str, pd.DataFrame]:
     runs : one row per run: kind, start and end, speeds, change of altitude, notes
     curves : every curve of power against speed with its 95 % interval, named in `curve`
     """
+    if isinstance(analysis, WholeFlightAnalysis):
+        return _of_whole_flight(analysis)
     states, errors = (
         table.drop(columns=[*GUST_FILTER_STATES]).rename(columns=STATE_COLUMNS)
         for table in (analysis.trajectory.states, analysis.trajectory.states_error())
@@ -51,6 +55,28 @@ def tables_of(analysis: Analysis) -> dict[str, pd.DataFrame]:
         "runs": _runs(analysis),
         "curves": _curves(analysis),
     }
+
+
+def _of_whole_flight(analysis: WholeFlightAnalysis) -> dict[str, pd.DataFrame]:
+    """By name:
+
+    synchronized : the channels of the flight on one time base, the zero of the pitot corrected; index t_s
+    windows : the energy balance of each window of some 8 s: the power that level flight at its airspeed would have
+        taken, and what the fit leaves unexplained; index t_s
+    curves : as of a flight with runs
+    """
+    found, results = analysis.estimate, analysis.results
+    windows = pd.DataFrame(
+        {"speed_mps": found.measured_V_mps, "level_power_W": found.measured_W, "residual_W": found.residual_W},
+        index=pd.Index(found.time_s, name=INDEX),
+    )
+    table = analysis.flight.table.rename(columns=WITH_UNITS).assign(in_flight=analysis.flight.flown)
+    curves = {
+        "electrical power": results.electrical_power,
+        "power required, as flown": results.power_required,
+        "shaft power": results.electrical.shaft_power if results.electrical else [],
+    }
+    return {"synchronized": table, "windows": windows, "curves": _curve_table(curves)}
 
 
 def _runs(analysis: Analysis) -> pd.DataFrame:
@@ -67,11 +93,17 @@ def _curves(analysis: Analysis) -> pd.DataFrame:
     }
     for method in results.methods:
         curves[method.title] = method.power_required
+    return _curve_table(curves)
+
+
+def _curve_table(curves: Mapping[str, list[PowerPoint]]) -> pd.DataFrame:
     rows = [{"curve": name} | msgspec.structs.asdict(point) for name, points in curves.items() for point in points]
     return pd.DataFrame(rows)
 
 
 INDEX = "t_s"
+# Columns of a whole flight that lack their unit; ratios have none.
+WITH_UNITS = {"rho": "rho_kgpm3"}
 
 
 def write_csv(tables: Mapping[str, pd.DataFrame], folder: Path) -> None:
@@ -132,7 +164,7 @@ WRITERS: dict[str, Callable[[Mapping[str, pd.DataFrame], Path], None]] = {
 }
 
 
-def export_tables(tables: Mapping[str, pd.DataFrame], log: Log, to: str, path: Path) -> None:
+def export_tables(tables: Mapping[str, pd.DataFrame], log: Log | FlightRecording, to: str, path: Path) -> None:
     """Write tables of a flight. to: one of KINDS     path: a folder for csv and parquet, a file for mat and mcap
 
     Raises InputError for another kind, or when it cannot be written.
@@ -140,6 +172,8 @@ def export_tables(tables: Mapping[str, pd.DataFrame], log: Log, to: str, path: P
     if to not in KINDS:
         raise InputError(f"{to!r} is not a kind of export; choose one of {', '.join(KINDS)}")
     if to == "mcap":
+        if not isinstance(log, Log):
+            raise InputError(f"{log.path}: mcap: only for logs of the daemon; export with --to parquet, csv or mat")
         write_derived_log(tables, log, path)
     else:
         WRITERS[to](tables, path)

@@ -30,8 +30,9 @@ from analysis.maneuvers.kinds import KINDS, Maneuvers
 from analysis.maneuvers.runs_file import NoCurve, head
 from analysis.options import Options
 from analysis.pages.charts.style import rounded, thinned
-from analysis.pages.electrical_log import Done, lacks_drag_topics
+from analysis.pages.one_log import Report
 from analysis.records.flight import PowerPoint, SpeedInterval
+from analysis.sources.daemon_log import lacks_drag_topics
 from analysis.sources.recognize import autopilot_of
 from flight.aircraft import parse_aircraft
 from flight.aircraft_keys import KEYS
@@ -535,7 +536,7 @@ def _autopilot_options(given: dict[str, str]) -> Json:
     return {parsers[key][0]: parsers[key][1](text) for key, text in given.items() if text.strip()}
 
 
-def _said(done: Done) -> list[str]:
+def _said(done: Report) -> list[str]:
     """The verdict, and what was replaced."""
     results = done.results
     return [f"{results.aircraft.title}: {results.trust}"] + ([done.replaced_report] if done.replaced_report else [])

@@ -1,7 +1,6 @@
 """Where no maneuver of a log gives a curve, the candidates are written with their reasons, ready to be kept."""
 
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
@@ -10,6 +9,9 @@ from analysis.maneuvers.runs_file import NoCurve
 from analysis.options import Options
 from analysis.pages import one_log
 from flight.errors import InputError
+from flight.log_entries import LogEntry, entries_of
+from flight.log_reader import Log
+from flight.messages import Rpm
 from flight.runs import ACCELERATION, Rejection, RunRejected
 
 REJECTED = RejectedManeuver(ACCELERATION, 12.0, 15.5, Rejection(RunRejected.TOO_SHORT, 3.5, 5.0))
@@ -19,13 +21,13 @@ def refusal(monkeypatch, folder: Path, candidates: list[RejectedManeuver], optio
     def none(*_: object, **__: object) -> None:
         raise NoCurve("flight.mcap: no run", Maneuvers([], candidates))
 
-    monkeypatch.setattr(
-        one_log, "read_log", lambda _: SimpleNamespace(entries={topic: [1] for topic in topics or TOPICS})
-    )
-    monkeypatch.setattr("analysis.pipeline.analyze", none)
-    monkeypatch.setattr(one_log, "autopilot_of", lambda _: None)
+    path = folder / "flight.mcap"
+    one = entries_of([LogEntry(0, 0, Rpm())])
+    log = Log(path, {topic: one for topic in topics or TOPICS})
+    monkeypatch.setattr(one_log, "open_source", lambda *_: log)
+    monkeypatch.setattr("analysis.pipeline.runs.analyze_runs", none)
     with pytest.raises(InputError) as refused:
-        one_log.analyze_log(folder / "flight.mcap", folder / "out", options, lambda _: None)
+        one_log.analyze_log(path, folder / "out", options, lambda _: None)
     return str(refused.value)
 
 

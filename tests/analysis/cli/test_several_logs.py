@@ -14,7 +14,7 @@ from analysis.cli.compare import app as compare_app
 from analysis.cli.several_logs import FlightAnalysis, ProgressOnConsole, _attachments, files_used, settings
 from analysis.flights.campaign.campaign import Campaign, flight_folders_of, read_results
 from analysis.flights.campaign.processes import Outcome
-from analysis.pages.one_log import Options
+from analysis.options import Options
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from flight.log_writer import LogWriter

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from analysis.cli.analyze import _finish
 from analysis.cli.export import app as export_app
 from analysis.missions.information import read_results
-from analysis.pages.electrical_log import Done
+from analysis.pages.one_log import Report
 from analysis.records.flight import (
     CurveStatus,
     Evidence,
@@ -113,12 +113,12 @@ def efficiency(results: Results, propeller: Interval, motor: Interval) -> Result
 def test_a_result_not_to_be_trusted_says_why_on_stderr_with_exit_code_1(
     results: Results, kind: EvidenceKind, capsys: Any
 ) -> None:
-    assert _finish(Done(results, print), json=True, quiet=False) == 0
+    assert _finish(Report(results, print), json=True, quiet=False) == 0
     printed = capsys.readouterr()
     assert json.loads(printed.out)["format"] == results.format and printed.err == ""
     changed = with_trust(NOT_TRUSTED[kind](results))
     assert changed.trust is Trust.NOT_TO_BE_TRUSTED and [one.kind for one in changed.evidence] == [kind]
-    assert _finish(Done(changed, print), json=False, quiet=True) == 1
+    assert _finish(Report(changed, print), json=False, quiet=True) == 1
     printed = capsys.readouterr()
     assert len(printed.err.splitlines()) == 1 and printed.out == ""
 
@@ -130,7 +130,7 @@ def test_a_doubtful_result_says_so_first_and_ends_with_exit_code_0(
     changed = with_trust(DOUBTFUL[kind](results))
     assert changed.trust is Trust.DOUBTFUL and [one.kind for one in changed.evidence] == [kind]
     assert reasons_not_to_trust(changed) == []
-    assert _finish(Done(changed, print), json=True, quiet=False) == 0
+    assert _finish(Report(changed, print), json=True, quiet=False) == 0
     printed = capsys.readouterr()
     assert json.loads(printed.out)["trust"] == Trust.DOUBTFUL and len(printed.err.splitlines()) == 1
     assert printed.err.startswith(f"doubtful: {changed.evidence[0].part}.")
@@ -225,7 +225,7 @@ def test_an_export_of_such_a_result_is_written_and_ends_with_exit_code_1(
     """As `analyze` does; the program that called it is not to go on with the tables unaware."""
     written: list[Path] = []
     analyzed = SimpleNamespace(results=with_trust(NOT_TRUSTED[EvidenceKind.POLAR_CURVES_DOWNWARD](results)))
-    monkeypatch.setattr("analysis.cli.export.read_log", lambda path: None)
+    monkeypatch.setattr("analysis.cli.export.open_source", lambda path, columns: None)
     monkeypatch.setattr("analysis.pipeline.analyze", lambda *_, **__: analyzed)
     monkeypatch.setattr("analysis.pages.exports.tables.tables_of", lambda flight: {})
     monkeypatch.setattr(

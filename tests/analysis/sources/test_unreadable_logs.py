@@ -8,8 +8,9 @@ import pytest
 from mcap.writer import Writer
 
 from analysis.air.contents import Replacements, contents, damage
-from analysis.pages.one_log import Options, analyze_log
-from analysis.pipeline import analyze
+from analysis.options import Options
+from analysis.pages.one_log import analyze_log
+from analysis.pipeline.runs import analyze_runs
 from analysis.sources.structure import check_messages
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
@@ -228,7 +229,7 @@ def test_a_malformed_aircraft_file_matters_only_where_no_other_is_given(tmp_path
 def test_messages_that_cannot_be_decoded_are_refused_before_missing_attachments(tmp_path: Path) -> None:
     log = read_log(file_of(tmp_path / "flight.mcap", REQUIRED | {"/gps": b'{"itow_ms": 1.5}'}))
     with pytest.raises(InputError, match="/gps: 30 of 30 messages cannot be decoded"):
-        analyze(log)
+        analyze_runs(log)
 
 
 def lacking(log: Log, replacements: Replacements) -> str:

@@ -18,7 +18,7 @@ import pytest
 from analysis import flight
 from analysis.air.contents import Replacements, contents
 from analysis.air.flight_data import Calibrations, flight_data
-from analysis.pipeline import analyze
+from analysis.pipeline.runs import analyze_runs
 from analysis.sources.axes import check_axes
 from analysis.sources.structure import check_log
 from analysis.trajectory.priors import SensorPriors, stated_sigma
@@ -192,7 +192,7 @@ def misnamed(topic: str, field: str, name: str) -> Change:
 
 def test_the_example_of_the_page_is_analyzed(flown: Written) -> None:
     """Time from 0, and neither status nor schema nor metadata: the intervals contain the truth."""
-    curve = analyze(flown.log).results.power_required
+    curve = analyze_runs(flown.log).results.power_required
     true_W = np.interp([point.speed_mps for point in curve], flown.truth["speed_mps"], flown.truth["power_W"])
     assert all(point.power_lo_W < power < point.power_hi_W for point, power in zip(curve, true_W, strict=True))
 
@@ -220,7 +220,7 @@ accelerometer_offset = "0.5 m/s^2"
 """
     )
     with pytest.raises(Reached) as reached:
-        analyze(flown.log, Replacements(aircraft=parse_aircraft(text, "mine.toml")))
+        analyze_runs(flown.log, Replacements(aircraft=parse_aircraft(text, "mine.toml")))
     (prior,) = reached.value.args
     usual = stated_sigma(Uncertainty(), load_complete_aircraft("nexstar").wing_loading_Pa)
     assert {name: sigma for name, sigma in prior.items() if sigma != usual[name]} == pytest.approx(

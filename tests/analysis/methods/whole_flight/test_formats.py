@@ -9,9 +9,9 @@ import pytest
 from analysis.methods.whole_flight.curve import estimate
 from analysis.methods.whole_flight.flight_table import flight_table
 from analysis.methods.whole_flight.method import recording_of
-from analysis.pages.electrical_log import lacks_drag_topics
 from analysis.sources import recording
 from analysis.sources.ardupilot import read_ardupilot
+from analysis.sources.daemon_log import lacks_drag_topics
 from analysis.sources.px4 import read_px4
 from analysis.sources.recording import Channel, FlightRecording
 from flight.complete_aircraft import load_complete_aircraft

@@ -1,4 +1,4 @@
-"""The method, from a log to results: each step takes the record of the flight (`analysis.flight`) and adds to it."""
+"""The method by runs, from a log to results: each step takes the record of the flight and adds to it."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -33,7 +33,7 @@ class Analysis(Estimated):
     results: Results
 
 
-def analyze(
+def analyze_runs(
     log: Log,
     replacements: Replacements = Replacements(),
     progress: Progress = lambda _: None,

@@ -1,0 +1,97 @@
+"""From whatever holds a flight to its results: `analyze`. Which method gives the curve of a log is decided here."""
+
+import contextlib
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from analysis.options import Options, refuse_autopilot_options, refuse_drag_options
+from analysis.sources.daemon_log import gives_electrical_power, lacks_drag_topics
+from analysis.sources.open import is_table
+from flight.errors import InputError
+from flight.log_reader import Log
+
+if TYPE_CHECKING:
+    from analysis.maneuvers.runs_file import NoCurve
+    from analysis.pipeline.runs import Analysis
+    from analysis.pipeline.whole_flight import WholeFlightAnalysis
+    from analysis.sources.recording import FlightRecording
+
+Progress = Callable[[str], None]
+
+
+def analyze(
+    source: "Log | FlightRecording",
+    options: Options = Options(),
+    progress: Progress = lambda _: None,
+    *,
+    command_line: str = "",
+    message_of: "Callable[[NoCurve], str]" = str,
+) -> "Analysis | WholeFlightAnalysis":
+    """The curve that a flight gives: by its runs where it has the sensors of drag, else by its energy balance.
+
+    source : of `sources.open.open_source`     command_line : that started the analysis, for the report
+    message_of : what is reported where no run gives a curve
+    Raises InputError when the source or a file of the options cannot be used.
+    """
+    if options.mass_kg is not None and options.weight_N is not None:
+        raise InputError(f"{source.path}: --mass and --weight: one quantity in two units; give one of them")
+    if not isinstance(source, Log):
+        refuse_drag_options(source.path, "the log is an autopilot's", **options.for_drag())
+        from analysis.pipeline.whole_flight import analyze_recording
+
+        return analyze_recording(source, options, progress, command_line=command_line)
+    if lacks_drag_topics(source):
+        why = "the log lacks flow angles or motor speed, and gives no drag"
+        refuse_drag_options(source.path, why, **options.for_drag())
+        return _by_energy(source, options, progress, command_line)
+    if reason := _why_power_only(source, options):
+        return _by_energy(source, options, progress, command_line, reason)
+    refuse_autopilot_options(
+        source.path,
+        mass=options.mass_kg,
+        wing_area=options.wing_area_m2,
+        span=options.span_m,
+        air_temperature=options.air_temperature_K,
+    )
+    replacements = options.replacements()
+    from analysis.maneuvers.runs_file import NoCurve
+    from analysis.pipeline.runs import analyze_runs
+
+    try:
+        return analyze_runs(
+            source, replacements, progress, request=options.request, runs_file=options.runs, command_line=command_line,
+            by_likelihood=options.likelihood,
+        )  # fmt: skip
+    except NoCurve as error:
+        cause = message_of(error)
+        if not options.runs and gives_electrical_power(source):
+            with contextlib.suppress(InputError):  # what was said of the runs is the cause
+                reason = f"No drag: {cause.removeprefix(f'{source.path}: ')}."
+                return _by_energy(source, options, progress, command_line, reason)
+        raise InputError(cause) from None
+
+
+def _by_energy(
+    log: Log, options: Options, progress: Progress, command_line: str, reason: str = ""
+) -> "WholeFlightAnalysis":
+    from analysis.pipeline.whole_flight import analyze_daemon_log  # loads pandas
+
+    return analyze_daemon_log(log, options, progress, reason=reason, command_line=command_line)
+
+
+def _why_power_only(log: Log, options: Options) -> str:
+    """A sentence where a table has the sensors of drag, but not the files, and so gives electrical power; else empty.
+
+    A log of the daemon lacks these files by mistake, and is refused.
+    """
+    if not gives_electrical_power(log) or not is_table(log.path):
+        return ""
+    if options.aircraft is None:
+        return "No drag: that needs --aircraft FILE, and with a column of motor speed the propeller's table."
+    from analysis.air.contents import contents
+
+    try:
+        contents(log, options.replacements())
+    except InputError as error:
+        return f"No drag: {str(error).removeprefix(f'{log.path}: ')}."
+    return ""

@@ -1,0 +1,135 @@
+"""The energy balance of a whole flight, to results: electrical power, and drag where thrust is known."""
+
+import contextlib
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from analysis.air.contents import propeller_of
+from analysis.flight import Progress
+from analysis.methods.thrust_prior import stand_measurements
+from analysis.methods.whole_flight.curve import ElectricalEstimate, estimate, flown_aircraft
+from analysis.methods.whole_flight.drag import ThrustSource, drag_estimate
+from analysis.methods.whole_flight.flight_table import FlightTable, flight_table
+from analysis.methods.whole_flight.method import recording_of
+from analysis.methods.whole_flight.simulated_truth import compared
+from analysis.methods.whole_flight.thrust_balance import motor_constants
+from analysis.options import Options
+from analysis.records.flight import Results
+from analysis.results.electrical import ElectricalFindings, UsedBattery, electrical_results
+from analysis.results.provenance import provenance_of_file
+from analysis.sources.daemon_log import SPEED
+from analysis.sources.recording import FlightRecording
+from analysis.sources.structure import check_lacking
+from flight.aircraft import Aircraft, Propulsion, Uncertainty, load_aircraft, parse_aircraft
+from flight.errors import InputError
+from flight.log_reader import Log
+from flight.propeller import Propeller
+from flight.propeller_files import load_propeller
+
+
+@dataclass(frozen=True, kw_only=True)
+class WholeFlightAnalysis:
+    """What is known of a flight by its energy balance, for the report; results: what is written."""
+
+    log: Log | FlightRecording
+    flight: FlightTable
+    estimate: ElectricalEstimate
+    results: Results
+
+
+def analyze_daemon_log(
+    log: Log, options: Options, progress: Progress, *, reason: str = "", command_line: str = ""
+) -> WholeFlightAnalysis:
+    """The energy balance of a log of the daemon. reason: why it gives no drag, where no sensor is missing.
+
+    Raises InputError.
+    """
+    check_lacking(log)
+    text = log.attachments.get("aircraft.toml")
+    given = _aircraft_file(options)
+    if given is None and text is not None:
+        given = parse_aircraft(text.decode("utf-8", errors="replace"), f"{log.path}: aircraft.toml")
+    table = None
+    if given is not None and options.propeller is None:
+        with contextlib.suppress(InputError):  # drag is then withheld
+            table = propeller_of(log, given)
+    recording = recording_of(log)
+    if reason:
+        recording = replace(recording, notes=(reason, *recording.notes))
+    try:
+        found = analyze_recording(recording, options, progress, given, table, command_line=command_line)
+        return replace(found, log=log)
+    except InputError as error:
+        if log.entries.get(SPEED[0]):
+            raise
+        raise InputError(f"{error}; the log has no {SPEED[0]}, which does without GPS") from None
+
+
+def analyze_recording(
+    recording: FlightRecording,
+    options: Options,
+    progress: Progress,
+    given: Aircraft | None = None,
+    table: Propeller | None = None,
+    *,
+    command_line: str = "",
+) -> WholeFlightAnalysis:
+    """The energy balance of a recording.
+
+    given : the aircraft file, where the log has one; else that of the options     table : of the propeller in the log
+    Raises InputError.
+    """
+    path = Path(recording.path)
+    given = given or _aircraft_file(options)
+    flown = flown_aircraft(given, options.flown_weight_N, options.wing_area_m2, options.span_m, str(path))
+    recording = replace(recording, air_temperature_K=options.air_temperature_K)
+    progress("finding the flight")
+    flight = flight_table(recording, flown.weight_N, flown.wing_area_m2)
+    progress("balancing energy")
+    found = estimate(flight, flown.weight_N, flown.wing_area_m2, flown.span_m, str(path))
+    progress("balancing thrust")
+    propulsion = given.propulsion if given else Propulsion()
+    propeller = table or _propeller(options, propulsion)
+    if propeller is not None:
+        propeller = propeller.with_beyond_zero_thrust(propulsion.beyond_zero_thrust)
+    source = ThrustSource(
+        propeller,
+        motor_constants(propulsion),
+        given.uncertainty if given else Uncertainty(),
+        stand_measurements(given) if given and options.propeller is None else (),
+    )
+    drag = drag_estimate(flight, found, flown.span_m, source)
+    weighed = "given with the command" if options.flown_weight_N is not None else "mass.weight of the aircraft file"
+    known = ElectricalFindings(
+        flight,
+        found,
+        drag,
+        propeller.name if propeller else "",
+        _battery(options, given),
+        recording.parameters,
+        compared(recording, flight, found),
+        recording.vehicle,
+    )
+    provenance = provenance_of_file(path, weighed, options.aircraft, command_line)
+    results = electrical_results(path, flown, known, provenance)
+    return WholeFlightAnalysis(log=recording, flight=flight, estimate=found, results=results)
+
+
+def _aircraft_file(options: Options) -> Aircraft | None:
+    return load_aircraft(options.aircraft) if options.aircraft else None
+
+
+def _propeller(options: Options, propulsion: Propulsion) -> Propeller | None:
+    """The table given, or else the aircraft file's where it can be read."""
+    if options.propeller is not None:
+        return load_propeller(options.propeller)
+    with contextlib.suppress(InputError):
+        return load_propeller(propulsion.propeller) if propulsion.propeller else None
+    return None
+
+
+def _battery(options: Options, aircraft: Aircraft | None) -> UsedBattery | None:
+    energy_Wh = options.request.battery_Wh
+    if energy_Wh is None and aircraft:
+        energy_Wh = aircraft.propulsion.battery_energy_Wh
+    return None if energy_Wh is None else UsedBattery(energy_Wh, options.request.usable)

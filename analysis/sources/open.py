@@ -1,0 +1,50 @@
+"""Opens whatever holds a flight: a log of the daemon or of an autopilot, or a table."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from analysis.sources.autopilot import read_autopilot_log
+from analysis.sources.recognize import autopilot_of
+from flight.errors import InputError
+from flight.log_reader import Log, read_log
+
+if TYPE_CHECKING:
+    from analysis.sources.recording import FlightRecording
+
+Source = "Log | FlightRecording"
+# Readable files by their suffix. What a file is, its first bytes tell; the suffix is for lists and dialogs.
+SUFFIXES = (".mcap", ".ulg", ".bin", ".log", ".tlog")
+
+
+def open_source(path: Path, columns: Path | None = None) -> "Log | FlightRecording":
+    """A log of the daemon, or a table with the map of its columns, as messages; a log of an autopilot as channels.
+
+    Raises InputError where the file cannot be read.
+    """
+    refuse_folder(path)
+    autopilot = autopilot_of(path)
+    if autopilot:
+        return read_autopilot_log(path, autopilot)
+    if is_table(path):
+        from analysis.sources.table import log_of_table  # loads pandas
+
+        return log_of_table(path, columns)
+    if columns is not None:
+        raise InputError(f"{path}: --columns: only for tables (CSV, Parquet, .mat), and this is none")
+    return read_log(path)
+
+
+def is_table(path: Path) -> bool:
+    """Whether a file is a table of columns. Raises InputError when it cannot be read."""
+    from analysis.sources.table_file import table_kind
+
+    return path.is_file() and table_kind(path) is not None
+
+
+def refuse_folder(path: Path) -> None:
+    """Raises InputError for a folder; names a log in it."""
+    if path.is_dir():
+        inside = sorted(path.glob("*.mcap"))
+        raise InputError(
+            f"{path}: cannot be read, it is a folder; give a log, such as {inside[0] if inside else 'log.mcap'}"
+        )
