@@ -21,7 +21,7 @@ from daq.log_names import numbered_logs, numbered_names, part_names
 from daq.missed_ticks import MissedTicks
 from daq.plausibility import Plausibility
 from daq.recorder import Recorder
-from daq.recording_status import RecordingState, RecordingStatus, RunNews
+from daq.recording_status import RecordingState, RecordingStatus, RunNews, readable
 from daq.sampling_loop import Cycle, StopFlag, cycles
 from daq.sensor_supervisor import SensorSupervisor, cause_of
 from daq.sensors import Sample
@@ -216,6 +216,7 @@ def record(
             events += log_files.update(cycle.now_ns, wanted=arm_switch.recording, new_file=new_file_requested)
             news = RunNews() if listener is None else listener.run_news()
             for event in [*events, *news.verdicts]:
+                event.text = readable(event.text)
                 tell(event)
             own = [Sample("/daq/event", cycle.now_ns, event) for event in [*events, *news.verdicts]]
             if cycle.now_ns >= report_ns:
@@ -224,13 +225,13 @@ def record(
                 since_s = (cycle.now_ns - reported_ns) / 1e9
                 status = RecordingStatus(
                     state=recording_state(log_files, armed=arm_switch.recording),
-                    log=log_files.path.name if log_files.path else "",
+                    log=readable(log_files.path.name) if log_files.path else "",
                     elapsed_s=elapsed_s,
                     ticks=ticks,
                     missed=missed,
                     rate_Hz=(ticks - reported_ticks) / since_s if since_s else tray.rate_Hz,
                     free_bytes=disk_space.free_bytes if disk_space.free_bytes >= 0 else None,
-                    error=log_files.error,
+                    error=readable(log_files.error),
                     sensors={each.name: each.health.state for each in supervisors},
                     slow=cycle.slow,
                     implausible=plausibility.implausible,
@@ -289,7 +290,7 @@ def write_header(
         start_unix_ns=start_ns + recorder.offset_ns,
         start_monotonic_ns=start_ns,
         part=number + 1,
-        previous_log=previous.name if previous else "",
+        previous_log=readable(previous.name) if previous else "",
     )
     for topic in [*(topic for supervisor in supervisors for topic in supervisor.topics), *OWN_TOPICS]:
         recorder.log.declare(topic)

@@ -20,6 +20,8 @@ from smbus2.smbus2 import I2C_RDWR, i2c_rdwr_ioctl_data
 from daq.bus import IN_USE, BytePort, I2CBus
 
 RECEIVE_BYTES = 4096  # the kernel's buffer of a serial line (N_TTY_BUF_SIZE)
+# Of one read of a UDP port: ten times what an autopilot sends in a tick. A flood of datagrams costs its own port only.
+DATAGRAM_BYTES, DATAGRAMS = 65_536, 256
 I2C_RETRIES = 0x0701  # linux/i2c-dev.h
 I2C_TIMEOUT = 0x0702  # in units of 10 ms
 PREPARED_TRANSFERS = 128  # kept; the default tray needs about thirty, and one more for each length of FIFO read
@@ -158,13 +160,16 @@ class UdpPort:
         self._peer: tuple[str, int] | None = None
 
     def read_available(self) -> bytes:
-        received = b""
-        while True:
+        received: list[bytes] = []
+        count = 0
+        while count < DATAGRAM_BYTES and len(received) < DATAGRAMS:
             try:
-                data, self._peer = self._socket.recvfrom(65535)
+                data, self._peer = self._socket.recvfrom(DATAGRAM_BYTES)
             except BlockingIOError:
-                return received
-            received += data
+                break
+            received.append(data)
+            count += len(data)
+        return b"".join(received)
 
     def write(self, data: bytes) -> None:
         if self._peer is not None:

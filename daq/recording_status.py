@@ -16,6 +16,11 @@ LEAST_RATE = 0.9  # of the tray's rate
 RECENT_S = 10.0  # ticks missed this long ago are told
 
 
+def readable(text: str) -> str:
+    """A text that can be written everywhere: names of files may hold bytes that are no characters (PEP 383)."""
+    return text.encode("utf-8", "backslashreplace").decode()
+
+
 class RecordingState(enum.StrEnum):
     """Whether the daemon records, and if not, why."""
 

@@ -8,7 +8,7 @@ from daq.clock import Clock
 from daq.process_setup import computes_while_it_waits, use_every_processor, use_one_processor
 from daq.sensor_supervisor import SensorSupervisor
 from daq.sensors import Sample
-from flight.messages import Event, Gps, Tick, Time
+from flight.messages import FIRST_UTC_NS, LAST_UTC_NS, Event, Gps, Tick, Time
 
 TIME_EVERY_NS = 1_000_000_000
 STARTING_NS = 5_000_000_000  # sensors are being brought up: a late bus is no sign of trouble
@@ -96,8 +96,11 @@ def cycles(
                     one_processor = False
                     use_every_processor(whole_process=True)
             for topic, time_ns, solution, _ in samples:
-                if topic == "/gps" and isinstance(solution, Gps) and solution.utc_ns is not None:
-                    gps_utc = (solution.utc_ns, time_ns)
+                if isinstance(solution, Gps) and solution.utc_ns is not None:
+                    if not FIRST_UTC_NS <= solution.utc_ns < LAST_UTC_NS:
+                        solution.utc_ns = None
+                    elif topic == "/gps":
+                        gps_utc = (solution.utc_ns, time_ns)
             if begin_ns >= time_due_ns:
                 time_due_ns += TIME_EVERY_NS * (1 + (begin_ns - time_due_ns) // TIME_EVERY_NS)
                 samples.append(Sample("/time", clock.now_ns(), time_message(clock, gps_utc)))

@@ -43,6 +43,9 @@ class Log:
         return sum(found.count for found in self.undecodable_of.values())
 
 
+UNDECODABLE = (msgspec.MsgspecError, RecursionError, UnicodeDecodeError)  # of one message: the others are read
+
+
 def read_log(path: str | Path) -> Log:
     """Every message, attachment and metadata record of an MCAP file, up to its end or to the first torn record.
 
@@ -98,7 +101,7 @@ def other_encoding(encoding: str) -> str:
 
 
 def _decoded(decoder: msgspec.json.Decoder[Any], data: bytes) -> Message:
-    """A message; 3.0 is accepted for an integer. Raises MsgspecError or RecursionError if it is not of the format."""
+    """A message; 3.0 is accepted for an integer. Raises one of UNDECODABLE if it is not of the format."""
     try:
         message: Message = decoder.decode(data)
     except msgspec.ValidationError:
@@ -121,14 +124,14 @@ def _add(log: Log, topic: str, entries: Entries, decoder: msgspec.json.Decoder[A
     def one(data: bytes) -> Message | None:
         try:
             return _decoded(decoder, data)
-        except (msgspec.MsgspecError, RecursionError) as error:
+        except UNDECODABLE as error:
             log.undecodable_of.setdefault(topic, Undecodable(data, str(error))).count += 1
             return None
 
     _, times_ns, ticks, data = messages
     try:
         decoded = list(map(decoder.decode, data))
-    except (msgspec.MsgspecError, RecursionError):
+    except UNDECODABLE:
         good = [(*row, message) for row in zip(times_ns, ticks, data, strict=True) if (message := one(row[2]))]
         times_ns, ticks, data, decoded = map(list, zip(*good, strict=True)) if good else ([], [], [], [])
     entries.extend(times_ns, ticks, decoded)

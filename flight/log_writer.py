@@ -20,7 +20,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, McapRecord, Metadata, Schema
 
 from flight.log_index import CHUNK_HEAD, MAGIC, MESSAGE_INDEX_HEAD, RECORD_HEAD, LogIndex
-from flight.messages import TYPE_OF_TOPIC, Message, schema_of
+from flight.messages import TYPE_OF_TOPIC, Message, Status, schema_of
 
 PROFILE = "flightpower"
 FORMAT_VERSION = "1"
@@ -93,9 +93,16 @@ class LogWriter:
         self._channel(topic)
 
     def write(self, topic: str, message: Message, *, time_ns: int, tick: int) -> None:
-        """Add a message taken at `time_ns` (Unix time [ns]) in tick number `tick`."""
+        """Add a message taken at `time_ns` (Unix time [ns]) in tick number `tick`.
+
+        Of a message with a text that is no Unicode only that it was there is written.
+        """
         channel = self._channels.get(topic) or self._channel(topic)
-        self.write_encoded(channel, self._encoder.encode(message), time_ns=time_ns, tick=tick)
+        try:
+            data = self._encoder.encode(message)
+        except UnicodeEncodeError:
+            data = self._encoder.encode(type(message)(status=Status.CORRUPT))
+        self.write_encoded(channel, data, time_ns=time_ns, tick=tick)
 
     def write_encoded(self, channel: int, data: bytes, *, time_ns: int, tick: int) -> None:
         """Add a message already encoded as JSON. channel: its number."""

@@ -29,6 +29,8 @@ class Status(enum.StrEnum):
 
 
 TOPICS_FOR_DRAG = ("/imu", "/probe/alpha", "/probe/airspeed", "/static", "/rpm")  # without one no drag is known
+# The first day of GPS time, and a century: another date is a receiver's mistake, which may be a year without a name.
+FIRST_UTC_NS, LAST_UTC_NS = 315_964_800 * 10**9, 4_102_444_800 * 10**9
 OK = Status.OK  # looking up a member of an enum takes as long as making a small message (Python 3.11)
 
 
@@ -114,7 +116,7 @@ class Gps(Message):
     itow_ms: int | None = None
     fix_type: int | None = None  # 0 none, 2 two-dimensional, 3 three-dimensional
     satellites: int | None = None
-    utc_ns: int | None = None  # Unix time of the solution, when the receiver reports date and time as valid
+    utc_ns: int | None = None  # Unix time of the solution, when the receiver reports date and time as resolved
     latitude_deg: float | None = None
     longitude_deg: float | None = None
     height_m: float | None = None  # above the ellipsoid

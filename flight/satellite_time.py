@@ -1,7 +1,7 @@
 """Date and time of a log by the satellites; the log's own times are those of a clock that may never have been set."""
 
 from flight.log_reader import Log
-from flight.messages import Gps, Message, Time
+from flight.messages import FIRST_UTC_NS, LAST_UTC_NS, Gps, Message, Time
 
 
 def satellites_minus_log_time_ns(log: Log) -> int | None:
@@ -21,5 +21,5 @@ def ahead_of_log_ns(message: Message, time_ns: int) -> int | None:
     """The same from one message and its log time; None where it has no date."""
     match message:
         case Gps(utc_ns=int(utc_ns)) | Time(gps_utc_ns=int(utc_ns)):
-            return utc_ns - time_ns
+            return utc_ns - time_ns if FIRST_UTC_NS <= utc_ns < LAST_UTC_NS else None
     return None

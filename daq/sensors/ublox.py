@@ -20,7 +20,7 @@ PVT_PAYLOAD = 92
 # NAV-PVT (32.17.17) after class, id and length: iTOW; year, month, day, hour, minute, second, validity; nano; fixType,
 # flags, numSV. Longitude, latitude, two heights, two accuracies, three velocities, accuracy of the speed.
 PVT_TIME, PVT_PLACE = struct.Struct("<6x I H6B 4xi 2BxB"), struct.Struct("<30x 2i 2i 2I 3i 8xI")
-VALID_DATE_AND_TIME, FIX_OK = 0x03, 0x01
+VALID_DATE_AND_TIME, FIX_OK = 0x07, 0x01  # and fullyResolved: not those of the clock that ran on its battery
 DEGREE, DEGREE_DIGITS = 1e-7, 7
 LONGEST_PAYLOAD = 1024  # longer than any requested message: not a frame
 NAV_PVT, ACK_ACK, ACK_NAK = b"\x01\x07", b"\x05\x01", b"\x05\x00"

@@ -1,10 +1,12 @@
 """The daemon end to end: the default tray of fake parts, a simulated clock, a log that is read back."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
 import time
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +17,11 @@ from daq.config import parse_tray
 from daq.daemon import NoDeviceOpened, record
 from daq.log_list import list_logs
 from daq.log_summary import summarize
+from daq.sensors import ublox as ublox_driver
 from flight.errors import InputError
 from flight.log_reader import read_log
 from flight.messages import SECOND_TOPICS, TYPE_OF_TOPIC, Status, schema_of
+from hw_fakes import ublox as ublox_fake
 from hw_fakes.clock import SimulatedClock
 from hw_fakes.tray import FakeTray
 from sim.sensor_truth import GpsSolution
@@ -336,3 +340,37 @@ def test_sigterm_finishes_the_file_and_a_pseudo_terminal_is_a_port(tmp_path):
     assert {message.period_us for message in good(recorded, "/rpm")} == {10714}
     shown = daq("info", log)
     assert shown.returncode == 0 and "/rpm" in shown.stdout
+
+
+@pytest.mark.parametrize(("year", "resolved"), [(1, True), (1970, True), (2150, True), (9999, True), (2026, False)])
+def test_a_wrong_date_of_the_receiver_names_nothing_and_ends_nothing(tmp_path, monkeypatch, year, resolved):
+    """Position and speed are recorded; date and name are those of a clock that nobody has set."""
+    pack = ublox_fake.FakeUbloxM8._time
+    at = datetime(year, 1, 1, tzinfo=UTC)
+    monkeypatch.setattr(ublox_fake.FakeUbloxM8, "_time", lambda self, valid_at_s: (at, 0, pack(self, valid_at_s)[2]))
+    if not resolved:
+        read = ublox_driver.PVT_TIME.unpack_from
+
+        class Unresolved:
+            def unpack_from(self, frame):
+                values = list(read(frame))
+                values[7] &= ~0x04
+                return values
+
+        monkeypatch.setattr(ublox_driver, "PVT_TIME", Unresolved())
+    recording = fly(tmp_path, 6)
+    log = read_log(recording.path)
+    assert recording.ticks == 150 and recording.path.name == "log-0001.mcap"
+    assert len(good(log, "/gps")) > 20 and {m.utc_ns for m in good(log, "/gps")} == {None}
+    assert {m.gps_utc_ns for m in good(log, "/time")} == {None}
+
+
+def test_a_folder_whose_name_is_no_text_is_recorded_into(tmp_path):
+    """A name of bytes that are no characters is in events, in the state and on the link."""
+    folder = tmp_path / os.fsdecode(b"caf\xe9")
+    folder.mkdir()
+    seen = []
+    recording = fly(folder, 3, report=seen.append, log_path=folder / os.fsdecode(b"\xe9.mcap"))
+    assert recording.ticks == 75 and seen[-1].log == "\\udce9.mcap"
+    texts = [m.text for m in good(read_log(recording.path), "/daq/event")]
+    assert any("caf\\udce9" in text for text in texts)

@@ -55,7 +55,7 @@ def test_a_solution_in_si():
     assert message.utc_ns == 1463218201 * 10**9 - 1000
 
 
-@pytest.mark.parametrize("changes", [{"validDate": 0}, {"validTime": 0}])
+@pytest.mark.parametrize("changes", [{"validDate": 0}, {"validTime": 0}, {"fullyResolved": 0}])
 def test_a_date_the_receiver_does_not_vouch_for_is_not_logged(changes):
     assert solution(nav_pvt(**changes)).utc_ns is None
 
@@ -265,7 +265,7 @@ def by_pyubx2(frame: bytes) -> list:
 @settings(max_examples=60)
 def test_solutions_are_those_that_pyubx2_reads(payload):
     """Any values; only date and fix are set, so that there is a position."""
-    payload = payload[:4] + PVT[10:17] + b"\x03" + payload[12:20] + b"\x03\x01" + payload[22:]
+    payload = payload[:4] + PVT[10:17] + b"\x07" + payload[12:20] + b"\x03\x01" + payload[22:]
     frame = frame_of(b"\x01\x07", payload)
     message = solution(frame)
     fields = message.__struct_fields__

@@ -3,6 +3,7 @@
 import errno
 import os
 import pty
+import socket
 import tty
 from pathlib import Path
 
@@ -101,3 +102,38 @@ def test_the_kernel_s_timeout_is_in_units_of_ten_milliseconds_rounded_up(tmp_pat
     device.touch()
     LinuxI2C(str(device), timeout_ms).close()
     assert asked == [(linux_bus.I2C_TIMEOUT, units), (linux_bus.I2C_RETRIES, 0)]
+
+
+@pytest.mark.parametrize("size", [1, 40, 1400, 65_000])
+def test_a_flood_of_datagrams_ends_at_each_read_and_costs_nothing_that_was_before_it(size):
+    """One thread reads all ports: a read without an end would cost the others' readings, too."""
+    port = linux_bus.UdpPort("127.0.0.1", 0)
+
+    class Flood:
+        taken = 0
+
+        def recvfrom(self, most):
+            self.taken += 1
+            assert self.taken <= linux_bus.DATAGRAMS
+            return bytes([self.taken % 251]) * size, ("127.0.0.1", 9)
+
+    port._socket.close()
+    port._socket = flood = Flood()
+    received = port.read_available()
+    assert len(received) == flood.taken * size < linux_bus.DATAGRAM_BYTES + 65_536
+    assert received[::size] == bytes(number % 251 for number in range(1, flood.taken + 1))
+
+
+def test_all_datagrams_that_have_arrived_are_read_in_order():
+    port = linux_bus.UdpPort("127.0.0.1", 0)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for number in range(20):
+            sender.sendto(bytes([number] * 300), port._socket.getsockname())
+        received = b""
+        while len(received) < 20 * 300:
+            received += port.read_available()
+        assert received == b"".join(bytes([number] * 300) for number in range(20))
+        port.write(b"reply")
+        assert sender.recv(16) == b"reply"
+    assert port.read_available() == b""
+    port.close()

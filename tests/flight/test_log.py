@@ -13,7 +13,7 @@ from mcap.writer import Writer
 from flight.errors import InputError
 from flight.log_reader import read_log
 from flight.log_writer import LogWriter
-from flight.messages import MESSAGES, TYPE_OF_TOPIC, Comparison, Imu, Message, Status, Tick, schema_of
+from flight.messages import MESSAGES, TYPE_OF_TOPIC, Comparison, Event, Imu, Message, Status, Tick, schema_of
 
 SECOND_NS = 1_000_000_000
 
@@ -214,3 +214,33 @@ def test_reading_leaves_the_search_for_cycles_as_it_was(tmp_path):
             assert gc.isenabled() is before
     finally:
         gc.enable()
+
+
+@pytest.mark.parametrize("text", [b"caf\xe9", b"\xff\xfe", b"\xed\xa0\x80"])
+def test_a_text_that_is_not_utf_8_costs_its_message_only(tmp_path, text):
+    """In the first of three events of a chunk; the other topics and later chunks are read."""
+    path = tmp_path / "log.mcap"
+    with path.open("wb") as stream:
+        log = LogWriter(stream)
+        log.declare("/daq/event")
+        log.write_encoded(1, b'{"text":"' + text + b'"}', time_ns=0, tick=0)
+        for number in range(1, 3):
+            log.write("/daq/event", Event(text=f"event {number}"), time_ns=number, tick=number)
+            log.write("/imu", Imu(samples=number), time_ns=number, tick=number)
+            log.flush()
+        log.finish()
+    read = read_log(path)
+    assert not read.torn and read.undecodable == 1
+    assert [e.message.text for e in read.entries["/daq/event"]] == ["event 1", "event 2"]
+    assert [e.message.samples for e in read.entries["/imu"]] == [1, 2]
+
+
+def test_a_message_that_utf_8_cannot_hold_is_marked_and_ends_nothing(tmp_path):
+    path = tmp_path / "log.mcap"
+    with path.open("wb") as stream:
+        log = LogWriter(stream)
+        for tick in range(3):
+            log.write("/daq/event", Event(text="caf\udce9" if tick == 1 else "café"), time_ns=tick, tick=tick)
+        log.finish()
+    found = read_log(path).entries["/daq/event"]
+    assert [e.message.status for e in found] == [Status.OK, Status.CORRUPT, Status.OK]

@@ -18,3 +18,10 @@ def test_the_last_fix_counts_because_the_first_may_lack_leap_seconds() -> None:
     fixes = (UTC_NS + 18_000_000_010, UTC_NS + 20, None)
     log.entries["/gps"] = entries_of([LogEntry(10 * i + 10, i, Gps(utc_ns=utc_ns)) for i, utc_ns in enumerate(fixes)])
     assert satellites_minus_log_time_ns(log) == UTC_NS
+
+
+def test_a_date_before_gps_time_or_after_the_century_is_none() -> None:
+    log = Log(Path("log.mcap"))
+    wrong = (-62_135_596_800 * 10**9, 0, 5_000_000_000 * 10**9)
+    log.entries["/gps"] = entries_of([LogEntry(10, i, Gps(utc_ns=utc_ns)) for i, utc_ns in enumerate(wrong)])
+    assert satellites_minus_log_time_ns(log) is None
