@@ -103,7 +103,11 @@ crash-points: $(VENV)/.dev ## cut the daemon's power at 500 writes of each of th
 packages: $(VENV)/.dev ## build sdist and wheel, and try the wheel alone on Python 3.11 to 3.14 (10 min for each)
 	$(BIN)/python benchmarks/packages.py
 
-deb: $(READY) ## the recorder as a Debian package in dist; ARCHITECTURE=arm64 for a Raspberry Pi (3 min)
+.PHONY: deb-needs
+deb-needs:
+	@$(PYTHON) debian/build.py --architecture $(ARCHITECTURE) --needs
+
+deb: deb-needs $(READY) ## the recorder as a Debian package in dist; ARCHITECTURE=arm64 for a Raspberry Pi (3 min)
 	$(BIN)/python debian/build.py --architecture $(ARCHITECTURE)
 
 vm: $(VENV)/.dev ## the service in a virtual Debian computer: installed, power pulled, unplugged, upgraded (needs root; 1 h)

@@ -5,10 +5,11 @@
 
 /usr/lib/flightpower is a virtual environment whose libraries come from wheels, with the versions of constraints.txt:
 compiled modules for each Python of PYTHONS lie side by side, so that one package fits Debian 12 and 13, and nothing is
-compiled for another processor. Needs Debian's packages debhelper, gcc-avr, avr-libc and help2man, and for another
-processor its binutils (binutils-aarch64-linux-gnu); with lintian, an error that it finds is an error here.
+compiled for another processor. What it needs of Debian is named in one line, before anything is installed or built
+(--needs: only that); with lintian, an error that it finds is an error here.
 """
 
+import argparse
 import os
 import re
 import shutil
@@ -19,9 +20,7 @@ from email.message import Message
 from email.parser import HeaderParser
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
-
-import typer
+from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parent.parent
 SYSTEMD = ROOT / "systemd"
@@ -29,8 +28,9 @@ PYTHONS = ("3.11", "3.13")  # of Debian 12 and 13, and of Raspberry Pi OS; `cont
 COMMANDS = ("daq", "flightpower")
 PAGES = ("daq", "daq run", "daq zero", "daq check", "daq info", "daq list", "daq status", "daq config", "flightpower")
 NEEDED = {
-    "dpkg-buildpackage": "dpkg-dev", "dh": "debhelper", "help2man": "help2man", "avr-gcc": "gcc-avr avr-libc",
+    "dpkg-buildpackage": "dpkg-dev", "dh": "debhelper", "help2man": "help2man", "avr-gcc": "gcc-avr", "git": "git",
 }  # fmt: skip
+AVR_HEADER = Path("/usr/lib/avr/include/avr/io.h")  # of avr-libc, which has no command
 # What the recorder never loads, as in install.sh: other dialects of MAVLink, zstandard's second implementation, the
 # parser of pymavlink's generator; and what only other programs read.
 NEVER_LOADED = (
@@ -51,18 +51,45 @@ class Architecture(StrEnum):
         """The processor in the names of wheels, and of GNU tools."""
         return {"amd64": "x86_64", "arm64": "aarch64"}[self]
 
+    @property
+    def strip_tool(self) -> str:
+        """The program that shortens compiled modules."""
+        return f"{self.of_wheels}-linux-gnu-strip"
 
-def main(
-    architecture: Annotated[Architecture, typer.Option(help="The processor of the aircraft's computer.")] = (
-        Architecture.ARM64 if os.uname().machine == "aarch64" else Architecture.AMD64
-    ),
-    output: Annotated[Path, typer.Option(help="The folder for the package.")] = ROOT / "dist",
-    version: Annotated[str, typer.Option(help="In place of that of the commit.")] = "",
-) -> None:
+
+class Needs(NamedTuple):
+    """What of Debian is missing here, as names of packages."""
+
+    packages: list[str]
+
+    @property
+    def line(self) -> str:
+        return f"the package needs: sudo apt-get install --no-install-recommends {' '.join(self.packages)}"
+
+
+def needs(architecture: Architecture) -> Needs:
+    needed = NEEDED | {architecture.strip_tool: f"binutils-{architecture.of_wheels.replace('_', '-')}-linux-gnu"}
+    missing = [package for command, package in needed.items() if shutil.which(command) is None]
+    return Needs([*missing, *([] if AVR_HEADER.exists() else ["avr-libc"])])
+
+
+def main() -> None:
     """Build the package, and have lintian look at it."""
-    missing = [packages for command, packages in NEEDED.items() if shutil.which(command) is None]
-    if missing:
-        sys.exit(f"build.py needs packages: sudo apt-get install --no-install-recommends {' '.join(missing)}")
+    parser = argparse.ArgumentParser(description="The Debian package of the recorder.")
+    here = Architecture.ARM64 if os.uname().machine == "aarch64" else Architecture.AMD64
+    parser.add_argument("--architecture", choices=list(Architecture), type=Architecture, default=here)
+    parser.add_argument("--output", type=Path, default=ROOT / "dist", help="the folder for the package")
+    parser.add_argument("--version", default="", help="in place of that of the commit")
+    parser.add_argument("--needs", action="store_true", help="only say what is missing here")
+    options = parser.parse_args()
+    missing = needs(options.architecture)
+    if missing.packages:
+        sys.exit(missing.line)
+    if not options.needs:
+        build(options.architecture, options.output, options.version)
+
+
+def build(architecture: Architecture, output: Path, version: str) -> None:
     source = ROOT / "build" / f"deb-{architecture}" / "source"
     shutil.rmtree(source.parent, ignore_errors=True)
     shutil.copytree(ROOT / "debian", source / "debian", ignore=shutil.ignore_patterns("*.py"))
@@ -84,7 +111,8 @@ def main(
     run("dpkg-buildpackage", "--build=binary", "--no-sign", "-d", f"--host-arch={architecture}", cwd=source)
     output.mkdir(exist_ok=True)
     (package,) = source.parent.glob("*.deb")
-    target = shutil.move(package, output / package.name)
+    target = output / package.name
+    shutil.move(package, target)
     print(f"{target}: {target.stat().st_size / 1e6:.1f} MB")
     if shutil.which("lintian"):
         sys.exit(subprocess.run(["lintian", "--fail-on", "error", target]).returncode)
@@ -135,7 +163,7 @@ def environment(packages: Path, wheel: Path, architecture: Architecture) -> None
 def strip(packages: Path, architecture: Architecture) -> None:
     """Compiled modules without what only a debugger reads: a third of the package."""
     for module in packages.rglob("*.so"):
-        run(f"{architecture.of_wheels}-linux-gnu-strip", "--strip-unneeded", module)
+        run(architecture.strip_tool, "--strip-unneeded", module)
         module.chmod(0o644)
 
 
@@ -228,4 +256,4 @@ def changelog(path: Path, version: str, time_s: float) -> None:
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    main()

@@ -29,7 +29,11 @@ rm -f "$root/etc/udev/rules.d/60-flightpower.rules"
 rm -f "$root/usr/lib/sysusers.d/flightpower.conf"
 
 if [ "${1:-}" = "--purge-tray" ]; then
-    rm -rf "$root/etc/flightpower"
+    # What the commands have made; the user's own calibrations and aircraft files stay.
+    for name in tray.toml zero.json check.json; do
+        rm -f "$root/etc/flightpower/$name"
+    done
+    [ ! -d "$root/etc/flightpower" ] || rmdir --ignore-fail-on-non-empty "$root/etc/flightpower"
 fi
 
 if [ -z "$root" ]; then

@@ -72,3 +72,37 @@ def test_the_package_asks_for_a_python_that_its_modules_are_built_for():
 
     fitting = [f"3.{minor}" for minor in range(9, 16) if fits((3, minor))]
     assert fitting == list(build.PYTHONS)
+
+
+@pytest.mark.parametrize("architecture", ["amd64", "arm64"])
+def test_what_building_needs_is_named_first_and_in_one_line(tmp_path, architecture):
+    """With nothing but a Python of no libraries: not even the environment of `make` has been made."""
+    command = [sys.executable, "-I", "-S", str(ROOT / "debian/build.py"), "--architecture", architecture, "--needs"]
+    done = subprocess.run(command, env={"PATH": str(tmp_path)}, capture_output=True, text=True)
+    (line,) = done.stderr.splitlines()
+    processor = {"amd64": "x86-64", "arm64": "aarch64"}[architecture]
+    assert done.returncode == 1 and line.startswith("the package needs: sudo apt-get install")
+    assert {"dpkg-dev", "debhelper", "help2man", "gcc-avr", f"binutils-{processor}-linux-gnu"} <= set(line.split())
+    tools = [*build.NEEDED, build.Architecture(architecture).strip_tool]
+    for tool in tools:
+        (tmp_path / tool).touch(mode=0o755)
+    done = subprocess.run(command, env={"PATH": str(tmp_path)}, capture_output=True, text=True)
+    assert not set(done.stderr.split()) & set(build.NEEDED.values())
+
+
+def test_a_purge_keeps_what_the_user_has_made(tmp_path):
+    """Calibrations take a day at a wind tunnel; what the package and its commands have made goes."""
+    etc, logs = tmp_path / "etc/flightpower", tmp_path / "var/lib/flightpower"
+    etc.mkdir(parents=True)
+    logs.mkdir(parents=True)
+    script = text("flightpower.postrm").replace("/etc/", f"{tmp_path}/etc/").replace("/var/", f"{tmp_path}/var/")
+    script = script.replace("/run/udev", f"{tmp_path}/run")
+    for name in ("tray.toml", "zero.json", "check.json", "probe.json", "my.toml"):
+        (etc / name).touch()
+    (logs / "log-0001.mcap").touch()
+    subprocess.run(["sh", "-c", script, "postrm", "purge"], check=True)
+    assert {path.name for path in etc.iterdir()} == {"probe.json", "my.toml"} and list(logs.iterdir())
+    for path in etc.iterdir():
+        path.unlink()
+    subprocess.run(["sh", "-c", script, "postrm", "purge"], check=True)
+    assert not etc.exists()
