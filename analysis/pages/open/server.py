@@ -76,7 +76,7 @@ class LocalPage:
 
     def __call__(self, environ: Environ, start_response: StartResponse) -> Iterable[bytes]:
         try:
-            answer = self._answer(*self._checked(environ), environ)
+            answer = self._answer(*self.checked(environ), environ)
         except (RefusedError, InputError) as error:
             status = error.status if isinstance(error, RefusedError) else HTTPStatus.UNPROCESSABLE_ENTITY
             answer = Answer(PLAIN, str(error).encode("utf-8", "replace"), status=status)
@@ -85,7 +85,7 @@ class LocalPage:
         start_response(f"{answer.status.value} {answer.status.phrase}", headers)
         return [answer.body]
 
-    def _checked(self, environ: Environ) -> tuple[str, list[str]]:
+    def checked(self, environ: Environ) -> tuple[str, list[str]]:
         """Method and words of the path after the secret. Raises RefusedError for one not from our page."""
         host, method = environ.get("HTTP_HOST", ""), environ["REQUEST_METHOD"]
         if host not in self.hosts:
@@ -206,16 +206,40 @@ def _template(name: str) -> bytes:
     return resources.files("analysis.pages.open").joinpath("templates", name).read_bytes()
 
 
+def server_of(page: LocalPage, listening: socket) -> Any:
+    """A server that takes the body of a request only if the page would answer it, by its head."""
+    import waitress  # type: ignore[import-untyped]
+    from waitress.channel import HTTPChannel  # type: ignore[import-untyped]
+    from waitress.parser import HTTPRequestParser  # type: ignore[import-untyped]
+
+    class Parser(HTTPRequestParser):  # type: ignore[misc]
+        def parse_header(self, header_plus: bytes) -> None:
+            super().parse_header(header_plus)
+            environ = {f"HTTP_{name}": value for name, value in self.headers.items()}
+            try:
+                page.checked(environ | {"REQUEST_METHOD": self.command, "PATH_INFO": self.path})
+            except RefusedError:  # the page says so, and the connection with the body is closed
+                self.body_rcv, self.content_length = None, 0
+                self.expect_continue, self.connection_close = False, True
+
+    class Channel(HTTPChannel):  # type: ignore[misc]
+        parser_class = Parser
+
+    # Many connections that ask for nothing shut the reader out neither by number nor for long, as on the status page.
+    server = waitress.create_server(
+        page, sockets=[listening], threads=4, ident="", max_request_body_size=LIMITS.log_bytes,
+        connection_limit=500, channel_timeout=10, cleanup_interval=5, asyncore_use_poll=True,
+    )  # fmt: skip
+    server.channel_class = Channel
+    return server
+
+
 def serve(folder: Folder, listening: socket, token: str, first: str) -> None:
     """Serve the page until the process is stopped. first : a log to read ahead, or ''"""
-    import waitress  # type: ignore[import-untyped]
-
     logging.getLogger("waitress.queue").setLevel(logging.ERROR)  # a request that waits for a curve is nothing to report
     port = listening.getsockname()[1]
     page = LocalPage(folder, hosts={f"127.0.0.1:{port}", f"localhost:{port}"}, token=token)
-    server = waitress.create_server(
-        page, sockets=[listening], threads=4, ident="", max_request_body_size=LIMITS.log_bytes
-    )
+    server = server_of(page, listening)
     if first:
         Thread(target=page.read_ahead, args=(first,), daemon=True).start()
     server.run()

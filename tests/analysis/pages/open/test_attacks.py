@@ -2,13 +2,16 @@
 
 import io
 import json
+import socket
+from collections.abc import Iterator
 from pathlib import Path
+from threading import Thread
 from typing import Any, NamedTuple
 
 import pytest
 
 from analysis.pages.open.flights import LIMITS, Folder
-from analysis.pages.open.server import LocalPage
+from analysis.pages.open.server import LocalPage, server_of
 
 HOST, TOKEN = "127.0.0.1:5555", "the-secret-of-this-page"
 VALUES = {"file": "log.mcap"}
@@ -171,3 +174,58 @@ def test_a_linked_report_folder_that_leads_out_is_not_read(page: LocalPage, tmp_
     (tmp_path / "elsewhere" / "report.html").write_text("SECRET", "utf-8")
     (page.folder.path / "log.report").symlink_to(tmp_path / "elsewhere")
     assert asked(page, "GET", of("report/log.mcap")).status == 422
+
+
+@pytest.fixture
+def address(opened: Folder) -> Iterator[tuple[str, int]]:
+    """Of the page on a real server, with HOST as its host."""
+    with socket.create_server(("127.0.0.1", 0), backlog=256) as listening:
+        server = server_of(LocalPage(opened, {HOST}, TOKEN), listening)
+        Thread(target=server.run, daemon=True).start()
+        yield listening.getsockname()
+        server.close()
+
+
+def head(path: str, host: str = HOST, **lines: object) -> bytes:
+    """The head of a request that announces the largest body that is taken."""
+    lines = {"Host": host, "Origin": f"http://{host}", "Content-Length": LIMITS.log_bytes - 1} | lines
+    return "\r\n".join(
+        [f"PUT {path} HTTP/1.1", *(f"{name}: {value}" for name, value in lines.items()), "", ""]
+    ).encode()
+
+
+@pytest.mark.parametrize(("sent", "status"), [
+    (head(of("file/new.mcap"), "evil.example:5555"), b"403"),
+    (head("/guess/file/new.mcap"), b"404"),
+    (head(of("file/new.mcap"), Origin="http://evil.example"), b"403"),
+    (head("/guess/file/new.mcap", Expect="100-continue"), b"404"),
+])  # fmt: skip
+def test_the_body_of_a_request_that_is_refused_is_not_taken(
+    address: tuple[str, int], sent: bytes, status: bytes
+) -> None:
+    """The answer comes before a byte of it, and the connection is closed."""
+    with socket.create_connection(address, timeout=20) as attacker:
+        attacker.sendall(sent)
+        answer = b""
+        while part := attacker.recv(4096):
+            answer += part
+    assert answer.startswith(b"HTTP/1.1 " + status) and b"100 Continue" not in answer
+
+
+def test_a_body_that_the_page_wants_is_taken(address: tuple[str, int], flown: bytes, opened: Folder) -> None:
+    with socket.create_connection(address, timeout=20) as reader:
+        announced = str(LIMITS.log_bytes - 1).encode()
+        reader.sendall(head(of("file/new.mcap")).replace(announced, str(len(flown)).encode()) + flown)
+        assert reader.recv(12) == b"HTTP/1.1 200"
+    assert (opened.path / "new.mcap").read_bytes() == flown
+
+
+def test_connections_that_ask_for_nothing_do_not_shut_the_reader_out(address: tuple[str, int]) -> None:
+    idle = [socket.create_connection(address) for _ in range(150)]
+    for connection in idle[:75]:
+        connection.sendall(b"GET /")
+    with socket.create_connection(address, timeout=20) as reader:
+        reader.sendall(f"GET {of('')} HTTP/1.1\r\nHost: {HOST}\r\n\r\n".encode())
+        assert reader.recv(12) == b"HTTP/1.1 200"
+    for connection in idle:
+        connection.close()
