@@ -10,7 +10,7 @@ class SensorState(enum.StrEnum):
     STARTING = "starting"
     WAITING = "waiting"  # it has sent nothing yet, which is normal: the motor stands
     OK = "ok"
-    DEGRADED = "degraded"  # it answers, but without measurements
+    DEGRADED = "degraded"  # it answers, but without measurements, or not as it is set
     FAILED = "failed"  # it does not answer, or is another part than configured
     RECOVERING = "recovering"  # it answers again, but not yet for RECOVERED_AFTER_NS
 
@@ -64,8 +64,15 @@ class SensorHealth:
             return None
         return self._move(SensorState.FAILED, now_ns)
 
-    def read(self, statuses: list[Status], now_ns: int) -> Event | None:
-        """The driver returned messages with these statuses; the list may be empty."""
+    def read(self, statuses: list[Status], now_ns: int, complaint: str = "") -> Event | None:
+        """The driver returned messages with these statuses; the list may be empty. complaint: see `daq.sensors`."""
+        if complaint and GOOD_STATUSES.issuperset(statuses):
+            self._may_wait, self._good_since_ns = False, None
+            self._bad_since_ns = now_ns if self._bad_since_ns is None else self._bad_since_ns
+            if complaint != self._cause and self.state is SensorState.DEGRADED:
+                self._reported = SensorState.OK  # another trouble is news
+            self._cause = complaint
+            return self._move(SensorState.DEGRADED, now_ns)
         if not statuses:
             return self._event(now_ns)
         if self._may_wait and SILENT.issuperset(statuses):

@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 
 from daq.sensor_health import SensorHealth
-from daq.sensors import Sample, Sensor, SensorFailure
+from daq.sensors import Sample, Sensor, SensorFailure, complaint_of
 from flight.messages import OK, TYPE_OF_TOPIC, Event, Status
 
 RETRY_NS = 500_000_000
@@ -85,10 +85,11 @@ class SensorSupervisor:
             health.statuses[status] += 1
             good &= status is OK or status is BUSY
         skipping = len(self._skipped_ns) == 2 and now_ns - self._skipped_ns[0] < SKIPPING_NS
-        if good and not skipping and health.settled:
+        complaint = complaint_of(self._sensor)
+        if good and not skipping and not complaint and health.settled:
             return samples
         statuses = [sample.message.status for sample in samples]
-        self._add_event(health.read([*statuses, Status.TIMEOUT] if skipping else statuses, now_ns))
+        self._add_event(health.read([*statuses, Status.TIMEOUT] if skipping else statuses, now_ns, complaint))
         return samples
 
     def skip(self, now_ns: int) -> list[Sample]:

@@ -33,6 +33,14 @@ class Sensor(Protocol):
         """This tick's messages; may be empty. now_ns: monotonic time at which this sensor's reading begins."""
 
 
+def complaint_of(sensor: object) -> str:
+    """What is wrong with a part although it measures, such as a rate that it does not keep; empty where nothing is.
+
+    A driver that audits its part has it in an attribute `complaint`.
+    """
+    return getattr(sensor, "complaint", "")
+
+
 class SensorFailure(Exception):
     """The part answers incorrectly and has to be started again. `status` is logged."""
 

@@ -53,10 +53,11 @@ class AK8963Driver:
         yield MODE_CHANGE_S
 
     def read(self, now_ns: int) -> list[Sample]:
-        block = self._bus.write_read(self._address, bytes([ST1]), BLOCK.size)
-        status, x, y, z, status2, control = BLOCK.unpack(block)
-        if control != CONTINUOUS_100_HZ_16_BIT:
-            raise brown_out("AK8963")
+        status, x, y, z, status2, control = self._block()
+        if control != CONTINUOUS_100_HZ_16_BIT:  # or a wrong bit in the reply
+            status, x, y, z, status2, control = self._block()
+            if control != CONTINUOUS_100_HZ_16_BIT:
+                raise brown_out("AK8963")
         if not status & DATA_READY:
             self._stale += 1
             if self._stale > STALE_LIMIT:
@@ -74,6 +75,9 @@ class AK8963Driver:
             field_z_T=field_z,
         )
         return [Sample("/mag", now_ns, message)]
+
+    def _block(self) -> tuple[int, ...]:
+        return BLOCK.unpack(self._bus.write_read(self._address, bytes([ST1]), BLOCK.size))
 
 
 def sensitivity(fuse: int) -> float:

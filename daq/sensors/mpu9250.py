@@ -5,16 +5,22 @@ PS-MPU-9250A-01.
 
 By default the part samples at 200 Hz into its FIFO, and the samples are averaged over a tick, so that motor vibration
 does not alias into 25 Hz samples. The magnetometer inside (AK8963) has its own driver; this one opens the bypass to it.
+
+Each tick, the registers of ranges, filters and rate are read after the samples, now and then those of FIFO and bypass:
+samples of other settings are not recorded, and the settings are restored. A reply with a wrong bit must not look like
+that: what differs is read once more. In the samples, a damaged reply is told by the temperature, and by a sample that
+lies far from all the others.
 """
 
 import math
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from daq.bus import I2CBus
 from daq.sensors import Sample, SensorFailure, brown_out, wrong_device
 from daq.sensors.axes import BODY_AXES, Axes, to_body_axes
+from daq.sensors.slow_value import SlowValue
 from flight.messages import OK, Imu, Status
 from flight.units import GRAVITY_MPS2
 
@@ -49,6 +55,16 @@ COUNTS_PER_DPS = {250: 131.0, 500: 65.5, 1000: 32.8, 2000: 16.4}  # PS 3.1
 TEMPERATURE_COUNTS_PER_K, TEMPERATURE_ZERO_K = 333.87, 294.15  # PS 3.4.2: 21 degC
 FULL_COUNT = 32767
 
+AUDIT_TICKS = 50  # of these, one reads FIFO_EN too, and one the bypass instead
+MOST_RESTORED = 3  # in a row: then the part does not keep its settings
+COMPLAINT_NS = 6_000_000_000  # a lost setting is told for this long: longer than the spacing of a sensor's events
+COUNT_TOLERANCE = 2  # samples: the thread may have waited between the tick's begin and the transfer
+TEMPERATURE_STEP, TEMPERATURE_PER_S = 2 * TEMPERATURE_COUNTS_PER_K, 0.02 * TEMPERATURE_COUNTS_PER_K  # warming up
+BELIEVED_AFTER = 25  # readings of another temperature; damage to a burst is not the same twice
+# One sample of a tick is damaged when it lies this many counts beyond the others, and as many times their spread: what
+# passes the low-pass filters lasts for several samples.
+OUTLIER_COUNTS, OUTLIER_SPREADS, FEWEST_JUDGED = 128, 4, 4
+
 
 class Ranges(NamedTuple):
     """Measuring ranges: of specific force [g] and of angular rate [deg/s], to each side of 0."""
@@ -63,6 +79,7 @@ class Counts(NamedTuple):
     samples: int
     values: tuple[float, ...]  # (7,) as in SAMPLE
     saturated: bool
+    damaged: bool = False  # one sample cannot belong to the others
 
 
 SPARE_SAMPLES = 1  # read a tick beyond those that arrive in it, until the FIFO has been caught up with
@@ -97,6 +114,24 @@ class MPU9250Driver:
         if period_s is not None:
             self._most_bytes = SAMPLE.size * (math.ceil(SAMPLE_RATE_HZ * period_s) + SPARE_SAMPLES)
         self._partial_sample = False  # a failed burst may leave part of a sample at the FIFO's head
+        gyro_filter, accel_filter = FIFO_FILTERS if fifo else SINGLE_FILTERS
+        self._settings = bytes(  # from SMPLRT_DIV on
+            [
+                SAMPLE_RATE_DIVIDER if fifo else 0,
+                STOP_WHEN_FULL | gyro_filter,
+                RANGES_DPS[ranges.dps] << 3,
+                RANGES_G[ranges.g] << 3,
+                accel_filter,
+            ]
+        )
+        self._bypass = BYPASS if topic == Imu.topics[0] else 0
+        self._reads = 0
+        self._restored = 0  # in a row
+        self._read_ns: int | None = None  # when the FIFO was last read in whole, and what was left in it [bytes]
+        self._left = 0
+        self._temperature = SlowValue(TEMPERATURE_STEP, TEMPERATURE_PER_S, BELIEVED_AFTER)
+        self._complaint_ns = -COMPLAINT_NS
+        self.complaint = ""
 
     def start(self) -> Iterator[float]:
         """Reset, identify and configure. Raises SensorFailure for another part or a refused setting."""
@@ -106,46 +141,85 @@ class MPU9250Driver:
         self._write(PWR_MGMT_1, H_RESET)
         yield RESET_S
         self._write(PWR_MGMT_1, CLOCK_AUTO)
-        gyro_filter, accel_filter = FIFO_FILTERS if self._fifo else SINGLE_FILTERS
-        settings = bytes(
-            [
-                SAMPLE_RATE_DIVIDER if self._fifo else 0,
-                STOP_WHEN_FULL | gyro_filter,
-                RANGES_DPS[self._ranges.dps] << 3,
-                RANGES_G[self._ranges.g] << 3,
-                accel_filter,
-            ]
-        )
-        self._write(SMPLRT_DIV, *settings)
-        self._write(INT_PIN_CFG, BYPASS if self._topic == Imu.topics[0] else 0)
+        self._write(SMPLRT_DIV, *self._settings)
+        self._write(INT_PIN_CFG, self._bypass)
         yield GYRO_START_S
-        if self._bus.write_read(self._address, bytes([SMPLRT_DIV]), len(settings)) != settings:
+        if self._lost_settings(SMPLRT_DIV, self._settings):
             raise SensorFailure(Status.FAULT, "MPU-9250 does not keep its settings")
         if self._fifo:
             self._write(FIFO_EN, FIFO_ALL)
             self._restart_fifo()
 
     def read(self, now_ns: int) -> list[Sample]:
-        """Mean of the FIFO since the last tick, or one sample. The message has their number and delay."""
-        message = self._read_fifo() if self._fifo else self._read_once()
+        """Mean of the FIFO since the last tick, or one sample. The message has their number and delay.
+
+        `fault` if the part did not have its settings, which it has again from the next tick on.
+        """
+        message = self._read_fifo(now_ns) if self._fifo else self._read_once(now_ns)
+        if self.complaint and now_ns - self._complaint_ns >= COMPLAINT_NS:
+            self.complaint = ""
+        if not self._audited(now_ns):
+            message = Imu(status=Status.FAULT)
         return [Sample(self._topic, now_ns, message)]
 
-    def _read_once(self) -> Imu:
-        if self._bus.write_read(self._address, bytes([CONFIG]), 1)[0] & 7 != SINGLE_FILTERS[0]:
+    def _audited(self, now_ns: int) -> bool:
+        """Whether this tick's samples have the right settings. Those that the part has lost are restored."""
+        self._reads += 1
+        in_turn = self._reads % AUDIT_TICKS
+        if in_turn == 0:
+            if self._lost_settings(INT_PIN_CFG, bytes([self._bypass])):
+                self._write(INT_PIN_CFG, self._bypass)
+                self._complain("bypass to the magnetometer", now_ns)
+            return True
+        whole = self._fifo and in_turn == AUDIT_TICKS // 2
+        expected = self._settings + bytes(FIFO_EN - SMPLRT_DIV - len(self._settings)) + bytes([FIFO_ALL])
+        if not self._lost_settings(SMPLRT_DIV, expected if whole else self._settings):
+            self._restored = 0
+            return True
+        if not self._fifo:
             raise brown_out("MPU-9250")
-        counts = mean(self._bus.write_read(self._address, bytes([ACCEL_XOUT_H]), SAMPLE.size))
-        return self._message(counts, *SINGLE_FILTER_DELAYS_S)
+        self._restored += 1
+        if self._restored > MOST_RESTORED:
+            raise SensorFailure(Status.FAULT, "MPU-9250 does not keep its settings")
+        self._write(SMPLRT_DIV, *self._settings)
+        self._write(FIFO_EN, FIFO_ALL)
+        self._restart_fifo()
+        self._complain("ranges, filters or rate", now_ns)
+        return False
 
-    def _read_fifo(self) -> Imu:
+    def _lost_settings(self, register: int, expected: bytes) -> bool:
+        """Whether the registers from `register` on differ from `expected`, read twice where they do."""
+        length = len(self._settings)
+        for _ in range(2):
+            found = self._bus.write_read(self._address, bytes([register]), len(expected))
+            if found == expected or (found[:length] == expected[:length] and found[-1] == expected[-1]):
+                return False  # reserved registers in between may have any value
+        return True
+
+    def _complain(self, what: str, now_ns: int) -> None:
+        self._complaint_ns = now_ns
+        self.complaint = f"lost its settings ({what}), which were restored: check its supply for interruptions"
+
+    def _read_once(self, now_ns: int) -> Imu:
+        counts = mean(self._bus.write_read(self._address, bytes([ACCEL_XOUT_H]), SAMPLE.size))
+        return self._message(counts, *SINGLE_FILTER_DELAYS_S, now_ns)
+
+    def _read_fifo(self, now_ns: int) -> Imu:
         # USER_CTRL to FIFO_COUNTL in one transfer: the settings read with the count reveal a loss of supply or another
         # part.
         block = self._bus.write_read(self._address, bytes([USER_CTRL]), FIFO_COUNTH + 2 - USER_CTRL)
-        if (block[0], block[1]) != (FIFO_ON, CLOCK_AUTO):  # USER_CTRL, PWR_MGMT_1
-            raise brown_out("MPU-9250")
+        if (block[0], block[1]) != (FIFO_ON, CLOCK_AUTO):  # USER_CTRL, PWR_MGMT_1; or a wrong bit in the reply
+            block = self._bus.write_read(self._address, bytes([USER_CTRL]), FIFO_COUNTH + 2 - USER_CTRL)
+            if (block[0], block[1]) != (FIFO_ON, CLOCK_AUTO):
+                raise brown_out("MPU-9250")
         if self._partial_sample:
             self._restart_fifo()
             return Imu(status=Status.STALE)
         waiting = int.from_bytes(block[-2:], "big") & 0x1FFF
+        if self._read_ns is not None:
+            filled = (now_ns - self._read_ns) * 1e-9 * SAMPLE_RATE_HZ + self._left // SAMPLE.size
+            if abs(waiting // SAMPLE.size - filled) > COUNT_TOLERANCE:  # a wrong bit in the count, or a late thread
+                waiting = int.from_bytes(self._bus.write_read(self._address, bytes([FIFO_COUNTH]), 2), "big") & 0x1FFF
         if waiting > FIFO_BYTES - SAMPLE.size:  # full: samples were lost, and the time of the others is unknown
             self._restart_fifo()
             return Imu(status=Status.CORRUPT)
@@ -160,14 +234,17 @@ class MPU9250Driver:
             self._restart_fifo()
             return Imu(status=Status.CORRUPT)
         self._partial_sample = False
+        self._read_ns, self._left = now_ns, waiting - size
         counts = mean(data)
         mean_s = (counts.samples / 2 + newer) / SAMPLE_RATE_HZ
         gyroscope_s, accelerometer_s = FIFO_FILTER_DELAYS_S
-        return self._message(counts, gyroscope_s + mean_s, accelerometer_s + mean_s)
+        return self._message(counts, gyroscope_s + mean_s, accelerometer_s + mean_s, now_ns)
 
-    def _message(self, counts: Counts, gyroscope_s: float, accelerometer_s: float) -> Imu:
-        """The message of these counts, with the delays of both."""
+    def _message(self, counts: Counts, gyroscope_s: float, accelerometer_s: float, now_ns: int) -> Imu:
+        """The message of these counts, with the delays of both; `corrupt` where they were damaged on their way."""
         ax, ay, az, temperature, gx, gy, gz = counts.values
+        if not self._temperature.fits(temperature, now_ns) or (counts.damaged and not counts.saturated):
+            return Imu(status=Status.CORRUPT)
         per_mps2, per_radps = self._mps2_per_count, self._radps_per_count
         fx, fy, fz = to_body_axes((ax * per_mps2, ay * per_mps2, az * per_mps2), self._axes)
         p, q, r = to_body_axes((gx * per_radps, gy * per_radps, gz * per_radps), self._axes)
@@ -196,6 +273,7 @@ class MPU9250Driver:
         self._write(USER_CTRL, FIFO_RESET)
         self._write(USER_CTRL, FIFO_ON)
         self._partial_sample = False
+        self._read_ns = None
 
     def _write(self, register: int, *values: int) -> None:
         self._bus.write(self._address, bytes([register, *values]))
@@ -211,7 +289,19 @@ def mean(data: bytes) -> Counts:
     saturated = max(values) >= FULL_COUNT or min(values) <= -FULL_COUNT  # the temperature counts, too
     if saturated:
         saturated = any(max(map(abs, column)) >= FULL_COUNT for column in columns[:3] + columns[4:])
-    return Counts(count, tuple(means), saturated)
+    damaged = count >= FEWEST_JUDGED and any(map(has_outlier, columns))
+    return Counts(count, tuple(means), saturated, damaged)
+
+
+def has_outlier(column: Sequence[int]) -> bool:
+    """Whether one of the samples lies far beyond all others, as a wrong bit makes it."""
+    if max(column) - min(column) <= OUTLIER_COUNTS:
+        return False
+    lowest, low, *_, high, highest = sorted(column)
+    return any(
+        step > OUTLIER_COUNTS and step > OUTLIER_SPREADS * spread
+        for step, spread in ((low - lowest, highest - low), (highest - high, high - lowest))
+    )
 
 
 def accel_scale_mps2(range_g: int) -> float:

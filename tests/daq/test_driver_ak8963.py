@@ -92,3 +92,22 @@ def test_a_lost_supply_is_noticed(started):
 def test_a_wrong_part_or_an_unreadable_fuse_memory_is_refused(bus):
     with pytest.raises(SensorFailure):
         bring_up(AK8963Driver(bus))
+
+
+def test_one_wrong_bit_in_a_reply_is_no_loss_of_supply():
+    """It would cost 22 ticks to start the part again."""
+    bus = registers()
+    sensor = AK8963Driver(bus)
+    bring_up(sensor)
+    measured(bus, 1, 2, 3)
+    plain, replies = bus.write_read, [0x01, 0x00]
+
+    def damaged(address, data, count):
+        reply = plain(address, data, count)
+        return reply[:-1] + bytes([reply[-1] ^ replies.pop(0)]) if replies else reply
+
+    bus.write_read = damaged
+    assert sensor.read(0)[0].message.z_counts == 3 and replies == []
+    replies += [0x01, 0x01]
+    with pytest.raises(SensorFailure, match="supply"):
+        sensor.read(1)

@@ -232,3 +232,111 @@ def test_a_single_sample_at_either_end_of_a_range_saturates_and_the_temperature_
         counts[4][channel] = limit
         found = mean(b"".join(struct.pack(">7h", *sample) for sample in counts))
         assert found.saturated == (channel != 3) and found[1][channel] == limit / 10
+
+
+LOST = {"gyroscope's range": 0x1B, "accelerometer's range": 0x1C, "rate": 0x19, "filter": 0x1A}
+
+
+@pytest.mark.parametrize("register", LOST.values(), ids=LOST)
+def test_samples_of_other_settings_are_not_recorded_and_the_settings_are_restored(register):
+    chip, sensor = started()
+    chip.put(ONE_G_DOWN)
+    assert read(sensor).status is Status.OK and sensor.complaint == ""
+    chip.registers[ADDRESS][register] ^= 0x18
+    chip.put(*[(0, 0, -16384, 0, 0, 0, 0)] * 4)
+    assert read(sensor) == Imu(status=Status.FAULT) and "ranges" in sensor.complaint
+    chip.put(ONE_G_DOWN)
+    assert read(sensor).specific_force_z_mps2 == pytest.approx(-9.80665)
+    chip.put(ONE_G_DOWN)
+    sensor.read(10_000_000_000)
+    assert sensor.complaint == ""
+
+
+def test_a_part_that_loses_its_settings_again_and_again_is_started_again():
+    chip, sensor = started()
+    with pytest.raises(SensorFailure, match="does not keep"):
+        for _ in range(4):
+            chip.registers[ADDRESS][0x1C] = 0
+            chip.put(ONE_G_DOWN)
+            assert read(sensor).status is Status.FAULT
+
+
+@pytest.mark.parametrize(("register", "lost"), [(0x23, "ranges"), (0x37, "bypass")])
+def test_what_the_fifo_takes_and_the_way_to_the_magnetometer_are_audited_in_turn(register, lost):
+    chip, sensor = started()
+    chip.registers[ADDRESS][register] = 0
+    for tick in range(50):
+        chip.put(ONE_G_DOWN)
+        sensor.read(tick)
+    assert chip.registers[ADDRESS][register] and lost in sensor.complaint
+
+
+def flipped_once(chip: Chip, register: int, byte: int, bit: int) -> None:
+    """The next reply from `register` on has one wrong bit."""
+    whole, pending = chip.write_read, [True]
+
+    def damaged(address, data, count):
+        reply = bytearray(whole(address, data, count))
+        if data[0] == register and pending:
+            pending.pop()
+            reply[byte] ^= 1 << bit
+        return bytes(reply)
+
+    chip.write_read = damaged
+
+
+@pytest.mark.parametrize(("register", "byte"), [(0x6A, 0), (0x6A, 1), (0x19, 2), (0x19, 3)])
+def test_one_wrong_bit_in_a_reply_is_no_loss_of_supply(register, byte):
+    """Starting the part again would cost the magnetometer 22 ticks."""
+    for bit in range(8):
+        chip, sensor = started()
+        flipped_once(chip, register, byte, bit)
+        chip.put(ONE_G_DOWN)
+        assert read(sensor).accel_z_counts == -4096 and sensor.complaint == ""
+
+
+def test_one_wrong_bit_in_the_count_costs_nothing():
+    """Eight samples wait; each wrong count would be another mean, of bytes that are not there, with another delay."""
+    for byte, bit in [(8, 0), (9, 7), (9, 6), (9, 5)]:
+        chip, sensor = started(period_s=0.04)
+        for tick in range(1, 4):
+            chip.put(*[ONE_G_DOWN] * 8)
+            if tick == 2:
+                flipped_once(chip, 0x6A, byte, bit)
+            (sample,) = sensor.read(tick * 40_000_000)
+            assert (sample.message.samples, sample.message.accel_z_counts) == (8, -4096)
+
+
+@pytest.mark.parametrize("bit", range(8, 16))
+def test_one_wrong_bit_in_a_sample_is_corrupt(bit):
+    chip, sensor = started()
+    for place in range(8):
+        samples = [(20 * i, -10 * i, -4096 + 5 * i, 100, i, -i, 0) for i in range(8)]
+        wrong = list(samples[place])
+        word = (wrong[2] & 0xFFFF) ^ 1 << bit
+        wrong[2] = word - 0x10000 if word & 0x8000 else word
+        samples[place] = tuple(wrong)
+        chip.put(*samples)
+        assert read(sensor) == Imu(status=Status.CORRUPT)
+
+
+def test_vibration_is_not_taken_for_damage():
+    """2 g at 35 Hz, which the low-pass filter of 41 Hz passes: each sample is far from its neighbors."""
+    chip, sensor = started()
+    for tick in range(100):
+        times_s = [0.005 * (8 * tick + i) for i in range(8)]
+        chip.put(*[(round(8192 * math.sin(2 * math.pi * 35 * t)), 0, -4096, 100, 0, 0, 0) for t in times_s])
+        assert read(sensor).status is Status.OK
+
+
+def test_a_burst_that_is_shifted_by_a_bit_is_corrupt():
+    chip, sensor = started()
+    sample = (40, -60, -4097, 2000, 15, 8, -3)
+    for _ in range(2):
+        chip.put(*[sample] * 8)
+        assert read(sensor).status is Status.OK
+    chip.put(*[sample] * 8)
+    chip.fifo = (int.from_bytes(chip.fifo, "big") >> 1).to_bytes(len(chip.fifo), "big")
+    assert read(sensor) == Imu(status=Status.CORRUPT)
+    chip.put(*[sample] * 8)
+    assert read(sensor).accel_z_counts == -4097
