@@ -18,7 +18,12 @@ from flight.messages import Attitude, Battery, Controls, Message, Rpm, Status
 
 SILENCE_NS = 500_000_000
 BATTERY_SILENCE_NS = 3_000_000_000  # sent a few times a second at most
-REQUEST_AGAIN_NS = 2_000_000_000
+HEARTBEAT_NS = 2_500_000_000  # it is sent once a second, and before the first one nothing is read
+REQUEST_AGAIN_NS, REQUEST_SELDOM_NS, MOST_REQUESTS = 2_000_000_000, 20_000_000_000, 3  # after as many only seldom
+ANSWERED_NS, JUDGED_NS = 1_000_000_000, 2_000_000_000  # after a request: no rate is judged, then for so long
+# Of the requested rate. Below the first it is asked for again: an autopilot that starts again forgets it, and another
+# station can change it. Below the second it is told; a line that is a little too slow for the rate stays above.
+ENOUGH, FAR_TOO_FEW = 0.8, 0.4
 OUR_SYSTEM, OUR_COMPONENT = 255, 191  # of a ground station; MAV_COMP_ID_ONBOARD_COMPUTER
 NO_AUTOPILOT = 8  # MAV_AUTOPILOT_INVALID
 SET_MESSAGE_INTERVAL = 511  # MAV_CMD
@@ -54,7 +59,13 @@ class AutopilotDriver:
             self._silence_ns["/rpm"] = SILENCE_NS
         self._sender: tuple[int, int] | None = None  # system and component of the autopilot, once it was heard
         self._last_ns: dict[str, int] = {}
+        self._first_ns: int | None = None
         self._requested_ns: int | None = None
+        self._requests = 0  # in a row, with which the rates were still too low
+        self._received: dict[str, int] = {}  # messages by topic since a second after the latest judgement or request
+        self._judged_from_ns = 0
+        self._slow = False
+        self.complaint = ""
         self._has_battery_status = False
         self._sticks: list[int] | None = None
         self._damaged = False  # damaged bytes were received since the last valid message
@@ -85,24 +96,56 @@ class AutopilotDriver:
         self._damaged &= not newest
         newest = {topic: message for topic, message in newest.items() if topic in self._silence_ns}
         silent = False
+        self._first_ns = self._first_ns or now_ns
+        waiting = self._sender is None and now_ns - self._first_ns < HEARTBEAT_NS
         for topic, limit_ns in self._silence_ns.items():
-            if topic in newest or topic not in self._last_ns:
+            if waiting or topic in newest or topic not in self._last_ns:
                 self._last_ns[topic] = now_ns
             elif now_ns - self._last_ns[topic] >= limit_ns:
                 newest[topic] = SILENT[topic](status=Status.CORRUPT if self._damaged else Status.NO_DATA)
                 silent = True
-        if heard and (self._requested_ns is None or (silent and now_ns - self._requested_ns >= REQUEST_AGAIN_NS)):
+        self._judge_rates(now_ns)
+        if heard and self._request_is_due(silent or self._slow, now_ns):
             self._request_messages()
-            self._requested_ns = now_ns
+            self._requested_ns, self._judged_from_ns = now_ns, now_ns + ANSWERED_NS
+            self._requests += self._slow
+            self._slow = False
+            self._received.clear()
         return [Sample(topic, now_ns, message) for topic, message in newest.items()]
+
+    def _request_is_due(self, missing: bool, now_ns: int) -> bool:
+        """Whether the messages have to be requested. missing: some do not come as they were."""
+        if self._requested_ns is None:
+            return True
+        spacing_ns = REQUEST_AGAIN_NS if self._requests < MOST_REQUESTS else REQUEST_SELDOM_NS
+        return missing and now_ns - self._requested_ns >= spacing_ns
+
+    def _judge_rates(self, now_ns: int) -> None:
+        """Compare how many messages came in two seconds with how many were requested. Silence has a status."""
+        elapsed_ns = now_ns - self._judged_from_ns
+        if self._requested_ns is None or elapsed_ns < 0:
+            self._received.clear()
+            return
+        if elapsed_ns < JUDGED_NS:
+            return
+        wanted = self._rate_Hz * elapsed_ns * 1e-9
+        self._slow = any(n < ENOUGH * wanted for n in self._received.values())
+        self._requests = self._requests if self._slow else 0
+        few = {topic: n for topic, n in self._received.items() if n < FAR_TOO_FEW * wanted}
+        told = ", ".join(f"{n / elapsed_ns * 1e9:.0f} of {topic}" for topic, n in few.items())
+        self.complaint = f"sends {told} a second, asked for {self._rate_Hz:g}: raise its baud rate" if told else ""
+        self._received.clear()
+        self._judged_from_ns = now_ns
 
     def _take(self, content: Content, newest: dict[str, Message]) -> None:
         match content:
             case ServoOutput():
                 if content.port == 0:
+                    self._count("/controls")
                     newest["/controls"] = message = servo_controls(pulses_us(content), self._aircraft)
                     message.stick_pulse_us, self._sticks = self._sticks, None
             case mavlink_frames.Attitude():
+                self._count("/attitude")
                 newest["/attitude"] = attitude(content)
             case RcChannels():
                 self._sticks = sticks_us(content)
@@ -115,7 +158,11 @@ class AutopilotDriver:
                     newest["/battery"] = _battery(content.voltage_battery, content.current_battery)
             case MotorRpm():
                 if content.sensor == 0:
+                    self._count("/rpm")
                     newest["/rpm"] = motor_speed(content.rpm)
+
+    def _count(self, topic: str) -> None:
+        self._received[topic] = self._received.get(topic, 0) + 1
 
     def _request_messages(self) -> None:
         wanted = {

@@ -206,6 +206,34 @@ def test_what_the_sticks_say_stands_once_beside_what_the_servos_are_told():
     assert (said[2][0].pulse_us, said[2][0].stick_pulse_us) == (PULSES, None)
 
 
+def streaming(sensor, port, rate_Hz: float, seconds: float, begin_s: float) -> float:
+    """Attitude and servo outputs at a rate, and a heartbeat a second. Returns the end [s]."""
+    for tick in range(round(seconds * 25)):
+        now_s = begin_s + tick / 25
+        due = tick * rate_Hz % 25 < rate_Hz
+        port.incoming.append((heartbeat() if tick % 25 == 0 else b"") + ((attitude() + servo()) if due else b""))
+        sensor.read(round(now_s * 1e9))
+    return begin_s + seconds
+
+
+def requested(port) -> int:
+    """How often attitude was requested."""
+    decoded_ = [mavlink.MAVLink(None).parse_buffer(data)[0] for data in port.written]
+    return sum(int(message.param1) == mavlink.MAVLINK_MSG_ID_ATTITUDE for message in decoded_)
+
+
+def test_rates_that_the_autopilot_does_not_keep_are_requested_again_and_told():
+    port, sensor = autopilot(battery=False)
+    at_s = streaming(sensor, port, 25, 10, begin_s=1)
+    assert requested(port) == 1 and sensor.complaint == ""
+    at_s = streaming(sensor, port, 4, 5, begin_s=at_s)  # it has started again, with rates of its own
+    assert requested(port) == 2 and "4 of /attitude, 4 of /controls a second, asked for 25" in sensor.complaint
+    at_s = streaming(sensor, port, 25, 5, begin_s=at_s)
+    assert requested(port) == 2 and sensor.complaint == ""
+    streaming(sensor, port, 15, 60, begin_s=at_s)  # as fast as the line can: asked three times, and then seldom
+    assert 5 <= requested(port) <= 8 and sensor.complaint == ""
+
+
 def test_damaged_messages_are_corrupt_rather_than_silent():
     port, sensor = autopilot()
     damaged = bytearray(attitude())
