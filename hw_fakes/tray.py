@@ -20,7 +20,7 @@ from hw_fakes.i2c import FakeI2CBus, I2CBus, I2CDevice
 from hw_fakes.ina2xx import INA226, FakePowerMonitor
 from hw_fakes.mpu9250 import FakeMPU9250
 from hw_fakes.port import FakePort, SerialDevice
-from hw_fakes.ublox import DDC_ADDRESS, PORT_DDC, PORT_UART1, FakeUbloxDdc, FakeUbloxM8
+from hw_fakes.ublox import DDC_ADDRESS, PORT_DDC, PORT_UART1, FakeUbloxDdc, FakeUbloxM8, FakeUbloxM10
 from sim.sensor_truth import SensorTruth
 
 I2C_BUS, GPS_PORT, ESC_PORT, AUTOPILOT_PORT = "/dev/i2c-1", "/dev/ttyAMA0", "/dev/ttyUSB0", "/dev/ttyUSB1"
@@ -57,7 +57,7 @@ class TrayVariant:
     powered_for_s: how long the parts have had power; a Pi takes some 20 s to boot, so the parts have started before the
     daemon reads them. pole_pairs: of the motor. utc_at_start: true UTC now, as GPS time gives it. geoid_m: height of
     the geoid above the ellipsoid. rpm_with_crc: the pulse counter sends the frames with CRC. gps_on_i2c: the receiver
-    is on the I2C bus, not on its serial line.
+    is on the I2C bus, not on its serial line. gps_m10: it is of the generation M10.
     """
 
     powered_for_s: float = 20.0
@@ -66,6 +66,7 @@ class TrayVariant:
     geoid_m: float = 0.0
     rpm_with_crc: bool = False
     gps_on_i2c: bool = False
+    gps_m10: bool = False
 
 
 class FakeTray:
@@ -108,7 +109,8 @@ class FakeTray:
         self.beta = bridge.FakeBridge(bridge.MS4515DO_DS5A002DP, "beta", sensor_truth, now_ns, powered_ns)
         self.airspeed = bridge.FakeBridge(bridge.SSCDRRN005ND2A5, "airspeed", sensor_truth, now_ns, powered_ns)
         gps_port = PORT_DDC if variant.gps_on_i2c else PORT_UART1
-        self.gps = FakeUbloxM8(
+        generation = FakeUbloxM10 if variant.gps_m10 else FakeUbloxM8
+        self.gps = generation(
             sensor_truth, variant.utc_at_start, variant.geoid_m, powered_ns=powered_ns, port_id=gps_port
         )
         self.esc_counter = FakeEscCounter(sensor_truth, variant.pole_pairs, variant.rpm_with_crc)

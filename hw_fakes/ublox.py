@@ -357,6 +357,78 @@ class FakeUbloxM8:
         return True
 
 
+VALSET, VALGET, IN_RAM = 0x8A, 0x8B, 0x01
+VALUE_BYTES = {1: 1, 2: 1, 3: 2, 4: 4}  # by bits 28 to 30 of a key (UBX-21035062 sec. 5.2)
+KEY_BAUD, KEY_MODEL, KEY_MEASUREMENT, KEY_NAVIGATION = 0x40520001, 0x20110021, 0x30210001, 0x30210002
+# Keys that differ by port: NAV-PVT, UBX and NMEA out.
+KEYS_PVT = {PORT_DDC: 0x20910006, PORT_UART1: 0x20910007}
+KEYS_UBX, KEYS_NMEA = {PORT_DDC: 0x10720001, PORT_UART1: 0x10740001}, {PORT_DDC: 0x10720002, PORT_UART1: 0x10740002}
+KEYS_WITHOUT_EFFECT = frozenset({0x20210003})  # CFG-RATE-TIMEREF
+VERSION_M10 = b"ROM SPG 5.10 (7b202e)".ljust(30, b"\0") + b"000A0000".ljust(10, b"\0")
+VERSION_M10 += b"".join(text.ljust(30, b"\0") for text in (b"FWVER=SPG 5.10", b"PROTVER=34.10", b"GPS;GAL;BDS"))
+
+
+class FakeUbloxM10(FakeUbloxM8):
+    """The receiver of the generation M10 (u-blox M10 SPG 5.10 interface description, UBX-21035062).
+
+    It refuses the configuration messages of the M8, and is configured by keys: CFG-VALSET and CFG-VALGET (sec. 3.10).
+    """
+
+    def _command(self, message_class: int, message_id: int, payload: bytes, at_ns: int) -> None:
+        if message_class == MON and message_id == MON_VER:
+            self._replies.append((at_ns + REPLY_NS, ubx(MON, MON_VER, VERSION_M10)))
+        elif message_class == CFG:
+            handler = {VALSET: self._set_values, VALGET: self._get_values}.get(message_id)
+            accepted = handler is not None and handler(payload, at_ns)
+            answer = ubx(ACK, 0x01 if accepted else 0x00, bytes([message_class, message_id]))
+            self._replies.append((at_ns + REPLY_NS, answer))
+        else:
+            super()._command(message_class, message_id, payload, at_ns)
+
+    def _set_values(self, payload: bytes, at_ns: int) -> bool:
+        """All values or, where one key is not known, none."""
+        values, rest = {}, payload[4:]
+        while len(rest) > 4:
+            key = int.from_bytes(rest[:4], "little")
+            size = VALUE_BYTES.get(key >> 28, len(rest))
+            values[key], rest = int.from_bytes(rest[4 : 4 + size], "little"), rest[4 + size :]
+        known = self._values().keys() | KEYS_WITHOUT_EFFECT
+        if rest or not payload[1] & IN_RAM or not values.keys() <= known:
+            return False
+        values = self._values() | values
+        if values[KEY_MODEL] not in DYNAMIC_MODELS or values[KEY_MEASUREMENT] < SHORTEST_MEASUREMENT_MS:
+            return False
+        port, period_ms = self._port_id, values[KEY_MEASUREMENT] * values[KEY_NAVIGATION]
+        self.baud = values[KEY_BAUD]
+        self._protocols_out = PROTOCOL_UBX * values[KEYS_UBX[port]] | PROTOCOL_NMEA * values[KEYS_NMEA[port]]
+        self._rates[(NAV, NAV_PVT)] = values[KEYS_PVT[port]]
+        if values[KEY_MODEL] != self._dynamic_model or period_ms != self._period_ms:
+            self._dynamic_model = values[KEY_MODEL]
+            self._set_period(period_ms, at_ns)
+        return True
+
+    def _values(self) -> dict[int, int]:
+        port = self._port_id
+        return {
+            KEY_BAUD: self.baud,
+            KEY_MODEL: self._dynamic_model,
+            KEY_MEASUREMENT: self._period_ms,
+            KEY_NAVIGATION: 1,
+            KEYS_UBX[port]: self._protocols_out & PROTOCOL_UBX,
+            KEYS_NMEA[port]: int(self._protocols_out & PROTOCOL_NMEA > 0),
+            KEYS_PVT[port]: self._rates.get((NAV, NAV_PVT), 0),
+        }
+
+    def _get_values(self, payload: bytes, at_ns: int) -> bool:
+        keys = [int.from_bytes(payload[at : at + 4], "little") for at in range(4, len(payload), 4)]
+        values = self._values()
+        if not keys or not set(keys) <= values.keys():
+            return False
+        pairs = (struct.pack("<I", key) + values[key].to_bytes(VALUE_BYTES[key >> 28], "little") for key in keys)
+        self._replies.append((at_ns + REPLY_NS, ubx(CFG, VALGET, b"\x01\x00\x00\x00" + b"".join(pairs))))
+        return True
+
+
 def _degrees_minutes(angle_deg: float, digits: int, letters: str) -> str:
     degrees, minutes = divmod(abs(angle_deg) * 60, 60)
     return f"{int(degrees):0{digits}d}{minutes:08.5f},{letters[angle_deg < 0]}"

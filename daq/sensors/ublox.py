@@ -1,13 +1,20 @@
-"""u-blox M8 receiver: UBX NAV-PVT over a byte stream (protocol: u-blox 8 / M8 Receiver Description, UBX-13003221).
+"""u-blox receiver: UBX NAV-PVT over a byte stream (protocol: u-blox 8 / M8 Receiver Description, UBX-13003221).
 
-The receiver is configured while the sampling loop runs: one command at a time, the next after an acknowledge. When
-solutions stop, the configuration is sent again, because the receiver loses it when its supply is interrupted. Numbers
-in brackets are sections of the description. The tests compare with pyubx2, which takes ten times as long.
+The receiver is configured while the sampling loop runs: one command at a time, the next after an acknowledge. One that
+refuses a command of the M8 is asked for its version; a later generation (M10) is configured by keys, with CFG-VALSET
+(u-blox M10 Interface Description, UBX-21035062).
+
+A receiver loses its configuration when its supply is interrupted, and may go on with another one. Therefore the time
+between solutions is compared with the one that was set, and the dynamic model is asked for every two seconds; what is
+wrong is set again. The model is logged only while no solution was missing since it was last read.
+
+Numbers in brackets are sections of the description of the M8. The tests compare with pyubx2, which takes ten times as
+long.
 """
 
 import calendar
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from itertools import accumulate
 
 from daq.bus import BytePort
@@ -26,9 +33,32 @@ LONGEST_PAYLOAD = 1024  # longer than any requested message: not a frame
 NAV_PVT, ACK_ACK, ACK_NAK = b"\x01\x07", b"\x05\x01", b"\x05\x00"
 CFG_PRT, CFG_MSG, CFG_RATE = b"\x06\x00", b"\x06\x01", b"\x06\x08"  # 32.10.25, 32.10.18, 32.10.27
 CFG_NAV5, NAV5_PAYLOAD, ONLY_DYNAMIC_MODEL = b"\x06\x24", 36, 0x0001  # 32.10.19; its mask of what is to be changed
+MON_VER = b"\x0a\x04"  # software (30 bytes), hardware (10), extensions of 30 bytes; without an acknowledge
+SOFTWARE_AND_HARDWARE, EXTENSION = 40, 30
+PROTOCOL, FIRST_BY_KEYS = b"PROTVER", 27.0  # its extension; CFG-VALSET is known from there on, and complete
+CFG_VALSET, CFG_VALGET, IN_RAM = b"\x06\x8a", b"\x06\x8b", 1
+VALUE_BYTES = {1: 1, 2: 1, 3: 2, 4: 4}  # by bits 28 to 30 of a key
+UART1_BAUD, MODEL_KEY = 0x40520001, 0x20110021  # CFG-UART1-BAUDRATE, CFG-NAVSPG-DYNMODEL
+RATE_MEAS, RATE_NAV, RATE_TIMEREF = 0x30210001, 0x30210002, 0x20210003
+OUT_UBX, OUT_NMEA = {False: 0x10720001, True: 0x10740001}, {False: 0x10720002, True: 0x10740002}  # on I2C, on UART 1
+OUT_NAV_PVT = {False: 0x20910006, True: 0x20910007}
+NAMES = {
+    CFG_PRT: "CFG-PRT",
+    CFG_MSG: "CFG-MSG",
+    CFG_RATE: "CFG-RATE",
+    CFG_NAV5: "CFG-NAV5",
+    CFG_VALSET: "CFG-VALSET",
+    CFG_VALGET: "CFG-VALGET",
+    MON_VER: "MON-VER",
+}
+WEEK_MS = 7 * 86_400_000
 AIRBORNE_4G = 8  # dynModel (8.1): set at the factory is 0, portable, which smooths velocity
-FACTORY_BAUD = 9600
-SWITCH_S = 0.1  # CFG-PRT lasts 29 ms at 9600 baud, and the receiver takes a moment to change
+FACTORY_BAUDS = (9600, 38400)  # of M8, and of M9 and M10
+SWITCH_S = 0.1  # both commands last 50 ms at 9600 baud, and the receiver takes a moment to change
+AUDIT_NS = 2_000_000_000  # between two questions for the dynamic model
+KNOWN_NS = 5_000_000_000  # without an answer for this long, the model is not known
+REPAIR_NS, SELDOM_NS, MOST_REPAIRS = 3_000_000_000, 20_000_000_000, 3  # after as many in a row, only seldom
+SPACING_TOLERANCE = 0.2  # of the time between solutions
 MAX_FRAME_NS = 300_000_000  # a frame incomplete for this long is discarded; 100 bytes take 0.1 s at 9600 baud
 ACK_TIMEOUT_NS = 1_000_000_000
 SILENCE_NS = 1_500_000_000  # no solution for this long is `no_data`; a receiver without fix still sends solutions
@@ -57,7 +87,10 @@ class UBloxDriver:
         self._baud = baud
         self._reopen = reopen
         self._silences = 0
+        self._rate_Hz = rate_Hz
         self._commands = configuration(rate_Hz, baud)
+        self._by_keys = False  # a generation that is configured by keys
+        self._version_asked = False
         self._buffer = bytearray()
         self._begun_ns = 0  # latest time at which the first frame in the buffer can have begun
         self._to_send: list[bytes] = []
@@ -65,15 +98,36 @@ class UBloxDriver:
         self._last_ns: int | None = None
         self._itow_ms: int | None = None  # of the latest solution
         self._corrupt = False
-        self.refused: list[str] = []  # commands that the receiver rejected
+        self.refused: list[str] = []  # names of the commands that the receiver rejected
         self._dynamic_model: int | None = None  # as the receiver says, after it was set
+        self._model_ns = 0  # when it last said so
+        self._audited_ns = 0
+        self._repaired_ns, self._repairs = -REPAIR_NS, 0
+        self._spacing_ms: int | None = None  # wrong, between the latest two solutions
+        self._wrong_spacing_ms: int | None = None  # the same one twice
+
+    @property
+    def complaint(self) -> str:
+        """What the receiver does not do as it is told; empty where nothing is known."""
+        complaints = []
+        if self.refused and not (self._to_send and self._to_send[0][2:4] == MON_VER):
+            advice = "set another rate_Hz" if self.refused == [NAMES[CFG_RATE]] else "a u-blox M8 or M10 is needed"
+            complaints.append(f"refuses {', '.join(self.refused)}: {advice}")
+        if self._wrong_spacing_ms is not None:
+            rate_Hz = 1000 / self._wrong_spacing_ms
+            complaints.append(f"solves {rate_Hz:.3g} times a second, and is set to {self._rate_Hz:g}")
+        return "; ".join(complaints)
 
     def start(self) -> Iterator[float]:
         """Set the receiver's baud rate. The rest of the configuration is sent in `read`."""
         self._to_send = list(self._commands)
-        if self._reopen is not None and self._baud not in (None, FACTORY_BAUD):
-            self._reopen(FACTORY_BAUD).write(self._commands[0])  # ignored by a receiver at another rate
-            yield SWITCH_S
+        if self._reopen is not None and self._baud is not None:
+            for baud in FACTORY_BAUDS:
+                if baud != self._baud:  # a receiver at another rate ignores both commands
+                    line = self._reopen(baud)
+                    line.write(frame_of_keys({UART1_BAUD: self._baud}))  # refused by an M8
+                    line.write(self._commands[0])
+                    yield SWITCH_S
             self._port = self._reopen(self._baud)
         yield 0.0
 
@@ -83,7 +137,7 @@ class UBloxDriver:
         `no_data` after each 1.5 s without a new solution.
         """
         if self._last_ns is None:
-            self._last_ns = self._begun_ns = now_ns
+            self._last_ns = self._begun_ns = self._audited_ns = now_ns
         frames, rejected = self._take(now_ns)
         self._corrupt |= rejected > 0
         samples = []
@@ -91,16 +145,19 @@ class UBloxDriver:
         for frame in frames:
             kind = frame[2:4]
             if kind == NAV_PVT:
-                message = self._solution(frame)
+                message = self._solution(frame, now_ns)
                 solved |= message.status is not Status.STALE
                 samples.append(Sample(self._topic, now_ns, message))
-            elif kind == CFG_NAV5 and len(frame) == NAV5_PAYLOAD + OVERHEAD:
-                self._dynamic_model = frame[8]
+            elif (model := model_in(frame)) is not None:
+                self._judge_model(model, now_ns)
+            elif kind == MON_VER:
+                self._identified(frame)
             elif kind in (ACK_ACK, ACK_NAK) and self._to_send and frame[6:8] == self._to_send[0][2:4]:
+                command = self._done()
                 if kind == ACK_NAK:
-                    self.refused.append(self._to_send[0][2:4].hex())
-                self._to_send.pop(0)
-                self._sent_ns = None
+                    self._refused(command)
+                elif NAMES[command] in self.refused:
+                    self.refused.remove(NAMES[command])
         if solved:
             self._last_ns, self._corrupt, self._silences = now_ns, False, 0
         elif samples:  # it answers, and a restart would forget which solution it repeats
@@ -125,28 +182,87 @@ class UBloxDriver:
             self._begun_ns = now_ns
         return frames, rejected
 
-    def _solution(self, frame: bytes) -> Gps:
+    def _solution(self, frame: bytes, now_ns: int) -> Gps:
         """The message of a NAV-PVT frame: `stale` and empty if its time of week is that of the solution before it."""
-        message = believed(solution(frame, self._dynamic_model))
-        if message.status is OK and message.itow_ms == self._itow_ms:
+        message = solution(frame)
+        itow_ms, before_ms = message.itow_ms, self._itow_ms
+        if message.status is OK and itow_ms == before_ms:
             return Gps(status=Status.STALE)
-        self._itow_ms = message.itow_ms
-        return message
+        self._itow_ms = itow_ms
+        if itow_ms is not None and before_ms is not None:
+            self._judge_spacing((itow_ms - before_ms) % WEEK_MS, now_ns)
+        if now_ns - self._model_ns > KNOWN_NS:
+            self._dynamic_model = None
+        if message.status is OK:
+            message.dynamic_model = self._dynamic_model
+        return believed(message)
+
+    def _judge_spacing(self, spacing_ms: int, now_ns: int) -> None:
+        """Compare the time between two solutions with the one that was set."""
+        if abs(spacing_ms * self._rate_Hz / 1000 - 1) <= SPACING_TOLERANCE:
+            self._spacing_ms = self._wrong_spacing_ms = None
+            return
+        if spacing_ms != self._spacing_ms:
+            # One was lost on its way, or the receiver has started again, perhaps with other settings.
+            self._spacing_ms = spacing_ms
+            self._dynamic_model, self._audited_ns = None, now_ns - AUDIT_NS
+        elif not self._to_send and spacing_ms < WEEK_MS // 2:
+            self._wrong_spacing_ms = spacing_ms
+            self._repair(self._commands, now_ns)
+
+    def _judge_model(self, model: int, now_ns: int) -> None:
+        self._dynamic_model, self._model_ns = model, now_ns
+        if model == AIRBORNE_4G:
+            self._repairs = 0 if self._wrong_spacing_ms is None else self._repairs
+        elif len(self._to_send) <= 1:  # it was only asked
+            self._repair(self._commands, now_ns)
+
+    def _repair(self, commands: list[bytes], now_ns: int) -> None:
+        """Configure the receiver again, unless that was tried just now."""
+        if now_ns - self._repaired_ns >= (REPAIR_NS if self._repairs < MOST_REPAIRS else SELDOM_NS):
+            self._to_send, self._sent_ns = list(commands), None
+            self._repaired_ns, self._repairs = now_ns, self._repairs + 1
+
+    def _done(self) -> bytes:
+        """Take the first command off the list: it was answered. Returns its kind."""
+        self._sent_ns = None
+        return self._to_send.pop(0)[2:4]
+
+    def _refused(self, command: bytes) -> None:
+        """Ask a receiver that refuses a command of the M8 for its version, once; and tell what it refuses."""
+        if command == MON_VER:
+            return
+        if NAMES[command] not in self.refused:
+            self.refused.append(NAMES[command])
+        if not self._by_keys and not self._version_asked:
+            self._version_asked = True
+            self._to_send.insert(0, frame_of(MON_VER, b""))
+
+    def _identified(self, frame: bytes) -> None:
+        """Configure a later generation by keys."""
+        if self._to_send and self._to_send[0][2:4] == MON_VER:
+            self._done()
+        if not self._by_keys and self._version_asked and protocol_version(frame[6:-2]) >= FIRST_BY_KEYS:
+            self._by_keys = True
+            self._commands = configuration_by_keys(self._rate_Hz, self._baud)
+            self._to_send, self._sent_ns = list(self._commands), None
+            self.refused.clear()
 
     def _silence(self, now_ns: int) -> Gps:
         """Configure the receiver again. The second time in a row, fail: it is restarted from its factory rate."""
         status = Status.CORRUPT if self._corrupt else Status.NO_DATA
         self._silences += 1
         if self._silences > 1 and self._reopen is not None:
-            raise SensorFailure(
-                status,
-                "the receiver sends nothing" if status is Status.NO_DATA else "the receiver sends only damaged data",
-            )
+            what = "sends nothing" if status is Status.NO_DATA else "sends only damaged data"
+            raise SensorFailure(status, f"the receiver {self.complaint or what}")
         self._last_ns, self._corrupt = now_ns, False
         self._to_send, self._sent_ns, self._dynamic_model = list(self._commands), None, None
         return Gps(status=status)
 
     def _configure(self, now_ns: int) -> None:
+        if not self._to_send and now_ns - self._audited_ns >= AUDIT_NS:
+            self._audited_ns = now_ns
+            self._to_send = [self._commands[-1]]
         due = self._sent_ns is None or now_ns - self._sent_ns >= ACK_TIMEOUT_NS
         if self._to_send and due:
             self._port.write(self._to_send[0])
@@ -169,6 +285,46 @@ def configuration(rate_Hz: float, baud: int | None) -> list[bytes]:
         frame_of(CFG_NAV5, struct.pack("<HB33x", ONLY_DYNAMIC_MODEL, AIRBORNE_4G)),
         frame_of(CFG_NAV5, b""),
     ]
+
+
+def configuration_by_keys(rate_Hz: float, baud: int | None) -> list[bytes]:
+    """The same for receivers that are configured by keys. baud: None on I2C."""
+    serial = baud is not None
+    port = {OUT_UBX[serial]: 1, OUT_NMEA[serial]: 0} | ({UART1_BAUD: baud} if baud is not None else {})
+    return [
+        frame_of_keys(port),
+        frame_of_keys({RATE_MEAS: round(1000 / rate_Hz), RATE_NAV: 1, RATE_TIMEREF: 1}),  # GPS time
+        frame_of_keys({OUT_NAV_PVT[serial]: 1}),
+        frame_of_keys({MODEL_KEY: AIRBORNE_4G}),
+        frame_of(CFG_VALGET, struct.pack("<BBHI", 0, 0, 0, MODEL_KEY)),
+    ]
+
+
+def frame_of_keys(values: Mapping[int, int]) -> bytes:
+    """CFG-VALSET of values by their keys, in the memory that a loss of supply clears."""
+    pairs = (struct.pack("<I", key) + value.to_bytes(VALUE_BYTES[key >> 28], "little") for key, value in values.items())
+    return frame_of(CFG_VALSET, struct.pack("<BBH", 0, IN_RAM, 0) + b"".join(pairs))
+
+
+def model_in(frame: bytes) -> int | None:
+    """The dynamic model that a receiver says it uses; None in any other frame."""
+    if frame[2:4] == CFG_NAV5 and len(frame) == NAV5_PAYLOAD + OVERHEAD:
+        return frame[8]
+    if frame[2:4] == CFG_VALGET and frame[10:14] == MODEL_KEY.to_bytes(4, "little") and len(frame) == 15 + 2:
+        return frame[14]
+    return None
+
+
+def protocol_version(payload: bytes) -> float:
+    """The version of the protocol in MON-VER, such as 18.0 of an M8 or 34.1 of an M10; 0 if it does not say so."""
+    for at in range(SOFTWARE_AND_HARDWARE, len(payload), EXTENSION):
+        text = payload[at : at + EXTENSION].partition(b"\0")[0]
+        if text.startswith(PROTOCOL):
+            try:
+                return float(text[len(PROTOCOL) + 1 :])
+            except ValueError:
+                return 0.0
+    return 0.0
 
 
 def frame_of(kind: bytes, payload: bytes) -> bytes:

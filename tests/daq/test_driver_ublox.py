@@ -11,9 +11,13 @@ from daq.sensors.ublox import (
     ACK_ACK,
     ACK_NAK,
     CFG_NAV5,
+    CFG_VALGET,
+    MODEL_KEY,
+    MON_VER,
     UBloxDriver,
     believed,
     configuration,
+    configuration_by_keys,
     frame_of,
     solution,
     take_frames,
@@ -39,8 +43,8 @@ PVT = nav_pvt()
 
 
 def solution_at(tick: int) -> bytes:
-    """A solution of its own for each tick."""
-    return nav_pvt(iTOW=123456000 + 40 * tick)
+    """A solution of its own for each tick, a tenth of a second after that of the tick before."""
+    return nav_pvt(iTOW=123456000 + 100 * tick)
 
 
 def test_a_solution_in_si():
@@ -169,8 +173,139 @@ def test_an_unacknowledged_command_is_repeated_and_a_refused_one_is_remembered()
     assert port.written == [configuration(10, 38400)[0]] * 3
     port.incoming.append(frame_of(ACK_NAK, b"\x06\x00"))
     sensor.read(60 * TICK_NS)
-    assert sensor.refused == ["0600"]
-    assert port.written[-1] == configuration(10, 38400)[1]
+    assert port.written[-1] == UBXMessage("MON", "MON-VER", POLL).serialize()
+    port.incoming.append(version("18.00"))
+    sensor.read(61 * TICK_NS)
+    assert port.written[-1] == configuration(10, 38400)[1] and sensor.refused == ["CFG-PRT"]
+    assert sensor.complaint == "refuses CFG-PRT: a u-blox M8 or M10 is needed"
+
+
+def version(protocol: str) -> bytes:
+    """A receiver's answer to the question for its version."""
+    texts = (b"ROM SPG 5.10".ljust(30, b"\0"), b"000A0000".ljust(10, b"\0"), b"FWVER=SPG 5.10".ljust(30, b"\0"))
+    return frame_of(MON_VER, b"".join(texts) + f"PROTVER={protocol}".encode().ljust(30, b"\0"))
+
+
+def test_a_later_generation_is_configured_by_keys_as_its_version_says():
+    port = ScriptedPort()
+    sensor = UBloxDriver(port, rate_Hz=5, baud=115200)
+    bring_up(sensor)
+    port.incoming = [b"", frame_of(ACK_NAK, b"\x06\x00"), version("34.10")]
+    sent = []
+    for tick in range(12):
+        sensor.read(tick * TICK_NS)
+        if tick > 2:
+            sent.append(port.written[-1])
+            port.incoming.append(frame_of(ACK_ACK, port.written[-1][2:4]))
+    expected = configuration_by_keys(5, 115200)
+    assert sent[: len(expected)] == expected and sensor.complaint == ""
+    kept = frame_of(CFG_VALGET, bytes([1, 0, 0, 0]) + MODEL_KEY.to_bytes(4, "little") + b"\x08")
+    port.incoming = [kept + solution_at(0)]
+    assert sensor.read(12 * TICK_NS)[-1].message.dynamic_model == 8
+
+
+@pytest.mark.parametrize("baud", [38400, None])
+def test_keys_and_values_are_those_of_pyubx2(baud):
+    """By their names in the interface description."""
+    port = "UART1" if baud else "I2C"
+    named = [
+        [
+            (f"CFG_{port}OUTPROT_UBX", 1),
+            (f"CFG_{port}OUTPROT_NMEA", 0),
+            *([("CFG_UART1_BAUDRATE", baud)] if baud else []),
+        ],
+        [("CFG_RATE_MEAS", 200), ("CFG_RATE_NAV", 1), ("CFG_RATE_TIMEREF", 1)],
+        [(f"CFG_MSGOUT_UBX_NAV_PVT_{port}", 1)],
+        [("CFG_NAVSPG_DYNMODEL", 8)],
+    ]
+    *sets, asked = configuration_by_keys(5, baud)
+    assert sets == [UBXMessage.config_set(1, 0, values).serialize() for values in named]
+    assert asked == UBXMessage.config_poll(0, 0, ["CFG_NAVSPG_DYNMODEL"]).serialize()
+
+
+class Receiver(ScriptedPort):
+    """Acknowledges every command, and sends a solution every third tick; it has a rate and a model."""
+
+    def __init__(self, period_ms: int = 100, model: int = 8, *, obeys: bool = True):
+        super().__init__()
+        self.period_ms, self.model, self.itow_ms, self.obeys = period_ms, model, 123456000, obeys
+
+    def write(self, data: bytes) -> None:
+        super().write(data)
+        reply = frame_of(ACK_ACK, data[2:4])
+        if data[2:4] == CFG_NAV5 and len(data) == 8:
+            reply = frame_of(CFG_NAV5, bytes([1, 0, self.model]) + bytes(33)) + reply
+        elif data[2:4] == CFG_NAV5 and self.obeys:
+            self.model = data[8]
+        elif data[2:4] == b"\x06\x08" and self.obeys:
+            self.period_ms = int.from_bytes(data[6:8], "little")
+        self.incoming.append(reply)
+
+    def run(self, sensor: UBloxDriver, solutions: int) -> list[tuple[int | None, int]]:
+        """The model that each solution claims, and the true one."""
+        models = []
+        for _ in range(solutions):
+            self.itow_ms += self.period_ms
+            self.incoming.append(nav_pvt(iTOW=self.itow_ms))
+            while self.incoming:
+                model = self.model
+                models += [(sample.message.dynamic_model, model) for sample in sensor.read(self.itow_ms * 1_000_000)]
+        return models
+
+
+def running(**options) -> tuple[Receiver, UBloxDriver]:
+    receiver = Receiver(**options)
+    sensor = UBloxDriver(receiver, reopen=lambda baud: receiver)
+    bring_up(sensor)
+    assert receiver.run(sensor, 20)[-1] == (8, 8)
+    return receiver, sensor
+
+
+def test_a_receiver_that_starts_again_with_another_rate_is_set_again_and_its_model_unknown_until_it_is_read():
+    """Its saved configuration sends a solution a second, by a filter that smooths velocity."""
+    receiver, sensor = running()
+    receiver.period_ms, receiver.model = 1000, 0
+    models = receiver.run(sensor, 40)
+    assert models[0] == (None, 0) and models[-1] == (8, 8)
+    assert all(claimed in (None, true) for claimed, true in models)
+    assert receiver.period_ms == 100 and sensor.complaint == ""
+
+
+def test_a_rate_that_the_receiver_acknowledges_and_does_not_keep_is_told():
+    receiver, sensor = running(period_ms=200, obeys=False)
+    receiver.run(sensor, 5)
+    assert "solves 5 times a second, and is set to 10" in sensor.complaint
+    receiver.run(sensor, 200)
+    assert 3 <= receiver.written.count(configuration(10, 38400)[1]) <= 7  # 44 s: three times, and then seldom
+    receiver.period_ms = 100
+    receiver.run(sensor, 3)
+    assert sensor.complaint == ""
+
+
+def test_the_model_is_asked_for_every_two_seconds_and_set_again():
+    receiver, sensor = running()
+    receiver.run(sensor, 5)
+    receiver.model = 0  # nothing else tells
+    models = receiver.run(sensor, 60)
+    assert models[-1] == (8, 8) and 10 <= models.count((8, 0)) <= 20
+
+
+def test_after_a_lost_solution_the_model_is_unknown_for_a_moment():
+    receiver, sensor = running()
+    receiver.itow_ms += 100
+    models = receiver.run(sensor, 5)
+    assert models[0] == (None, 8) and models[-1] == (8, 8) and sensor.complaint == ""
+
+
+def test_a_receiver_that_refuses_everything_is_told_in_one_line():
+    """Of an unknown make: NMEA only."""
+    port = ScriptedPort()
+    port.write = lambda data: port.incoming.append(frame_of(ACK_NAK, data[2:4]))
+    sensor = UBloxDriver(port, reopen=lambda baud: port)
+    bring_up(sensor)
+    with pytest.raises(SensorFailure, match=r"refuses CFG-PRT, CFG-RATE, CFG-MSG, CFG-NAV5: a u-blox M8 or M10"):
+        for tick in range(100):
+            sensor.read(tick * TICK_NS)
 
 
 def test_silence_is_said_and_the_receiver_configured_again():
