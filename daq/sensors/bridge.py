@@ -3,6 +3,9 @@
 Both have the same kind of signal conditioner: two bits of status, 14 of pressure, 11 of temperature (TE application
 note "Interfacing to MEAS digital pressure modules"; Honeywell technical note "I2C communications with TruStability").
 A zero-length transfer or a repeated start makes the next transfer fail, so only plain reads are used.
+
+The reply has no checksum, and controllers shift it by a bit where a part stretches the clock. The temperature in it
+cannot jump, which tells. A pressure that jumps is read a second time, and believed only if the second reading agrees.
 """
 
 import enum
@@ -12,11 +15,16 @@ from typing import NamedTuple
 
 from daq.bus import I2CBus
 from daq.sensors import Sample
+from daq.sensors.slow_value import SlowValue
 from flight.messages import OK, DifferentialPressure, Status
 
 INCH_OF_WATER_PA = 249.08891  # conventional, water at 4 degC, as used by both manufacturers
 PSI_PA = 6894.757293
 FULL_COUNT = 2**14 - 1
+# 3 K, and what the tray's electronics warm up by in a second. Shifted by a bit, room temperature is 36 K off.
+TEMPERATURE_STEP, TEMPERATURE_PER_S = 31.0, 0.2  # counts of 0.1 K
+BELIEVED_AFTER = 15_000  # readings: ten minutes. A second part that answers at the address agrees with itself.
+JUMP_PA = 10.0  # between two ticks: 0.5 m/s at 15 m/s. More is read a second time.
 FIRST_DATA_S = 0.01  # 8.4 ms after power-on (MS4515DO datasheet)
 
 
@@ -30,6 +38,7 @@ class FrameStatus(enum.IntEnum):
 
 
 STATUSES = tuple(FrameStatus)
+REPEATED = (FrameStatus.GOOD, FrameStatus.STALE)  # status of a reading right after another one
 
 
 class Frame(NamedTuple):
@@ -60,14 +69,38 @@ class BridgeTransducerDriver:
         self._transfer = transfer
         self._topic = topic
         self._sign = -1 if reversed_ports else 1
+        self._temperature = SlowValue(TEMPERATURE_STEP, TEMPERATURE_PER_S, BELIEVED_AFTER)
+        self._jump_counts = (
+            JUMP_PA * (transfer.high_counts - transfer.low_counts) / (transfer.high_Pa - transfer.low_Pa)
+        )
+        self._pressure_counts: int | None = None  # the latest that was believed
 
     def start(self) -> Iterator[float]:
         """Wait for the first measurement; nothing is configured."""
         yield FIRST_DATA_S
 
     def read(self, now_ns: int) -> list[Sample]:
+        """This tick's pressure. `corrupt` if a second reading does not confirm one that jumps, or its temperature."""
         frame = decode(self._bus.read(self._address, 4))
+        if frame.status is FrameStatus.GOOD:
+            fits = self._temperature.fits(frame.temperature_counts, now_ns)
+            if not fits or not self._is_near(frame, self._pressure_counts):
+                again = decode(self._bus.read(self._address, 4))  # stale where it is the same measurement
+                confirmed = self._is_near(again, self._pressure_counts) or (
+                    fits and self._is_near(again, frame.pressure_counts)
+                )
+                if (
+                    again.status not in REPEATED
+                    or not confirmed
+                    or not self._temperature.fits(again.temperature_counts, now_ns)
+                ):
+                    return [Sample(self._topic, now_ns, DifferentialPressure(status=Status.CORRUPT))]
+                frame = again._replace(status=FrameStatus.GOOD)
+            self._pressure_counts = frame.pressure_counts
         return [Sample(self._topic, now_ns, message(frame, self._transfer, self._sign))]
+
+    def _is_near(self, frame: Frame, pressure_counts: int | None) -> bool:
+        return pressure_counts is None or abs(frame.pressure_counts - pressure_counts) <= self._jump_counts
 
 
 def decode(reply: bytes) -> Frame:

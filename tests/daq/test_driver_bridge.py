@@ -117,3 +117,74 @@ def test_an_unknown_te_part_is_refused_and_supported_ones_are_named(part):
 def test_an_unknown_honeywell_part_is_refused_and_supported_ones_are_named(part):
     with pytest.raises(ValueError, match="supported are SSC or HSC"):
         honeywell.decode_part(part)
+
+
+class RepliesBus(BareBus):
+    """Answers with these replies, one after the other."""
+
+    def __init__(self):
+        super().__init__(b"")
+        self.replies: list[bytes] = []
+
+    def read(self, address, count):
+        assert count == 4
+        return self.replies.pop(0)
+
+
+def statuses(*ticks: list[bytes]) -> list[tuple[Status, int | None]]:
+    """Status and pressure counts of ticks, each with the replies that it takes, after 5 s of 8000 at 22 degC."""
+    bus = RepliesBus()
+    address, transfer = honeywell.decode_part(AIRSPEED)
+    sensor = BridgeTransducerDriver(bus, address, transfer, topic="/probe/airspeed")
+    found = []
+    for tick, replies in enumerate([[frame(0, 8000 + i % 3, 735)] for i in range(125)] + [*ticks]):
+        bus.replies = list(replies)
+        ((_, _, message, *_),) = sensor.read(tick * 40_000_000)
+        assert bus.replies == []
+        found.append((message.status, message.pressure_counts))
+    return found[125:]
+
+
+def shifted(reply: bytes) -> bytes:
+    return (int.from_bytes(reply, "big") >> 1).to_bytes(4, "big")
+
+
+@pytest.mark.parametrize("pressure", [8000, 8001, 1000, 16000])
+def test_a_reply_shifted_by_a_bit_is_read_again(pressure):
+    """The second reading is stale where the part has not measured since; its value is this tick's all the same."""
+    sound = frame(0, 8001, 735)
+    assert statuses([shifted(frame(0, pressure, 735)), frame(2, 8001, 735)], [sound]) == [(Status.OK, 8001)] * 2
+    both = [shifted(frame(0, pressure, 735))] * 2
+    assert statuses(both, [sound]) == [(Status.CORRUPT, None), (Status.OK, 8001)]
+
+
+@pytest.mark.parametrize("bit", [7, 8, 10, 13])  # 24 Pa and more
+def test_one_wrong_bit_in_a_pressure_is_read_again(bit):
+    wrong = frame(0, 8000 ^ 1 << bit, 735)
+    assert statuses([wrong, frame(2, 8000, 735)]) == [(Status.OK, 8000)]
+
+
+def test_a_gust_is_believed_at_once():
+    """30 Pa within a tick: both readings have it."""
+    assert statuses([frame(0, 8160, 735), frame(0, 8163, 735)], [frame(0, 8170, 735)]) == [
+        (Status.OK, 8163),
+        (Status.OK, 8170),
+    ]
+
+
+def test_a_second_part_at_the_address_is_corrupt_for_as_long_as_it_answers():
+    """Both pull the line down: each bit is 0 where it is 0 in one of them."""
+    both = bytes(a & b for a, b in zip(frame(0, 8001, 735), frame(0, 8192, 900), strict=True))
+    assert set(statuses(*[[both, both]] * 2500)) == {(Status.CORRUPT, None)}
+
+
+def test_what_was_damaged_from_the_start_is_not_believed_for_longer_than_it_lasted():
+    address, transfer = honeywell.decode_part(AIRSPEED)
+    bus = RepliesBus()
+    sensor = BridgeTransducerDriver(bus, address, transfer, topic="/probe/airspeed")
+    bus.replies = [bytes(4)] * 10
+    for tick in range(10):
+        sensor.read(tick * 40_000_000)
+    bus.replies = [frame(0, 8000, 735)] * 60
+    after = [sensor.read(tick * 40_000_000)[0].message.status for tick in range(10, 30)]
+    assert after[:9] == [Status.CORRUPT] * 9 and after[-10:] == [Status.OK] * 10
