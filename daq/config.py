@@ -167,6 +167,11 @@ class Ms5611Config(_BarometerConfig, frozen=True, tag="ms5611"):
     measures: Literal["baro", "static"] = "baro"
 
 
+class Ms5607Config(_BarometerConfig, frozen=True, tag="ms5607"):
+    address: Literal[0x76, 0x77] = 0x77
+    measures: Literal["baro", "static"] = "baro"
+
+
 class Ms5805Config(_BarometerConfig, frozen=True, tag="ms5805"):
     address: Literal[0x76] = 0x76
     measures: Literal["baro", "static"] = "static"
@@ -286,7 +291,8 @@ class Navio2Config(SensorTable, frozen=True, tag="navio2"):
         return self.port
 
 
-_PressureConfig = Ms5611Config | Ms5805Config | Ms45xxDoConfig | HoneywellConfig
+BarometerConfig = Ms5611Config | Ms5607Config | Ms5805Config
+_PressureConfig = BarometerConfig | Ms45xxDoConfig | HoneywellConfig
 SensorConfig = (
     Mpu9250Config
     | Ak8963Config

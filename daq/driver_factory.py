@@ -13,7 +13,7 @@ from daq.sensors.bridge import BridgeTransducerDriver
 from daq.sensors.esc_counter import EscCounterDriver
 from daq.sensors.ina2xx import INA226, INA228, PowerMonitorDriver
 from daq.sensors.mpu9250 import MPU9250Driver, Ranges
-from daq.sensors.ms56xx import MS5611, MS5805, MS56xxDriver
+from daq.sensors.ms56xx import VARIANTS, MS56xxDriver
 from daq.sensors.ublox import UBloxDriver
 from daq.sensors.ublox_ddc import DdcPort
 from flight.aircraft import Aircraft
@@ -57,8 +57,8 @@ def driver_factory(table: SensorTable, tray: Tray, buses: Buses, aircraft: Aircr
             )
         case config.Ak8963Config():
             return lambda: AK8963Driver(buses.i2c(table.bus), table.address, axes=table.parsed_axes)
-        case config.Ms5611Config() | config.Ms5805Config():
-            variant = MS5611 if isinstance(table, config.Ms5611Config) else MS5805
+        case config.Ms5611Config() | config.Ms5607Config() | config.Ms5805Config():
+            variant = VARIANTS[table.driver]
             topic = table.topics[0]
             return lambda: MS56xxDriver(buses.i2c(table.bus), table.address, variant, topic=topic, period_s=period_s)
         case config.Ms45xxDoConfig() | config.HoneywellConfig():

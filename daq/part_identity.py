@@ -18,7 +18,7 @@ from daq.sensors.ads1115 import CONFIG as ADS1115_CONFIG
 from daq.sensors.autopilot import OUR_COMPONENT, OUR_SYSTEM, is_autopilot
 from daq.sensors.esc_counter import FramedParser, LegacyParser
 from daq.sensors.ina2xx import INA226, INA228
-from daq.sensors.ms56xx import MS5611, MS5805, PROM_WORDS, READ_PROM
+from daq.sensors.ms56xx import PROM_WORDS, READ_PROM, VARIANTS
 from daq.sensors.ublox import frame_of, take_frames
 from daq.sensors.ublox_ddc import DdcPort
 
@@ -59,8 +59,8 @@ def _identify(table: SensorTable, buses: Buses, clock: Clock) -> str:
         case config.Ak8963Config():
             code = buses.i2c(table.bus).write_read(table.address, bytes([AK8963_WIA]), 1)[0]
             return "AK8963" if code == AK8963_ID else f"unknown (WIA 0x{code:02x})"
-        case config.Ms5611Config() | config.Ms5805Config():
-            variant = MS5611 if isinstance(table, config.Ms5611Config) else MS5805
+        case config.Ms5611Config() | config.Ms5607Config() | config.Ms5805Config():
+            variant = VARIANTS[table.driver]
             words = _prom(buses.i2c(table.bus), table.address)
             crc = words[variant.crc_word] >> variant.crc_shift & 0xF
             return f"{variant.name} with C1 {words[1]}, CRC 0x{crc:x}"
@@ -131,10 +131,10 @@ def _counter(port: BytePort, clock: Clock, *, framed: bool) -> str:
     if not frames[framed_found]:
         return "pulse counter (no frames)"
     mismatch = "" if framed_found == framed else f", but the tray says framed = {str(framed).lower()}"
-    return f"pulse counter, {VARIANTS[framed_found]} frames, {frames[framed_found] / COUNTER_S:.0f} a second{mismatch}"
+    return f"pulse counter, {FRAMES[framed_found]} frames, {frames[framed_found] / COUNTER_S:.0f} a second{mismatch}"
 
 
-VARIANTS = {True: "framed", False: "legacy"}
+FRAMES = {True: "framed", False: "legacy"}
 
 
 def _autopilot(port: BytePort, clock: Clock) -> str:

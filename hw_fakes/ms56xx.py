@@ -1,4 +1,4 @@
-"""TE MS5611-01BA03 and MS5805-02BA01: PROM, conversion times, and the inverse of the compensation.
+"""TE MS5611-01BA03, MS5607-02BA03 and MS5805-02BA01: PROM, conversion times, and the inverse of the compensation.
 
 The two have the same commands and different scale factors (MS5611 datasheet p. 7-11; MS5805 datasheet p. 6-9):
 
@@ -69,6 +69,19 @@ MS5611 = MS56xxType(
     cold=SecondOrder(t2=2**-31, off=5 / 2, sens=5 / 4),
     colder_off=7.0,
     colder_sens=11 / 2,
+    oversampling=(0x0, 0x2, 0x4, 0x6, 0x8),
+)
+# Sold on boards for an MS5611 (MS5607-02BA03 datasheet p. 8 and 9): other scale factors, the same memory.
+MS5607 = MS56xxType(
+    typical=(46372, 43981, 29059, 27842, 31553, 28165),
+    prom_words=8,
+    crc_in_word=7,
+    crc_shift=0,
+    off_shift=17,
+    sens_shift=16,
+    cold=SecondOrder(t2=2**-31, off=61 / 16, sens=2.0),
+    colder_off=15.0,
+    colder_sens=8.0,
     oversampling=(0x0, 0x2, 0x4, 0x6, 0x8),
 )
 MS5805 = MS56xxType(

@@ -58,6 +58,7 @@ class TrayVariant:
     daemon reads them. pole_pairs: of the motor. utc_at_start: true UTC now, as GPS time gives it. geoid_m: height of
     the geoid above the ellipsoid. rpm_with_crc: the pulse counter sends the frames with CRC. gps_on_i2c: the receiver
     is on the I2C bus, not on its serial line. gps_m10: it is of the generation M10.
+    ms5607: the barometer in the fuselage is an MS5607.
     """
 
     powered_for_s: float = 20.0
@@ -67,6 +68,7 @@ class TrayVariant:
     rpm_with_crc: bool = False
     gps_on_i2c: bool = False
     gps_m10: bool = False
+    ms5607: bool = False
 
 
 class FakeTray:
@@ -104,7 +106,8 @@ class FakeTray:
         def barometer(kind: ms56xx.MS56xxType, name: str) -> ms56xx.FakeMS56xx:
             return ms56xx.FakeMS56xx(kind, name, sensor_truth, now_ns, seed=seed_of(name), powered_ns=powered_ns)
 
-        self.baro, self.static = barometer(ms56xx.MS5611, "baro"), barometer(ms56xx.MS5805, "static")
+        kind = ms56xx.MS5607 if variant.ms5607 else ms56xx.MS5611
+        self.baro, self.static = barometer(kind, "baro"), barometer(ms56xx.MS5805, "static")
         self.alpha = bridge.FakeBridge(bridge.MS4515DO_DS5A002DP, "alpha", sensor_truth, now_ns, powered_ns)
         self.beta = bridge.FakeBridge(bridge.MS4515DO_DS5A002DP, "beta", sensor_truth, now_ns, powered_ns)
         self.airspeed = bridge.FakeBridge(bridge.SSCDRRN005ND2A5, "airspeed", sensor_truth, now_ns, powered_ns)

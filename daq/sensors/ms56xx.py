@@ -1,4 +1,4 @@
-"""TE barometers of one family: MS5611-01BA03 and MS5805-02BA01 (datasheets of these names).
+"""TE barometers of one family: MS5611-01BA03, MS5607-02BA03 and MS5805-02BA01 (datasheets of these names).
 
 The commands are the same; scale factors and position of the checksum differ. A conversion takes up to 9 ms and is never
 waited for: it is started at the end of each tick's reading and read at the next tick. About once a second the
@@ -6,14 +6,17 @@ temperature is converted instead of the pressure; that tick has status `busy` an
 temperature is extrapolated from the last seconds: uncompensated, the pressure changes by some 250 Pa per kelvin. While
 the electronics warmed up, a temperature half a second old made it 4.5 Pa too low, or 0.4 m of height, an error that
 decayed within ten minutes and looked like a descent.
+
+A result has no checksum. One that jumps is not believed before the following ones confirm it. An MS5607, which is sold
+on boards for an MS5611 and has a valid checksum there, gives half the pressure.
 """
 
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from daq.bus import I2CBus
-from daq.sensors import Sample, SensorFailure
+from daq.sensors import Sample, SensorFailure, wrong_device
 from flight.messages import AbsolutePressure, Status
 
 RESET, READ_ADC, START_PRESSURE, START_TEMPERATURE, READ_PROM = 0x1E, 0x00, 0x40, 0x50, 0xA0
@@ -28,6 +31,11 @@ JUMP_COUNTS = 3000  # a step of 0.1 K off the trend is not warming; a new trend 
 ZERO_DEGC_K = 273.15
 # Beyond the measuring range of the family (10 to 2000 mbar, -40 to 85 degC).
 PLAUSIBLE_PA, PLAUSIBLE_CENTI_DEGC = (1e3, 2e5), (-5000.0, 9000.0)
+# From one tick to another: gusts at the static line, noise; and a dive at 40 m/s. More has to be confirmed.
+JUMP_PA, JUMP_PA_PER_S = 30.0, 500.0
+CONFIRMED_BY = 3  # conversions in a row that agree; a shifted reply is wrong by the same factor each time
+ON_GROUND_PA = (70e3, 115e3)  # where flights begin: up to 3000 m, and some above the highest at sea level
+JUDGED_PRESSURES = 25  # after the start, in which another part is told by its pressure
 IMPLAUSIBLE_LIMIT = 3  # in a row: then the cause is not a single bit error on the bus
 
 
@@ -50,15 +58,22 @@ class BarometerVariant:
     sens2: float
     off3: float
     sens3: float
+    twin: "BarometerVariant | None" = None  # whose calibration memory looks the same
 
 
 # Datasheet MS5611-01BA03, figures 2 and 3; PROM table on p. 9.
 MS5611 = BarometerVariant("MS5611", 8, 7, 0, 16, 15, 2.0**-31, 5 / 2, 5 / 4, 7.0, 11 / 2)
+# Datasheet MS5607-02BA03, figures 2 and 3: other scale factors, and the same memory.
+MS5607 = BarometerVariant("MS5607", 8, 7, 0, 17, 16, 2.0**-31, 61 / 16, 2.0, 15.0, 8.0, twin=MS5611)
+MS5611 = replace(MS5611, twin=MS5607)
 # Datasheet MS5805-02BA01, p. 8-9: seven words of PROM (112 bits) with the CRC in the first four bits of word 0, not in
 # the last word as in the MS5611. Linux agrees: drivers/iio/pressure/ms5637.c serves the MS5805 with seven words, and in
 # drivers/iio/common/ms_sensors/ms_sensors_i2c.c ms_sensors_tp_crc_valid_112 takes the CRC from bits 15 to 12 of word 0,
 # ms_sensors_tp_crc_valid_128 (parts of eight words) from the last bits of word 7.
 MS5805 = BarometerVariant("MS5805", 7, 0, 12, 17, 16, 11 * 2.0**-35, 31 / 8, 63 / 32, 0.0, 0.0)
+
+
+VARIANTS = {variant.name.lower(): variant for variant in (MS5611, MS5607, MS5805)}  # by driver in the tray file
 
 
 class TemperatureTrend:
@@ -72,9 +87,13 @@ class TemperatureTrend:
         return self._kept[-1][1] if self._kept else None
 
     def add(self, time_ns: int, counts: int) -> None:
-        if self._kept and abs(counts - self.at(time_ns)) > JUMP_COUNTS:
+        if self.jumps(time_ns, counts):
             self._kept.clear()
         self._kept.append((time_ns, counts))
+
+    def jumps(self, time_ns: int, counts: int) -> bool:
+        """Whether the counts are off the trend."""
+        return bool(self._kept) and abs(counts - self.at(time_ns)) > JUMP_COUNTS
 
     def at(self, time_ns: int) -> float:
         (first_ns, first), (last_ns, last) = self._kept[0], self._kept[-1]
@@ -96,6 +115,10 @@ class MS56xxDriver:
         self._temperatures = TemperatureTrend()
         self._temperature_due_ns = 0
         self._implausible = 0
+        self._odd_temperature: int | None = None  # the latest, if it was off the trend
+        self._believed: tuple[int, float] | None = None  # when, and the pressure [Pa]
+        self._odd_pressures: list[float] = []  # in a row, off the believed one and near each other [Pa]
+        self._judged = 0
 
     def start(self) -> Iterator[float]:
         """Reset the part and read its calibration. Raises SensorFailure when the checksum is wrong."""
@@ -130,10 +153,18 @@ class MS56xxDriver:
             )
         middle_ns = self._started_ns + CONVERSION_NS[self._code] // 2
         if self._running == START_TEMPERATURE:
+            odd = self._odd_temperature
+            if self._temperatures.jumps(middle_ns, counts) and (odd is None or abs(counts - odd) > JUMP_COUNTS):
+                self._odd_temperature = counts  # converted once more before it is believed
+                return Sample(self._topic, now_ns, AbsolutePressure(status=Status.BUSY))
+            self._odd_temperature = None
             self._temperatures.add(middle_ns, counts)
             self._temperature_due_ns = now_ns + TEMPERATURE_EVERY_NS
             return Sample(self._topic, now_ns, AbsolutePressure(status=Status.BUSY))
-        centi_degC, pressure_Pa = compensate(self._variant, self._prom, counts, self._temperatures.at(middle_ns))
+        d2 = self._temperatures.at(middle_ns)
+        centi_degC, pressure_Pa = compensate(self._variant, self._prom, counts, d2)
+        if self._judged < JUDGED_PRESSURES:
+            self._judge_part(counts, d2, pressure_Pa)
         if not plausible(centi_degC, pressure_Pa):
             self._implausible += 1
             self._temperature_due_ns = now_ns  # pressure or temperature is wrong: measure the temperature again
@@ -142,6 +173,8 @@ class MS56xxDriver:
                 raise SensorFailure(Status.CORRUPT, f"{self._variant.name}: measurements outside the part's range")
             return Sample(self._topic, now_ns, AbsolutePressure(status=Status.CORRUPT))
         self._implausible = 0
+        if not self._is_believed(pressure_Pa, middle_ns):
+            return Sample(self._topic, now_ns, AbsolutePressure(status=Status.CORRUPT))
         message = AbsolutePressure(
             pressure_counts=counts,
             temperature_counts=self._temperatures.last,
@@ -149,6 +182,33 @@ class MS56xxDriver:
             temperature_K=centi_degC / 100 + ZERO_DEGC_K,
         )
         return Sample(self._topic, middle_ns, message)
+
+    def _is_believed(self, pressure_Pa: float, time_ns: int) -> bool:
+        """Whether the pressure follows from the one before, or is the last of several that agree."""
+        if self._believed is not None:
+            before_ns, before_Pa = self._believed
+            limit_Pa = JUMP_PA + JUMP_PA_PER_S * (time_ns - before_ns) * 1e-9
+            if abs(pressure_Pa - before_Pa) > limit_Pa:
+                odd = [*self._odd_pressures, pressure_Pa]
+                self._odd_pressures = odd if max(odd) - min(odd) <= 2 * JUMP_PA else [pressure_Pa]
+                if len(self._odd_pressures) < CONFIRMED_BY:
+                    return False
+        self._believed, self._odd_pressures = (time_ns, pressure_Pa), []
+        return True
+
+    def _judge_part(self, d1: int, d2: float, pressure_Pa: float) -> None:
+        """Raises SensorFailure if the pressure can only be right by the scale factors of the other part."""
+        self._judged += 1
+        twin = self._variant.twin
+        low_Pa, high_Pa = ON_GROUND_PA
+        if twin is None or low_Pa <= pressure_Pa <= high_Pa:
+            self._judged = JUDGED_PRESSURES
+        elif low_Pa <= (other_Pa := compensate(twin, self._prom, d1, d2)[1]) <= high_Pa:
+            raise wrong_device(
+                self._variant.name,
+                f"{pressure_Pa / 100:.0f} hPa would be {other_Pa / 100:.0f} by an {twin.name}: set driver ="
+                f' "{twin.name.lower()}" in the tray file',
+            )
 
 
 def plausible(centi_degC: float, pressure_Pa: float) -> bool:

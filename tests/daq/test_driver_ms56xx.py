@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from scripted_parts import bring_up
 
 from daq.sensors import SensorFailure
-from daq.sensors.ms56xx import MS5611, MS5805, MS56xxDriver, check_prom, compensate, crc4, oversampling_code
+from daq.sensors.ms56xx import MS5607, MS5611, MS5805, MS56xxDriver, check_prom, compensate, crc4, oversampling_code
 from flight.messages import AbsolutePressure, Status
 
 DATASHEET = (0, 40127, 36924, 23317, 23282, 33464, 28312, 0)  # MS5611 datasheet, figure 2
@@ -156,7 +156,8 @@ def test_an_absurd_reading_is_corrupt_and_the_temperature_is_looked_at_again(whi
     spoilt = run(part, sensor, 2)
     setattr(part, which, good)
     following = [sample.message for _, sample in spoilt + run(part, sensor, 8)]
-    assert [message.status for message in following].count(Status.CORRUPT) == 1
+    # A temperature is converted once more before it is believed, and no pressure depends on it.
+    assert [message.status for message in following].count(Status.CORRUPT) == (which == "d1")
     assert all(m.pressure_Pa == pytest.approx(100009, abs=1) for m in following if m.status is Status.OK)
     assert [m.status for m in following[-4:]] == [Status.OK] * 4
 
@@ -193,3 +194,64 @@ def test_while_the_part_warms_up_pressure_is_compensated_at_the_temperature_of_i
         part.now_ns += TICK_NS
     late = [pressure for pressure in pressures[100:] if pressure is not None]
     assert late == pytest.approx([constant_Pa] * len(late), abs=0.05)
+
+
+@pytest.mark.parametrize(
+    "damaged",
+    [lambda d1: d1 >> 1, lambda d1: d1 ^ 1 << 14, lambda d1: d1 ^ 1 << 21],
+    ids=["shifted", "bit 14", "bit 21"],
+)
+@pytest.mark.parametrize("replies", [1, 2])
+def test_a_pressure_that_jumps_for_two_conversions_is_not_believed(damaged, replies):
+    part, sensor = started()
+    run(part, sensor, 5)
+    good = part.d1
+    part.d1 = damaged(good)
+    assert {sample.message.status for _, sample in run(part, sensor, replies)} == {Status.CORRUPT}
+    part.d1 = good
+    after = [sample.message for _, sample in run(part, sensor, 5)]
+    assert all(m.status is Status.OK and m.pressure_Pa == pytest.approx(100009, abs=1) for m in after)
+
+
+def test_a_pressure_that_has_changed_is_believed_from_the_third_on():
+    """A tube is put on: 400 Pa."""
+    part, sensor = started()
+    run(part, sensor, 5)
+    part.d1 += 20_000
+    statuses = [sample.message.status for _, sample in run(part, sensor, 5)]
+    assert statuses == [Status.CORRUPT, Status.CORRUPT, Status.OK, Status.OK, Status.OK]
+
+
+@pytest.mark.parametrize("bit", [12, 14, 18, 22])
+def test_one_wrong_bit_in_a_temperature_moves_no_pressure(bit):
+    part, sensor = started()
+    run(part, sensor, 60)
+    part.d2 ^= 1 << bit
+    sensor._temperature_due_ns = part.now_ns
+    messages = [sample.message for _, sample in run(part, sensor, 2)]
+    part.d2 ^= 1 << bit
+    messages += [sample.message for _, sample in run(part, sensor, 30)]
+    assert all(m.pressure_Pa == pytest.approx(100009, abs=1) for m in messages if m.status is Status.OK)
+    assert [m.status for m in messages].count(Status.OK) >= 28
+
+
+def test_an_ms5607_on_a_board_for_an_ms5611_is_told_by_half_the_pressure():
+    part, sensor = started()
+    part.prom = sealed((0, 46372, 43981, 29059, 27842, 31553, 28165, 0), MS5611)
+    list(sensor.start())
+    part.d1, part.d2 = 6465444, 8077636  # of the example of its twin MS5637: 20.00 degC and 1100.02 mbar
+    with pytest.raises(
+        SensorFailure, match='MS5611 expected, but 550 hPa would be 1100 by an MS5607: set driver = "ms5607"'
+    ):
+        run(part, sensor, 5)
+    right = MS56xxDriver(part, 0x77, MS5607, topic="/baro", period_s=0.04)
+    list(right.start())
+    assert run(part, right, 5)[-1][1].message.pressure_Pa == pytest.approx(110002, abs=2)
+
+
+def test_an_ms5611_in_thin_air_is_not_taken_for_another_part():
+    """Two thirds of the pressure at sea level, at 3400 m: an MS5607 would say 1340 hPa."""
+    part, sensor = started()
+    high = compensate(MS5611, part.prom, part.d1, part.d2)[1]
+    part.d1 = round(part.d1 - 33_000 / (high - compensate(MS5611, part.prom, part.d1 - 1000, part.d2)[1]) * 1000)
+    assert run(part, sensor, 10)[-1][1].message.pressure_Pa == pytest.approx(67_000, abs=10)
