@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 class Airframe(NamedTuple):
     """The flights of one airframe in one configuration.
 
+    flights : in the order of their dates, those without a date last
     pool : of the flights since the last change     changes : of drag and propulsion, the first first
     """
 
@@ -28,6 +29,11 @@ class Airframe(NamedTuple):
     flights: tuple[FlightStatistics, ...]
     pool: Pool
     changes: tuple[Change, ...]
+
+    @property
+    def dated(self) -> int:
+        """How many flights have a date: the first ones. Changes are sought in these alone."""
+        return sum(one.dated for one in self.flights)
 
     @property
     def kind(self) -> tuple[float, str]:
@@ -64,21 +70,22 @@ def airframes(dataset: "Dataset", alarms_a_year: float, unread: list[str], names
 
 
 def airframe(name: str, configuration: str, flights: Sequence[FlightStatistics], alarms_a_year: float) -> Airframe:
-    """From its flights in one configuration, in the order of their dates. alarms_a_year: as of `airframes`"""
-    whole = pool(flights)
-    told = _changes(whole, alarms_a_year)
-    lately = pool(flights[told[-1].since :]) if told else whole
-    return Airframe(name, configuration, tuple(flights), lately, tuple(told))
+    """From its flights in one configuration, in the order of their dates. alarms_a_year: as of `airframes`
+
+    Whether a flight without a date came before a change is not known: it is pooled only where there is none.
+    """
+    dated = [one for one in flights if one.dated]
+    ordered = (*dated, *(one for one in flights if not one.dated))
+    whole = pool(ordered)
+    told = _changes(whole if len(dated) == len(flights) else pool(dated), alarms_a_year) if len(dated) > 2 else []
+    lately = pool(dated[told[-1].since :]) if told else whole
+    return Airframe(name, configuration, ordered, lately, tuple(told))
 
 
 def _changes(whole: Pool, alarms_a_year: float) -> list[Change]:
-    """By date, or one flight a day where a flight has none."""
+    """By date, of three flights or more that have one."""
     flights = whole.flights
-    starts = [one.content.pooling.start_unix_s for one in flights]
-    dated = [start for start in starts if start is not None]
-    times = np.array(dated) / 86400.0 if len(dated) == len(flights) else np.arange(len(flights), dtype=float)
-    if len(flights) < 3:
-        return []
+    times = np.array([one.content.pooling.start_unix_s for one in flights], dtype=float) / 86400.0
     flights_a_year = 365.25 * len(flights) / max(times[-1] - times[0], len(flights))  # one a day at most
     return find_changes(series(whole), times, flights_a_year / alarms_a_year)
 

@@ -6,6 +6,7 @@ added twice is one flight, and the order of additions does not matter.
 """
 
 import hashlib
+import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -73,7 +74,7 @@ class Dataset:
         return sorted(unquote(path.rsplit("=", 1)[1]) for path in fs.glob(f"{root}/airframe=*"))
 
     def flights(self, airframe: str, unread: list[str] | None = None) -> dict[str, list[FlightStatistics]]:
-        """Flights of an airframe by configuration, each in the order of their dates.
+        """Flights of an airframe by configuration, each in the order of their dates, those without a date last.
 
         unread: receives a line for each file that cannot be read; raises InputError for the first where it is None
         """
@@ -86,7 +87,7 @@ class Dataset:
                         msgspec.msgpack.decode(row["content"], type=FlightContent),
                     )
         by_configuration: dict[str, list[FlightStatistics]] = defaultdict(list)
-        for key in sorted(found, key=lambda key: (found[key][1].pooling.start_unix_s or 0.0, key)):
+        for key in sorted(found, key=lambda key: (found[key][1].pooling.start_unix_s or math.inf, key)):
             configuration, content = found[key]
             by_configuration[configuration].append(of_content(content))
         return dict(by_configuration)

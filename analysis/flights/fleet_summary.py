@@ -12,6 +12,7 @@ from analysis.flights.changes import Change
 from analysis.flights.flight_statistics import FlightContent
 from analysis.flights.joint_pool import JointPool
 from analysis.flights.pool import power_points
+from analysis.flights.wording import undated_text
 from analysis.records.fleet import (
     AirframeResult,
     ChangeResult,
@@ -38,6 +39,7 @@ def fleet_results(fleet: Sequence[Airframe], left_out: Sequence[str]) -> FleetRe
         airframes=[_airframe(one) for one in fleet],
         curves=[_curve(of_kind) for of_kind in kinds.values() if len(of_kind) > 2],
         contradictions=_contradictions(fleet),
+        notes=[f"{one.name}: {undated_text(one.flights)}" for one in fleet if one.dated < len(one.flights)],
         left_out=list(left_out),
     )
 
@@ -80,7 +82,7 @@ def _contradiction(
 
 
 def _airframe(one: Airframe) -> AirframeResult:
-    first, last = one.flights[0].content, one.flights[-1].content
+    first, last = one.flights[0].content, one.flights[one.dated - 1].content
     return AirframeResult(
         name=one.name,
         title=last.aircraft.title,

@@ -108,6 +108,11 @@ class FlightStatistics(NamedTuple):
     prior_measurements: tuple[SharedMeasurement, ...] = ()
 
     @property
+    def dated(self) -> bool:
+        """Whether it is known when it was flown."""
+        return self.content.pooling.start_unix_s is not None
+
+    @property
     def prior_matrix(self) -> Array:
         """Information (M, M) of the prior."""
         return sum((one.information for one in self.prior_measurements), np.diag(self.prior_information))

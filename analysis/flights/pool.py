@@ -23,7 +23,9 @@ from analysis.flights.evidence import cause_text, installations_text, polars_tex
 from analysis.flights.flight_statistics import POLAR, POOLED, FlightStatistics, check_one_aircraft, read_statistics
 from analysis.flights.joint import pooled_estimate, shared_prior, stacked
 from analysis.flights.joint_pool import JointPool, mean_condition, pooled_polar
+from analysis.flights.pool_settings import POOLING
 from analysis.flights.power_train import mean_air, pooled_use, slowest_flown
+from analysis.flights.wording import cause_text, installations_text, polars_text, undated_text
 from analysis.records.flight import ConditionResult, PowerPoint
 from analysis.records.pool import (
     AgreementTest,
@@ -88,7 +90,7 @@ class Pool(JointPool):
             one_more=_one_more(self, flights),
             flights_to_see=plans_to_see(self),
             trends=_trends(self),
-            notes=self.notes,
+            notes=[*self.notes, *_undated(self.flights)],
             left_out=list(left_out),
             failures=list(failures),
             air_temperature_K=temperature_K,
@@ -261,6 +263,13 @@ def _trends(pooled: JointPool) -> list[Trend]:
     deviations = np.array([J[at] @ (flight.values[:_N_POLAR] - pooled.polar.A) for flight in pooled.flights])
     of_power = J[at : at + 1]
     return trends(pooled.flights, deviations, ErrorParts(of_power @ errors.own @ of_power.T, of_power @ errors.shared))
+
+
+def _undated(flights: Sequence[FlightStatistics]) -> list[str]:
+    """A line on those that the trend over the date leaves out, where there are enough flights for one."""
+    if len(flights) < POOLING.fewest_for_trend or all(one.dated for one in flights):
+        return []
+    return [undated_text(flights)]
 
 
 def _refuse_repeated(flights: Sequence[FlightStatistics]) -> None:

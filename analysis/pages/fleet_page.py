@@ -26,6 +26,7 @@ def render_fleet(fleet: FleetResults) -> str:
             for i, curve in enumerate(fleet.curves)
         ],
         airframes=airframes_table(fleet),
+        notes=fleet.notes,
         doubts=doubts(fleet),
         left_out=fleet.left_out,
         source=f"flightpower {fleet.software_version}",

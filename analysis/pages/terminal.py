@@ -89,7 +89,7 @@ def print_fleet(fleet: FleetResults, page: Path | None, console: Console) -> Non
         _print_table(console, "what changed", news)
     _print_table(console, f"{len(fleet.airframes)} airframes, {fleet.flights} flights", airframes_table(fleet))
     _print_answers(console, fleet_answers(fleet))
-    _print_notes(console, [*doubts(fleet), *fleet.left_out])
+    _print_notes(console, [*doubts(fleet), *fleet.notes, *fleet.left_out])
     if page:
         _print_page(console, page)
 

@@ -94,4 +94,5 @@ class FleetResults(msgspec.Struct, frozen=True, kw_only=True):
     airframes: list[AirframeResult]
     curves: list[FleetCurveResult]
     contradictions: list[ContradictionResult] = []
+    notes: list[str] = []  # a line for each airframe with flights that have no date
     left_out: list[str]  # a line for each file of the dataset that could not be read

@@ -1,5 +1,6 @@
 """Curves of airframes, and of the fleet that they are drawn from."""
 
+import html
 from pathlib import Path
 
 import numpy as np
@@ -66,6 +67,31 @@ def test_a_changed_airframe_is_pooled_since_its_change_and_told_on_the_page(tmp_
     assert worn.trust is Trust.TRUSTED
     page = render_fleet(results)
     assert change.text in page and "10 February 2026" in change.text
+
+
+@pytest.mark.parametrize("undated", [range(0), range(10), range(1, 3)])
+def test_a_change_is_told_of_flights_with_dates_alone(tmp_path: Path, undated: range) -> None:
+    """Ten flights, the last four with 30 % more drag. The hashes of their contents, which order the undated ones, say
+    nothing of time. Of eight that are dated and two before the change that are not, the change is told, and the two,
+    which may be of any time, are not in the pool since it."""
+    flights = flights_of("one", 3, 10, drag=0.3 * (np.arange(10) >= 6), noise=0.3)
+    for i in undated:
+        flights[i]["pooling"]["start_unix_s"] = None
+    dataset = Dataset(str(tmp_path / "fleet"))
+    dataset.add(flights)
+    results = fleet_results(airframes(dataset, 1.0, []), [])
+    (one,) = results.airframes
+    if len(undated) == 10:
+        assert not one.changes and one.pooled_flights == 10 and one.first_unix_s is None
+        assert one.trust is not Trust.TRUSTED, "that the flights differ is told all the same"
+    else:
+        (change,) = one.changes
+        assert change.since_log == "one-006.mcap" and one.pooled_flights == 4
+        assert change.drag_percent == pytest.approx(30, abs=6)
+        assert one.last_unix_s == flights[-1]["pooling"]["start_unix_s"]
+    said = [f"one: {len(undated)} of 10 flights have no date"] if undated else []
+    assert [note.split(" (")[0] for note in results.notes] == said
+    assert all(note in html.unescape(render_fleet(results)) for note in results.notes)
 
 
 def test_flights_that_differ_make_the_curve_of_their_airframe_doubtful(tmp_path: Path) -> None:

@@ -293,6 +293,19 @@ def test_a_trend_over_temperature_is_found_and_none_over_date() -> None:
     assert date.quantity == "date"
 
 
+@pytest.mark.parametrize(("dated", "trends", "said"), [(8, 1, 0), (5, 1, 1), (0, 0, 1)])
+def test_flights_without_a_date_are_left_out_of_its_trend_which_is_said(dated: int, trends: int, said: int) -> None:
+    rng = np.random.default_rng(9)
+    x = truth(rng)
+    starts = [1.7e9 + 1e6 * i if i < dated else None for i in range(8)]
+    results = pool_results(
+        [flight(x, rng, str(i), 0.3, start_unix_s=start) for i, start in enumerate(starts)]
+    ).results()
+    over_date = [trend.flights for trend in results.trends if trend.quantity == "date"]
+    assert over_date == [dated] * trends
+    assert sum(f"{8 - dated} of 8 flights have no date" in note for note in results.notes) == said
+
+
 def test_half_widths_are_of_power_in_per_cent() -> None:
     pooled, V = pool_results(campaign(3, 3)), np.array([12.0, 18.0])
     power, error = pooled.power(V)
