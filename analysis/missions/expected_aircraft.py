@@ -45,6 +45,11 @@ class ExpectedAircraft:
         return min(MARGINS.cruise * self.stall_mps, MARGINS.fastest * self.fastest_mps)
 
     @property
+    def least_mps(self) -> float:
+        """Below it no forces are computed: where the thrust does not do, an aircraft stays there."""
+        return 0.5 * self.stall_mps
+
+    @property
     def lift_slope(self) -> float:
         """dC_L/dalpha of a straight wing (Helmbold's equation) [1/rad]."""
         AR = self.aircraft.aspect_ratio
@@ -93,7 +98,11 @@ def expected_aircraft(
     stall_mps: float | None = None,
     fastest_mps: float | None = None,
 ) -> ExpectedAircraft:
-    """What to plan with. A: polar of an earlier flight. Raises InputError where the file has no propeller."""
+    """What to plan with. A: polar of an earlier flight.
+
+    Raises InputError where the file has no propeller, where weight, wing and stall speed contradict each other, and
+    where full throttle does not carry the aircraft.
+    """
     if aircraft.propulsion.propeller is None:
         raise InputError(
             f"{aircraft.name}: the aircraft file names no propeller, which a plan needs;"
@@ -115,6 +124,7 @@ def expected_aircraft(
         stall_basis = f"assumed from a largest lift coefficient of {TRAINER.largest_CL}"
     else:
         stall_basis = "as given"
+        _check_stall(aircraft, rho, stall_mps)
     V = np.linspace(0.8 * stall_mps, 4.5 * stall_mps, 24)
     if aircraft.has(*(f"propulsion.{key}" for key in MOTOR)):
         thrust, motor = _motor_thrust(aircraft, propeller, V, rho), "the motor of the aircraft file"
@@ -139,6 +149,18 @@ def expected_aircraft(
     return _inside_the_table(found)
 
 
+def _check_stall(aircraft: Aircraft, rho: float, stall_mps: float, least: float = 0.25, most: float = 4.0) -> None:
+    """least, most: largest lift coefficients that may be: a stall speed off by a factor of two from that of 1.2"""
+    S, W = aircraft.geometry.wing_area_m2, aircraft.mass.weight_N
+    CL = 2 * W / (rho * S * stall_mps**2)
+    if not least <= CL <= most:
+        speeds = " to ".join(f"{(2 * W / (rho * S * one)) ** 0.5:.1f}" for one in (most, least))
+        raise InputError(
+            f"{aircraft.name}: a stall speed of {stall_mps:g} m/s takes a lift coefficient of {CL:.2g} at {W:.1f} N and"
+            f" {S:g} m²; {speeds} m/s is possible: check --stall, weight and wing area"
+        )
+
+
 def _inside_the_table(expected: ExpectedAircraft) -> ExpectedAircraft:
     """No faster, and in runs no more throttle, than the propeller's table covers: in level flight, in turns, and in
     porpoising by 1 g, whose mean drag is that of a turn. Where the table does not reach a speed that leaves room for
@@ -158,6 +180,8 @@ def _inside_the_table(expected: ExpectedAircraft) -> ExpectedAircraft:
     throttles = np.linspace(0.0, 1.0, 101)
     throttles = throttles[throttles <= MANEUVERS.acceleration_throttle + 1e-9]
     at_fastest = np.array([_covered(expected, slower[-1:], _revps(expected, t, slower[-1:]))[0] for t in throttles])
+    if not at_fastest.any():
+        return replace(expected, full_throttle=full)
     limited = not (covered.all() and at_fastest[-1])
     return replace(
         expected,

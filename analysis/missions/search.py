@@ -99,8 +99,14 @@ class _Increment(NamedTuple):
 
 
 def plan_flight(aircraft: ExpectedAircraft, request: Request) -> FlightPlan:
-    """The plan. Raises InputError where the time is too short for any."""
+    """The plan. Raises InputError where the time is too short for any, and where no speed is left to fly."""
     slow, fast = slowest_mps(aircraft, request.wind_kt), MARGINS.fastest * aircraft.fastest_mps
+    if slow >= fast:
+        raise InputError(
+            f"{aircraft.aircraft.name}: the slowest speed that keeps a margin to the stall in {request.wind_kt:g} kt,"
+            f" {slow:.1f} m/s, is not below the fastest that is planned, {fast:.1f} m/s; check stall speed, weight,"
+            " propeller and motor"
+        )
     asked = question(request.question, aircraft, slow, fast)
     kinds = aircraft, request.space, request.pilot, request.wind_kt
     pairs = _without_gentle_runs(catalog(*kinds), aircraft, request)

@@ -112,7 +112,7 @@ def _steps(duration_s: float) -> int:
 
 def _towards(expected: ExpectedAircraft, V: float, wanted: float, n: int) -> Array:
     """Speeds (n,) of a pilot who changes from V to another speed and holds it."""
-    grid = np.linspace(0.5 * expected.stall_mps, 1.5 * expected.fastest_mps, 60)
+    grid = np.linspace(expected.least_mps, 1.5 * expected.fastest_mps, 60)
     m = expected.aircraft.mass_kg
     drag = expected.drag_N(grid) / m
     most = np.clip(np.array([expected.thrust_N(1.0, v) for v in grid]) / m - drag, 0.05, PATH.hardest_mps2)
@@ -132,6 +132,7 @@ def _run(expected: ExpectedAircraft, V: float, first: float, run: Run) -> Array:
         t = i * PATH.step_s
         throttle = first + (run.throttle - first) * min(t / run.ramp_s, 1.0)
         V += PATH.step_s * (expected.thrust_N(throttle, V) - float(expected.drag_N(V))) / m
+        V = max(V, expected.least_mps)
         speeds.append(V)
         if t > run.ramp_s and (V >= run.until_mps if faster else V <= run.until_mps):
             break
@@ -207,7 +208,7 @@ def _history(
     samples = 5  # an aircraft does not change its path at once
     smooth = np.ones(samples) / samples
     climb, bank = (np.convolve(np.pad(x, samples // 2, mode="edge"), smooth, mode="valid") for x in (climb, bank))
-    flown = np.maximum(V, 0.5 * expected.stall_mps)
+    flown = np.maximum(V, expected.least_mps)
     load = (flown * np.gradient(climb, PATH.step_s) / g + np.cos(climb)) / np.cos(bank)
     alpha = np.clip(expected.alpha_rad(flown, load), -0.2, 0.3) * np.minimum(V / flown, 1.0)
     theta = np.arctan(np.cos(bank) * np.tan(alpha)) + climb

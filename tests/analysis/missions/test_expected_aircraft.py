@@ -7,9 +7,13 @@ import numpy as np
 import pytest
 
 from analysis.missions import expected_aircraft as of_module
+from analysis.missions import time_history as of_time_history
 from analysis.missions.expected_aircraft import ExpectedAircraft, expected_aircraft
+from analysis.missions.pieces import Pilot, Run, Space
+from analysis.missions.search import Request, plan_flight
 from analysis.missions.time_history import climb_rate_mps
 from flight.aircraft import Aircraft, load_aircraft
+from flight.errors import InputError
 from flight.propeller import Propeller
 from flight.units import GRAVITY_MPS2
 
@@ -198,3 +202,28 @@ def test_no_climb_is_planned_that_the_battery_does_not_give(nexstar: ExpectedAir
         0.92 * V * 0.4 * float(nexstar.drag_N(V)) / nexstar.aircraft.mass.weight_N, rel=1e-6
     )
     assert climb_rate_mps(weak) < climb_rate_mps(nexstar)
+
+
+@pytest.mark.parametrize("stall_mps", [0.01, 1.0, 30.0, 100.0])
+def test_a_stall_speed_that_no_wing_has_is_refused(aircraft: Aircraft, stall_mps: float) -> None:
+    """A largest lift coefficient is between a quarter and four: the stall speed of 1.2, over 1.8 and times 2.2."""
+    with pytest.raises(InputError, match=r"a stall speed of .* 5\.9 to 23\.6 m/s is possible") as refused:
+        expected_aircraft(aircraft, HEIGHT_M, stall_mps=stall_mps)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("stall_mps", [21.0, 23.0])
+def test_a_plan_without_a_speed_between_stall_and_full_throttle_is_refused(
+    aircraft: Aircraft, stall_mps: float
+) -> None:
+    """It gives 24.5 m/s, of which 92 % are planned; the slowest keeps 9 % to the stall."""
+    request = Request(21.0, 5.0, Space(500.0, 40.0), Pilot(False, 1.0))
+    with pytest.raises(InputError, match=r"is not below the fastest that is planned, 22\.\d m/s"):
+        plan_flight(expected_aircraft(aircraft, 40.0, stall_mps=stall_mps), request)
+
+
+def test_a_run_without_thrust_stays_at_half_the_stall(nexstar: ExpectedAircraft) -> None:
+    """It does not fly backward: the drag of level flight grows without limit where lift comes from no speed."""
+    halted = of_time_history.paths([Run(0.1, 1.0, 30.0)], nexstar, HEIGHT_M, airborne=True)[0]
+    assert halted.V[-1] == pytest.approx(nexstar.stall_mps / 2)
+    assert np.all(np.diff(halted.V) <= 0)
