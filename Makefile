@@ -132,7 +132,7 @@ constraints: ## renew constraints.txt and hashes.txt: the newest versions that p
 	build/constraints/bin/pip install --quiet --disable-pip-version-check uv
 	sed -n '/^#/p' hashes.txt > build/hashes.txt
 	build/constraints/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header --no-annotate \
-		$(addprefix --extra ,page fleet sim plot status) --constraint constraints.txt pyproject.toml >> build/hashes.txt
+		$(addprefix --extra ,fleet sim plot status) --constraint constraints.txt pyproject.toml >> build/hashes.txt
 	mv build/hashes.txt hashes.txt && rm -rf build/constraints
 
 clean: ## remove generated files, except recordings in out/

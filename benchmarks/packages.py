@@ -167,7 +167,7 @@ def tried(bench: Bench, python: Path, wheel: Path) -> None:
     place = bench.folder / version
     work = place / "work"
     work.mkdir(parents=True)
-    commands = environment(bench, python, wheel, "page,sim", place / "venv")
+    commands = environment(bench, python, wheel, "analysis,sim", place / "venv")
     if not (commands / "flightpower").exists():
         return
 
@@ -188,7 +188,7 @@ def tried(bench: Bench, python: Path, wheel: Path) -> None:
     light = environment(bench, python, wheel, "autopilot", place / "light")
     bench.add(f"{version} [autopilot] is without CasADi", not list(light.parent.rglob("casadi")), "")
     bench.run(f"{version} PX4: analyze", light / "analyze", "px4/log.ulg", *OF_THE_AIRCRAFT, cwd=work)
-    for name, used in (("[page,sim]", place / "venv"), ("[autopilot]", place / "light")):
+    for name, used in (("[analysis,sim]", place / "venv"), ("[autopilot]", place / "light")):
         bytes_ = sum(path.lstat().st_size for path in used.rglob("*") if path.is_file())
         bench.add(f"{version} {name}", True, f"{bytes_ / 1e6:.0f} MB")
 

@@ -25,7 +25,9 @@ LAPTOP = ("casadi", *LOGS)
 SIDES = {
     "analyze": Side("analysis.cli.analyze", "From a log to the power-required curve.", LOGS, "analysis"),
     "export": Side("analysis.cli.export", "A flight as tables and files for other programs.", LAPTOP, "analysis"),
-    "open": Side("analysis.pages.open.command", "Flights in the browser: edit runs.", (*LAPTOP, "waitress"), "page"),
+    "open": Side(
+        "analysis.pages.open.command", "Flights in the browser: edit runs.", (*LAPTOP, "waitress"), "analysis"
+    ),
     "plan": Side("analysis.cli.plan", "What to fly next, for the narrowest interval.", LAPTOP, "analysis"),
     "route": Side("analysis.cli.route", "The energy of a mission in wind, and the way home.", LOGS, "autopilot"),
     "parameters": Side("analysis.cli.parameters", "A flight's parameters for an autopilot.", LOGS, "autopilot"),

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from flightpower.command import SIDES
+
 ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 # Each package and the extras with any one of which it has to work; none: what the aircraft's computer installs.
@@ -83,6 +85,14 @@ def test_the_extra_for_autopilots_has_no_casadi() -> None:
     assert "casadi" in declared("analysis") and not declared("autopilot") & {"casadi", "plotly", "pyarrow"}
 
 
+def test_an_extra_installs_what_its_commands_need_and_the_demonstration_s_the_page_in_the_browser() -> None:
+    """`make demo` installs [analysis,sim]; what it tells to open next is then there."""
+    lacking = {name: set(side.needs) - declared(*filter(None, [side.extra])) for name, side in SIDES.items()}
+    assert not any(lacking.values()), lacking
+    assert "'.[analysis,sim]'" in (ROOT / "Makefile").read_text("utf-8")
+    assert set(SIDES["open"].needs) <= declared("analysis") == declared("page")
+
+
 def test_the_hashed_versions_are_those_tested_together() -> None:
     """hashes.txt has what the extras for users need, and each with a hash."""
     pinned = re.findall(r"^([\w.-]+)==(\S+)(.*(?:\n    .*)*)", (ROOT / "hashes.txt").read_text("utf-8"), re.MULTILINE)
@@ -90,7 +100,7 @@ def test_the_hashed_versions_are_those_tested_together() -> None:
     tested = {re.sub(r"[-_.]+", "-", name).lower(): version for name, version in tested.items()}
     assert all("--hash=sha256:" in rest for _, _, rest in pinned)
     assert {name: tested.get(name, version) for name, version, _ in pinned} == {name: v for name, v, _ in pinned}
-    users = declared("fleet", "page", "plot", "sim", "status")
+    users = declared("fleet", "plot", "sim", "status")
     assert {IMPORTED_AS.get(name, name.replace("-", "_")) for name, _, _ in pinned} >= users - {"flightpower"}
 
 
