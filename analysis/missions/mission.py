@@ -61,6 +61,25 @@ class Mission(NamedTuple):
     notes: tuple[str, ...] = ()
 
 
+class Allowance(NamedTuple):
+    """How far below home the ground may lie [m]: of heights that are told above home, and of those above the sea.
+
+    The latter are mistaken for the former; who flies down a valley can tell them above home.
+    """
+
+    above_home_m: float = 300.0
+    above_sea_m: float = 30.0
+
+
+ALLOWED = Allowance()
+
+
+def check_height(height_m: float, where: str, advice: str, allowed_m: float = ALLOWED.above_home_m) -> None:
+    """Raises InputError beginning with `where` for a height [m] so far below home that no ground is there."""
+    if height_m < -allowed_m:
+        raise InputError(f"{where}: {-height_m:.0f} m below home; {advice}")
+
+
 def with_return(mission: Mission, ends_by_landing: bool, at_home_m: float = 100.0) -> Mission:
     """The mission, and straight home at its last height where it ends neither there nor by landing.
 
@@ -108,6 +127,7 @@ def parse_legs(text: str, height_m: float) -> Mission:
             place.north_m + distance_m * cos(course),
             place.height_m + climb_m,
         )
+        check_height(place.height_m, where, "check its climb and --height")
         speed = Speed(to_si(leg["speed"], "m/s", where)) if leg["speed"] else None
         steps.append(Step(f"leg {number}", place, speed))
     return Mission(HOME._replace(height_m=height_m), tuple(steps))

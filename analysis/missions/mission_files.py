@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
-from analysis.missions.mission import HOME, Mission, Place, Speed, Step, with_return
+from analysis.missions.mission import ALLOWED, HOME, Mission, Place, Speed, Step, check_height, with_return
 from flight.errors import InputError
 from flight.files import read_text
 from flight.units import EARTH_RADIUS_M
@@ -129,9 +129,9 @@ def load_mission(path: Path, assumed: Assumed = Assumed()) -> Mission:
     text, where = read_text(path), str(path)
     begin = text.lstrip()[:20]
     if begin.startswith("{"):
-        items, start, cruise = _qgroundcontrol(text, where)
+        items, start, notes = _qgroundcontrol(text, where)
     elif begin.startswith("QGC WPL"):
-        (items, start), cruise = _waypoints(text, where), None
+        (items, start), notes = _waypoints(text, where), ()
     elif begin.startswith("<"):
         return _kml(text, where, assumed)
     else:
@@ -143,17 +143,18 @@ def load_mission(path: Path, assumed: Assumed = Assumed()) -> Mission:
         start = Start(*assumed.home_deg, start.above_sea_m if start else None)
     if start is None:
         raise InputError(f'{where}: has no home position; give --home "48.1,11.5"')
-    return _Reader(where, start, assumed, cruise).mission(_unrolled(items, where))
+    return _Reader(where, start, assumed, notes).mission(_unrolled(items, where))
 
 
 class _Reader:
     """Steps from items, one after another."""
 
-    def __init__(self, where: str, start: Start, assumed: Assumed, cruise_mps: float | None):
+    def __init__(self, where: str, start: Start, assumed: Assumed, notes: Sequence[str]):
         self.where, self.start, self.assumed = where, start, assumed
-        self.place, self.speed = HOME, Speed(cruise_mps) if cruise_mps else None
+        self.place = HOME
+        self.speed: Speed | None = None
         self.steps: list[Step] = []
-        self.notes: list[str] = []
+        self.notes = list(notes)
         self.ignored: Counter[str] = Counter()
 
     def mission(self, items: Sequence[Item]) -> Mission:
@@ -220,7 +221,7 @@ class _Reader:
 
     def _to(self, item: Item) -> Place:
         """The item's place; over the place before where it has none."""
-        height_m = item.height_m
+        height_m, advice, allowance_m = item.height_m, "check its height", ALLOWED.above_home_m
         if not math.isfinite(height_m):
             raise InputError(f"{self._name(item)} has no height")
         if item.frame in (Frame.ABOVE_SEA, Frame.ABOVE_SEA_INT):
@@ -228,7 +229,12 @@ class _Reader:
                 raise InputError(
                     f"{self._name(item)}: height above sea level, and home's is not known; use relative ones"
                 )
-            height_m -= self.start.above_sea_m
+            told_m, height_m = height_m, height_m - self.start.above_sea_m
+            advice = (
+                f"{told_m:g} m above sea level, and home at {self.start.above_sea_m:g} m: where it is meant above home,"
+                " save the mission with relative heights (frame 3)"
+            )
+            allowance_m = ALLOWED.above_home_m if item.command == Command.LAND else ALLOWED.above_sea_m
         elif item.frame in (Frame.TERRAIN, Frame.TERRAIN_INT):
             note = "Heights above terrain are taken as above home: the ground as flat."
             self.notes += [note] if note not in self.notes else []
@@ -236,6 +242,8 @@ class _Reader:
             raise InputError(
                 f"{self._name(item)}: coordinate frame {item.frame} is not understood; use 3, relative to home"
             )
+        allowance_m = 0.0 if item.command == Command.TAKE_OFF else allowance_m
+        check_height(height_m, self._name(item), advice, allowance_m)
         if item.latitude_deg is None or item.longitude_deg is None:
             return self.place._replace(height_m=height_m)
         east_m, north_m = local_m(item.latitude_deg, item.longitude_deg, self.start, self._name(item))
@@ -304,21 +312,29 @@ def _unrolled(items: Sequence[Item], where: str) -> list[Item]:
     return flown
 
 
-def _qgroundcontrol(text: str, where: str) -> tuple[list[Item], Start | None, float | None]:
+def _qgroundcontrol(text: str, where: str) -> tuple[list[Item], Start | None, Sequence[str]]:
     try:
         mission = json.loads(text)["mission"]
         plain = [item for entry in mission["items"] for item in _simple(entry, where)]
         items = [_from_json(number, item, where) for number, item in enumerate(plain, start=1)]
         home = mission.get("plannedHomePosition")
         start = Start(float(home[0]), float(home[1]), float(home[2])) if home else None
-        cruise = mission.get("cruiseSpeed")
-        return items, start, float(cruise) if cruise else None
+        return items, start, _of_speed(mission.get("cruiseSpeed"), items)
     except InputError:
         raise
     except KeyError as error:
         raise InputError(f"{where}: not a plan of QGroundControl (lacks {error})") from None
     except (ValueError, TypeError, IndexError, AttributeError, RecursionError) as error:
         raise InputError(f"{where}: not a plan of QGroundControl ({error})") from None
+
+
+def _of_speed(cruise_mps: Any, items: Sequence[Item]) -> tuple[str, ...]:
+    """What to say of the speed of a plan that asks for none: that it is for QGroundControl's times, which it shows."""
+    if not cruise_mps or any(item.command == Command.CHANGE_SPEED for item in items):
+        return ()
+    return (
+        f"QGroundControl computes times with {float(cruise_mps):g} m/s, which no vehicle gets: not taken as asked.",
+    )
 
 
 def _simple(entry: dict[str, Any], where: str) -> Iterator[dict[str, Any]]:
@@ -399,6 +415,7 @@ def _kml(text: str, where: str, assumed: Assumed) -> Mission:
     places = []
     for point in points:
         east_m, north_m = local_m(point[1], point[0], start, where)
+        check_height(point[2] - base_m if with_heights else 0.0, where, "check the heights of the line")
         places.append(Place(east_m, north_m, point[2] - base_m if with_heights else assumed.height_m))
     steps = tuple(Step(f"point {number}", place) for number, place in enumerate(places[1:], start=2))
     note = "" if with_heights else f"The line has no heights: flown {assumed.height_m:g} m above home (--height)."

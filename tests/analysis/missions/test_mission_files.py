@@ -9,6 +9,7 @@ import pytest
 
 from analysis.missions.mission import HOME, Mission, Speed, parse_legs, parse_wind, with_return
 from analysis.missions.mission_files import Assumed, load_mission
+from flight.errors import InputError
 
 HOME_DEG = (48.1, 11.5)
 NORTH_DEG = 1000.0 / (6_371_000.0 * radians(1.0))  # a kilometer
@@ -67,7 +68,7 @@ def test_plan_and_waypoints_of_one_mission_are_the_same(tmp_path: Path, write: A
     assert first.to == pytest.approx((1000, 0, 80), abs=0.5)
     assert second.to == pytest.approx((1000, 1000, 80), abs=0.5)
     assert home.to == HOME._replace(height_m=80)
-    assert first.speed == (Speed(15.0) if write is plan_text else None)
+    assert first.speed is None
     assert second.speed == home.speed == Speed(18.0)
     assert len(mission.notes) == 1  # the camera's trigger, and the end of its video after landing
 
@@ -97,6 +98,46 @@ def test_a_speed_goes_back_to_the_default_and_stays_without_change(tmp_path: Pat
     changes = [item(178, 0, speed, -1) for speed in (18.0, -1.0, -2.0)]
     mission = read(tmp_path, plan_text(*(one for change in changes for one in (change, item(16, east_km=1.0)))))
     assert [step.speed for step in mission.steps[:3]] == [Speed(18.0), Speed(18.0), None]
+
+
+def test_a_cruise_speed_of_qgroundcontrol_is_not_flown(tmp_path: Path) -> None:
+    """It writes one into every plan for times of its own; the vehicle never gets it."""
+    fast = read(tmp_path, plan_text(item(16, east_km=1.0), cruiseSpeed=22))
+    assert {step.speed for step in fast.steps} == {None} and "with 22 m/s, which no vehicle gets" in fast.notes[0]
+    bare = read(tmp_path, plan_text(item(16, east_km=1.0), cruiseSpeed=0))
+    assert bare.steps == fast.steps and len(bare.notes) == len(fast.notes) - 1
+
+
+@pytest.mark.parametrize("command", [16, 22])
+def test_heights_above_home_in_the_frame_of_the_sea_are_refused(command: int, tmp_path: Path) -> None:
+    """100 m in frame 0 at a home 500 m high lie 400 m under the ground; 60 m below home a valley may be, if told so."""
+    with pytest.raises(InputError, match=r"item 1 .*: 400 m below home; 100 m above sea level, and home at 500 m"):
+        read(tmp_path, plan_text(item(command, frame=0, height_m=100.0, east_km=1.0)))
+    with pytest.raises(InputError, match=r"60 m below home; 440 m"):
+        read(tmp_path, plan_text(item(command, frame=5, height_m=440.0, east_km=1.0)))
+    assert read(tmp_path, plan_text(item(16, height_m=-60.0, east_km=1.0))).steps[0].to.height_m == -60
+    assert read(tmp_path, plan_text(item(21, frame=0, height_m=440.0, east_km=1.0))).steps[0].to.height_m == -60
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        plan_text(item(22, height_m=-1.0, east_km=1.0)),
+        plan_text(item(16, height_m=-301.0, east_km=1.0)),
+        plan_text(item(21, frame=10, height_m=-301.0, east_km=1.0)),
+    ],
+)
+def test_heights_where_no_ground_is_are_refused(text: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="m below home; check its height"):
+        read(tmp_path, text)
+
+
+def test_lines_and_legs_end_above_the_ground_too(tmp_path: Path) -> None:
+    down = KML.format("<altitudeMode>absolute</altitudeMode>", 585, HOME_DEG[0] + NORTH_DEG, 100)
+    with pytest.raises(InputError, match="385 m below home; check the heights of the line"):
+        read(tmp_path, down)
+    with pytest.raises(InputError, match=r"leg 2 .*: 301 m below home"):
+        parse_legs("3 km 090, 3 km 270 -401 m", 100.0)
 
 
 def test_heights_above_the_sea_are_less_homes(tmp_path: Path) -> None:
