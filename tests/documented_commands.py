@@ -22,7 +22,7 @@ TUTORIAL = ROOT / "docs" / "use" / "tutorial.md"
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*/*.md"))]
 MODULES = {
     "analyze": "analysis.cli.analyze",
-    "calibrate": "analysis.cli.calibrate",
+    "calibrate": "analysis.calibrations",
     "sim": "sim.__main__",
     "daq": "daq.__main__",
     "flightpower": "flightpower.command",

@@ -195,3 +195,12 @@ def vehicle_notes(flights: Sequence[ElectricalFlight]) -> list[str]:
 
 def _listed(logs: dict[str, list[str]]) -> str:
     return "; ".join(f"{name} ({', '.join(of_name)})" for name, of_name in logs.items())
+
+
+def undated_text(flights: Sequence[FlightStatistics]) -> str:
+    """Which of them are left out of changes in time. flights: one without a date, at least"""
+    undated = [one.name for one in flights if not one.dated]
+    return (
+        f"{len(undated)} of {len(flights)} flights have no date ({undated[0]}{', …' if len(undated) > 1 else ''}): they"
+        " are left out of changes in time. GPS, or a clock with a battery, dates a log."
+    )

@@ -9,10 +9,10 @@ from analysis.curve import Polar, power_required
 from analysis.estimation.noise import NORMAL_95
 from analysis.flights.airframes import Airframe, fleet_curve
 from analysis.flights.changes import Change
+from analysis.flights.evidence import undated_text
 from analysis.flights.flight_statistics import FlightContent
 from analysis.flights.joint_pool import JointPool
 from analysis.flights.pool import power_points
-from analysis.flights.wording import undated_text
 from analysis.records.fleet import (
     AirframeResult,
     ChangeResult,

@@ -19,13 +19,12 @@ from analysis.flights.agreement import (
     trends,
 )
 from analysis.flights.comparison import plans_to_see
-from analysis.flights.evidence import cause_text, installations_text, polars_text
+from analysis.flights.evidence import cause_text, installations_text, polars_text, undated_text
 from analysis.flights.flight_statistics import POLAR, POOLED, FlightStatistics, check_one_aircraft, read_statistics
 from analysis.flights.joint import pooled_estimate, shared_prior, stacked
 from analysis.flights.joint_pool import JointPool, mean_condition, pooled_polar
 from analysis.flights.pool_settings import POOLING
 from analysis.flights.power_train import mean_air, pooled_use, slowest_flown
-from analysis.flights.wording import cause_text, installations_text, polars_text, undated_text
 from analysis.records.flight import ConditionResult, PowerPoint
 from analysis.records.pool import (
     AgreementTest,

@@ -31,7 +31,7 @@ OF_SIGNAL = """
 OURS = "analysis|daq|flight|flightpower|hw_fakes|sim"
 COMMANDS = {
     "analyze": "analysis.cli.analyze",
-    "calibrate": "analysis.cli.calibrate",
+    "calibrate": "analysis.calibrations",
     "flightpower": "flightpower.command",
     "sim": "sim.__main__",
 }

@@ -8,8 +8,8 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+import analysis.calibrations
 import analysis.cli.analyze
-import analysis.cli.calibrate
 import analysis.cli.compare
 import daq.__main__
 import flightpower.command

@@ -14,8 +14,8 @@ from pathlib import Path
 
 import pytest
 
+import analysis.calibrations
 import analysis.cli.analyze
-import analysis.cli.calibrate
 import daq.__main__
 import flightpower.command
 import sim.__main__
