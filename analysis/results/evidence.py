@@ -30,6 +30,7 @@ from analysis.records.flight import (
 )
 from analysis.results.settings import TRUST
 from analysis.settings import FLOWN
+from analysis.trajectory.observability import SENSOR_ERROR_KINDS
 from flight.messages import Comparison
 
 _WORST_FIRST = (Trust.NOT_TO_BE_TRUSTED, Trust.DOUBTFUL, Trust.TRUSTED)
@@ -302,11 +303,10 @@ def _sensor_errors(results: Results) -> Iterator[Evidence]:
         return
     tests = len(results.pooling.names)
     limit = noise_limit(tests)
-    title = {one.name: one.title for one in results.path.sensor_errors}
     for name, sigmas in results.path.prior_conflicts.items():
         if abs(sigmas) <= limit:
             continue
-        subject = title.get(name, name)
+        subject = SENSOR_ERROR_KINDS[name].title
         yield Evidence(
             kind=EvidenceKind.SENSOR_ERROR,
             level=Trust.DOUBTFUL,

@@ -292,20 +292,47 @@ def prior_conflict(trajectory: Trajectory) -> PriorConflict:
     y = (trajectory.sensor_errors - [PRIOR_MEAN.get(name, 0.0) for name in SENSOR_ERRORS]) / sigma
     posterior, directions = np.linalg.eigh(trajectory.covariance / np.outer(sigma, sigma))
     j = 1 / np.clip(posterior, 1e-12, 1.0) - 1
-    known = j > PRIOR_CHECK.least_information
+    known = 1 - 1 / (1 + j) > PRIOR_CHECK.told[0]
     variance, x_squared = 1 / j[known], ((directions.T @ y)[known] * (1 + 1 / j[known])) ** 2
-    z, size = _each_against_prior(y, np.diag(trajectory.covariance) / sigma**2)
-    beyond = {
-        name: float(value) for name, value in zip(SENSOR_ERRORS, z, strict=True) if abs(value) > EVIDENCE.contradiction
-    }
+    size, z = _worst_first(y, trajectory.covariance / np.outer(sigma, sigma))
+    beyond = {SENSOR_ERRORS[i]: z[i] for i in sorted(z)}
     together = 1.0
     if beyond or np.sum(x_squared / (1 + variance)) > special.chdtri(max(known.sum(), 1), STATISTICS.false_alarm_rate):
         factors = np.linspace(1.0, 6.0, 501)
         total = factors[:, None] ** 2 + variance
         together = float(factors[np.argmin(np.sum(np.log(total) + x_squared / total, axis=1))])
-    factor = np.maximum(together, np.where(np.abs(z) > EVIDENCE.contradiction, size, 1.0))
+    factor = np.maximum(together, size)
     factor[SENSOR_ERRORS.index("updraft")] = 1.0  # of the air: its prior says nothing about the installation's
     return PriorConflict(factor, beyond, together)
+
+
+def _worst_first(y: Array, covariance: Array) -> tuple[Array, dict[int, float]]:
+    """Sensor errors that contradict their priors: the size that the data give each, (m,), in prior standard deviations
+    and 1 for all others; and by number of the error its estimate in the standard deviations that it has if the prior
+    is right.
+
+    y, covariance : estimates in prior standard deviations
+    The worst is given a prior of its size, and the others are judged by what they are then: an error that only took
+    the worst one's part does not contradict. The model is linear about the estimate. An error of which data tell
+    little has to be beyond what noise rarely makes of any: with a prior of its size little is known of it.
+    """
+    size, found = np.ones(len(y)), dict[int, float]()
+    rare = -special.ndtri(EVIDENCE.rare_false_alarms / (2 * len(y)))
+    information = np.linalg.inv(covariance)
+    of_data = information @ y  # the prior's mean is 0
+    while len(found) < len(y):
+        z, sizes = _each_against_prior(y, np.diag(covariance))
+        z[[*found]] = 0.0
+        enough = 1 - np.diag(covariance) > PRIOR_CHECK.told[1]
+        beyond = np.abs(z) > np.where(enough, EVIDENCE.contradiction, rare)
+        if not beyond.any():
+            break
+        worst = int(np.argmax(np.where(beyond, np.abs(z), 0.0)))
+        found[worst], size[worst] = float(z[worst]), sizes[worst]
+        information[worst, worst] -= 1 - 1 / sizes[worst] ** 2
+        covariance = np.linalg.inv(information)
+        y = covariance @ of_data
+    return size, found
 
 
 def _each_against_prior(y: Array, share: Array) -> tuple[Array, Array]:
@@ -313,10 +340,11 @@ def _each_against_prior(y: Array, share: Array) -> tuple[Array, Array]:
     size that the data give it, in prior standard deviations.
 
     y : estimates in prior standard deviations     share : posterior over prior variance
-    With a narrow prior an estimate stays near zero whatever the data say, and varies by 1 - share only.
+    With a narrow prior an estimate stays near zero whatever the data say, and varies by 1 - share only. Where that is
+    so little that the solver's last step shows, it is not judged.
     """
     told = 1 - np.clip(share, 0.0, 1.0)
-    known = told > PRIOR_CHECK.least_information / (1 + PRIOR_CHECK.least_information)
+    known = told > PRIOR_CHECK.told[0]
     told = np.where(known, told, 1.0)
     z = np.where(known, y / np.sqrt(told), 0.0)
     return z, np.sqrt(np.maximum((y / told) ** 2 - (1 - told) / told, 1.0))

@@ -220,8 +220,12 @@ class ObservabilitySettings(Settings):
 class PriorCheckSettings(Settings):
     """Conflict of the sensor errors with their priors, and residuals that are too large."""
 
-    least_information: float = setting(
-        0.1, "1", "of the data in a direction, over the prior's (j): below it the direction is not tested"
+    told: tuple[float, float] = setting(
+        (0.01, 0.1),
+        "1",
+        "share of the prior's variance: an estimate of which data tell less than the first is not tested, since the"
+        " solver's last step is more than 0.2 of the standard deviation that it has if the prior is right; of one below"
+        " the second, little is known once its prior is wide, so that it has to be beyond what noise rarely makes",
     )
     largest_rms: float = setting(
         1.5, "1", "of residuals, in standard deviations: 1.0 to 1.1 in calm air on the study's budget, less in gusts"

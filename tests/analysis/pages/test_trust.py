@@ -109,6 +109,14 @@ def efficiency(results: Results, propeller: Interval, motor: Interval) -> Result
     )
 
 
+@pytest.mark.parametrize("name", ["dp_alpha_zero", "q_c_zero", "alpha_per_g"])
+def test_a_sensor_error_is_named_in_words(results: Results, name: str) -> None:
+    """Also the zeros, which are not listed among the sensor errors of the path."""
+    (one,) = with_trust(replace(results, path=path(**{name: -9.5}), pooling=statistics())).evidence
+    assert (one.subject, one.figure) == (name, -9.5)
+    assert name not in one.text and "-9.5 times the standard deviation" in one.text
+
+
 @pytest.mark.parametrize("kind", NOT_TRUSTED)
 def test_a_result_not_to_be_trusted_says_why_on_stderr_with_exit_code_1(
     results: Results, kind: EvidenceKind, capsys: Any
@@ -226,7 +234,7 @@ def test_an_export_of_such_a_result_is_written_and_ends_with_exit_code_1(
     written: list[Path] = []
     analyzed = SimpleNamespace(results=with_trust(NOT_TRUSTED[EvidenceKind.POLAR_CURVES_DOWNWARD](results)))
     monkeypatch.setattr("analysis.cli.export.open_source", lambda path, columns: None)
-    monkeypatch.setattr("analysis.pipeline.analyze", lambda *_, **__: analyzed)
+    monkeypatch.setattr("analysis.pipeline.runs.analyze_runs", lambda *_, **__: analyzed)
     monkeypatch.setattr("analysis.pages.exports.tables.tables_of", lambda flight: {})
     monkeypatch.setattr(
         "analysis.pages.exports.tables.export_tables", lambda tables, log, to, path: written.append(path)

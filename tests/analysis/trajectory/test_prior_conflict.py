@@ -66,8 +66,40 @@ def test_errors_that_the_data_half_determine_tell_their_own_size() -> None:
         assert prior_conflict(estimated(np.resize([y, -y], count), known_to=0.7)).conflicting is found
 
 
-def test_what_the_data_do_not_determine_is_no_conflict() -> None:
-    assert not prior_conflict(estimated(np.full(len(PRIOR), 2.0), known_to=0.99)).conflicting
+@pytest.mark.parametrize("told", [0.5, 0.07, 0.02])
+def test_an_error_is_judged_by_what_its_estimate_varies_if_the_prior_is_right(told: float) -> None:
+    """However little of the prior's variance the data tell: a boom that bends 33 times what was assumed is seen as
+    9 standard deviations where they tell 7 %, and gets a prior of its size."""
+    i = SENSOR_ERRORS.index("alpha_per_g")
+    for true, found in ((33.0, True), (2.4 / np.sqrt(told), False)):
+        errors = np.zeros(len(PRIOR))
+        errors[i] = -true * told  # the estimate is drawn to the prior's mean of zero
+        conflict = prior_conflict(estimated(errors, known_to=np.sqrt(1 - told)))
+        assert conflict.beyond == ({"alpha_per_g": pytest.approx(-33.0 * np.sqrt(told))} if found else {})
+        assert conflict.factor[i] == (pytest.approx(np.sqrt(true**2 - (1 - told) / told), rel=0.01) if found else 1.0)
+
+
+def test_what_the_solver_s_last_step_moves_is_no_conflict() -> None:
+    """The step, 0.02 prior standard deviations, would be 2 and 4 of those that an estimate has, were so little told."""
+    for told in (1e-4, 2.5e-5):
+        moved = np.resize([0.02, -0.02], len(PRIOR))
+        assert not prior_conflict(estimated(moved, known_to=np.sqrt(1 - told))).conflicting
+
+
+def test_an_error_that_took_a_part_of_the_worst_one_s_is_no_conflict() -> None:
+    """Data show the sum of two errors, and one of them by itself, too. The other is wrong, by 30 prior standard
+    deviations, and the first is drawn away from zero with it; but data of that one alone, which are right, say zero."""
+    wrong, drawn = SENSOR_ERRORS.index("alpha_per_g"), SENSOR_ERRORS.index("alpha_scale")
+    design = np.zeros((2, len(PRIOR)))
+    design[0, [wrong, drawn]], design[1, drawn] = 0.3, 0.2
+    P = np.linalg.inv(np.eye(len(PRIOR)) + design.T @ design)
+    y = P @ design.T @ (design[:, wrong] * 30.0)
+    alone = y / np.sqrt(np.maximum(1 - np.diag(P), 1e-9))
+    assert alone[wrong] > alone[drawn] > 5, "by themselves both contradict"
+    trajectory = replace(estimated(y), covariance=P * np.outer(PRIOR, PRIOR))
+    found = prior_conflict(trajectory)
+    assert set(found.beyond) == {"alpha_per_g"}
+    assert found.factor[wrong] == pytest.approx(30, rel=0.1)
 
 
 def test_residuals_larger_than_noise_widen_the_covariance_and_are_named() -> None:
