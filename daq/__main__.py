@@ -83,6 +83,7 @@ def run(
     from daq.bus_recording import BusRecording
     from daq.clock import SystemClock
     from daq.config import load_tray
+    from daq.crew_light import CrewLight
     from daq.daemon import NoDeviceOpened, check_configuration, record
     from daq.linux_bus import LinuxBuses
     from daq.recording_status import RecordingStatus, StatusFile
@@ -103,6 +104,7 @@ def run(
 
         link = TelemetryLink(tray.telemetry, tray)
     prepare_process()
+    light = CrewLight(tray.light, on_press=new_file.set) if tray.light else None
     terminal = StatusLine()
     status_file = StatusFile(status) if status else None
     ready = False
@@ -135,6 +137,7 @@ def run(
             bus_recording=bus_recording,
             report=report,
             on_event=on_event,
+            light=light,
         )
     except (NoDeviceOpened, InputError) as error:
         if isinstance(error, InputError) and not is_service():
@@ -146,6 +149,8 @@ def run(
         terminal.clear()
         if link is not None:
             link.close()
+        if light is not None:
+            light.close()
         if bus_recording is not None and (cause := bus_recording.close()):
             print_error(f"daq: the end of the bus recording is missing: {cause}")
     faults = ", ".join(f"{name} {count}" for name, count in recording.errors.items() if count)

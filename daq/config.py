@@ -370,6 +370,14 @@ class TelemetryConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, k
         _check_udp(self.to)
 
 
+class LightConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A lamp, and a button if there is one, at lines of a GPIO chip."""
+
+    led: Annotated[int, Meta(ge=0, le=255)]  # number of the line; on a Pi that of the GPIO
+    button: Annotated[int, Meta(ge=0, le=255)] | None = None  # to ground
+    chip: Annotated[str, Meta(pattern="^/dev/")] = "/dev/gpiochip0"
+
+
 class InstallationConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Name of the installation of probe, tubes and tray, where the aircraft file does not give it."""
 
@@ -390,6 +398,7 @@ class TrayFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     files: FilesConfig = FilesConfig()
     arm: ArmSwitchConfig | None = None
     telemetry: TelemetryConfig | None = None
+    light: LightConfig | None = None
     sensors: Annotated[tuple[SensorConfig, ...], Meta(min_length=1)]
 
 
@@ -537,6 +546,8 @@ def _reject_conflicts(tray: TrayFile, where: str) -> None:
         raise InputError(f"{where}: ak8963 is inside mpu9250, so give both the same axes")
     if tray.arm is not None and "/controls" not in topics:
         raise InputError(f"{where}: arm: no sensor writes /controls, which the switch is read from")
+    if tray.light is not None and tray.light.led == tray.light.button:
+        raise InputError(f"{where}: light: led and button are both line {tray.light.led}; change one of them")
     if tray.card is not None and (tray.telemetry is None or tray.aircraft is None):
         raise InputError(f"{where}: card: needs aircraft and [telemetry], whose process judges the runs")
     if tray.telemetry is not None and tray.telemetry.to in {sensor.device for sensor in tray.sensors}:

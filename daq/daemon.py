@@ -12,7 +12,9 @@ from daq.background_recovery import BackgroundRecovery, Recovery
 from daq.bus import Buses
 from daq.bus_recording import BusRecording
 from daq.clock import Clock
+from daq.computer_watch import ComputerWatch
 from daq.config import EscCounterConfig, SensorTable, Tray
+from daq.crew_light import CrewLight
 from daq.disk_space import DiskSpace
 from daq.driver_factory import DriverFactory, driver_factory
 from daq.flight_card import load_card
@@ -150,13 +152,14 @@ def record(
     progress: Callable[[float], None] | None = None,
     report: Callable[[RecordingStatus], None] | None = None,
     on_event: Callable[[Event], None] | None = None,
+    light: CrewLight | None = None,
 ) -> RecordingResult:
     """Record the tray into new logs until `until_ns` (monotonic time of `clock`) or until `stop` is set.
 
     log_path: the first log; by default the next free log-NNNN.mcap in the tray's directory. new_file: when set, a new
     log is started and the flag is cleared. threaded: see `cycles`. bus_recording: receives every bus transaction.
     Called from the sampling thread: progress, once a second of the clock, with the elapsed time [s]; report, as often,
-    with the status; on_event, with each event.
+    with the status; on_event, with each event. light: shows the state.
     Raises InputError before anything is written (wrong configuration, unreadable file, existing log, devices in use),
     and NoDeviceOpened when no bus and no port can be opened.
     """
@@ -192,6 +195,9 @@ def record(
         log_files.open(start_ns, waits=path is None)
     disk_space.start()
     recovery.start()
+    computer = ComputerWatch()
+    if threaded:
+        computer.start()
     tell = on_event or (lambda event: None)
     ticks = missed = 0
     reported_ticks, reported_ns, report_ns = 0, start_ns, start_ns
@@ -211,7 +217,9 @@ def record(
             if (offset := satellite_offset_ns(cycle.samples)) is not None:
                 log_files.satellite_offset_ns = offset
             events = recovery.events() + missed_ticks.add(cycle.tick, cycle.now_ns)
-            events += plausibility.add(cycle.samples, cycle.now_ns)
+            events += plausibility.add(cycle.samples, cycle.now_ns) + computer.events()
+            if light is not None:
+                events += light.events()
             events += cycle.events + arm_switch.update(cycle.samples)
             events += log_files.update(cycle.now_ns, wanted=arm_switch.recording, new_file=new_file_requested)
             news = RunNews() if listener is None else listener.run_news()
@@ -220,6 +228,8 @@ def record(
                 tell(event)
             own = [Sample("/daq/event", cycle.now_ns, event) for event in [*events, *news.verdicts]]
             if cycle.now_ns >= report_ns:
+                if not threaded:
+                    computer.check(cycle.now_ns / 1e9)
                 report_ns += REPORT_EVERY_NS * (1 + (cycle.now_ns - report_ns) // REPORT_EVERY_NS)
                 elapsed_s = (cycle.now_ns - start_ns) / 1e9
                 since_s = (cycle.now_ns - reported_ns) / 1e9
@@ -236,7 +246,9 @@ def record(
                     slow=cycle.slow,
                     implausible=plausibility.implausible,
                     recent_missed=missed_ticks.recent(cycle.now_ns),
-                    trouble=arm_switch.trouble,
+                    trouble=arm_switch.trouble + computer.trouble,
+                    supply_low=computer.latest.supply_low,
+                    processor_temperature_K=computer.latest.temperature_K,
                     values=plausibility.values(cycle.now_ns),
                     run=news.progress,
                     card=news.card,
@@ -248,6 +260,8 @@ def record(
                     progress(elapsed_s)
                 if report is not None:
                     report(status)
+                if light is not None:
+                    light.show(status)
                 if listener is not None:
                     listener.hear_status(status)
             log_files.write(cycle.samples + own, tick=cycle.tick.number, now_ns=cycle.now_ns)
@@ -255,6 +269,7 @@ def record(
                 listener.hear(cycle, events)
     finally:
         recovery.stop()
+        computer.stop()
         write_error = log_files.close()
     if log_files.dropped:
         write_error = write_error or f"the disk was too slow, and {log_files.dropped} messages were dropped"

@@ -48,6 +48,8 @@ class RecordingStatus(msgspec.Struct, frozen=True, kw_only=True):
     implausible: list[str] = []  # readings that cannot be true together
     recent_missed: int = 0  # ticks, in the last RECENT_S
     trouble: list[str] = []  # what else is wrong, such as a supply that is too low
+    supply_low: bool | None = None  # of the computer; None where it does not tell
+    processor_temperature_K: float | None = None
     age_s: float = 0.0  # for a reader: how long ago this was written
     values: Values = Values()
     run: str = ""  # progress of the run that is being flown
@@ -121,6 +123,8 @@ class RecordingStatus(msgspec.Struct, frozen=True, kw_only=True):
             missed=self.missed,
             text=self.summary,
             run=self.run,
+            supply_low=self.supply_low,
+            processor_temperature_K=self.processor_temperature_K,
         )
 
 

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
+from daq.computer_watch import CELSIUS_K
 from daq.config import Tray
 from daq.log_names import numbered_logs
 from daq.plausibility import Values
@@ -118,6 +119,8 @@ def _daemon(path: Path, now_s: float) -> tuple[str, bool, list[str]]:
     rows += [("bus", text, False) for text in status.slow]
     rows += [("readings", text, False) for text in status.implausible]
     rows += [("trouble", text, False) for text in status.trouble]
+    if status.processor_temperature_K is not None:
+        rows.append(("processor", f"{status.processor_temperature_K - CELSIUS_K:.0f} °C", True))
     rows += [("run", status.run, True)] if status.run else []
     rows += [("reached", status.reached, True)] if status.reached else []
     rows += [("card", line, True) for line in status.card]

@@ -9,6 +9,7 @@ from daq.config import Tray, parse_port
 # plugged in again. A class exists when its driver is loaded: the unit loads those of USB serial lines.
 NUMBERS = {r"/dev/i2c-(\d+)": (89, 0), r"/dev/ttyAMA(\d+)": (204, 64), r"/dev/ttyS(\d+)": (4, 64)}  # major, first minor
 USB_CLASSES = {r"/dev/ttyUSB\d+": "char-ttyUSB", r"/dev/ttyACM\d+": "char-ttyACM"}
+CLASSES = USB_CLASSES | {r"/dev/gpiochip\d+": "char-gpiochip"}
 USB_LINKS = ("/dev/serial/", "/dev/flightpower/")  # symbolic links to USB serial lines of either class
 PI_LINKS = ("/dev/serial0", "/dev/serial1")  # symbolic links of Raspberry Pi OS
 ANY_HOST = "0.0.0.0"
@@ -17,6 +18,7 @@ ANY_HOST = "0.0.0.0"
 def unit_drop_in(tray: Tray) -> str:
     """A drop-in for flightpower-daq.service."""
     names = [sensor.device for sensor in tray.sensors] + ([tray.telemetry.to] if tray.telemetry else [])
+    names += [tray.light.chip] if tray.light else []
     devices = sorted({device for name in names for device in _devices(name)})
     hosts = sorted({parse_port(name)[0] for name in names if name.startswith("udp:")})
     lines = [
@@ -46,7 +48,7 @@ def _devices(device: str) -> list[str]:
     for pattern, (major, first_minor) in NUMBERS.items():
         if found := re.fullmatch(pattern, device):
             return [f"/dev/char/{major}:{first_minor + int(found[1])}"]
-    return [next((name for pattern, name in USB_CLASSES.items() if re.fullmatch(pattern, device)), device)]
+    return [next((name for pattern, name in CLASSES.items() if re.fullmatch(pattern, device)), device)]
 
 
 def _address(host: str) -> str:

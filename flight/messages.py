@@ -236,6 +236,8 @@ class State(Message):
     missed: int = 0  # ticks since the start
     text: str = ""
     run: str = ""  # progress of the run that is being flown; empty while there is none
+    supply_low: bool | None = None  # of the computer; None where it does not tell
+    processor_temperature_K: float | None = None
 
 
 MESSAGES: tuple[type[Message], ...] = (
