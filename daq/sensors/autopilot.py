@@ -31,7 +31,7 @@ BATTERY_RATE_HZ = 2.0
 UNKNOWN_MILLIVOLT = 0xFFFF
 UNUSED_CHANNEL = 0xFFFF
 SERVO_PULSES_US = frozenset({0, *range(500, 2501)})  # of any servo; 0 means off
-LARGEST_ANGLE_RAD = math.tau  # yaw is sent from -pi or from 0 on
+LARGEST_ANGLE_RAD, LARGEST_YAW_RAD = math.pi + 0.01, 100.0  # some senders count the turns
 PULSE_LOW_US, PULSE_SPAN_US = 1000.0, 1000.0
 
 
@@ -200,10 +200,10 @@ def sticks_us(received: RcChannels) -> list[int]:
 
 
 def attitude(received: mavlink_frames.Attitude) -> Attitude:
-    """The message for an attitude. NaN means "not estimated"; more than a turn is no angle."""
+    """The message for an attitude. NaN means "not estimated"; roll and pitch of more than half a turn are no angles."""
     if not all(map(math.isfinite, received)):
         return Attitude(status=Status.NO_DATA)
-    if max(map(abs, received)) > LARGEST_ANGLE_RAD:
+    if max(abs(received.roll), abs(received.pitch)) > LARGEST_ANGLE_RAD or abs(received.yaw) > LARGEST_YAW_RAD:
         return Attitude(status=Status.CORRUPT)
     return Attitude(roll_rad=received.roll, pitch_rad=received.pitch, yaw_rad=received.yaw)
 

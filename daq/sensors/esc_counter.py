@@ -5,7 +5,8 @@ A decade counter divides the pulses, so that each transmitted period is ten elec
 Legacy frame, 4 bytes: 'x', period in microseconds (3 bytes, most significant first). The letter also occurs in the
 data. A frame is sent without interruption (0.35 ms), so the first byte after a pause of the line starts a frame. This
 locates frames while the motor accelerates and successive periods differ by half. In a stream without pauses, frames
-are accepted once three in a row agree in position and period.
+are accepted once three in a row agree in position and period. It has no checksum: a period that jumps by more than 5 %
+is withheld until the next one is near it.
 
 Framed variant, 11 bytes, for a microcontroller that can be programmed (firmware/esc_counter):
 
@@ -43,6 +44,8 @@ PULSES = 10  # electrical periods in a transmitted period
 SHORTEST_US, LONGEST_US = 300, 1_000_000
 FASTEST_REVPS = 2500.0  # of any motor that turns a propeller or a fan: 150,000 rpm
 MAX_PERIOD_RATIO = 1.25  # of neighboring frames, while searching for the start of frames
+LARGEST_STEP = 0.05  # of a legacy period, from one frame to the next; faster changes have to be confirmed
+FORGOTTEN_NS = 300_000_000  # after which a period says nothing about the next one
 LEGACY_BYTES = 4
 LETTER = ord("x")
 FRAMED_BYTES = {0xA5: 8, 0xA6: 11}  # by start of frame: earlier firmware, and with counts of pulses
@@ -76,6 +79,9 @@ class EscCounterDriver:
         self._silence_ns = FRAMED_SILENCE_NS if framed else LEGACY_SILENCE_NS
         self._last_ns: int | None = None
         self._quiet_since_ns: int | None = None  # when bytes were last received
+        self._framed_ns = 0  # when the latest legacy frame came, its period, and the latest one that was withheld
+        self._period_us: int | None = None
+        self._odd_us: int | None = None
         self._rejected = 0  # bytes rejected by the parser up to the last valid frame
 
     def start(self) -> Iterator[float]:
@@ -91,13 +97,33 @@ class EscCounterDriver:
             self._quiet_since_ns = now_ns
         elif now_ns - self._quiet_since_ns >= PAUSE_NS:
             self._parser.pause()
-        measured = [frame for frame in self._parser.feed(data) if frame.period_us is not None or not frame.believed]
+        frames = self._parser.feed(data)
+        if isinstance(self._parser, LegacyParser):
+            frames = self._confirmed(frames, now_ns)
+        measured = [frame for frame in frames if frame.period_us is not None or not frame.believed]
         if measured:
             self._last_ns, self._rejected = now_ns, self._parser.rejected
             return [Sample("/rpm", now_ns, self._message(measured[-1]))]
         if now_ns - self._last_ns < self._silence_ns:
             return []
         return [Sample("/rpm", now_ns, Rpm(status=self._silence()))]
+
+    def _confirmed(self, frames: list[CounterFrame], now_ns: int) -> list[CounterFrame]:
+        """The frames whose period follows from the one before, or is near one that did not."""
+        if now_ns - self._framed_ns > FORGOTTEN_NS:
+            self._period_us = self._odd_us = None
+        confirmed = []
+        for frame in frames:
+            period_us = frame.period_us or 0
+            self._framed_ns = now_ns
+            follows = self._period_us is None or abs(period_us / self._period_us - 1) <= LARGEST_STEP
+            odd_us = self._odd_us
+            if follows or (odd_us is not None and max(period_us, odd_us) <= MAX_PERIOD_RATIO * min(period_us, odd_us)):
+                self._period_us, self._odd_us = period_us, None
+                confirmed.append(frame)
+            else:
+                self._odd_us = period_us
+        return confirmed
 
     def _message(self, frame: CounterFrame) -> Rpm:
         period_us = frame.period_us

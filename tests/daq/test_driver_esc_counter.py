@@ -187,3 +187,29 @@ def test_earlier_firmware_is_read_without_counts():
     port.incoming = [b"\xa5" + body + bytes([crc8(body)])]
     ((_, _, message, *_),) = sensor.read(0)
     assert (message.status, message.period_us, message.pulses_captured) == (Status.OK, 10714, None)
+
+
+def legacy_stream(periods: list[int]) -> list[int | None]:
+    """The period told in each tick, of one legacy frame a tick."""
+    port = ScriptedPort()
+    sensor = EscCounterDriver(port, pole_pairs=7)
+    bring_up(sensor)
+    told = []
+    for tick, period in enumerate([10714] * 10 + periods):
+        port.incoming = [b"x" + period.to_bytes(3, "big")]
+        samples = sensor.read(tick * 15_000_000)
+        told.append(samples[0].message.period_us if samples else None)
+    return told[10:]
+
+
+@pytest.mark.parametrize("bit", range(10, 20))
+def test_one_wrong_bit_in_a_legacy_period_is_withheld(bit):
+    """5 % of the speed and more."""
+    assert legacy_stream([10714, 10714 ^ 1 << bit, 10714, 10715]) == [10714, None, 10714, 10715]
+
+
+def test_a_motor_that_speeds_up_within_a_few_frames_is_followed():
+    """From 100 to 160 rev/s by a fifth each frame, and then steady: every second period is told, then each."""
+    periods = [round(14286 / 1.17**i) for i in range(4)] + [8920, 8915]
+    told = legacy_stream([14286, 14280, *periods])
+    assert told[-2:] == [8920, 8915] and [told[i] for i in (1, 2, 4)] == [14280, 14286, periods[2]]
