@@ -6,6 +6,7 @@ from typing import NamedTuple, Protocol
 from daq.bus_worker import bus_workers
 from daq.clock import Clock
 from daq.process_setup import computes_while_it_waits, use_every_processor, use_one_processor
+from daq.repeated_readings import InFlight
 from daq.sensor_supervisor import SensorSupervisor
 from daq.sensors import Sample
 from flight.messages import FIRST_UTC_NS, LAST_UTC_NS, Event, Gps, Tick, Time
@@ -77,6 +78,7 @@ def cycles(
     devices = {supervisor.device for supervisor in supervisors if supervisor.blocking}
     one_processor = threaded and not any(map(computes_while_it_waits, devices)) and use_one_processor()
     workers = bus_workers(supervisors, clock, period_ns, threaded=threaded)
+    flight, in_flight = InFlight(), False
     autopilots = [supervisor for supervisor in supervisors if "/attitude" in supervisor.topics]
     try:
         for tick in grid_ticks(period_ns, clock, stop, until_ns):
@@ -101,6 +103,10 @@ def cycles(
                         solution.utc_ns = None
                     elif topic == "/gps":
                         gps_utc = (solution.utc_ns, time_ns)
+            if flight.update(samples, begin_ns) is not in_flight:
+                in_flight = not in_flight
+                for supervisor in supervisors:
+                    supervisor.in_flight = in_flight
             if begin_ns >= time_due_ns:
                 time_due_ns += TIME_EVERY_NS * (1 + (begin_ns - time_due_ns) // TIME_EVERY_NS)
                 samples.append(Sample("/time", clock.now_ns(), time_message(clock, gps_utc)))

@@ -7,6 +7,7 @@ import errno
 from collections import deque
 from collections.abc import Callable, Iterator
 
+from daq.repeated_readings import RepeatedReadingsOfSensor
 from daq.sensor_health import SensorHealth
 from daq.sensors import Sample, Sensor, SensorFailure, complaint_of
 from flight.messages import OK, TYPE_OF_TOPIC, Event, Status
@@ -43,6 +44,8 @@ class SensorSupervisor:
         self.timed_out = False  # whether the latest read ended in a timeout
         self.topics = topics
         self.health = SensorHealth(name, silent_at_rest=silent_at_rest)
+        self.in_flight = False  # set by the sampling loop
+        self._repeated = RepeatedReadingsOfSensor(topics)
         self.skipped = 0  # messages of ticks in which the sensor was skipped
         self._skipped_ns: deque[int] = deque(maxlen=2)  # times of the latest skipped ticks
         self.events: list[Event] = []  # emptied by the bus worker
@@ -79,6 +82,7 @@ class SensorSupervisor:
         except Exception as error:  # a bug in a driver must not end the recording; the event names it
             return self._fail(now_ns, Status.FAULT, f"driver error {type(error).__name__}: {error}")
         self._failures = 0
+        samples = self._repeated.marked(samples, now_ns, in_flight=self.in_flight)
         health, good = self.health, True
         for _, _, message, _ in samples:
             status = message.status

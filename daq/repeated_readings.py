@@ -1,0 +1,123 @@
+"""Finds a part that repeats one value although it cannot: in flight every measurement has noise above its resolution.
+
+A part or an autopilot that hangs may go on answering, with a right checksum and its last value. What is the same for
+too long becomes `stale`, if the same part's values changed all the time before; a value that never changed shows
+nothing. Servo pulses, the battery and analog inputs may stand still.
+"""
+
+from collections.abc import Callable, Sequence
+from operator import attrgetter
+from typing import Any, NamedTuple
+
+from daq.sensors import Sample
+from flight.messages import OK, TYPE_OF_TOPIC, DifferentialPressure, Gps, Message, Status
+
+AIRBORNE_PA, AIRBORNE_MPS = 40.0, 12.0  # 8 m/s by the pitot tube; over the ground, faster than the wind blows
+SIGNS = frozenset({"/probe/airspeed", "/probe/airspeed/2", "/gps", "/gps/2"})
+LANDED_AFTER_NS = 5_000_000_000  # without a sign of flight
+LEARNED_NS = 4_000_000_000  # of changing values, before a repetition shows anything
+
+
+class Repetition(NamedTuple):
+    """What of a kind of message is compared. It is stale when the same for `limit_ns`, if it otherwise lasted for
+    `usual_ns` at most on average.
+    """
+
+    values: Callable[[Any], tuple[float | None, ...]]
+    limit_ns: int
+    usual_ns: int
+
+
+SECOND_NS, CHANGING_NS = 1_000_000_000, 60_000_000
+COMPARED: dict[str, Repetition] = {
+    # Six means of eight counts each: the same twice is no coincidence.
+    "Imu": Repetition(
+        attrgetter(*[f"{sensor}_{axis}_counts" for sensor in ("accel", "gyro") for axis in "xyz"]), 0, 41_000_000
+    ),
+    "Magnetometer": Repetition(attrgetter("x_counts", "y_counts", "z_counts"), SECOND_NS, CHANGING_NS),
+    "AbsolutePressure": Repetition(attrgetter("pressure_counts", "temperature_counts"), SECOND_NS, CHANGING_NS),
+    "DifferentialPressure": Repetition(attrgetter("pressure_counts", "temperature_counts"), SECOND_NS, CHANGING_NS),
+    # A receiver may go on counting time.
+    "Gps": Repetition(
+        attrgetter(
+            "latitude_deg",
+            "longitude_deg",
+            "height_m",
+            "velocity_north_mps",
+            "velocity_east_mps",
+            "velocity_down_mps",
+        ),
+        400_000_000,
+        150_000_000,
+    ),
+    "Rpm": Repetition(attrgetter("period_us", "motor_speed_revps"), SECOND_NS, CHANGING_NS),
+    "Attitude": Repetition(attrgetter("roll_rad", "pitch_rad", "yaw_rad"), SECOND_NS, CHANGING_NS),
+}
+
+
+class RepeatedReadings:
+    """The messages on one topic. in_flight: set by the sampling loop."""
+
+    def __init__(self, topic: str):
+        self._kind = TYPE_OF_TOPIC[topic]
+        self._compared = COMPARED[self._kind.__name__]
+        self._latest: tuple[float | None, ...] = ()
+        self._since_ns = 0  # when the latest values were first read
+        self._changes = 0  # in flight, and the time that they lasted
+        self._lasted_ns = 0
+        self._stale = False
+
+    def is_stale(self, message: Message, now_ns: int, *, in_flight: bool) -> bool:
+        """Whether a measurement repeats the one before although it cannot. It stays stale until it changes."""
+        values = self._compared.values(message)
+        if values != self._latest:
+            if in_flight and not self._stale and self._latest:
+                self._changes += 1
+                self._lasted_ns += now_ns - self._since_ns
+            self._latest, self._since_ns, self._stale = values, now_ns, False
+            return False
+        if in_flight and not self._stale:
+            limit_ns, usual_ns = self._compared.limit_ns, self._compared.usual_ns
+            learned = self._lasted_ns >= LEARNED_NS and self._lasted_ns <= usual_ns * self._changes
+            self._stale = learned and now_ns - self._since_ns >= limit_ns
+        return self._stale
+
+
+class RepeatedReadingsOfSensor:
+    """The messages of one sensor."""
+
+    def __init__(self, topics: Sequence[str]):
+        self._topics = {topic: RepeatedReadings(topic) for topic in topics if TYPE_OF_TOPIC[topic].__name__ in COMPARED}
+
+    def marked(self, samples: list[Sample], now_ns: int, *, in_flight: bool) -> list[Sample]:
+        """The samples; those that repeat an old value have none, and are stale."""
+        for i, (topic, time_ns, message, tick) in enumerate(samples):
+            readings = self._topics.get(topic)
+            if message.status is OK and readings and readings.is_stale(message, now_ns, in_flight=in_flight):
+                samples[i] = Sample(topic, time_ns, type(message)(status=Status.STALE), tick)
+        return samples
+
+
+class InFlight:
+    """Whether the aircraft flies, by the latest measurements of the tube and the receiver."""
+
+    def __init__(self) -> None:
+        self._seen_ns: int | None = None
+
+    def update(self, samples: Sequence[Sample], now_ns: int) -> bool:
+        """Take a tick's messages."""
+        for topic, _, message, _ in samples:
+            if topic in SIGNS and message.status is OK and is_sign_of_flight(message):
+                self._seen_ns = now_ns
+                break
+        return self._seen_ns is not None and now_ns - self._seen_ns < LANDED_AFTER_NS
+
+
+def is_sign_of_flight(message: Message) -> bool:
+    """Whether an aircraft that measures this is in the air."""
+    if isinstance(message, Gps):
+        north, east = message.velocity_north_mps or 0.0, message.velocity_east_mps or 0.0
+        return north * north + east * east >= AIRBORNE_MPS**2
+    if isinstance(message, DifferentialPressure):
+        return (message.differential_pressure_Pa or 0.0) >= AIRBORNE_PA
+    return False
