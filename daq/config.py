@@ -214,10 +214,25 @@ class HoneywellConfig(_TransducerConfig, frozen=True, tag="honeywell"):
         return honeywell.decode_part(self.part)
 
 
+SOLUTION_BITS = 1000  # NAV-PVT is 100 bytes, of ten bits each on a serial line
+LINE_SHARE = 0.8  # of a line's time; the rest is for answers, and for the receiver, which sends each a little late
+BAUDS = (9600, 19200, 38400, 57600, 115200)
+
+
 class UBloxConfig(PortSensorTable, frozen=True, tag="ublox"):
     baud: Baud = 38400
     rate_Hz: Annotated[float, Meta(ge=1, le=10)] = 10.0
     second: bool = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        needed = self.rate_Hz * SOLUTION_BITS / LINE_SHARE
+        if self.baud < needed and not self.port.startswith("udp:"):
+            enough = next(baud for baud in BAUDS if baud >= needed)
+            raise ValueError(
+                f"baud = {self.baud} carries {int(self.baud * LINE_SHARE / SOLUTION_BITS)} solutions a second, and"
+                f" rate_Hz is {self.rate_Hz:g}: set baud = {enough}, or a lower rate_Hz"
+            )
 
     @property
     def topics(self) -> tuple[str, ...]:

@@ -22,6 +22,7 @@ class DryRun(NamedTuple):
     missed: int
     late_ms: float  # of the latest tick
     slow: list[str]  # what to do about buses that are too slow
+    troubles: dict[str, str] = {}  # noqa: RUF012  at the end, by topic: why a sensor failed, or what is wrong with it
 
 
 def dry_run(tray: Tray, *, buses: Buses, clock: Clock, seconds: float, threaded: bool = False) -> DryRun:
@@ -43,4 +44,5 @@ def dry_run(tray: Tray, *, buses: Buses, clock: Clock, seconds: float, threaded:
             ticks, missed, late_ns = ticks + 1, missed + cycle.tick.missed, max(late_ns, cycle.tick.late_ns)
             samples += cycle.samples
             slow = cycle.slow
-    return DryRun(samples, ticks, missed, late_ns / 1e6, slow)
+    troubles = {topic: each.health.trouble for each in supervisors for topic in each.topics}
+    return DryRun(samples, ticks, missed, late_ns / 1e6, slow, troubles)

@@ -51,6 +51,11 @@ class SensorHealth:
         )
 
     @property
+    def trouble(self) -> str:
+        """Why the sensor failed, or what is wrong with it; empty while it works or is being started."""
+        return self._cause if self.state in SEVERITY else ""
+
+    @property
     def settled(self) -> bool:
         """Whether the sensor works, and another good reading changes nothing."""
         return self._settled and self._bad_since_ns is None

@@ -9,18 +9,22 @@ from typing import NamedTuple
 
 import msgspec
 
+from daq import config
 from daq.bus import Buses
 from daq.clock import Clock
 from daq.computer_check import card_check, supply_check
-from daq.config import Tray
+from daq.config import SensorTable, Tray
 from daq.daemon import STOP_SERVICE
 from daq.disk_space import free_bytes
 from daq.dry_run import DryRun, dry_run
 from daq.part_identity import PartIdentity, identify
 from daq.rest_check import OPEN_SKY, barometer_comparison, height_comparison, is_finite, rest_problem
 from daq.sensor_health import GOOD_STATUSES
+from daq.sensors.autopilot import FAR_TOO_FEW
 from flight.messages import SECOND, Message, Status
 
+LEAST_OF_RATE = 0.9  # of the rate that is set
+EVERY_TICK = frozenset({"/imu", "/mag", "/baro", "/static", "/probe/alpha", "/probe/beta", "/probe/airspeed"})
 MINIMUM_GOOD_FRACTION = 0.95  # of a topic's messages must carry a measurement
 BYTES_PER_S = 16_000  # log of the default tray at 25 Hz: 550 to 640 bytes a tick
 MINIMUM_FREE_S = 2 * 3600.0  # of recording
@@ -62,6 +66,7 @@ NOT_FINITE = "the part sends no numbers: wait until it has started and found its
 NO_FIX = f"no fix yet: {OPEN_SKY}"
 STOP_PROGRAM = f"stop the program that uses it: {STOP_SERVICE}"
 BUS_ERRORS = (Status.NO_REPLY, Status.TIMEOUT, Status.CORRUPT)
+BUS_SLOW, LINE_SLOW = "stop other programs on this computer, or raise i2c_arm_baudrate", "raise its baud rate"
 MOTOR_STOPPED = "no frames, which is normal while the motor is stopped; run the motor to check"
 
 
@@ -112,7 +117,17 @@ def check_tray(tray: Tray, *, buses: Buses, clock: Clock, seconds: float, thread
     identities: dict[str, PartIdentity] = {}
     for table in tray.sensors:
         identities |= dict.fromkeys(table.topics, identify(table, buses, clock))
-    lines = [check_topic(topic, these, seconds, identities[topic], readings.slow) for topic, these in messages.items()]
+    expected_Hz = {topic: expected_rate_Hz(table, topic, tray) for table in tray.sensors for topic in table.topics}
+    lines = [
+        check_rate(
+            check_topic(topic, these, seconds, identities[topic], readings.slow),
+            these,
+            seconds,
+            expected_Hz[topic],
+            readings.troubles.get(topic, ""),
+        )
+        for topic, these in messages.items()
+    ]
     usable_bytes = free_bytes(Path(tray.directory)) - tray.files.keep_free_MB * 1e6
     free_s = max(usable_bytes, 0.0) / (BYTES_PER_S * tray.rate_Hz / 25)
     facts = system_checks(tray, readings, free_s)
@@ -175,6 +190,31 @@ def check_topic(
     values = [_value(good, *shown) for shown in SHOWN_FIELDS.get(kind, ())]
     bus_errors = sum(statuses[status] for status in BUS_ERRORS)
     return TopicCheck(topic, part.text, ok, len(good) / seconds, values, bus_errors, trouble, advice)
+
+
+def expected_rate_Hz(table: SensorTable, topic: str, tray: Tray) -> float | None:
+    """How many messages a second a topic has at least; None where it is not known."""
+    match table:
+        case config.UBloxConfig() | config.UBloxDdcConfig():
+            return LEAST_OF_RATE * table.rate_Hz
+        case config.AutopilotConfig():
+            return FAR_TOO_FEW * tray.rate_Hz if topic in ("/controls", "/attitude") else None
+    return LEAST_OF_RATE * tray.rate_Hz if topic.removesuffix(SECOND) in EVERY_TICK else None
+
+
+def check_rate(
+    line: TopicCheck, messages: list[Message], seconds: float, least_Hz: float | None, trouble: str
+) -> TopicCheck:
+    """Judge the rate of a topic that is good so far, and say what its driver says. least_Hz: see `expected_rate_Hz`."""
+    rate_Hz = sum(message.status in GOOD_STATUSES for message in messages) / seconds
+    if line.ok and least_Hz is not None and rate_Hz < least_Hz:
+        advice = trouble or (BUS_SLOW if line.topic.removesuffix(SECOND) in EVERY_TICK else LINE_SLOW)
+        return line._replace(ok=False, advice=f"{rate_Hz:.1f} a second, {least_Hz:g} needed: {advice}")
+    if trouble and (
+        (line.ok and least_Hz is not None) or any(message.status is Status.WRONG_DEVICE for message in messages)
+    ):
+        return line._replace(ok=False, advice=trouble)
+    return line
 
 
 def _value(messages: list[Message], field: str, factor: float, unit: str) -> str:

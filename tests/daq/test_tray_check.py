@@ -33,9 +33,11 @@ from flight.messages import (
     Rpm,
     Status,
 )
+from hw_fakes.autopilot import FakeAutopilot
 from hw_fakes.clock import SimulatedClock
 from hw_fakes.faults import Fault
 from hw_fakes.tray import FakeTray, TrayVariant
+from hw_fakes.ublox import FakeUbloxM8
 
 
 class AtRest(SteadySensorTruth):
@@ -383,3 +385,37 @@ def test_a_stall_is_counted_in_the_ticks_that_it_cost(tmp_path, monkeypatch):
     found = dry_run(tray, buses=fake, clock=clock, seconds=1)
     assert stalled and found.missed == 2 and found.ticks + found.missed == 25
     assert found.late_ms == pytest.approx(100.0, abs=1.0)
+
+
+def lines_of(tmp_path, *, variant=TrayVariant(), change=lambda fake: None):
+    clock = SimulatedClock()
+    fake = FakeTray(AtRest(), clock, variant=variant)
+    change(fake)
+    report = tray_check.check_tray(default_tray(tmp_path, fake), buses=fake, clock=clock, seconds=3)
+    return {line.topic: line for line in report.lines}
+
+
+def test_a_receiver_that_solves_less_often_than_it_is_set_is_not_fit(tmp_path, monkeypatch):
+    monkeypatch.setattr(
+        FakeUbloxM8, "_configure_rate", lambda self, payload, at_ns: self._set_period(200, at_ns) or True
+    )
+    line = lines_of(tmp_path)["/gps"]
+    assert line.ok is False
+    assert line.advice == "5.0 a second, 9 needed: solves 5 times a second, and is set to 10"
+
+
+def test_an_autopilot_that_streams_too_slowly_is_not_fit(tmp_path, monkeypatch):
+    monkeypatch.setattr(FakeAutopilot, "_command", lambda self, message, at_ns: mavlink.MAV_RESULT_DENIED)
+
+    def slow(fake):
+        fake.autopilot._period_ms |= {"ATTITUDE": 240, "SERVO_OUTPUT_RAW": 240}
+
+    lines = lines_of(tmp_path, change=slow)
+    for topic in ("/attitude", "/controls"):
+        assert lines[topic].ok is False and "a second, 10 needed" in lines[topic].advice
+    assert lines["/battery"].ok
+
+
+def test_another_barometer_on_the_board_is_named(tmp_path):
+    line = lines_of(tmp_path, variant=TrayVariant(ms5607=True))["/baro"]
+    assert line.ok is False and 'set driver = "ms5607"' in line.advice
