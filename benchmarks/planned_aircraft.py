@@ -32,8 +32,8 @@ from analysis.missions.card import uncovered_mps
 from analysis.missions.expected_aircraft import expected_aircraft
 from analysis.missions.information import half_widths
 from analysis.missions.pieces import Space
-from analysis.missions.plan_mission import simulator_plan
 from analysis.missions.search import Request, plan_flight
+from analysis.missions.simulator_plan import simulator_plan
 from flight.aircraft import parse_aircraft
 from flight.complete_aircraft import CompleteAircraft, load_complete_aircraft
 from flight.errors import InputError

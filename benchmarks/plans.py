@@ -26,8 +26,8 @@ from analysis.methods import dynamic
 from analysis.missions.expected_aircraft import ExpectedAircraft, expected_aircraft
 from analysis.missions.information import half_widths
 from analysis.missions.pieces import Hold, Land, Maneuver, Pilot, Porpoise, Run, Space, Stand, TakeOff, Turn
-from analysis.missions.plan_mission import simulator_plan
 from analysis.missions.search import Request, plan_flight, predicted
+from analysis.missions.simulator_plan import simulator_plan
 from analysis.missions.time_history import fly
 from analysis.trajectory.priors import SensorPriors
 from analysis.trajectory.reconstruction import reconstruct

@@ -188,7 +188,8 @@ def plan(
 
     made = flight_plan(aircraft, options)
     from analysis.missions.card import card, runs_to_tick_off
-    from analysis.missions.plan_mission import Home, qgroundcontrol_plan, simulator_plan, waypoint_file
+    from analysis.missions.plan_mission import Home, qgroundcontrol_plan, waypoint_file
+    from analysis.missions.simulator_plan import simulator_plan
 
     files = {
         "plan.toml": simulator_plan(made.maneuvers, made.aircraft, made.request),

@@ -203,7 +203,7 @@ class RouteOptions(StallOptions):
 @takes_options(RouteOptions)
 def route(
     mission: Annotated[
-        Path | None, typer.Argument(metavar="MISSION", help=".plan of QGroundControl, .waypoints, or .kml.")
+        Path | None, typer.Argument(metavar="MISSION", help=".plan of QGroundControl, .waypoints, XML of INAV, .kml.")
     ] = None,
     *,
     options: RouteOptions,
@@ -263,14 +263,15 @@ def route(
 
 def _mission(path: Path | None, options: RouteOptions) -> "Mission":
     from analysis.cli.plan import place_of
-    from analysis.missions.mission import parse_legs, with_return
-    from analysis.missions.mission_files import Assumed, load_mission
+    from analysis.missions.mission import Assumed, parse_legs, with_return
+    from analysis.missions.mission_files import load_mission
     from flight.units import GRAVITY_MPS2
 
     if path is None:
         return with_return(parse_legs(options.legs or "", options.height_m), ends_by_landing=False)
     home = None if options.home is None else place_of(options.home)
-    return load_mission(path, Assumed(home, options.height_m, (options.dropped_N or 0.0) / GRAVITY_MPS2))
+    dropped_kg = (options.dropped_N or 0.0) / GRAVITY_MPS2
+    return load_mission(path, Assumed(home, options.height_m, dropped_kg, options.elevation_m))
 
 
 def _asked_speed(text: str) -> "Speed | Objective | None":

@@ -9,9 +9,10 @@ from itertools import pairwise
 from math import atan2, cos, degrees, hypot, radians, sin
 from typing import NamedTuple
 
+from analysis.missions.items import Start
 from flight.command_line import quantity
 from flight.errors import InputError
-from flight.units import GRAVITY_MPS2, to_si, weight_to_N
+from flight.units import EARTH_RADIUS_M, GRAVITY_MPS2, to_si, weight_to_N
 
 
 class Place(NamedTuple):
@@ -61,6 +62,18 @@ class Mission(NamedTuple):
     notes: tuple[str, ...] = ()
 
 
+class Assumed(NamedTuple):
+    """What a file may not say: home [deg], height of a line without heights, payload of one release [kg].
+
+    elevation_m : of home above the sea
+    """
+
+    home_deg: tuple[float, float] | None = None
+    height_m: float = 100.0
+    dropped_kg: float = 0.0
+    elevation_m: float | None = None
+
+
 class Allowance(NamedTuple):
     """How far below home the ground may lie [m]: of heights that are told above home, and of those above the sea.
 
@@ -78,6 +91,23 @@ def check_height(height_m: float, where: str, advice: str, allowed_m: float = AL
     """Raises InputError beginning with `where` for a height [m] so far below home that no ground is there."""
     if height_m < -allowed_m:
         raise InputError(f"{where}: {-height_m:.0f} m below home; {advice}")
+
+
+def local_m(latitude_deg: float, longitude_deg: float, start: Start, where: str) -> tuple[float, float]:
+    """Meters east and north of the start, on a plane that touches the earth there.
+
+    Raises InputError beginning with `where` for what is no place, or so far away that the earth is not flat.
+    """
+    farthest_m = 500_000.0
+    if not (abs(latitude_deg) <= 90 and abs(longitude_deg) <= 360):
+        raise InputError(f"{where}: {latitude_deg:g}, {longitude_deg:g} is no latitude and longitude")
+    middle = radians((latitude_deg + start.latitude_deg) / 2)
+    east = radians((longitude_deg - start.longitude_deg + 180) % 360 - 180) * cos(middle)
+    north = radians(latitude_deg - start.latitude_deg)
+    distance_m = hypot(east, north) * EARTH_RADIUS_M
+    if not distance_m <= farthest_m:
+        raise InputError(f"{where}: {distance_m / 1000:.0f} km from home; check both")
+    return EARTH_RADIUS_M * east, EARTH_RADIUS_M * north
 
 
 def with_return(mission: Mission, ends_by_landing: bool, at_home_m: float = 100.0) -> Mission:

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from analysis.missions.mission import HOME, Mission, Speed, parse_legs, parse_wind, with_return
-from analysis.missions.mission_files import Assumed, load_mission
+from analysis.missions.mission import HOME, Assumed, Mission, Speed, parse_legs, parse_wind, with_return
+from analysis.missions.mission_files import load_mission
 from flight.errors import InputError
 
 HOME_DEG = (48.1, 11.5)
@@ -154,6 +154,226 @@ def test_a_jump_repeats_what_lies_between(tmp_path: Path) -> None:
     assert names == ["1 waypoint", "2 waypoint"] * 3 + ["4 return"]
 
 
+@pytest.mark.parametrize("write", [plan_text, waypoints_text])
+def test_a_jump_names_an_item_by_the_number_it_has(write: Any, tmp_path: Path) -> None:
+    """QGroundControl counts the items of a survey, too, so that its numbers have gaps; they may repeat."""
+    items = [
+        item(22, east_km=0.2) | {"doJumpId": 10},
+        item(16, east_km=1.0) | {"doJumpId": 20},
+        item(16, east_km=2.0) | {"doJumpId": 30},
+        item(177, 20, 2) | {"doJumpId": 40},
+        item(21, height_m=0.0, east_km=0.0) | {"doJumpId": 20},
+    ]
+    text = write(*items)
+    if write is waypoints_text:
+        text = "\n".join(line if line[0] in "Q0" else line[0] + "0" + line[1:] for line in text.split("\n"))
+        text = text.replace("\n50\t", "\n20\t")
+    flown = [step.to.east_m for step in read(tmp_path, text).steps]
+    assert flown == pytest.approx([200, *[1000, 2000] * 3, 0], abs=0.5)
+
+
+def test_a_jump_counts_over_the_whole_mission(tmp_path: Path) -> None:
+    """An inner one is not begun anew by an outer one: neither ArduPilot nor PX4 sets its count back."""
+    flown = read(tmp_path, plan_text(item(16, east_km=1.0), item(16, east_km=2.0), item(177, 2, 2), item(177, 1, 1)))
+    assert [step.name[0] for step in flown.steps[:-1]] == ["1", "2", "2", "2", "1", "2"]
+
+
+def test_a_jump_to_a_tag_repeats_what_follows_the_tag(tmp_path: Path) -> None:
+    """JUMP_TAG and DO_JUMP_TAG of ArduPlane 4.4: the tag is a mark, and takes neither place nor energy."""
+    tagged = [
+        item(22, 15, east_km=0.2, height_m=40.0),
+        item(600, 7, frame=0, height_m=0.0),
+        item(16, east_km=1.0),
+        item(16, east_km=2.0),
+        item(601, 7, 1, frame=0, height_m=0.0),
+        item(21, height_m=0.0, east_km=0.0),
+    ]
+    mission = read(tmp_path, waypoints_text(*tagged))
+    assert [step.name for step in mission.steps] == [
+        "1 take-off", *["3 waypoint", "4 waypoint"] * 2, "6 landing",
+    ]  # fmt: skip
+    assert not mission.notes
+    with pytest.raises(InputError, match="jumps to tag 8, which is not in the file; give one that is, or take"):
+        read(tmp_path, waypoints_text(*tagged).replace("601\t7", "601\t8"))
+    with pytest.raises(InputError, match="jumps to tag 7 -1 times, which has no end; give a number up to 1000, or"):
+        read(tmp_path, waypoints_text(*tagged[:4], item(601, 7, -1)))
+
+
+@pytest.mark.parametrize("write", [plan_text, waypoints_text])
+def test_zeros_are_here(write: Any, tmp_path: Path) -> None:
+    """0, 0, 0: where the aircraft is, at its height; a height alone is flown there. A landing ends on the ground."""
+    mission = read(
+        tmp_path,
+        write(item(16, east_km=1.0, height_m=90.0), item(18, 2, height_m=0.0), item(19, 60, height_m=120.0),
+              item(21, height_m=0.0)),
+    )  # fmt: skip
+    there, turns, hold, landing = (step.to for step in mission.steps)
+    assert turns == there and hold == there._replace(height_m=120) and landing == there._replace(height_m=0)
+
+
+def test_no_numbers_are_here_too(tmp_path: Path) -> None:
+    nowhere: dict[str, Any] = {"params": [30, 0, 0, None, None, None, None]}
+    there, hold, _ = read(tmp_path, plan_text(item(16, east_km=1.0, height_m=90.0), item(19) | nowhere)).steps
+    assert hold.to == there.to and hold.circle_s == 30
+
+
+def test_lines_of_waypoints_may_be_comments(tmp_path: Path) -> None:
+    text = waypoints_text(*SQUARE)
+    commented = "\n".join(f"{line}\n# of {number}\n" for number, line in enumerate(text.split("\n")))
+    assert read(tmp_path, commented) == read(tmp_path, text)
+
+
+def test_a_first_item_that_is_no_waypoint_is_no_home(tmp_path: Path) -> None:
+    """Its height would be home's above the sea, and its take-off would be lost."""
+    rows = waypoints_text(*SQUARE).split("\n")
+    without = "\n".join([rows[0], *rows[2:]])
+    with pytest.raises(InputError, match=r'give --home "48.1,11.5". Item 1 \(command 22\) is no home'):
+        read(tmp_path, without)
+    mission = read(tmp_path, without, Assumed(home_deg=HOME_DEG))
+    assert mission.steps == read(tmp_path, "\n".join(rows)).steps and "it is flown" in mission.notes[0]
+
+
+def test_waypoints_without_home_by_their_format_are_all_flown(tmp_path: Path) -> None:
+    rows = waypoints_text(*SQUARE).split("\n")
+    old = "\n".join(["QGC WPL 120", *rows[2:]])
+    assert read(tmp_path, old, Assumed(home_deg=HOME_DEG)) == read(tmp_path, "\n".join(rows))
+    with pytest.raises(InputError, match="has no home position; give --home"):
+        read(tmp_path, old)
+
+
+def test_home_of_mission_planner_may_be_a_zero_and_one_in_another_frame_has_no_known_height(tmp_path: Path) -> None:
+    text = waypoints_text(item(16, frame=0, height_m=600.0, east_km=1.0))
+    assert read(tmp_path, text.replace("\t0\t16\t", "\t0\t0\t", 1)).steps[0].to.height_m == 100
+    with pytest.raises(InputError, match="home's is not known; give --elevation of home, or save"):
+        read(tmp_path, text.replace("\t0\t16\t", "\t3\t16\t", 1))
+
+
+def test_home_may_have_no_known_height_and_no_known_place(tmp_path: Path) -> None:
+    """It is wanted where a height is above the sea; --elevation tells it, and 0 in the file is doubted."""
+    unknown = {"plannedHomePosition": [*HOME_DEG, None]}
+    assert read(tmp_path, plan_text(item(16, east_km=1.0), **unknown)).steps[0].to.height_m == 80
+    high = item(16, frame=0, height_m=600.0, east_km=1.0)
+    with pytest.raises(InputError, match="home's is not known; give --elevation"):
+        read(tmp_path, plan_text(high, **unknown))
+    told = Assumed(elevation_m=450.0)
+    assert read(tmp_path, plan_text(high, **unknown), told).steps[0].to.height_m == 150
+    zero = {"plannedHomePosition": [*HOME_DEG, 0]}
+    assert read(tmp_path, plan_text(high, **zero), told).steps[0].to.height_m == 150
+    assert any("home at 0 m" in note for note in read(tmp_path, plan_text(high, **zero)).notes)
+    assert read(tmp_path, plan_text(high), told).steps[0].to.height_m == 100, "the file knows it"
+    for nowhere in ([None, None, None], [0, 0, 0], []):
+        with pytest.raises(InputError, match="has no home position"):
+            read(tmp_path, plan_text(high, plannedHomePosition=nowhere))
+
+
+def test_a_survey_without_transects_is_refused_with_what_to_do(tmp_path: Path) -> None:
+    old = {"type": "ComplexItem", "complexItemType": "survey", "version": 3, "grid": {"altitude": 50}}
+    for entry in (old, {"type": "survey", "version": 1}):
+        with pytest.raises(InputError, match=r"before 3.4 has no transects in the file; open it in QGroundControl"):
+            read(tmp_path, plan_text(item(22, east_km=0.2), entry))
+
+
+def test_an_old_landing_says_of_each_height_what_it_is_above(tmp_path: Path) -> None:
+    landing = {
+        "type": "ComplexItem",
+        "complexItemType": "fwLandingPattern",
+        "version": 1,
+        "loiterCoordinate": [HOME_DEG[0], HOME_DEG[1] + 0.4 * EAST_DEG, 540.0],
+        "loiterAltitudeRelative": False,
+        "landCoordinate": [*HOME_DEG, 5.0],
+        "landAltitudeRelative": True,
+    }
+    circles, land = read(tmp_path, plan_text(landing)).steps
+    assert (circles.to.height_m, land.to.height_m) == (40, 5) and circles.name.endswith("climb")
+
+
+def test_a_mission_file_before_plans_is_read(tmp_path: Path) -> None:
+    """Version 1 of QGroundControl: four parameters, and the place in a key of its own."""
+    plan = plan_text(item(22, 15, east_km=0.2), item(18, 3, 0, -60, east_km=1.0), item(20))
+    items = [
+        {"type": "missionItem", "command": one["command"], "frame": one["frame"], "coordinate": one["params"][4:]}
+        | {f"param{i}": value for i, value in enumerate(one["params"][:4], start=1)}
+        for one in json.loads(plan)["mission"]["items"]
+    ]
+    home = {"type": "missionItem", "command": 16, "coordinate": [*HOME_DEG, 500.0]}
+    old = json.dumps({"MAV_AUTOPILOT": 3, "items": items, "complexItems": [], "plannedHomePosition": home})
+    assert read(tmp_path, old).steps == read(tmp_path, plan).steps
+    assert len(read(tmp_path, old).steps) == 3
+
+
+def inav_text(*items: str, home: str = f'home-x="{HOME_DEG[1]}" home-y="{HOME_DEG[0]}"') -> str:
+    """Each item: action, latitude, longitude, height and the parameters."""
+    rows = []
+    for number, one in enumerate(items, start=1):
+        action, latitude, longitude, height_m, *params = one.split()
+        told = " ".join(f'parameter{i}="{value}"' for i, value in enumerate(params, start=1))
+        place = f'lat="{latitude}" lon="{longitude}" alt="{height_m}"'
+        rows.append(f'<missionitem no="{number}" action="{action}" {place} {told} flag="0"/>')
+    return f'<?xml version="1.0" encoding="utf-8"?>\n<mission><mwp zoom="14" {home}/>{"".join(rows)}</mission>'
+
+
+EAST = f"{HOME_DEG[0]} {HOME_DEG[1] + EAST_DEG}"
+FAR = f"{HOME_DEG[0]} {HOME_DEG[1] + 2 * EAST_DEG}"
+
+
+def test_a_mission_of_inav_is_what_the_same_of_mavlink_is(tmp_path: Path) -> None:
+    """Speeds of legs are for multicopters; a jump names a number; a height above the sea has a bit of its own."""
+    inav = read(
+        tmp_path,
+        inav_text(f"WAYPOINT {EAST} 80 1500 0 0", f"POSHOLD_TIME {FAR} 90 45 0 0", "JUMP 0 0 0 1 2 0",
+                  "SET_HEAD 0 0 0 90 0 0", "RTH 0 0 0 1 0 0"),
+    )  # fmt: skip
+    mavlink = read(
+        tmp_path,
+        plan_text(item(16, east_km=1.0), item(19, 45, east_km=2.0, height_m=90.0), item(177, 1, 2), item(115, 90),
+                  item(20), cruiseSpeed=0),
+    )  # fmt: skip
+    assert inav.notes == mavlink.notes and [one.name for one in inav.steps] == [one.name for one in mavlink.steps]
+    for one, other in zip(inav.steps, mavlink.steps, strict=True):
+        assert one.to == pytest.approx(other.to, abs=0.01) and one.circle_s == other.circle_s and one.speed is None
+    high = inav_text(f"WAYPOINT {EAST} 600 0 0 1")
+    assert read(tmp_path, high, Assumed(elevation_m=500.0)).steps[0].to.height_m == 100
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (inav_text(f"POSHOLD_UNLIM {EAST} 80"), "circles without end; give a time"),
+        (inav_text(f"HOVER {EAST} 80"), "item 1 of INAV is not understood"),
+        (inav_text(f"WAYPOINT {EAST} x"), "item 1 of INAV is not understood"),
+        (inav_text(f"WAYPOINT {EAST} 600 0 0 1"), "give --elevation of home"),
+        (inav_text(f"WAYPOINT {EAST} 80", home=""), "has no home position; give --home"),
+        (inav_text(f"WAYPOINT {EAST} 80", home='home-x="0" home-y="0"'), "has no home position; give --home"),
+        (
+            inav_text("RTH 0 0 0").replace("</mission>", '<missionitem no="1" action="RTH"/></mission>'),
+            "several",
+        ),
+    ],
+)
+def test_a_mission_of_inav_that_is_wrong_is_one_line(text: str, said: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=said) as refused:
+        read(tmp_path, text)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("command", "ways"),
+    [
+        (17, "LOITER_UNLIM, circles without end; give a time .19. or a number of turns .18."),
+        (30, "CONTINUE_AND_CHANGE_ALT, ends at a height, not at a place; give a waypoint .16. or circles .31."),
+        (32, "DO_FOLLOW, is a path of which no energy is known; replace it by waypoints .16., or take it out"),
+        (84, "VTOL_TAKEOFF, flies vertically, of which power is not known; use 22 and 21 .*, or take it out"),
+        (179, "DO_SET_HOME, moves home, .*; save two missions, or take it out"),
+        (208, "DO_PARACHUTE, ends the flight; end the mission before it, or by a landing"),
+        (210, "DO_INVERTED_FLIGHT, is not known to take no energy; take it out where it moves nothing, else give"),
+        (4711, r"command 4711\) is not known to take no energy"),
+    ],
+)
+def test_an_item_that_is_not_understood_is_named_with_two_ways_on(command: int, ways: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=ways):
+        read(tmp_path, plan_text(item(16, east_km=1.0), item(command)))
+
+
 def test_a_survey_is_its_transects_and_a_landing_pattern_its_approach(tmp_path: Path) -> None:
     survey = {
         "type": "ComplexItem",
@@ -186,6 +406,23 @@ def test_a_line_of_a_map_ends_at_home(tmp_path: Path) -> None:
     assert [step.to.height_m for step in read(tmp_path, relative).steps] == [90, 90]
     absolute = KML.format("<altitudeMode>absolute</altitudeMode>", 560, north, 590)
     assert [step.to.height_m for step in read(tmp_path, absolute, Assumed(height_m=50)).steps] == [80, 80]
+
+
+def test_a_line_above_the_sea_begins_where_home_is_told_to_be(tmp_path: Path) -> None:
+    north = HOME_DEG[0] + 2 * NORTH_DEG
+    absolute = KML.format("<altitudeMode>absolute</altitudeMode>", 560, north, 590)
+    guessed, told = read(tmp_path, absolute), read(tmp_path, absolute, Assumed(elevation_m=500.0))
+    assert guessed.steps[0].to.height_m == 130 and "first point is taken 100 m above home" in guessed.notes[0]
+    assert told.steps[0].to.height_m == 90 and len(told.notes) == len(guessed.notes) - 1
+
+
+def test_the_flight_path_of_qgroundcontrol_begins_at_home_on_the_ground(tmp_path: Path) -> None:
+    """Its heights are above the sea; the first point is home's own, from which the aircraft takes off."""
+    line = KML.format("<altitudeMode>absolute</altitudeMode>", 500, HOME_DEG[0] + 2 * NORTH_DEG, 580)
+    path = line.replace("<Placemark>", "<Placemark><name>Flight Path</name>")
+    mission = read(tmp_path, path)
+    assert mission.start.height_m == 0 and mission.steps[0].to.height_m == 80 and mission.steps[0].launched
+    assert not read(tmp_path, line).steps[0].launched
 
 
 def test_another_home_moves_the_mission(tmp_path: Path) -> None:

@@ -25,9 +25,10 @@ from analysis.missions.information import (
 )
 from analysis.missions.next_flight import next_flight
 from analysis.missions.pieces import Hold, Land, Pilot, Porpoise, Run, Space, Stand, TakeOff, Turn
-from analysis.missions.plan_mission import Home, left_out, qgroundcontrol_plan, simulator_plan, waypoint_file
+from analysis.missions.plan_mission import Home, left_out, qgroundcontrol_plan, waypoint_file
 from analysis.missions.plan_settings import PATH, SEARCH
 from analysis.missions.search import FlightPlan, Request, plan_flight
+from analysis.missions.simulator_plan import simulator_plan
 from analysis.missions.time_history import TimeHistory, fly, throttle_at
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.priors import SensorPriors

@@ -1,0 +1,72 @@
+"""Missions of INAV as mwp and the Configurator save them: XML with `missionitem`.
+
+Source: INAV's docs/Navigation.md. Places are degrees, heights meters above home, or above the sea where bit 0 of the
+third parameter is set; a jump names a number of this file. Speeds of legs are for multicopters alone.
+"""
+
+import math
+from enum import StrEnum
+from xml.etree.ElementTree import Element
+
+from analysis.missions.items import Command, Equipment, Frame, Item, ReadMission, Start, item_of
+from flight.errors import InputError
+
+ITEM = "missionitem"
+
+
+class Action(StrEnum):
+    """What an item of INAV does."""
+
+    WAYPOINT = "WAYPOINT"
+    HOLD = "POSHOLD_UNLIM"
+    HOLD_FOR_TIME = "POSHOLD_TIME"
+    RETURN = "RTH"
+    POINT_OF_INTEREST = "SET_POI"
+    JUMP = "JUMP"
+    HEADING = "SET_HEAD"
+    LAND = "LAND"
+
+
+COMMANDS = {
+    Action.WAYPOINT: Command.WAYPOINT,
+    Action.HOLD: Command.LOITER_UNLIMITED,
+    Action.HOLD_FOR_TIME: Command.LOITER_TIME,
+    Action.RETURN: Command.RETURN,
+    Action.POINT_OF_INTEREST: Equipment.DO_SET_ROI_LOCATION,
+    Action.JUMP: Command.JUMP,
+    Action.HEADING: Equipment.CONDITION_YAW,
+    Action.LAND: Command.LAND,
+}
+
+
+def read_inav(root: Element, where: str) -> ReadMission:
+    """Raises InputError beginning with `where`, and naming the item."""
+    found = [one for one in root.iter() if _name(one) == ITEM]
+    items = [_item(one, where) for one in found]
+    if len({item.number for item in items}) < len(items):
+        raise InputError(f"{where}: has several missions of INAV; save the one that is to be flown alone")
+    try:
+        map_view = next((one for one in root.iter() if _name(one) in ("mwp", "meta") and "home-x" in one.attrib), None)
+        home = None if map_view is None else (float(map_view.get("home-y", "")), float(map_view.get("home-x", "")))
+    except ValueError as error:
+        raise InputError(f"{where}: home is no latitude and longitude ({error})") from None
+    return ReadMission(items, Start(*home, None) if home and any(home) else None)
+
+
+def _item(one: Element, where: str) -> Item:
+    number = one.get("no", "without a number")
+    try:
+        action = Action(one.get("action", "").upper())
+        latitude, longitude, height_m = (float(one.get(key, "0")) for key in ("lat", "lon", "alt"))
+        first, second, third = (float(one.get(f"parameter{i}", "0")) for i in (1, 2, 3))
+        above_sea = bool(int(third) & 1)
+        position = int(number)
+    except (ValueError, OverflowError) as error:
+        raise InputError(f"{where}: item {number} of INAV is not understood ({error})") from None
+    frame = Frame.ABOVE_SEA if above_sea else Frame.RELATIVE
+    told = {Action.HOLD_FOR_TIME: (first, 0), Action.JUMP: (first, second)}.get(action, (0, 0))
+    return item_of(position, COMMANDS[action], frame, [*told, 0.0, math.nan, latitude, longitude, height_m])
+
+
+def _name(one: Element) -> str:
+    return one.tag.rpartition("}")[2].lower()

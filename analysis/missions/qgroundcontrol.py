@@ -1,0 +1,149 @@
+"""Plans of QGroundControl (.plan, and the .mission before it), read and written.
+
+Format: docs.qgroundcontrol.com, Plan File Format (version 1, mission version 2). A survey before QGroundControl 3.4 has
+no transects in the file, and a landing pattern of version 1 says of each of its heights what it is above.
+"""
+
+import json
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+from analysis.missions.items import Autopilot, Command, Frame, Item, ReadMission, Start, item_of
+from flight.errors import InputError
+
+
+def read_plan(text: str, where: str) -> ReadMission:
+    """Raises InputError beginning with `where` for what is no plan, or has items without their waypoints."""
+    try:
+        content = json.loads(text)
+        mission = content if "items" in content and "mission" not in content else content["mission"]
+        if mission.get("complexItems"):
+            raise InputError(OLD_SURVEY.format(where=where))
+        plain = [item for entry in mission["items"] for item in _simple(entry, where)]
+        items = [_item(position, item, where) for position, item in enumerate(plain, start=1)]
+        return ReadMission(
+            items, _home(mission.get("plannedHomePosition")), _of_speed(mission.get("cruiseSpeed"), items)
+        )
+    except InputError:
+        raise
+    except KeyError as error:
+        raise InputError(f"{where}: not a plan of QGroundControl (lacks {error})") from None
+    except (ValueError, TypeError, IndexError, AttributeError, OverflowError, RecursionError) as error:
+        raise InputError(f"{where}: not a plan of QGroundControl ({error})") from None
+
+
+OLD_SURVEY = (
+    "{where}: a survey of QGroundControl before 3.4 has no transects in the file; open it in QGroundControl and save it"
+    " again, or replace it by waypoints"
+)
+
+
+def _home(place: Any) -> Start | None:
+    """A position, of which the height may lack; zero and zero are no place."""
+    if isinstance(place, dict):  # an item of a .mission
+        place = place.get("coordinate")
+    if not place or place[0] is None or place[1] is None or (place[0] == 0 and place[1] == 0):
+        return None
+    above_sea = place[2] if len(place) > 2 else None
+    return Start(float(place[0]), float(place[1]), None if above_sea is None else float(above_sea))
+
+
+def _of_speed(cruise_mps: Any, items: Sequence[Item]) -> tuple[str, ...]:
+    """What to say of the speed of a plan that asks for none: that it is for QGroundControl's times, which it shows."""
+    if not cruise_mps or any(item.command == Command.CHANGE_SPEED for item in items):
+        return ()
+    return (
+        f"QGroundControl computes times with {float(cruise_mps):g} m/s, which no vehicle gets: not taken as asked.",
+    )
+
+
+def _simple(entry: dict[str, Any], where: str) -> Iterator[dict[str, Any]]:
+    """The simple items of an entry: of a survey those of its transects, of a landing pattern approach and touchdown."""
+    if entry["type"] in ("SimpleItem", "missionItem"):
+        yield entry
+        return
+    kind = entry.get("complexItemType", entry["type"])
+    if "TransectStyleComplexItem" in entry:
+        yield from entry["TransectStyleComplexItem"]["Items"]
+    elif kind == "fwLandingPattern":
+        yield from _landing(entry)
+    elif kind == "survey":
+        raise InputError(OLD_SURVEY.format(where=where))
+    elif kind == "vtolLandingPattern":
+        raise InputError(
+            f"{where}: lands vertically, of which power is not known; use a fixed-wing landing, or item 21"
+        )
+    else:
+        raise InputError(f"{where}: an item of kind {kind} is not understood; replace it by waypoints, or take it out")
+
+
+def _landing(entry: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """Approach, by circles down to its height where it has some, and touchdown."""
+    relative = entry.get("altitudesAreRelative", True)
+    circles = "loiterCoordinate" in entry or entry.get("useLoiterToAlt", False)
+    first = Command.LOITER_TO_HEIGHT if circles else Command.WAYPOINT
+    approach = entry.get("landingApproachCoordinate") or entry["loiterCoordinate"]
+    for command, place, key in (
+        (first, approach, "loiterAltitudeRelative"),
+        (Command.LAND, entry["landCoordinate"], "landAltitudeRelative"),
+    ):
+        frame = Frame.RELATIVE if entry.get(key, relative) else Frame.ABOVE_SEA
+        yield {"command": command, "frame": frame, "params": [0, 0, 0, None, *place]}
+
+
+def _item(position: int, item: dict[str, Any], where: str) -> Item:
+    """Jumps name an item by its `doJumpId`; its position is that where it has none."""
+    told = item["params"] if "params" in item else [item[f"param{i}"] for i in range(1, 5)]
+    told = [*told, *item["coordinate"]] if len(told) == 4 and "coordinate" in item else told
+    params = [math.nan if value is None else float(value) for value in told]
+    if len(params) != 7:
+        raise InputError(f"{where}: item {position} has {len(params)} parameters instead of 7")
+    return item_of(int(item.get("doJumpId", position)), int(item["command"]), int(item["frame"]), params)
+
+
+class Vehicle(NamedTuple):
+    """For whom a plan is written. cruise_mps: for QGroundControl's times     fence_deg: corners"""
+
+    firmware: str
+    cruise_mps: float
+    fence_deg: Sequence[tuple[float, float]]
+
+
+def plan_text(items: Sequence[Item], home: Start, vehicle: Vehicle) -> str:
+    """The text of a .plan file. Items without a place have the frame `MISSION`."""
+    fence = {"inclusion": True, "polygon": [list(corner) for corner in vehicle.fence_deg], "version": 1}
+    content = {
+        "fileType": "Plan",
+        "geoFence": {"circles": [], "polygons": [fence], "version": 2},
+        "groundStation": "QGroundControl",
+        "mission": {
+            "cruiseSpeed": round(vehicle.cruise_mps, 1),
+            "firmwareType": Autopilot[vehicle.firmware],
+            "globalPlanAltitudeMode": 1,
+            "hoverSpeed": 5,
+            "items": [_written(item) for item in items],
+            "plannedHomePosition": [home.latitude_deg, home.longitude_deg, home.above_sea_m],
+            "vehicleType": 1,  # MAV_TYPE_FIXED_WING
+            "version": 2,
+        },
+        "rallyPoints": {"points": [], "version": 2},
+        "version": 1,
+    }
+    return json.dumps(content, indent=1) + "\n"
+
+
+def _written(item: Item) -> dict[str, Any]:
+    params = [None if math.isnan(value) else value for value in item.params]
+    height_m = item.height_m if item.has_place else 0
+    return {
+        "AMSLAltAboveTerrain": None,
+        "Altitude": height_m,
+        "AltitudeMode": 1,
+        "autoContinue": True,
+        "command": item.command,
+        "doJumpId": item.number,
+        "frame": item.frame,
+        "params": [*params, item.latitude_deg or 0.0, item.longitude_deg or 0.0, height_m],
+        "type": "SimpleItem",
+    }
