@@ -27,7 +27,7 @@ import sys
 from daq.sensors import ublox
 configuration = ublox.configuration
 ublox.configuration = lambda *arguments: configuration(*arguments)[:-2]
-from sim.__main__ import main
+from flightpower.simulate import main
 main()
 """
 

@@ -45,7 +45,7 @@ from analysis.results.files import to_json
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from flight.log_reader import read_log
-from sim.__main__ import fly
+from flightpower.simulate import fly
 from sim.world import load_world, worlds, worlds_with_defects
 
 ROOT = Path(__file__).parents[1]

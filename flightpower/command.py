@@ -32,8 +32,10 @@ SIDES = {
     "route": Side("analysis.cli.route", "The energy of a mission in wind, and the way home.", LOGS, "autopilot"),
     "parameters": Side("analysis.cli.parameters", "A flight's parameters for an autopilot.", LOGS, "autopilot"),
     "fleet": Side("analysis.cli.fleet", "Many airframes: which got worse.", (*LAPTOP, "fsspec", "pyarrow"), "fleet"),
-    "calibrate": Side("analysis.calibrations", "Probe, tubes, magnetometer, surfaces, airspeed.", LAPTOP, "analysis"),
-    "sim": Side("sim.__main__", "Simulated flights and wind tunnel.", ("casadi", "numpy", "pandas", "pyarrow"), "sim"),
+    "calibrate": Side("analysis.cli.calibrate", "Probe, tubes, magnetometer, surfaces, airspeed.", LAPTOP, "analysis"),
+    "sim": Side(
+        "flightpower.simulate", "Simulated flights and wind tunnel.", ("casadi", "numpy", "pandas", "pyarrow"), "sim"
+    ),
     "daq": Side("daq.__main__", "Record the sensors on the aircraft's computer.", ()),
     "propellers": Side("flightpower.propellers", "Propeller tables by size and maker.", ("numpy",), "analysis"),
     "new": Side("flightpower.new", "Files to begin with: an aircraft, a tray, a map of columns.", ()),

@@ -46,6 +46,6 @@ def _command(module: str) -> Callable[[], None]:
 
 flightpower = _command("flightpower.command")
 analyze = _command("analysis.cli.analyze")
-calibrate = _command("analysis.calibrations")
+calibrate = _command("analysis.cli.calibrate")
 daq = _command("daq.__main__")
-sim = _command("sim.__main__")
+sim = _command("flightpower.simulate")

@@ -1,5 +1,5 @@
 """Flight simulator: flies the aircraft and gives the physical input of every sensor.
 
-The modules import only `flight` of this project. Only the command line, `sim.__main__`, connects simulator, fake
-hardware and daemon.
+The modules import only `flight` of this project. The command, `flightpower.simulate`, joins simulator, fake sensors and
+daemon.
 """

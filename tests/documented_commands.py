@@ -22,8 +22,8 @@ TUTORIAL = ROOT / "docs" / "use" / "tutorial.md"
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*/*.md"))]
 MODULES = {
     "analyze": "analysis.cli.analyze",
-    "calibrate": "analysis.calibrations",
-    "sim": "sim.__main__",
+    "calibrate": "analysis.cli.calibrate",
+    "sim": "flightpower.simulate",
     "daq": "daq.__main__",
     "flightpower": "flightpower.command",
 }

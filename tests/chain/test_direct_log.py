@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from flight.log_reader import Log, read_log
+from flightpower.simulate import fly
 from hw_fakes.direct_log import BRIDGE_KELVIN, BRIDGES, FIRST_TICK, IMU, MAG_T
-from sim.__main__ import fly
 
 pytestmark = pytest.mark.xdist_group("chain")
 

@@ -31,9 +31,9 @@ OF_SIGNAL = """
 OURS = "analysis|daq|flight|flightpower|hw_fakes|sim"
 COMMANDS = {
     "analyze": "analysis.cli.analyze",
-    "calibrate": "analysis.calibrations",
+    "calibrate": "analysis.cli.calibrate",
     "flightpower": "flightpower.command",
-    "sim": "sim.__main__",
+    "sim": "flightpower.simulate",
 }
 
 

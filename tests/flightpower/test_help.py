@@ -8,14 +8,14 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-import analysis.calibrations
 import analysis.cli.analyze
+import analysis.cli.calibrate
 import analysis.cli.compare
 import daq.__main__
 import flightpower.command
 import flightpower.new
 import flightpower.propellers
-import sim.__main__
+import flightpower.simulate
 from analysis.cli import plan
 
 APPLICATIONS = {
@@ -26,7 +26,7 @@ APPLICATIONS = {
     "flightpower": flightpower.command.app,
     "flightpower new": flightpower.new.app,
     "flightpower propellers": flightpower.propellers.app,
-    "sim": sim.__main__.app,
+    "sim": flightpower.simulate.app,
 }
 
 
@@ -63,7 +63,7 @@ def test_units_stay() -> None:
 
 
 def test_units_stay_in_tables() -> None:
-    outcome = CliRunner().invoke(sim.__main__.app, ["trim", "--speed", "30 kt"], env={"COLUMNS": "80"})
+    outcome = CliRunner().invoke(flightpower.simulate.app, ["trim", "--speed", "30 kt"], env={"COLUMNS": "80"})
     assert outcome.exit_code == 0
     assert all(words in outcome.output for words in ("[m/s]", "[deg]", "[W]", " 15.43 "))
 

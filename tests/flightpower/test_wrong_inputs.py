@@ -14,11 +14,11 @@ from pathlib import Path
 
 import pytest
 
-import analysis.calibrations
 import analysis.cli.analyze
+import analysis.cli.calibrate
 import daq.__main__
 import flightpower.command
-import sim.__main__
+import flightpower.simulate
 from flight.aircraft import load_aircraft
 from flight.command_line import ExitCode
 
@@ -27,7 +27,7 @@ MAIN: dict[str, Callable[[], None]] = {
     "calibrate": analysis.cli.calibrate.main,
     "daq": daq.__main__.main,
     "flightpower": flightpower.command.main,
-    "sim": sim.__main__.main,
+    "sim": flightpower.simulate.main,
 }
 
 WRONG = {

@@ -12,7 +12,7 @@ from analysis.sources.ardupilot import read_ardupilot
 from analysis.sources.px4 import read_px4
 from analysis.sources.recording import CURRENT, VOLTAGE
 from flight.errors import InputError
-from sim.__main__ import app
+from flightpower.simulate import app
 from sim.ardupilot_log import write_ardupilot_log
 from sim.px4_log import BOOT_US, RATES_HZ, write_px4_log
 from sim.sensors import FlightSensorTruth, draw, load_budget

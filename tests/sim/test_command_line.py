@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from flight.log_reader import read_log
-from sim.__main__ import main
+from flightpower.simulate import main
 from sim.truth import read_truth
 
 SHORT = """

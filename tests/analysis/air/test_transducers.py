@@ -9,8 +9,8 @@ import pytest
 from typer.testing import CliRunner
 
 from analysis.air.transducers import TRANSDUCERS_FILE, TransducerCalibration, air_data_errors, in_words, plateaus
-from analysis.calibrations import app
 from analysis.calibrations.transducers import calibrate, pressures_Pa
+from analysis.cli.calibrate import app
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.priors import PRIOR_SIGMA, SensorPriors, sensor_error_prior
 from flight.errors import InputError

@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 
 from analysis.air.contents import Replacements, contents
 from analysis.air.thrust_stand import THRUST_STAND_FILE
-from analysis.calibrations import app
 from analysis.calibrations.thrust import StandReadings, calibrate, doubts
+from analysis.cli.calibrate import app
 from flight.aircraft import load_aircraft, parse_aircraft
 from flight.errors import InputError
 from flight.log_reader import Log

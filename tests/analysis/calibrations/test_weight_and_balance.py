@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from analysis.calibrations import app
 from analysis.calibrations.weight_and_balance import ScaleErrors, Support, weighed
+from analysis.cli.calibrate import app
 from flight.aircraft import load_aircraft, parse_aircraft
 
 ERRORS = ScaleErrors(reading_kg=0.005, gain=0.001, position_m=0.002)

@@ -12,8 +12,8 @@ from calibration import bursts
 from typer.testing import CliRunner
 
 from analysis.air.tubing import air, low_frequency_lag_s
-from analysis.calibrations import app
 from analysis.calibrations.tubing import Lag, LineLag
+from analysis.cli.calibrate import app
 from flight.aircraft import PneumaticLine, load_aircraft, parse_aircraft
 from flight.command_line import ExitCode
 from flight.errors import InputError

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from analysis.calibrations import app as calibrate
 from analysis.cli.analyze import app
+from analysis.cli.calibrate import app as calibrate
 from analysis.estimation.noise import NORMAL_95
 from analysis.methods.whole_flight.curve import estimate
 from analysis.methods.whole_flight.flight_table import flight_table
