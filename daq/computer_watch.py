@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from daq.computer_check import supply_check
+from daq.process_setup import use_every_processor
 from flight.messages import Event
 
 CHECK_EVERY_S = 1.0
@@ -102,5 +103,6 @@ class ComputerWatch:
         self._told = {strain: texts[strain] for strain in strained}
 
     def _work(self) -> None:
+        use_every_processor(whole_process=False)  # the firmware takes its time, and must not hold up the sampling
         while not self._stop.wait(CHECK_EVERY_S):
             self.check(time.monotonic())

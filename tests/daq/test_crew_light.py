@@ -83,7 +83,7 @@ def test_a_press_of_the_button_is_one_new_log_however_long_it_lasts(chip):
     wait_for(lambda: LED in chip.driven)
     for count in (1, 2):
         chip.grounded.add(BUTTON)
-        wait_for(lambda count=count: len(pressed) == count)
+        wait_for(lambda count=count: len(pressed) >= count)
         time.sleep(4 * STEP_S)
         chip.grounded.clear()
         time.sleep(4 * STEP_S)
