@@ -10,7 +10,18 @@ from operator import attrgetter
 from typing import Any, NamedTuple
 
 from daq.sensors import Sample
-from flight.messages import OK, TYPE_OF_TOPIC, DifferentialPressure, Gps, Message, Status
+from flight.messages import (
+    OK,
+    AbsolutePressure,
+    Attitude,
+    DifferentialPressure,
+    Gps,
+    Imu,
+    Magnetometer,
+    Message,
+    Rpm,
+    Status,
+)
 
 AIRBORNE_PA, AIRBORNE_MPS = 40.0, 12.0  # 8 m/s by the pitot tube; over the ground, faster than the wind blows
 SIGNS = frozenset({"/probe/airspeed", "/probe/airspeed/2", "/gps", "/gps/2"})
@@ -29,16 +40,16 @@ class Repetition(NamedTuple):
 
 
 SECOND_NS, CHANGING_NS = 1_000_000_000, 60_000_000
-COMPARED: dict[str, Repetition] = {
+COMPARED: dict[type[Message], Repetition] = {
     # Six means of eight counts each: the same twice is no coincidence.
-    "Imu": Repetition(
+    Imu: Repetition(
         attrgetter(*[f"{sensor}_{axis}_counts" for sensor in ("accel", "gyro") for axis in "xyz"]), 0, 41_000_000
     ),
-    "Magnetometer": Repetition(attrgetter("x_counts", "y_counts", "z_counts"), SECOND_NS, CHANGING_NS),
-    "AbsolutePressure": Repetition(attrgetter("pressure_counts", "temperature_counts"), SECOND_NS, CHANGING_NS),
-    "DifferentialPressure": Repetition(attrgetter("pressure_counts", "temperature_counts"), SECOND_NS, CHANGING_NS),
+    Magnetometer: Repetition(attrgetter("x_counts", "y_counts", "z_counts"), SECOND_NS, CHANGING_NS),
+    AbsolutePressure: Repetition(attrgetter("pressure_counts", "temperature_counts"), SECOND_NS, CHANGING_NS),
+    DifferentialPressure: Repetition(attrgetter("pressure_counts", "temperature_counts"), SECOND_NS, CHANGING_NS),
     # A receiver may go on counting time.
-    "Gps": Repetition(
+    Gps: Repetition(
         attrgetter(
             "latitude_deg",
             "longitude_deg",
@@ -50,17 +61,16 @@ COMPARED: dict[str, Repetition] = {
         400_000_000,
         150_000_000,
     ),
-    "Rpm": Repetition(attrgetter("period_us", "motor_speed_revps"), SECOND_NS, CHANGING_NS),
-    "Attitude": Repetition(attrgetter("roll_rad", "pitch_rad", "yaw_rad"), SECOND_NS, CHANGING_NS),
+    Rpm: Repetition(attrgetter("period_us", "motor_speed_revps"), SECOND_NS, CHANGING_NS),
+    Attitude: Repetition(attrgetter("roll_rad", "pitch_rad", "yaw_rad"), SECOND_NS, CHANGING_NS),
 }
 
 
 class RepeatedReadings:
-    """The messages on one topic. in_flight: set by the sampling loop."""
+    """The messages of one kind on one topic."""
 
-    def __init__(self, topic: str):
-        self._kind = TYPE_OF_TOPIC[topic]
-        self._compared = COMPARED[self._kind.__name__]
+    def __init__(self, compared: Repetition):
+        self._compared = compared
         self._latest: tuple[float | None, ...] = ()
         self._since_ns = 0  # when the latest values were first read
         self._changes = 0  # in flight, and the time that they lasted
@@ -86,15 +96,20 @@ class RepeatedReadings:
 class RepeatedReadingsOfSensor:
     """The messages of one sensor."""
 
-    def __init__(self, topics: Sequence[str]):
-        self._topics = {topic: RepeatedReadings(topic) for topic in topics if TYPE_OF_TOPIC[topic].__name__ in COMPARED}
+    def __init__(self) -> None:
+        self._readings: dict[tuple[str, type[Message]], RepeatedReadings] = {}
 
     def marked(self, samples: list[Sample], now_ns: int, *, in_flight: bool) -> list[Sample]:
         """The samples; those that repeat an old value have none, and are stale."""
         for i, (topic, time_ns, message, tick) in enumerate(samples):
-            readings = self._topics.get(topic)
-            if message.status is OK and readings and readings.is_stale(message, now_ns, in_flight=in_flight):
-                samples[i] = Sample(topic, time_ns, type(message)(status=Status.STALE), tick)
+            kind = type(message)
+            if message.status is not OK or kind not in COMPARED:
+                continue
+            readings = self._readings.get((topic, kind))
+            if readings is None:
+                readings = self._readings[topic, kind] = RepeatedReadings(COMPARED[kind])
+            if readings.is_stale(message, now_ns, in_flight=in_flight):
+                samples[i] = Sample(topic, time_ns, kind(status=Status.STALE), tick)
         return samples
 
 

@@ -113,5 +113,6 @@ class SensorHealth:
             return None
         more = f" ({self._unreported} changes since the last report)" if self._unreported > 2 else ""
         text = "works" if self.state is SensorState.OK else f"{self.state}: {self._cause}"
-        self._reported, self._reported_ns, self._unreported = self.state, now_ns, 0
+        first = self._reported is SensorState.STARTING and self.state is SensorState.OK  # does not put off a trouble
+        self._reported, self._reported_ns, self._unreported = self.state, None if first else now_ns, 0
         return Event(severity=SEVERITY.get(self.state, "info"), sensor=self.sensor, text=f"{self.sensor} {text}{more}")

@@ -45,7 +45,7 @@ class SensorSupervisor:
         self.topics = topics
         self.health = SensorHealth(name, silent_at_rest=silent_at_rest)
         self.in_flight = False  # set by the sampling loop
-        self._repeated = RepeatedReadingsOfSensor(topics)
+        self._repeated = RepeatedReadingsOfSensor()
         self.skipped = 0  # messages of ticks in which the sensor was skipped
         self._skipped_ns: deque[int] = deque(maxlen=2)  # times of the latest skipped ticks
         self.events: list[Event] = []  # emptied by the bus worker

@@ -21,6 +21,7 @@ TESLA_PER_COUNT = 4912e-6 / 32760  # at 16 bits [8.3.5]
 MODE_CHANGE_S = 0.1  # the datasheet requires 100 us [6.3]; with less than 100 ms, some parts are reported not to start
 BYPASS_OPENS_S = 0.25  # meanwhile the MPU-9250 is reset and configured
 BLOCK = struct.Struct("<B3hBB")  # ST1, x y z, ST2, CNTL1: ST2 must be read, or the part stops updating [6.4.3]
+JUMP_COUNTS = 100  # 15 uT in a tick: a turn in a second in the earth's field. More has to be read twice.
 STALE_LIMIT = 12  # more stale reads in a row than this mean that the 100 Hz conversion has stopped
 
 
@@ -32,6 +33,8 @@ class AK8963Driver:
         self._axes = axes
         self._sensitivity = (1.0, 1.0, 1.0)
         self._stale = 0
+        self._counts: tuple[int, int, int] | None = None  # the latest that were believed, and those that jumped since
+        self._odd: tuple[int, int, int] | None = None
 
     def start(self) -> Iterator[float]:
         yield BYPASS_OPENS_S
@@ -64,6 +67,11 @@ class AK8963Driver:
                 raise SensorFailure(Status.STALE, "AK8963 has stopped measuring")
             return [Sample("/mag", now_ns, Magnetometer(status=Status.STALE))]
         self._stale = 0
+        known = [counts for counts in (self._counts, self._odd) if counts is not None]
+        if known and not any(is_near((x, y, z), counts) for counts in known):
+            self._odd = (x, y, z)
+            return [Sample("/mag", now_ns, Magnetometer(status=Status.CORRUPT))]
+        self._counts, self._odd = (x, y, z), None
         field_x, field_y, field_z = to_body_axes(field_T((x, y, z), self._sensitivity), self._axes)
         message = Magnetometer(
             status=Status.SATURATED if status2 & OVERFLOW else OK,
@@ -78,6 +86,11 @@ class AK8963Driver:
 
     def _block(self) -> tuple[int, ...]:
         return BLOCK.unpack(self._bus.write_read(self._address, bytes([ST1]), BLOCK.size))
+
+
+def is_near(counts: tuple[int, int, int], others: tuple[int, int, int]) -> bool:
+    """Whether the second can follow upon the first, a tick later."""
+    return all(abs(a - b) <= JUMP_COUNTS for a, b in zip(counts, others, strict=True))
 
 
 def sensitivity(fuse: int) -> float:

@@ -21,6 +21,7 @@ BATTERY_SILENCE_NS = 3_000_000_000  # sent a few times a second at most
 HEARTBEAT_NS = 2_500_000_000  # it is sent once a second, and before the first one nothing is read
 REQUEST_AGAIN_NS, REQUEST_SELDOM_NS, MOST_REQUESTS = 2_000_000_000, 20_000_000_000, 3  # after as many only seldom
 ANSWERED_NS, JUDGED_NS = 1_000_000_000, 2_000_000_000  # after a request: no rate is judged, then for so long
+COMPLAINT_NS = 6_000_000_000  # a rate that was too low is told for this long: more than the spacing of events
 # Of the requested rate. Below the first it is asked for again: an autopilot that starts again forgets it, and another
 # station can change it. Below the second it is told; a line that is a little too slow for the rate stays above.
 ENOUGH, FAR_TOO_FEW = 0.8, 0.4
@@ -65,6 +66,7 @@ class AutopilotDriver:
         self._received: dict[str, int] = {}  # messages by topic since a second after the latest judgement or request
         self._judged_from_ns = 0
         self._slow = False
+        self._complaint_ns = 0
         self.complaint = ""
         self._has_battery_status = False
         self._sticks: list[int] | None = None
@@ -131,9 +133,13 @@ class AutopilotDriver:
         wanted = self._rate_Hz * elapsed_ns * 1e-9
         self._slow = any(n < ENOUGH * wanted for n in self._received.values())
         self._requests = self._requests if self._slow else 0
-        few = {topic: n for topic, n in self._received.items() if n < FAR_TOO_FEW * wanted}
+        few = {topic: n for topic, n in self._received.items() if n < ENOUGH * wanted}
         told = ", ".join(f"{n / elapsed_ns * 1e9:.0f} of {topic}" for topic, n in few.items())
-        self.complaint = f"sends {told} a second, asked for {self._rate_Hz:g}: raise its baud rate" if told else ""
+        if few and (self._requests == 0 or min(few.values()) < FAR_TOO_FEW * wanted):
+            self.complaint = f"sends {told} a second, asked for {self._rate_Hz:g}: raise its baud rate"
+            self._complaint_ns = now_ns
+        elif now_ns - self._complaint_ns >= COMPLAINT_NS:
+            self.complaint = ""
         self._received.clear()
         self._judged_from_ns = now_ns
 

@@ -58,6 +58,8 @@ SWITCH_S = 0.1  # both commands last 50 ms at 9600 baud, and the receiver takes 
 AUDIT_NS = 2_000_000_000  # between two questions for the dynamic model
 KNOWN_NS = 5_000_000_000  # without an answer for this long, the model is not known
 REPAIR_NS, SELDOM_NS, MOST_REPAIRS = 3_000_000_000, 20_000_000_000, 3  # after as many in a row, only seldom
+COMPLAINT_NS = 6_000_000_000  # lost settings are told for this long: more than the spacing of a sensor's events
+COUNTED_NS, LEAST_ARRIVING = 2_000_000_000, 0.5  # of the solutions in this time
 SPACING_TOLERANCE = 0.2  # of the time between solutions
 MAX_FRAME_NS = 300_000_000  # a frame incomplete for this long is discarded; 100 bytes take 0.1 s at 9600 baud
 ACK_TIMEOUT_NS = 1_000_000_000
@@ -103,6 +105,9 @@ class UBloxDriver:
         self._model_ns = 0  # when it last said so
         self._audited_ns = 0
         self._repaired_ns, self._repairs = -REPAIR_NS, 0
+        self._repaired_lately = False
+        self._solved = self._counted_ns = 0  # solutions since then
+        self._few = False
         self._spacing_ms: int | None = None  # wrong, between the latest two solutions
         self._wrong_spacing_ms: int | None = None  # the same one twice
 
@@ -116,6 +121,10 @@ class UBloxDriver:
         if self._wrong_spacing_ms is not None:
             rate_Hz = 1000 / self._wrong_spacing_ms
             complaints.append(f"solves {rate_Hz:.3g} times a second, and is set to {self._rate_Hz:g}")
+        elif self._few:
+            complaints.append("most solutions are lost: check baud rate, ground and cable length")
+        elif self._repaired_lately and not self.refused:
+            complaints.append("had lost its settings, which were set again: check its supply for interruptions")
         return "; ".join(complaints)
 
     def start(self) -> Iterator[float]:
@@ -158,6 +167,7 @@ class UBloxDriver:
                     self._refused(command)
                 elif NAMES[command] in self.refused:
                     self.refused.remove(NAMES[command])
+        self._count(solved, now_ns)
         if solved:
             self._last_ns, self._corrupt, self._silences = now_ns, False, 0
         elif samples:  # it answers, and a restart would forget which solution it repeats
@@ -167,7 +177,16 @@ class UBloxDriver:
             if not samples:
                 samples.append(Sample(self._topic, now_ns, silence))
         self._configure(now_ns)
+        self._repaired_lately = self._repairs > 0 and now_ns - self._repaired_ns < COMPLAINT_NS
         return samples
+
+    def _count(self, solved: bool, now_ns: int) -> None:
+        """Notice that many solutions are lost on their way."""
+        self._solved += solved
+        if now_ns - self._counted_ns >= COUNTED_NS:
+            wanted = self._rate_Hz * (now_ns - self._counted_ns) * 1e-9
+            self._few = bool(self._solved) and self._solved < LEAST_ARRIVING * wanted and self._counted_ns > 0
+            self._solved, self._counted_ns = 0, now_ns
 
     def _take(self, now_ns: int) -> tuple[list[bytes], int]:
         """Read the port and take frames out of the buffer. A frame incomplete for too long is discarded."""
@@ -213,7 +232,8 @@ class UBloxDriver:
     def _judge_model(self, model: int, now_ns: int) -> None:
         self._dynamic_model, self._model_ns = model, now_ns
         if model == AIRBORNE_4G:
-            self._repairs = 0 if self._wrong_spacing_ms is None else self._repairs
+            if self._wrong_spacing_ms is None and now_ns - self._repaired_ns >= COMPLAINT_NS:
+                self._repairs = 0
         elif len(self._to_send) <= 1:  # it was only asked
             self._repair(self._commands, now_ns)
 

@@ -111,3 +111,15 @@ def test_one_wrong_bit_in_a_reply_is_no_loss_of_supply():
     replies += [0x01, 0x01]
     with pytest.raises(SensorFailure, match="supply"):
         sensor.read(1)
+
+
+@pytest.mark.parametrize("bit", range(7, 16))
+def test_one_wrong_bit_in_the_field_is_corrupt_and_a_field_that_has_changed_is_believed_at_the_second_reading(
+    started, bit
+):
+    bus, sensor = started
+    statuses = []
+    for z in (-300, -300, -300 ^ 1 << bit if bit < 15 else -300 + 0x8000, -300, 400, 405, 410):
+        measured(bus, 100, 20, z)
+        statuses.append(sensor.read(0)[0].message.status)
+    assert statuses == [Status.OK] * 2 + [Status.CORRUPT, Status.OK, Status.CORRUPT, Status.OK, Status.OK]

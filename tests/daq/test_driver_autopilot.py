@@ -228,7 +228,7 @@ def test_rates_that_the_autopilot_does_not_keep_are_requested_again_and_told():
     assert requested(port) == 1 and sensor.complaint == ""
     at_s = streaming(sensor, port, 4, 5, begin_s=at_s)  # it has started again, with rates of its own
     assert requested(port) == 2 and "4 of /attitude, 4 of /controls a second, asked for 25" in sensor.complaint
-    at_s = streaming(sensor, port, 25, 5, begin_s=at_s)
+    at_s = streaming(sensor, port, 25, 10, begin_s=at_s)
     before = requested(port)
     assert before <= 3 and sensor.complaint == ""
     streaming(sensor, port, 15, 60, begin_s=at_s)  # as fast as the line can: asked three times, and then seldom

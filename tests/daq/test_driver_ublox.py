@@ -268,7 +268,9 @@ def test_a_receiver_that_starts_again_with_another_rate_is_set_again_and_its_mod
     models = receiver.run(sensor, 40)
     assert models[0] == (None, 0) and models[-1] == (8, 8)
     assert all(claimed in (None, true) for claimed, true in models)
-    assert receiver.period_ms == 100 and sensor.complaint == ""
+    assert receiver.period_ms == 100 and sensor.complaint.startswith("had lost its settings")
+    receiver.run(sensor, 60)
+    assert sensor.complaint == ""
 
 
 def test_a_rate_that_the_receiver_acknowledges_and_does_not_keep_is_told():
@@ -278,7 +280,7 @@ def test_a_rate_that_the_receiver_acknowledges_and_does_not_keep_is_told():
     receiver.run(sensor, 200)
     assert 3 <= receiver.written.count(configuration(10, 38400)[1]) <= 7  # 44 s: three times, and then seldom
     receiver.period_ms = 100
-    receiver.run(sensor, 3)
+    receiver.run(sensor, 100)
     assert sensor.complaint == ""
 
 
