@@ -5,9 +5,9 @@ too long becomes `stale`, if the same part's values changed all the time before;
 nothing. Servo pulses, the battery and analog inputs may stand still.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from operator import attrgetter
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from daq.sensors import Sample
 from flight.messages import (
@@ -34,7 +34,7 @@ class Repetition(NamedTuple):
     `usual_ns` at most on average.
     """
 
-    values: Callable[[Any], tuple[float | None, ...]]
+    fields: tuple[str, ...]
     limit_ns: int
     usual_ns: int
 
@@ -42,36 +42,37 @@ class Repetition(NamedTuple):
 SECOND_NS, CHANGING_NS = 1_000_000_000, 60_000_000
 COMPARED: dict[type[Message], Repetition] = {
     # Six means of eight counts each: the same twice is no coincidence.
-    Imu: Repetition(
-        attrgetter(*[f"{sensor}_{axis}_counts" for sensor in ("accel", "gyro") for axis in "xyz"]), 0, 41_000_000
-    ),
-    Magnetometer: Repetition(attrgetter("x_counts", "y_counts", "z_counts"), SECOND_NS, CHANGING_NS),
-    AbsolutePressure: Repetition(attrgetter("pressure_counts", "temperature_counts"), SECOND_NS, CHANGING_NS),
-    DifferentialPressure: Repetition(attrgetter("pressure_counts", "temperature_counts"), SECOND_NS, CHANGING_NS),
-    # A receiver may go on counting time.
-    Gps: Repetition(
-        attrgetter(
-            "latitude_deg",
-            "longitude_deg",
-            "height_m",
+    Imu: Repetition(tuple(f"{part}_{axis}_counts" for part in ("accel", "gyro") for axis in "xyz"), 0, 41_000_000),
+    Magnetometer: Repetition(("x_counts", "y_counts", "z_counts"), SECOND_NS, CHANGING_NS),
+    AbsolutePressure: Repetition(("pressure_counts", "temperature_counts"), SECOND_NS, CHANGING_NS),
+    DifferentialPressure: Repetition(("pressure_counts", "temperature_counts"), SECOND_NS, CHANGING_NS),
+    Gps: Repetition(  # without the time, which a receiver may go on counting
+        (
             "velocity_north_mps",
             "velocity_east_mps",
             "velocity_down_mps",
+            "latitude_deg",
+            "longitude_deg",
+            "height_m",
         ),
         400_000_000,
         150_000_000,
     ),
-    Rpm: Repetition(attrgetter("period_us", "motor_speed_revps"), SECOND_NS, CHANGING_NS),
-    Attitude: Repetition(attrgetter("roll_rad", "pitch_rad", "yaw_rad"), SECOND_NS, CHANGING_NS),
+    Rpm: Repetition(("motor_speed_revps", "period_us"), SECOND_NS, CHANGING_NS),
+    Attitude: Repetition(("pitch_rad", "roll_rad", "yaw_rad"), SECOND_NS, CHANGING_NS),
 }
 
 
 class RepeatedReadings:
     """The messages of one kind on one topic."""
 
-    def __init__(self, compared: Repetition):
-        self._compared = compared
-        self._latest: tuple[float | None, ...] = ()
+    def __init__(self, kind: type[Message]):
+        self.kind = kind
+        self._compared = COMPARED[kind]
+        self._first = attrgetter(self._compared.fields[0])
+        self._all = attrgetter(*self._compared.fields)
+        self._latest: Message | None = None
+        self._latest_value: float | None = None  # its first field, which nearly always tells
         self._since_ns = 0  # when the latest values were first read
         self._changes = 0  # in flight, and the time that they lasted
         self._lasted_ns = 0
@@ -79,12 +80,13 @@ class RepeatedReadings:
 
     def is_stale(self, message: Message, now_ns: int, *, in_flight: bool) -> bool:
         """Whether a measurement repeats the one before although it cannot. It stays stale until it changes."""
-        values = self._compared.values(message)
-        if values != self._latest:
-            if in_flight and not self._stale and self._latest:
+        value = self._first(message)
+        latest = self._latest
+        if value != self._latest_value or latest is None or self._all(message) != self._all(latest):
+            if in_flight and not self._stale and latest is not None:
                 self._changes += 1
                 self._lasted_ns += now_ns - self._since_ns
-            self._latest, self._since_ns, self._stale = values, now_ns, False
+            self._latest, self._latest_value, self._since_ns, self._stale = message, value, now_ns, False
             return False
         if in_flight and not self._stale:
             limit_ns, usual_ns = self._compared.limit_ns, self._compared.usual_ns
@@ -97,7 +99,8 @@ class RepeatedReadingsOfSensor:
     """The messages of one sensor."""
 
     def __init__(self) -> None:
-        self._readings: dict[tuple[str, type[Message]], RepeatedReadings] = {}
+        self._readings: dict[str, RepeatedReadings] = {}
+        self.stale = False  # some reading was, and may still be when the aircraft has landed
 
     def marked(self, samples: list[Sample], now_ns: int, *, in_flight: bool) -> list[Sample]:
         """The samples; those that repeat an old value have none, and are stale."""
@@ -105,10 +108,11 @@ class RepeatedReadingsOfSensor:
             kind = type(message)
             if message.status is not OK or kind not in COMPARED:
                 continue
-            readings = self._readings.get((topic, kind))
-            if readings is None:
-                readings = self._readings[topic, kind] = RepeatedReadings(COMPARED[kind])
+            readings = self._readings.get(topic)
+            if readings is None or readings.kind is not kind:
+                readings = self._readings[topic] = RepeatedReadings(kind)
             if readings.is_stale(message, now_ns, in_flight=in_flight):
+                self.stale = True
                 samples[i] = Sample(topic, time_ns, kind(status=Status.STALE), tick)
         return samples
 

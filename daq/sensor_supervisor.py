@@ -82,7 +82,8 @@ class SensorSupervisor:
         except Exception as error:  # a bug in a driver must not end the recording; the event names it
             return self._fail(now_ns, Status.FAULT, f"driver error {type(error).__name__}: {error}")
         self._failures = 0
-        samples = self._repeated.marked(samples, now_ns, in_flight=self.in_flight)
+        if self.in_flight or self._repeated.stale:
+            samples = self._repeated.marked(samples, now_ns, in_flight=self.in_flight)
         health, good = self.health, True
         for _, _, message, _ in samples:
             status = message.status

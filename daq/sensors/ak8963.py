@@ -67,12 +67,13 @@ class AK8963Driver:
                 raise SensorFailure(Status.STALE, "AK8963 has stopped measuring")
             return [Sample("/mag", now_ns, Magnetometer(status=Status.STALE))]
         self._stale = 0
-        known = [counts for counts in (self._counts, self._odd) if counts is not None]
-        if known and not any(is_near((x, y, z), counts) for counts in known):
-            self._odd = (x, y, z)
+        counts, before = (x, y, z), self._counts
+        jumps = before is not None and not is_near(counts, before)
+        if jumps and (self._odd is None or not is_near(counts, self._odd)):
+            self._odd = counts
             return [Sample("/mag", now_ns, Magnetometer(status=Status.CORRUPT))]
-        self._counts, self._odd = (x, y, z), None
-        field_x, field_y, field_z = to_body_axes(field_T((x, y, z), self._sensitivity), self._axes)
+        self._counts, self._odd = counts, None
+        field_x, field_y, field_z = to_body_axes(field_T(counts, self._sensitivity), self._axes)
         message = Magnetometer(
             status=Status.SATURATED if status2 & OVERFLOW else OK,
             x_counts=x,
@@ -90,7 +91,8 @@ class AK8963Driver:
 
 def is_near(counts: tuple[int, int, int], others: tuple[int, int, int]) -> bool:
     """Whether the second can follow upon the first, a tick later."""
-    return all(abs(a - b) <= JUMP_COUNTS for a, b in zip(counts, others, strict=True))
+    (x, y, z), (other_x, other_y, other_z) = counts, others
+    return abs(x - other_x) <= JUMP_COUNTS and abs(y - other_y) <= JUMP_COUNTS and abs(z - other_z) <= JUMP_COUNTS
 
 
 def sensitivity(fuse: int) -> float:

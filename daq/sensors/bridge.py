@@ -84,7 +84,8 @@ class BridgeTransducerDriver:
         frame = decode(self._bus.read(self._address, 4))
         if frame.status is FrameStatus.GOOD:
             fits = self._temperature.fits(frame.temperature_counts, now_ns)
-            if not fits or not self._is_near(frame, self._pressure_counts):
+            before = self._pressure_counts
+            if not fits or (before is not None and abs(frame.pressure_counts - before) > self._jump_counts):
                 again = decode(self._bus.read(self._address, 4))  # stale where it is the same measurement
                 confirmed = self._is_near(again, self._pressure_counts) or (
                     fits and self._is_near(again, frame.pressure_counts)

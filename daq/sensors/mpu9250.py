@@ -55,6 +55,7 @@ COUNTS_PER_DPS = {250: 131.0, 500: 65.5, 1000: 32.8, 2000: 16.4}  # PS 3.1
 TEMPERATURE_COUNTS_PER_K, TEMPERATURE_ZERO_K = 333.87, 294.15  # PS 3.4.2: 21 degC
 FULL_COUNT = 32767
 
+FROM_RATE, SETTINGS = bytes([SMPLRT_DIV]), 5  # the first of the registers of ranges, filters and rate; their number
 AUDIT_TICKS = 50  # of these, one reads FIFO_EN too, and one the bypass instead
 MOST_RESTORED = 3  # in a row: then the part does not keep its settings
 COMPLAINT_NS = 6_000_000_000  # a lost setting is told for this long: longer than the spacing of a sensor's events
@@ -166,12 +167,15 @@ class MPU9250Driver:
         """Whether this tick's samples have the right settings. Those that the part has lost are restored."""
         self._reads += 1
         in_turn = self._reads % AUDIT_TICKS
+        whole = self._fifo and in_turn == AUDIT_TICKS // 2
+        if in_turn and not whole and self._bus.write_read(self._address, FROM_RATE, SETTINGS) == self._settings:
+            self._restored = 0
+            return True  # nearly always
         if in_turn == 0:
             if self._lost_settings(INT_PIN_CFG, bytes([self._bypass])):
                 self._write(INT_PIN_CFG, self._bypass)
                 self._complain("bypass to the magnetometer", now_ns)
             return True
-        whole = self._fifo and in_turn == AUDIT_TICKS // 2
         expected = self._settings + bytes(FIFO_EN - SMPLRT_DIV - len(self._settings)) + bytes([FIFO_ALL])
         if not self._lost_settings(SMPLRT_DIV, expected if whole else self._settings):
             self._restored = 0
@@ -289,14 +293,16 @@ def mean(data: bytes) -> Counts:
     saturated = max(values) >= FULL_COUNT or min(values) <= -FULL_COUNT  # the temperature counts, too
     if saturated:
         saturated = any(max(map(abs, column)) >= FULL_COUNT for column in columns[:3] + columns[4:])
-    damaged = count >= FEWEST_JUDGED and any(map(has_outlier, columns))
+    damaged = False
+    if count >= FEWEST_JUDGED:
+        for column in columns:
+            if max(column) - min(column) > OUTLIER_COUNTS and has_outlier(column):
+                damaged = True
     return Counts(count, tuple(means), saturated, damaged)
 
 
 def has_outlier(column: Sequence[int]) -> bool:
     """Whether one of the samples lies far beyond all others, as a wrong bit makes it."""
-    if max(column) - min(column) <= OUTLIER_COUNTS:
-        return False
     lowest, low, *_, high, highest = sorted(column)
     return any(
         step > OUTLIER_COUNTS and step > OUTLIER_SPREADS * spread

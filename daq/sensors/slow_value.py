@@ -21,6 +21,10 @@ class SlowValue:
     def fits(self, value: float, now_ns: int) -> bool:
         """Whether `value` can be the number's value now. The first one is believed."""
         reference = self._value
+        if reference is not None and abs(value - reference) <= self._step:  # nearly always
+            self._value, self._time_ns, self._others = value, now_ns, 0
+            self._agreed += 1
+            return True
         if reference is not None and abs(value - reference) > self._step + self._per_ns * (now_ns - self._time_ns):
             self._others = self._others + 1 if abs(value - self._other) <= self._step else 1
             self._other = value

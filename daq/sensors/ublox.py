@@ -114,6 +114,8 @@ class UBloxDriver:
     @property
     def complaint(self) -> str:
         """What the receiver does not do as it is told; empty where nothing is known."""
+        if not (self.refused or self._wrong_spacing_ms or self._few or self._repaired_lately):
+            return ""
         complaints = []
         if self.refused and not (self._to_send and self._to_send[0][2:4] == MON_VER):
             advice = "set another rate_Hz" if self.refused == [NAMES[CFG_RATE]] else "a u-blox M8 or M10 is needed"

@@ -1,4 +1,4 @@
-"""Faults inside parts, in flight: nothing wrong is recorded as ok, the crew hears of it within 5 s, and then it is over.
+"""Faults inside parts, in flight: nothing wrong is recorded as ok, the crew hears of it within 5 s, then it is over.
 
 All of them are in `benchmarks/injected_faults.py`; here are those that each stand for a kind.
 """
