@@ -62,6 +62,11 @@ def flown(read: ReadMission, where: str, assumed: Assumed) -> Mission:
     if start is None:
         said = "".join(f" {note}" for note in read.notes)
         raise InputError(f'{where}: has no home position; give --home "48.1,11.5"{"." if said else ""}{said}')
+    latitude, longitude, above_sea_m = start
+    if not (abs(latitude) <= 90 and abs(longitude) <= 360 and (above_sea_m is None or math.isfinite(above_sea_m))):
+        raise InputError(
+            f'{where}: home at {latitude:g}, {longitude:g}, {above_sea_m} m is no place; give --home "48.1,11.5"'
+        )
     if not start.above_sea_m and assumed.elevation_m is not None:
         start = start._replace(above_sea_m=assumed.elevation_m)
     return _Steps(where, start, assumed, read.notes).mission(unrolled(read.items, where))

@@ -266,6 +266,12 @@ def test_home_may_have_no_known_height_and_no_known_place(tmp_path: Path) -> Non
             read(tmp_path, plan_text(high, plannedHomePosition=nowhere))
 
 
+@pytest.mark.parametrize("home", [[1e999, 11.5, 500.0], [48.1, 1e999, 500.0], [48.1, 11.5, 1e999], [91.0, 11.5, 0.0]])
+def test_home_at_no_place_is_refused(home: list[float], tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="is no place; give --home"):
+        read(tmp_path, plan_text(item(16, east_km=1.0), plannedHomePosition=home))
+
+
 def test_a_survey_without_transects_is_refused_with_what_to_do(tmp_path: Path) -> None:
     old = {"type": "ComplexItem", "complexItemType": "survey", "version": 3, "grid": {"altitude": 50}}
     for entry in (old, {"type": "survey", "version": 1}):
