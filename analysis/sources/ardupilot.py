@@ -17,6 +17,7 @@ from analysis.sources.ardupilot_messages import (
     IMU,
     LIFT,
     RPM,
+    SECOND_MONITOR,
     Messages,
     Table,
     read_messages,
@@ -54,6 +55,12 @@ class LiftedMode(IntEnum):
     QACRO = 23
 
 
+class BatteryMonitor(IntEnum):
+    """BATTn_MONITOR"""
+
+    SUM = 10
+
+
 class ServoFunction(IntEnum):
     """SERVOn_FUNCTION"""
 
@@ -81,7 +88,8 @@ def read_ardupilot(path: Path) -> FlightRecording:
             channels[name] = channel(table["t_s"], table[field])
     for table in sorted(log.of(GPS), key=lambda one: -np.mean(one["Status"] >= 3))[:1]:
         channels |= _gps(table)
-    batteries, controllers = _batteries(tables, BATTERY), _batteries(tables, CONTROLLERS)
+    batteries = _with_sums(_batteries(tables, BATTERY), parameters)
+    controllers = list(_batteries(tables, CONTROLLERS).values())
     battery, battery_notes = measuring_battery(batteries, controllers)
     if battery:
         channels |= {recording.VOLTAGE: battery.voltage, recording.CURRENT: battery.current}
@@ -109,12 +117,28 @@ def read_ardupilot(path: Path) -> FlightRecording:
     )
 
 
-def _batteries(tables: Mapping[tuple[str, int], Table], kinds: tuple[str, ...]) -> list[Battery]:
-    return [
-        Battery(f"{kind} {instance}", channel(table["t_s"], table["Volt"]), channel(table["t_s"], table["Curr"]))
+def _batteries(tables: Mapping[tuple[str, int], Table], kinds: tuple[str, ...]) -> dict[tuple[str, int], Battery]:
+    return {
+        (kind, instance): Battery(
+            f"{kind} {instance}", channel(table["t_s"], table["Volt"]), channel(table["t_s"], table["Curr"])
+        )
         for (kind, instance), table in tables.items()
         if kind in kinds
-    ]
+    }
+
+
+def _with_sums(batteries: Mapping[tuple[str, int], Battery], parameters: Mapping[str, float]) -> list[Battery]:
+    """The monitors, of which BATTn_MONITOR says which sum others: those of BATTn_SUM_MASK, or all later ones."""
+    numbers = [instance + (kind in SECOND_MONITOR) for kind, instance in batteries]
+    found = []
+    for number, battery in zip(numbers, batteries.values(), strict=True):
+        prefix = f"BATT{'' if number == 0 else number + 1}"
+        mask = int(np.nan_to_num(parameters.get(f"{prefix}_SUM_MASK", 0.0)))
+        chosen = {i for i in range(mask.bit_length()) if mask >> i & 1} if mask else {i for i in numbers if i > number}
+        summed = [one.name for i, one in zip(numbers, batteries.values(), strict=True) if i in chosen - {number}]
+        is_sum = parameters.get(f"{prefix}_MONITOR") == BatteryMonitor.SUM
+        found.append(battery._replace(sum_of=frozenset(summed)) if is_sum else battery)
+    return found
 
 
 def _throttle(log: Messages) -> Channel | None:

@@ -18,6 +18,7 @@ from flight.errors import InputError
 
 # Messages of one kind: later firmware numbers the instances within one message, earlier firmware has one for each.
 AIRSPEED, BATTERY = ("ARSP", "ASP2"), ("BAT", "BAT2", "CURR", "CUR2")
+SECOND_MONITOR = ("BAT2", "CUR2")
 CONTROLLERS, RPM = ("ESC", *(f"ESC{i}" for i in range(1, 9))), ("RPM",)
 SIMULATION = ("SIM", "SIM2")
 LIFT = ("QTUN",)  # control of a VTOL's lifting motors

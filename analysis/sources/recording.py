@@ -4,6 +4,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
+from itertools import combinations
 from pathlib import Path
 from typing import NamedTuple
 
@@ -200,18 +201,22 @@ def _ascending(one: Channel) -> Channel:
 
 
 class Battery(NamedTuple):
+    """What one monitor measures. sum_of : names of the monitors whose currents it adds, where the autopilot says so"""
+
     name: str
     voltage: Channel
     current: Channel
+    sum_of: frozenset[str] = frozenset()
 
 
 def measuring_battery(
     batteries: Sequence[Battery], controllers: Sequence[Battery] = ()
 ) -> tuple[Battery | None, list[str]]:
     """The battery that gives most power, or the sum of two that feed the motor together, and notes; None where none
-    measures voltage and current. controllers: what the speed controllers measure, which counts where no battery does
-    and unless it is always the same, as firmware fills in.
+    measures voltage and current. A monitor that shows the sum of others stands for them. controllers: what the speed
+    controllers measure, which counts where no battery does and unless it is always the same, as firmware fills in.
     """
+    batteries, notes = _without_parts(batteries)
     power = [_mean_power_W(battery) for battery in batteries]
     if not any(P > 0 for P in power):
         measuring = [one for one in controllers if _mean_power_W(one) > 0 and np.ptp(one.current.value) > 0]
@@ -220,7 +225,6 @@ def measuring_battery(
         note = "No power module measures current: power is that of the speed controllers, without the avionics."
         return reduce(_together, measuring), [note]
     best = int(np.argmax(power))
-    notes = []
     if best > 0:
         notes.append(f"{batteries[best].name} measures the propulsion: {batteries[0].name} carries less power.")
     used = batteries[best]
@@ -238,6 +242,44 @@ def measuring_battery(
     return used, notes
 
 
+def _without_parts(batteries: Sequence[Battery]) -> tuple[list[Battery], list[str]]:
+    """The monitors without those that are contained in another one's sum, and notes."""
+    power = {one.name: _mean_power_W(one) for one in batteries}
+    left_out: set[str] = set()
+    notes = []
+    for total in sorted(batteries, key=lambda one: (not one.sum_of, -power[one.name])):
+        others = [one for one in batteries if one.name not in left_out | {total.name} and power[one.name] > 0]
+        parts = [one for one in others if one.name in total.sum_of] or _parts_of(total, others)
+        if not parts or total.name in left_out:
+            continue
+        if power[total.name] < max(power[one.name] for one in parts):  # a sum that does not work
+            left_out.add(total.name)
+        else:
+            left_out |= {one.name for one in parts}
+            notes.append(f"{total.name} is the sum of {' and '.join(one.name for one in parts)}: they are not added.")
+    return [one for one in batteries if one.name not in left_out], notes
+
+
+def _parts_of(total: Battery, others: Sequence[Battery]) -> Sequence[Battery]:
+    """Those of the others, two or more, whose currents make up this one's at its times with more than mean current."""
+    t_s, current_A = total.current
+    if not len(t_s):
+        return ()
+    working = current_A >= np.mean(current_A)
+    t_s, current_A = t_s[working], current_A[working]
+    shown = [(one, np.interp(t_s, *one.current)) for one in others if len(one.current.t_s)]
+    largest = sorted(shown, key=lambda pair: -float(np.mean(pair[1])))[:8]  # the combinations stay few in a damaged log
+    errors_A = {
+        parts: float(np.median(np.abs(current_A - sum(largest[i][1] for i in parts))))
+        for count in range(2, len(largest) + 1)
+        for parts in combinations(range(len(largest)), count)
+    }
+    best = min(errors_A, key=errors_A.__getitem__, default=())
+    if not best or errors_A[best] >= INSTANCES.same_current * float(np.median(current_A)):
+        return ()
+    return [largest[i][0] for i in best]
+
+
 def _same_pack(one: Battery, other: Battery) -> bool:
     """Whether two monitors show the same voltage, and the same current at each time, within their errors."""
     t_s = one.current.t_s
@@ -245,7 +287,7 @@ def _same_pack(one: Battery, other: Battery) -> bool:
     (V, A), (other_V, other_A) = shown
     error_A = float(np.median(np.abs(A - other_A)))
     error_V = float(np.median(np.abs(V - other_V)))
-    return error_V < 0.02 * float(np.median(V)) and error_A < 0.05 * float(np.median(np.abs(A)))
+    return error_V < 0.02 * float(np.median(V)) and error_A < INSTANCES.same_current * float(np.median(np.abs(A)))
 
 
 def _together(one: Battery, other: Battery) -> Battery:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.sources import px4
+from analysis.sources import ardupilot, px4
 from analysis.sources.recording import (
     AIRSPEED_PRESSURE,
     CURRENT,
@@ -53,6 +53,61 @@ def test_two_packs_that_feed_the_motor_are_added_and_one_measured_twice_is_count
     assert taken.voltage.value * taken.current.value == pytest.approx(24.0 * 6.0 + 12.0 * 10.0)
     taken, (note,) = measuring_battery([battery("a", 10.0), battery("b", 9.8)])
     assert taken is not None and taken.current.value == pytest.approx(10.0) and "counted once" in note
+
+
+def flown(name: str, share: float, sum_of: frozenset[str] = frozenset(), late_s: float = 0.0) -> Battery:
+    """A share of a motor's current between 5 and 15 A, at the monitor's own times."""
+    t_s = T + late_s
+    return Battery(name, constant(12.0), Channel(t_s, share * (10 + 5 * np.sin(t_s / 9))), sum_of)
+
+
+@pytest.mark.parametrize("shares", [(0.6, 0.4), (0.5, 0.3, 0.2), (0.85, 0.15)])
+@pytest.mark.parametrize("scale", [1.0, 1.03])
+def test_a_monitor_that_shows_the_sum_of_others_is_counted_alone(shares: tuple[float, ...], scale: float) -> None:
+    """Also by a meter that reads 3 % more, at other times than theirs; a pack that is no part of the sum is added."""
+    parts = [flown(f"part {i}", share, late_s=0.3) for i, share in enumerate(shares)]
+    total = flown("total", scale)
+    for order in ([total, *parts], [*parts, total]):
+        taken, (note,) = measuring_battery(order)
+        assert taken is not None and taken.name == "total" and taken.current.value == pytest.approx(total.current.value)
+        assert note.startswith("total is the sum of part 0 and part 1")
+    taken, (_, note) = measuring_battery([total, *parts, battery("apart", 9.0)])
+    assert taken is not None and taken.current.value == pytest.approx(total.current.value + 9.0) and "added" in note
+
+
+def test_two_packs_that_make_up_an_eighth_less_or_more_than_a_third_are_no_parts_of_it() -> None:
+    for share in (0.56, 0.44):
+        taken, _ = measuring_battery([flown("a", 1.0), flown("b", share), flown("c", share)])
+        assert taken is not None
+        expected = 1.0 + 2 * share if share > 0.5 else 1.0
+        assert np.mean(taken.current.value) == pytest.approx(expected * np.mean(flown("a", 1.0).current.value))
+
+
+def test_a_sum_by_the_autopilots_parameter_is_never_added_to_its_parts() -> None:
+    """Though its value may differ from theirs; where it shows less than a part of it, the parts are counted."""
+    parts, names = [flown("a", 0.6), flown("b", 0.5)], frozenset({"a", "b"})
+    for share, counted in ((1.0, 1.0), (0.1, 1.1)):
+        taken, _ = measuring_battery([flown("total", share, names), *parts])
+        assert taken is not None
+        assert taken.current.value == pytest.approx(counted * flown("", 1.0).current.value)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "summed"),
+    [
+        ({"BATT_MONITOR": 10.0}, ["BAT 1", "BAT 2", "BAT2 0"]),
+        ({"BATT_MONITOR": 10.0, "BATT_SUM_MASK": 4.0}, ["BAT 2"]),
+        ({"BATT_MONITOR": 10.0, "BATT_SUM_MASK": np.nan}, ["BAT 1", "BAT 2", "BAT2 0"]),
+        ({"BATT2_MONITOR": 10.0, "BATT2_SUM_MASK": 5.0}, ["BAT 0", "BAT 2"]),
+        ({"BATT_MONITOR": 4.0, "BATT_SUM_MASK": 6.0}, []),
+    ],
+)
+def test_ardupilots_monitor_of_kind_ten_sums_those_of_its_mask_or_all_later_ones(
+    parameters: dict[str, float], summed: list[str]
+) -> None:
+    monitors = {(kind, i): battery(f"{kind} {i}", 1.0) for kind, i in [("BAT", 0), ("BAT", 1), ("BAT", 2), ("BAT2", 0)]}
+    found = ardupilot._with_sums(monitors, parameters)
+    assert sorted({name for one in found for name in one.sum_of}) == summed
 
 
 def test_a_battery_without_discharge_does_not_measure() -> None:
