@@ -29,6 +29,14 @@ class LawSettings(Settings):
         "s, 1",
         "shorter delays are those of filters and receivers; share of what is left unexplained at once",
     )
+    least_bank_rad: float = setting(
+        0.05, "rad", "bank by the turn, 1 sigma: in a straight flight sideslip and gusts are as large"
+    )
+    heave_s_per_mps: float = setting(
+        0.02,
+        "s²/m",
+        "times the airspeed: lift follows the pitch rate within V/g times lift coefficient over its slope, 1 over 5",
+    )
 
 
 LAWS = LawSettings()

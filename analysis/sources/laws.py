@@ -14,6 +14,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from analysis.methods.whole_flight.flight_table import resampled
+from analysis.methods.whole_flight.settings import FLIGHT
 from analysis.sources.column_map import Channels
 from analysis.sources.grid import resampled
 from analysis.sources.grid_settings import FLIGHT
@@ -21,6 +23,8 @@ from analysis.sources.law_settings import LAWS
 from analysis.sources.position import velocity_by_position
 from analysis.sources.quantities import KINDS, Quantity
 from analysis.sources.recording import Channel
+from analysis.sources.resolution import without_steps
+from analysis.sources.table_file import Array
 from flight.arrays import Array
 from flight.atmosphere import SEA_LEVEL_DENSITY, density, height_at, temperature_at
 from flight.units import GRAVITY_MPS2 as g
@@ -57,12 +61,19 @@ class Relation(NamedTuple):
 
 
 class Law(NamedTuple):
-    """Two signals (n,) that rise together. exact : whether their ratio is one. quantities: first those of the first"""
+    """Two signals (n,) that rise together.
+
+    quantities : first those of the first signal     exact : whether their ratio is one
+    least : spread of the second signal below which disturbances hide the law, and nothing is judged
+    lag_s : delay of one against the other that belongs to the law
+    """
 
     quantities: tuple[Quantity, ...]
     first: Array
     second: Array
     exact: bool
+    least: float = 0.0
+    lag_s: float = 0.0
 
 
 # Units that are taken for SI units, by words: the SI unit for a ratio.
@@ -88,6 +99,8 @@ class Grid:
             one = self._channels.get(quantity)
             if one is not None and quantity in (Q.HEADING, Q.COURSE, Q.ROLL):
                 one = Channel(one.t_s, np.unwrap(one.value))
+            elif one is not None and quantity in (Q.HEIGHT, Q.STATIC_PRESSURE):
+                one = without_steps(one)
             made = None if one is None else resampled(one, self.t_s, FLIGHT.smoothing_s, FLIGHT.longest_gap_s)
             self._made[quantity] = made
         return self._made[quantity]
@@ -142,6 +155,12 @@ def _flown(V: Array) -> NDArray[np.bool_]:
         return np.zeros(len(V), dtype=bool)
     moving = known[known > 0.3 * np.percentile(known, 90)]
     return np.asarray(V > (0.6 * np.median(moving) if len(moving) else np.inf))
+
+
+def _heave_s(V: Array) -> float:
+    """How long lift follows the pitch of an aircraft of this airspeed (n,) [s]."""
+    flown = _flown(V)
+    return LAWS.heave_s_per_mps * float(np.median(V[flown])) if flown.any() else 0.0
 
 
 def relation(first: Array, second: Array) -> Relation | None:
@@ -248,16 +267,26 @@ def _battery(grid: Grid, name: Callable[[Quantity], str]) -> Iterator[Finding]:
 
 
 def _attitude_laws(grid: Grid) -> Iterator[Law]:
-    angles = grid.all(Q.ROLL, Q.PITCH, Q.HEADING)
-    if angles is not None:
-        roll, pitch, _ = angles
-        roll_rate, pitch_rate, heading_rate = (grid.rate(one) for one in angles)
-        turning = {
-            Q.ROLL_RATE: roll_rate - heading_rate * np.sin(pitch),
-            Q.PITCH_RATE: pitch_rate * np.cos(roll) + heading_rate * np.cos(pitch) * np.sin(roll),
-            Q.YAW_RATE: heading_rate * np.cos(pitch) * np.cos(roll) - pitch_rate * np.sin(roll),
+    angles = grid.all(Q.ROLL, Q.PITCH)
+    rates = grid.all(Q.ROLL_RATE, Q.PITCH_RATE, Q.YAW_RATE)
+    heading = grid[Q.HEADING]
+    if angles is not None and rates is not None:
+        (roll, pitch), (p, q, r) = angles, rates
+        turning = (q * np.sin(roll) + r * np.cos(roll)) / np.cos(pitch)
+        yield Law((Q.ROLL_RATE, Q.ROLL), p, grid.rate(roll) - turning * np.sin(pitch), True)
+        pitching = grid.rate(pitch)
+        yield Law((Q.PITCH_RATE, Q.PITCH), q * np.cos(roll) - r * np.sin(roll), pitching, True)
+        if heading is not None:
+            yawing = grid.rate(heading) * np.cos(pitch) * np.cos(roll) - pitching * np.sin(roll)
+            yield Law((Q.YAW_RATE, Q.HEADING), r, yawing, True)
+    elif angles is not None and heading is not None:
+        (roll, pitch), heading_rate = angles, grid.rate(heading)
+        turning_by = {
+            Q.ROLL_RATE: grid.rate(roll) - heading_rate * np.sin(pitch),
+            Q.PITCH_RATE: grid.rate(pitch) * np.cos(roll) + heading_rate * np.cos(pitch) * np.sin(roll),
+            Q.YAW_RATE: heading_rate * np.cos(pitch) * np.cos(roll) - grid.rate(pitch) * np.sin(roll),
         }
-        for quantity, by_angles in turning.items():
+        for quantity, by_angles in turning_by.items():
             if (rate := grid[quantity]) is not None:
                 yield Law((quantity, Q.ROLL, Q.PITCH, Q.HEADING), rate, by_angles, True)
     elif (both := grid.all(Q.ROLL_RATE, Q.ROLL)) is not None:
@@ -271,13 +300,13 @@ def _attitude_laws(grid: Grid) -> Iterator[Law]:
     course = np.full(len(north), np.nan)
     course[known] = np.unwrap(np.arctan2(east[known], north[known]))
     course_rate = np.where(moving, grid.rate(course), np.nan)
-    if (nose := grid[Q.HEADING]) is not None:
-        yield Law((Q.HEADING, *quantities), grid.rate(nose), course_rate, False)
+    if heading is not None:
+        yield Law((Q.HEADING, *quantities), grid.rate(heading), course_rate, False)
     if (yaw_rate := grid[Q.YAW_RATE]) is not None:
         yield Law((Q.YAW_RATE, *quantities), yaw_rate, course_rate, False)
     if (bank := grid[Q.ROLL]) is not None and airspeed is not None:
         turn = np.arctan(np.clip(airspeed[1] * course_rate / g, -3, 3))
-        yield Law((Q.ROLL, *quantities), bank, turn, True)
+        yield Law((Q.ROLL, *quantities), bank, turn, True, least=LAWS.least_bank_rad)
 
 
 def _vertical_laws(grid: Grid) -> Iterator[Law]:
@@ -299,7 +328,7 @@ def _vertical_laws(grid: Grid) -> Iterator[Law]:
             level = np.where(np.abs(roll) < 0.5, pitch - path, np.nan)
             yield Law((Q.ANGLE_OF_ATTACK, Q.PITCH, height[0], airspeed[0]), alpha, level / np.cos(roll), True)
         else:
-            yield Law((Q.PITCH, height[0]), pitch, path, False)
+            yield Law((Q.PITCH, height[0]), pitch, path, False, lag_s=_heave_s(airspeed[1]))
 
 
 def _speed_laws(grid: Grid) -> Iterator[Law]:
@@ -308,12 +337,14 @@ def _speed_laws(grid: Grid) -> Iterator[Law]:
         return
     of, V = airspeed
     flown = _flown(V)
-    down, q = grid[Q.FORCE_DOWN], grid[Q.PITCH_RATE]
+    down, q, alpha = grid[Q.FORCE_DOWN], grid[Q.PITCH_RATE], grid[Q.ANGLE_OF_ATTACK]
     angles = grid.all(Q.ROLL, Q.PITCH)
     if down is not None and q is not None and angles is not None:
         needed = V * q + g * np.cos(angles[0]) * np.cos(angles[1])
-        yield Law((Q.FORCE_DOWN, Q.PITCH_RATE, of), np.where(flown, -down, np.nan), needed, False)
-    alpha = grid[Q.ANGLE_OF_ATTACK]
+        lag_s = _heave_s(V)
+        if alpha is not None:  # what heaving takes of it
+            needed, lag_s = needed - grid.rate(V * np.sin(alpha)), 0.0
+        yield Law((Q.FORCE_DOWN, Q.PITCH_RATE, of), np.where(flown, -down, np.nan), needed, False, lag_s=lag_s)
     if alpha is not None and down is not None:
         lift = np.where(flown, -down / np.maximum(V, 1.0) ** 2, np.nan)
         yield Law((Q.ANGLE_OF_ATTACK, Q.FORCE_DOWN, of), alpha, lift, False)
@@ -349,7 +380,7 @@ def _power_laws(grid: Grid) -> Iterator[Law]:
 
 def _judged(law: Law, name: Callable[[Quantity], str]) -> Finding | None:
     found = relation(law.first, law.second)
-    if found is None:
+    if found is None or float(np.nanstd(law.second)) < law.least:
         return None
     first, others = name(law.quantities[0]), " and ".join(name(one) for one in law.quantities[1:])
     if abs(found.best) < LAWS.correlation.related:
@@ -363,7 +394,7 @@ def _judged(law: Law, name: Callable[[Quantity], str]) -> Finding | None:
         )
     shortest_s, share = LAWS.delay
     explained = 1 - found.best**2 < share * (1 - found.at_once**2)
-    if abs(found.delay_s) >= shortest_s and explained and abs(found.best) > LAWS.correlation.delayed:
+    if abs(found.delay_s) - law.lag_s >= shortest_s and explained and abs(found.best) > LAWS.correlation.delayed:
         late = f"late by {found.delay_s:.1f} s" if found.delay_s > 0 else f"early by {-found.delay_s:.1f} s"
         return Finding(
             Mistake.DELAY, law.quantities, f"{first} is {late} against {others}: give the delay of one in the map"

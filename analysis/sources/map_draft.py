@@ -39,18 +39,22 @@ NAMES: dict[Quantity, tuple[str, ...]] = {
     Q.SIDESLIP: (r".*(sideslip|side slip).*", r".*\b(beta|aos)\b.*"),
     Q.FORCE_FORWARD: (
         r".*(longitudinal|forward) (specific force|acc).*",
-        r".*\b(ax|acc x|accel x|fx|acc ?body x)\b.*",
+        r".*\b(ax|acc x|accel x|fx|acc ?body x|specific force x)\b.*",
         r"acc smooth 0 m/s/s",
     ),
-    Q.FORCE_RIGHT: (r".*lateral (specific force|acc).*", r".*\b(ay|acc y|accel y|fy)\b.*", r"acc smooth 1 m/s/s"),
+    Q.FORCE_RIGHT: (
+        r".*lateral (specific force|acc).*",
+        r".*\b(ay|acc y|accel y|fy|specific force y)\b.*",
+        r"acc smooth 1 m/s/s",
+    ),
     Q.FORCE_DOWN: (
         r".*(upward|vertical|normal|down) (specific force|acc).*",
-        r".*\b(az|acc z|accel z|fz)\b.*",
+        r".*\b(az|acc z|accel z|fz|specific force z)\b.*",
         r"acc smooth 2 m/s/s",
     ),
-    Q.ROLL_RATE: (r".*roll rate.*", r".*\bgyro ?[px]\b.*", r"(.*\.)?p( (rad|deg).*)?$"),
-    Q.PITCH_RATE: (r".*pitch rate.*", r".*\bgyro ?[qy]\b.*", r"(.*\.)?q( (rad|deg).*)?$"),
-    Q.YAW_RATE: (r".*yaw rate.*", r".*\bgyro ?[rz]\b.*", r"(.*\.)?r( (rad|deg).*)?$"),
+    Q.ROLL_RATE: (r".*roll rate.*", r".*\b(gyro ?[px]|angular rate x)\b.*", r"(.*\.)?p( (rad|deg).*)?$"),
+    Q.PITCH_RATE: (r".*pitch rate.*", r".*\b(gyro ?[qy]|angular rate y)\b.*", r"(.*\.)?q( (rad|deg).*)?$"),
+    Q.YAW_RATE: (r".*yaw rate.*", r".*\b(gyro ?[rz]|angular rate z)\b.*", r"(.*\.)?r( (rad|deg).*)?$"),
     Q.ROLL: (r".*\b(roll|phi|bank)\b.*",),
     Q.PITCH: (r".*\b(pitch|theta)\b.*",),
     Q.HEADING: (r".*\b(heading|yaw|psi)\b.*",),
@@ -227,8 +231,9 @@ def _changes(proposed: ColumnMap, wrong: Finding) -> Iterator[ColumnMap]:
 def _suspect(wrong: list[Finding]) -> Quantity:
     """The quantity in most findings; of equals, the least needed one."""
     needed = [Q.TIME, Q.TRUE_AIRSPEED, Q.VOLTAGE, Q.CURRENT, Q.VELOCITY_NORTH, Q.VELOCITY_EAST, Q.HEIGHT, Q.THRUST]
+    rank = {q: i for i, q in enumerate(needed)} | {Q.HEADING: len(needed) + 1}  # no method requires a heading
     count = {q: sum(q in one.quantities for one in wrong) for q in wrong[0].quantities}
-    return max(count, key=lambda q: (count[q], -needed.index(q) if q in needed else 1, q))
+    return max(count, key=lambda q: (count[q], rank.get(q, len(needed)), q))
 
 
 def _text(

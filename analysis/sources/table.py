@@ -17,7 +17,9 @@ from analysis.sources.laws import Finding, findings
 from analysis.sources.position import velocity_by_position
 from analysis.sources.quantities import Quantity
 from analysis.sources.recording import Channel, pressure_of_indicated_airspeed
-from analysis.sources.table_file import read_columns
+from analysis.sources.resolution import without_steps
+from analysis.sources.table_file import Array, read_columns
+from analysis.trajectory.measurements import ALPHA_PORT_SLOPE
 from flight.arrays import Array
 from flight.atmosphere import density, height_at, pressure_at, temperature_at
 from flight.errors import InputError
@@ -138,9 +140,9 @@ def _height(pressure_Pa: Array) -> Array:
 def _static(known: Mapping[Quantity, Channel]) -> Channel | None:
     """Measured; by the height; or by the climb that GPS shows, from sea level."""
     if (pressure := known.get(Q.STATIC_PRESSURE)) is not None:
-        return pressure
+        return without_steps(pressure)
     if (height := known.get(Q.HEIGHT)) is not None:
-        return Channel(height.t_s, np.asarray(pressure_at(height.value)))
+        return Channel(height.t_s, np.asarray(pressure_at(without_steps(height).value)))
     if (down := known.get(Q.VELOCITY_DOWN)) is not None:
         step = np.diff(down.t_s) * (down.value[1:] + down.value[:-1]) / 2
         height_m = -np.concatenate([[0.0], np.cumsum(step)])
