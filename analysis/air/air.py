@@ -104,9 +104,12 @@ def air_data(
     if np.isnan(sideslip).all():
         notes.append("No sideslip pressure in this log: sideslip is not known; the other air data take it as zero.")
         out["dp_beta_Pa"] = 0.0
-    ground_Pa, ground_K = _ground(out)
-    out["height_m"] = height_at(out["static_Pa"], ground_pressure_Pa=ground_Pa, ground_temperature_K=ground_K)
-    out["temperature_K"] = temperature_at(out["height_m"], ground_K)
+    start_Pa, start_K = _where_it_began(out)
+    above_start_m = height_at(out["static_Pa"], ground_pressure_Pa=start_Pa, ground_temperature_K=start_K)
+    start_m, of_start = _height_of_start(above_start_m, out["q_c_Pa"], least_Pa)
+    notes += of_start
+    out["height_m"] = above_start_m + start_m
+    out["temperature_K"] = temperature_at(above_start_m, start_K)
     rho = density(out["static_Pa"], out["temperature_K"])
 
     dp_beta = np.nan_to_num(sideslip)  # the maps take missing sideslip as zero
@@ -171,16 +174,38 @@ def _stuck(pressure: pd.Series, q_c: pd.Series, least_Pa: float) -> bool:
     return len(flown) > CHANNELS.fewest_samples and float(flown.max() - flown.min()) < AIR.stuck_Pa
 
 
-def _ground(table: pd.DataFrame) -> tuple[float, float]:
-    """Pressure [Pa] and air temperature [K] on the ground, where the log began.
+def _where_it_began(table: pd.DataFrame) -> tuple[float, float]:
+    """Pressure [Pa] and air temperature [K] where the log began.
 
     Electronics warm the tray by ten degrees within minutes, which would be three percent of density. At power-on they
-    have the temperature of the air. So the transducer's first reading gives the air temperature on the ground; the
-    standard lapse rate gives that at height.
+    have the temperature of the air. So the transducer's first reading gives the air temperature there; the standard
+    lapse rate gives that at height.
     """
     start = table[["static_Pa", "static_temperature_K"]].dropna()
     first = start.loc[: start.index[0] + AIR.cold_s]
     return float(first["static_Pa"].mean()), float(first["static_temperature_K"].mean())
+
+
+def _height_of_start(above_start_m: pd.Series, q_c_Pa: pd.Series, least_Pa: float) -> tuple[float, list[str]]:
+    """Height [m] above the ground where the log began, and a note; 0 where it began on the ground.
+
+    An aircraft that has its airspeed from the first second on is in the air, as in a segment that was cut out of a
+    flight. Where it has none at the end it has landed there. Otherwise the ground is below the lowest point by twice
+    the least height of runs, which is far above it for an aircraft that flies maneuvers.
+    """
+    pressure = q_c_Pa.dropna()
+    if pressure.empty or pressure.loc[: pressure.index[0] + AIR.cold_s].min() <= least_Pa:
+        return 0.0, []
+    last = pressure.loc[pressure.index[-1] - AIR.cold_s :]
+    if last.max() <= least_Pa:
+        return -float(above_start_m.loc[last.index[0] :].mean()), [
+            "This log begins in the air. Heights are above the ground where it ends."
+        ]
+    assumed_m = 2 * AIRCRAFT_SIZE.least_height_m
+    return assumed_m - float(above_start_m.min()), [
+        f"This log begins and ends in the air: heights are above a ground assumed {assumed_m:.0f} m below its lowest"
+        " point."
+    ]
 
 
 def _add_thrust(table: pd.DataFrame, propeller: Propeller) -> None:

@@ -134,3 +134,31 @@ def test_time_aloft_that_is_too_slow_to_be_flight_is_told_in_per_cent_of_it() ->
     assert above[1] == pytest.approx(above[0] / 2), "a small aircraft flies lower"
     assert _slow_flight(np.full(200, 11.0), slow, 40.0, 0.5) and not _slow_flight(np.full(200, 9.0), slow, 40.0, 0.5)
     assert _slow_flight(height_m, np.where(np.arange(200) >= 197, 20.0, 100.0), 40.0, 1.0), "3 % are told"
+
+
+def test_a_log_that_begins_in_the_air_is_high_enough_for_runs(flown, probe) -> None:
+    """A segment cut out of a flight: by its airspeed, it does not begin on the ground. Density stays."""
+    _, table = flown
+    segment = table.loc[slice(*CRUISE_S)]
+    corrected, _ = without_zeros(table, zeros(table, rest_segments(table, 25.0)))
+    propeller = load_propeller(NEXSTAR.propulsion.propeller)
+    whole, cut = (
+        air_data(specific_force_at_cg(part, NEXSTAR), NEXSTAR, probe, propeller, speed_scale(NEXSTAR))
+        for part in (corrected, corrected.loc[segment.index])
+    )
+    assert whole.notes == [] and "begins and ends in the air" in " ".join(cut.notes)
+    assert cut.table["height_m"].min() == pytest.approx(40.0)
+    both = whole.table.loc[segment.index]
+    apart = np.diff(cut.table["height_m"] - both["height_m"])
+    assert np.abs(apart).max() < 0.01 * np.abs(np.diff(both["height_m"])).max()  # the scale, by the air's temperature
+    assert (cut.table["rho"] / both["rho"] - 1).abs().max() < 0.01  # the tray was 2 K warmer than when it began
+
+
+def test_a_log_that_begins_in_the_air_and_lands_has_its_heights_above_the_last_point(flown, probe) -> None:
+    _, table = flown
+    corrected, _ = without_zeros(table, zeros(table, rest_segments(table, 25.0)))
+    propeller = load_propeller(NEXSTAR.propulsion.propeller)
+    late = specific_force_at_cg(corrected.loc[CRUISE_S[0] :], NEXSTAR)
+    air = air_data(late, NEXSTAR, probe, propeller, speed_scale(NEXSTAR))
+    assert air.table["height_m"].iloc[-25:].mean() == pytest.approx(0.0, abs=0.5)
+    assert air.table["height_m"].iloc[:25].mean() > 30.0
