@@ -14,6 +14,14 @@ class Agreement(NamedTuple):
     scaled: float
 
 
+class Delay(NamedTuple):
+    """Shortest one that is told, what it has to explain, and that of lift against pitch."""
+
+    shortest_s: float
+    explained: float
+    heave_s_per_mps: float
+
+
 @dataclass(frozen=True)
 class LawSettings(Settings):
     """Laws of motion between columns, smoothed over a second."""
@@ -24,18 +32,11 @@ class LawSettings(Settings):
         "laws that are exact have 0.75 to 1.00 in simulated and in real flights (10 Hz of a Citation, 500 Hz of a"
         " tailsitter); columns of different flights have 0.3 at most",
     )
-    delay: tuple[float, float] = setting(
-        (0.8, 0.6),
-        "s, 1",
-        "shorter delays are those of filters and receivers; share of what is left unexplained at once",
-    )
-    least_bank_rad: float = setting(
-        0.05, "rad", "bank by the turn, 1 sigma: in a straight flight sideslip and gusts are as large"
-    )
-    heave_s_per_mps: float = setting(
-        0.02,
-        "s²/m",
-        "times the airspeed: lift follows the pitch rate within V/g times lift coefficient over its slope, 1 over 5",
+    delay: Delay = setting(
+        Delay(0.8, 0.6, 0.02),
+        "s, 1, s²/m",
+        "shorter delays are those of filters and receivers; share of what is left unexplained at once; times the"
+        " airspeed, how long lift follows pitch: V/g times the lift coefficient over its slope, here 1 over 5",
     )
 
 

@@ -27,6 +27,7 @@ from analysis.sources.resolution import without_steps
 from analysis.sources.table_file import Array
 from flight.arrays import Array
 from flight.atmosphere import SEA_LEVEL_DENSITY, density, height_at, temperature_at
+from flight.runs import LEVEL_RUN
 from flight.units import GRAVITY_MPS2 as g
 from flight.units import to_si
 
@@ -160,7 +161,7 @@ def _flown(V: Array) -> NDArray[np.bool_]:
 def _heave_s(V: Array) -> float:
     """How long lift follows the pitch of an aircraft of this airspeed (n,) [s]."""
     flown = _flown(V)
-    return LAWS.heave_s_per_mps * float(np.median(V[flown])) if flown.any() else 0.0
+    return LAWS.delay.heave_s_per_mps * float(np.median(V[flown])) if flown.any() else 0.0
 
 
 def relation(first: Array, second: Array) -> Relation | None:
@@ -306,7 +307,7 @@ def _attitude_laws(grid: Grid) -> Iterator[Law]:
         yield Law((Q.YAW_RATE, *quantities), yaw_rate, course_rate, False)
     if (bank := grid[Q.ROLL]) is not None and airspeed is not None:
         turn = np.arctan(np.clip(airspeed[1] * course_rate / g, -3, 3))
-        yield Law((Q.ROLL, *quantities), bank, turn, True, least=LAWS.least_bank_rad)
+        yield Law((Q.ROLL, *quantities), bank, turn, True, least=LEVEL_RUN.largest_bank_rad / 8)
 
 
 def _vertical_laws(grid: Grid) -> Iterator[Law]:
@@ -392,7 +393,7 @@ def _judged(law: Law, name: Callable[[Quantity], str]) -> Finding | None:
             f"{first} does not follow {others}, by which it is given (correlation {found.best:.2f}): one of these"
             " columns is another quantity, or its unit is wrong",
         )
-    shortest_s, share = LAWS.delay
+    shortest_s, share, _ = LAWS.delay
     explained = 1 - found.best**2 < share * (1 - found.at_once**2)
     if abs(found.delay_s) - law.lag_s >= shortest_s and explained and abs(found.best) > LAWS.correlation.delayed:
         late = f"late by {found.delay_s:.1f} s" if found.delay_s > 0 else f"early by {-found.delay_s:.1f} s"
