@@ -269,7 +269,9 @@ def trajectory_with(
     by_upwash = upwash_slope_sigma(flight.aircraft) if slope_sigma is None else slope_sigma
     priors = SensorPriors(
         alpha_scale_sigma=math.hypot(flight.contents.probe.alpha_scale_sigma, by_upwash),
-        stated=stated_sigma(uncertainty, flight.aircraft.wing_loading_Pa),
+        stated=stated_sigma(
+            uncertainty, flight.aircraft.wing_loading_Pa, motor_speed=not flight.propeller.is_thrust_column
+        ),
         calibrated=data.calibrated,
         factor=prior_factor,
     )

@@ -116,6 +116,11 @@ class Propeller(PropellerModel):
         self._below = np.array([self._knots[0], *self._knots])
         self._lines = np.stack([_lines(row, self._knots) for row in self.rows], axis=1).reshape(4, -1)
 
+    @property
+    def is_thrust_column(self) -> bool:
+        """Whether the speed of rotation stands for a thrust: cT is the same everywhere, which no propeller's is."""
+        return len({cT for row in self.rows for cT in row.cT}) == 1
+
     def table(self, J: Number, rpm: Number) -> tuple[Number, Number]:
         if isinstance(J, np.ndarray) and isinstance(rpm, np.ndarray):
             return self._table_of_arrays(J, rpm)

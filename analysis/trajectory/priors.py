@@ -60,8 +60,13 @@ CHANGE_OF_ZERO = "change_of_zero"  # between rest and flight; also of the angle-
 POSITION_ERROR = "position_error"  # an error of airspeed in proportion to the lift coefficient
 
 
-def stated_sigma(uncertainty: Uncertainty, wing_loading_Pa: float = 0.0) -> Mapping[str, float]:
+def stated_sigma(
+    uncertainty: Uncertainty, wing_loading_Pa: float = 0.0, *, motor_speed: bool = True
+) -> Mapping[str, float]:
     """Prior standard deviation of each sensor error, as [uncertainty] of the aircraft file states it.
+
+    motor_speed : whether that of the log turns a motor. One made of a thrust column makes no vibration: an offset in
+    proportion to thrust would be an error of thrust, 2 % of power where 1 % of thrust is stated.
 
     An error k C_L of airspeed is one of 2 k C_L of dynamic pressure. C_L times dynamic pressure is the wing loading in
     level flight: the airspeed pressure has a constant error. Hysteresis of a share h of a swing reads h/2 of it too low
@@ -69,6 +74,8 @@ def stated_sigma(uncertainty: Uncertainty, wing_loading_Pa: float = 0.0) -> Mapp
     """
     swing_s = 20.0
     accelerometer = uncertainty.accelerometer_offset_mps2
+    negligible = 1e-6  # of an error that is not there: the covariance keeps an inverse
+    vibration = uncertainty.accelerometer_vibration_mps2 if motor_speed else negligible
     return MappingProxyType({
         **{name: sigma for name, (_, sigma) in PRIORS.unstated.items()},
         "ax_bias": accelerometer, "ay_bias": accelerometer, "az_bias": accelerometer,
@@ -77,10 +84,9 @@ def stated_sigma(uncertainty: Uncertainty, wing_loading_Pa: float = 0.0) -> Mapp
         "V_scale": uncertainty.airspeed_scale_fraction,
         "air_data_lag": math.hypot(uncertainty.air_data_lag_s, uncertainty.hysteresis_fraction * swing_s / 2),
         "dp_alpha_zero": PRIORS.unmeasured_zero_Pa, "q_c_zero": PRIORS.unmeasured_zero_Pa,
-        "ax_vibration": uncertainty.accelerometer_vibration_mps2,
-        "az_vibration": uncertainty.accelerometer_vibration_mps2,
+        "ax_vibration": vibration, "az_vibration": vibration,
         "alpha_per_g": uncertainty.boom_bending_rad,
-        "updraft": max(uncertainty.updraft_mps, 1e-6),  # may be stated as 0
+        "updraft": max(uncertainty.updraft_mps, negligible),  # may be stated as 0
         CHANGE_OF_ZERO: uncertainty.transducer_zero_Pa,
         POSITION_ERROR: 2 * uncertainty.airspeed_per_lift_fraction * wing_loading_Pa,
     })  # fmt: skip

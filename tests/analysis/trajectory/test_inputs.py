@@ -6,6 +6,7 @@ import pytest
 from exact_motion import RATE_HZ, RHO, exact_motion
 
 from analysis.air.magnetometer import Compass
+from analysis.sources.table import THRUST_AS_SPEED
 from analysis.trajectory.block_means import BLOCK, BlockMeans, block_mean
 from analysis.trajectory.equations import MEASUREMENT_INPUTS, MEASUREMENTS, PROCESS_INPUTS, SENSOR_ERRORS, STATES
 from analysis.trajectory.inertial import CHANNELS, InertialInputs
@@ -27,6 +28,7 @@ from analysis.trajectory.process import GustConditions, ProcessModel
 from flight.aircraft import Uncertainty
 from flight.motion import body_from_earth
 from flight.probe_maps import ALPHA_PORT_SLOPE
+from flight.propeller_files import load_propeller, parse_propeller
 
 STEP_S = BLOCK / RATE_HZ
 
@@ -399,3 +401,13 @@ def test_the_prior_of_a_zero_contains_its_change_between_rest_and_flight() -> No
         for name, error in at_rest.items():
             assert with_rest[name] == pytest.approx(np.hypot(error, change))
             assert without[name] == pytest.approx(np.hypot(1.0, change)), "a zero of another day is known to 1 Pa"
+
+
+def test_a_thrust_column_makes_no_vibration() -> None:
+    """Its motor speed goes with the root of thrust, so that an offset by vibration would be an error of thrust."""
+    column, real = parse_propeller(THRUST_AS_SPEED, "thrust"), load_propeller("apc-10x5e")
+    assert column.is_thrust_column and not real.is_thrust_column
+    usual, none = (stated_sigma(STATED, motor_speed=motor_speed) for motor_speed in (True, False))
+    assert usual["ax_vibration"] > 0 and usual["az_vibration"] > 0
+    assert none["ax_vibration"] < 1e-5 and none["az_vibration"] < 1e-5  # m/s^2 at 100 rev/s
+    assert {name for name in usual if usual[name] != none[name]} == {"ax_vibration", "az_vibration"}
