@@ -216,7 +216,17 @@ def flight_path(flight: Measured) -> FlightPath:
     notes = conflict_notes(conflict, trajectory)
     if conflict.conflicting:
         flight.progress("reconstructing the trajectory with larger sensor errors")
-        trajectory = trajectory_with(flight, flight.data, prior_factor=conflict.factor)
+        try:
+            wider = trajectory_with(flight, flight.data, prior_factor=conflict.factor)
+        except InputError:
+            wider = None
+        if wider is None or not wider.converged:
+            del trajectory, wider
+            path = _as_measured(
+                flight, "sensor errors are larger than assumed, and with larger ones it did not converge"
+            )
+            return path._replace(notes=(*notes, *path.notes))
+        trajectory = wider
     trajectory, misfit_notes = with_misfit(trajectory)
     return FlightPath(trajectory, conflict, (*notes, *misfit_notes))
 

@@ -263,9 +263,7 @@ def _solve(
         initial = x[0]
         step = gauss_newton_step(linearization, prior, initial, remaining)
         move = step.sensor_errors / np.sqrt(np.diag(step.covariance))
-        # Without a measured heading steps may oscillate between two points (correlation of a step with the one before
-        # below -0.3); the middle is better than either.
-        damping = 0.5 if move @ last_move < -0.3 * (last_move @ last_move) else damping
+        damping = _damping(damping, move, last_move)
         x, sensor_errors, last_move = x + damping * step.states, sensor_errors + damping * step.sensor_errors, move
         if np.max(np.abs(move)) < tolerance:
             converged = True
@@ -277,6 +275,19 @@ def _solve(
     return _Solution(
         x, sensor_errors, step, gust_mps, evidence, gust_ratio, linearization.measurement_residual, converged, point
     )
+
+
+def _damping(damping: float, move: Array, last_move: Array) -> float:
+    """The share of a step (m,) that is taken, by the step before it, of which `damping` was taken.
+
+    Without a measured heading steps may oscillate between two points. Where the full step is l times too long, a step
+    is 1 - l damping times the one before it, and the share 1/l makes the next one vanish (Aitken's acceleration).
+    """
+    before = float(last_move @ last_move)
+    ratio = float(move @ last_move) / before if before else 0.0
+    if ratio > -0.3:
+        return damping
+    return max(damping / (1 - max(ratio, -3.0)), 0.05)  # one pair of steps tells no more than a quarter
 
 
 def _state_sensitivity(problem: TrajectoryProblem, solution: _Solution) -> Array:

@@ -170,7 +170,9 @@ class SolverSettings(Settings):
         "vertical gusts, 1 sigma, whose evidence is compared: the second cannot be told from the noise of the flow"
         " angles, and the last is a storm",
     )
-    most_iterations: int = setting(40, "1", "of one intensity of gusts")
+    most_iterations: int = setting(
+        100, "1", "of one intensity of gusts: usual flights need ten, a stall of an ATTAS without velocities eighty"
+    )
     converged: tuple[float, float] = setting(
         (5.0, 0.02),
         "1",

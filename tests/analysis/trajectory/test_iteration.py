@@ -140,13 +140,17 @@ def test_the_intensity_of_simulated_gusts_is_found() -> None:
     assert trajectory.gust_mps == pytest.approx(sigma_w, rel=0.1)
 
 
-def test_an_oscillating_iteration_is_damped(monkeypatch) -> None:
-    """Each step overshoots to the other side of the solution: half of it from then on converges."""
+@pytest.mark.parametrize("overshoot", [1.95, 3.0, 6.0])
+def test_an_oscillating_iteration_is_damped(monkeypatch, overshoot: float) -> None:
+    """Each step overshoots to the other side of the solution: the right share of it from then on converges.
+
+    With half of it, an iteration whose steps are four times too long or more goes ever further away.
+    """
     m, n, nx = len(SENSOR_ERRORS), 3, len(STATES)
 
     def overshooting_step(_at, _prior, _initial, sensor_errors):
         return SimpleNamespace(
-            states=np.zeros((n, nx)), sensor_errors=-1.95 * sensor_errors, covariance=np.eye(m),
+            states=np.zeros((n, nx)), sensor_errors=-overshoot * sensor_errors, covariance=np.eye(m),
             cost_decrease=0.0, log_determinant=0.0,
         )  # fmt: skip
 
@@ -160,7 +164,7 @@ def test_an_oscillating_iteration_is_damped(monkeypatch) -> None:
     )
     monkeypatch.setattr(reconstruction, "gauss_newton_step", overshooting_step)
     monkeypatch.setattr(reconstruction, "cost", lambda *_: 0.0)
-    solution = _solve(problem, np.zeros((n, nx)), np.ones(m), 0.1, iterations=10, tolerance=0.02)
+    solution = _solve(problem, np.zeros((n, nx)), np.ones(m), 0.1, iterations=20, tolerance=0.02)
     assert solution.converged and np.abs(solution.sensor_errors).max() < 0.02
 
 

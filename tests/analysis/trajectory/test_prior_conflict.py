@@ -1,16 +1,19 @@
 """Estimated sensor errors against their priors, and residuals against noise."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy import special
 
+from analysis import flight as flight_steps
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.observability import conflict_notes, prior_conflict, with_misfit
 from analysis.trajectory.priors import PRIOR_MEAN, PRIOR_SIGMA
 from analysis.trajectory.reconstruction import Trajectory
 from analysis.trajectory.smoother import StatesGivenErrors
+from flight.errors import InputError
 
 PRIOR = np.array([PRIOR_SIGMA[name] for name in SENSOR_ERRORS])
 MEAN = np.array([PRIOR_MEAN.get(name, 0.0) for name in SENSOR_ERRORS])
@@ -121,3 +124,24 @@ def test_residuals_larger_than_noise_widen_the_covariance_and_are_named() -> Non
     )
     same = replace(trajectory, residuals={"V": 1.1})
     assert with_misfit(same) == (same, [])
+
+
+@pytest.mark.parametrize("second", ["does not converge", "raises"])
+def test_where_wider_priors_give_no_path_there_is_none(monkeypatch, second: str) -> None:
+    """The first path contradicts its priors, and the second is nowhere: it must not be taken."""
+    errors = np.zeros(len(PRIOR))
+    errors[SENSOR_ERRORS.index("alpha_scale")] = -9.0
+    first = estimated(errors)
+
+    def path(_flight, _data, *, prior_factor=1.0, as_measured=False) -> Trajectory:
+        if as_measured:
+            return replace(first, as_measured=True, converged=False)
+        if np.max(prior_factor) > 1 and second == "raises":
+            raise InputError("flight.mcap: contradiction")
+        return replace(first, converged=bool(np.max(prior_factor) == 1))
+
+    monkeypatch.setattr(flight_steps, "trajectory_with", path)
+    record = SimpleNamespace(progress=lambda _: None, data=None, name="flight.mcap")
+    found = flight_steps.flight_path(record)
+    assert found.as_measured and found.trajectory.as_measured
+    assert "slope of angle of attack" in found.notes[0] and "No flight path explains" in found.notes[-1]
