@@ -178,7 +178,7 @@ def main() -> None:
         for width in (400, 1280):
             for dark in (False, True):
                 browser.show(page, width, dark=dark)
-                browser.value_of("document.querySelectorAll('details').forEach(d => d.open = true); drawAll()")
+                browser.value_of("document.querySelectorAll('details').forEach(d => d.open = true)")
                 browser.resize(width, browser.value_of("document.documentElement.scrollHeight"), dark=dark)
                 browser.value_of("new Promise(done => setTimeout(done, 1500))")
                 (folder / f"{width}-{'dark' if dark else 'light'}.png").write_bytes(browser.picture())

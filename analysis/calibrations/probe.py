@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import typer
@@ -21,7 +21,8 @@ from analysis.air.probe import FittedMap, Powers, ProbeCalibration, fit_map, pol
 from analysis.air.settings import TUNNEL
 from analysis.calibrations.runner import Calibrated, CalibrationFile, calibration
 from analysis.estimation.noise import NORMAL_95
-from analysis.pages.charts.style import BLUE, INK, PALETTE, RED, SYMBOLS, Figure, rounded, styled
+from analysis.pages.charts.figure import Axis, Cursor, Figure, Line, Points, Symbol
+from analysis.pages.charts.style import BLUE, GRAY, INK, ORANGE, PALETTE, RED, SYMBOLS
 from analysis.pages.html_page import HtmlTable, html_figure, render_page
 from analysis.settings import FLOWN
 from analysis.sources.check_settings import UNITS
@@ -399,7 +400,8 @@ def validity(calibration: ProbeCalibration) -> str:
     return f"The calibration holds inside the line{angles}."
 
 
-QUANTITIES = ("alpha, deg", "beta, deg", "q<sub>c</sub>/q, %")
+QUANTITIES = (Axis("alpha", "deg"), Axis("beta", "deg"), Axis("q_c/q", "%"))
+LEVELS = (RED, ORANGE, GRAY, "#0087b3", BLUE)  # of a residual, from the most negative
 
 
 def residual_maps(tunnel: TunnelData, residuals: tuple[Array, Array, Array]) -> list[Figure]:
@@ -407,19 +409,21 @@ def residual_maps(tunnel: TunnelData, residuals: tuple[Array, Array, Array]) -> 
     figures = []
     speeds = np.unique(np.round(tunnel.speed_mps, 1))
     aside = np.interp(tunnel.speed_mps, speeds, np.linspace(-0.9, 0.9, len(speeds))) if len(speeds) > 1 else 0.0
-    for name, residual in zip(QUANTITIES, residuals, strict=True):
-        figure = Figure()
-        end = float(np.percentile(np.abs(residual), 99))  # of the color scale: outliers saturate
-        figure.add_scatter(
-            x=rounded(np.degrees(tunnel.alpha_rad) + aside), y=rounded(np.degrees(tunnel.beta_rad)), mode="markers",
-            showlegend=False, name=name, customdata=rounded(residual), hovertemplate="%{customdata}<extra></extra>",
-            marker={"size": 5, "color": rounded(residual), "colorscale": "RdBu", "cmin": -end, "cmax": end,
-                    "colorbar": {"thickness": 10, "tickfont": {"size": 13}}},
-        )  # fmt: skip
-        figure.update_xaxis(title="alpha, deg")
-        figure.update_yaxis(title="beta, deg")
-        figures.append(styled(figure, 400, hover="closest"))
-        figure.update_layout(margin={"l": 64, "r": 8, "t": 46, "b": 64}, title={"text": name, "font": {"size": 18}})
+    for axis, residual in zip(QUANTITIES, residuals, strict=True):
+        end = float(np.percentile(np.abs(residual), 99))  # of the colors: outliers have the last
+        figure = Figure(cursor=Cursor.NEAREST, heading=axis.title, x=Axis("alpha", "deg"))
+        figure.y = Axis("beta", "deg")
+        edges = np.linspace(-end, end, len(LEVELS) + 1)
+        level = np.clip(np.searchsorted(edges, residual) - 1, 0, len(LEVELS) - 1)
+        for k, (color, lo, hi) in enumerate(zip(LEVELS, edges, edges[1:], strict=False)):
+            here = level == k
+            figure.add(
+                Points(
+                    x=(np.degrees(tunnel.alpha_rad) + aside)[here], y=np.degrees(tunnel.beta_rad)[here], size=5,
+                    color=color, z=residual[here], value=f"{{z:+.2f}} {axis.unit}", name=f"{lo:+.2g} to {hi:+.2g}",
+                )
+            )  # fmt: skip
+        figures.append(figure)
     return figures
 
 
@@ -431,27 +435,24 @@ def sections(tunnel: TunnelData, calibration: ProbeCalibration) -> list[Figure]:
         (tunnel.alpha_rad, tunnel.beta_rad, tunnel.dp_alpha_Pa, "alpha"),
         (tunnel.beta_rad, tunnel.alpha_rad, tunnel.dp_beta_Pa, "beta"),
     ):
-        figure = Figure()
+        figure = Figure(height_px=420, cursor=Cursor.NEAREST, x=Axis(name, "deg"))
+        figure.y = Axis(f"C_{name}")
         near = np.abs(other) <= np.radians(1)
         C = dp / tunnel.q_c_Pa
         for k, speed in enumerate(np.unique(speeds)):
             at_speed = near & (speeds == speed)
-            marker = {"size": 7, "color": PALETTE[k % len(PALETTE)], "symbol": SYMBOLS[k % len(SYMBOLS)]}
-            figure.add_scatter(
-                x=rounded(np.degrees(angle[at_speed])), y=rounded(C[at_speed]), mode="markers", name=f"{speed} m/s",
-                marker=marker,
+            figure.add(
+                Points(
+                    x=np.degrees(angle[at_speed]), y=C[at_speed], name=f"{speed} m/s", size=7,
+                    color=PALETTE[k % len(PALETTE)], symbol=SYMBOLS[k % len(SYMBOLS)],
+                )
             )  # fmt: skip
         if near.any():
             line = np.linspace(C[near].min(), C[near].max(), 80)
             zero = np.zeros_like(line)
             predicted = calibration.maps(line, zero)[0] if name == "alpha" else calibration.maps(zero, line)[1]
-            figure.add_scatter(
-                x=rounded(np.degrees(predicted)), y=rounded(line), mode="lines", name="calibration",
-                line={"color": INK, "width": 1.5},
-            )  # fmt: skip
-        figure.update_xaxis(title=f"{name}, deg")
-        figure.update_yaxis(title=f"C<sub>{name}</sub>")
-        figures.append(styled(figure, 420, hover="closest"))
+            figure.add(Line(x=np.degrees(predicted), y=line, name="calibration", color=INK, width=1.5))
+        figures.append(figure)
     return figures
 
 
@@ -461,48 +462,42 @@ def by_speed(dependence: SpeedDependence) -> list[Figure]:
     offset = np.array([np.degrees(at.offset_rad) for at in dependence.speeds])
     slope = np.array([100 * at.slope for at in dependence.speeds])
     half_width = np.array([100 * NORMAL_95 * at.slope_error for at in dependence.speeds])
-    bars = {"array": rounded(half_width), "thickness": 2, "color": BLUE} if len(V) else None
     figures = []
-    for values, name, title, error in (
-        (slope, "slope", "error of slope, %", bars),
-        (offset, "offset", "offset of alpha, deg", None),
+    for values, axis, ends in (
+        (slope, Axis("error of slope", "%"), np.stack([slope - half_width, slope + half_width])),
+        (offset, Axis("offset of alpha", "deg"), None),
     ):
-        figure = Figure()
-        interval: dict[str, Any] = {"error_y": error} if error else {}
-        figure.add_scatter(
-            x=V, y=rounded(values), mode="markers", marker={"size": 10, "color": BLUE}, showlegend=False, name=name,
-            **interval,
-        )  # fmt: skip
-        figure.add_zero_line({"color": INK, "width": 1})
-        figure.update_yaxis(title=title)
-        figure.update_xaxis(title="tunnel speed, m/s", rangemode="tozero")
-        figures.append(styled(figure, 340, hover="closest"))
+        figure = Figure(height_px=340, cursor=Cursor.NEAREST, x=Axis("tunnel speed", "m/s", from_zero=True))
+        figure.y = axis
+        figure.add(Points(x=V, y=values, color=BLUE, size=10, y_ends=ends))
+        figure.zero_lines.add(1)
+        figures.append(figure)
     return figures
 
 
 def valid_range(C_alpha: Array, C_beta: Array, calibration: ProbeCalibration) -> Figure:
     """The measured points and the convex hull within which the calibration holds."""
-    corners = np.array([*calibration.hull, calibration.hull[0]])
-    figure = Figure()
-    figure.add_scatter(x=rounded(C_alpha), y=rounded(C_beta), mode="markers", name="measured",
-                       marker={"size": 5, "color": BLUE})  # fmt: skip
-    figure.add_scatter(x=corners[:, 0], y=corners[:, 1], mode="lines", name="results outside this line are flagged",
-                       line={"color": RED, "width": 2})  # fmt: skip
-    figure.update_xaxis(title="C<sub>alpha</sub>", constrain="domain")
-    figure.update_yaxis(title="C<sub>beta</sub>", scaleanchor="x")
-    return styled(figure, 460, hover="closest")
+    x, y = np.array([*calibration.hull, calibration.hull[0]]).T
+    figure = Figure(equal=True, cursor=Cursor.NEAREST, x=Axis("C_alpha"))
+    figure.y = Axis("C_beta")
+    figure.add(
+        Points(x=C_alpha, y=C_beta, name="measured", size=5, color=BLUE, value="{x:.3f}, {y:.3f}"),
+        Line(x=x, y=y, name="results outside this line are flagged", color=RED, value=""),
+    )
+    return figure
 
 
 def polynomial_orders(calibration: ProbeCalibration) -> Figure:
     """Cross-validation error of each polynomial order that was tried; a diamond marks the chosen one."""
-    figure = Figure()
+    figure = Figure(height_px=380, x=Axis("order of the polynomial (diamond: chosen)", step=1))
+    figure.y = Axis("error of left-out points, rms", logarithmic=True)
     surfaces = (calibration.alpha_rad, calibration.beta_rad, calibration.q_ratio)
-    for name, surface, factor, color in zip(QUANTITIES, surfaces, (*np.degrees([1, 1]), 100.0), PALETTE, strict=False):
-        tried = factor * np.array(surface.tried_rms)
-        orders = np.arange(1, len(tried) + 1)
-        figure.add_scatter(x=orders, y=rounded(tried), name=name, line={"color": color, "width": 2})
-        figure.add_scatter(x=[surface.order], y=[tried[surface.order - 1]], mode="markers", showlegend=False,
-                           name="chosen", marker={"size": 13, "color": color, "symbol": "diamond"})  # fmt: skip
-    figure.update_xaxis(title="order of the polynomial (diamond: chosen)", dtick=1)
-    figure.update_yaxis(title="error of left-out points, rms", type="log")
-    return styled(figure, 380)
+    for axis, surface, factor, color in zip(QUANTITIES, surfaces, (*np.degrees([1, 1]), 100.0), PALETTE, strict=False):
+        tried, name = factor * np.array(surface.tried_rms), axis.title
+        chosen = np.array([surface.order]), tried[surface.order - 1 : surface.order]
+        value = f"{{y:.3f}} {axis.unit}"
+        figure.add(
+            Line(x=np.arange(1, len(tried) + 1), y=tried, name=name, color=color, value=value),
+            Points(x=chosen[0], y=chosen[1], name=name, color=color, size=13, symbol=Symbol.DIAMOND, value=""),
+        )
+    return figure

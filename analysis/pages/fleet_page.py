@@ -3,7 +3,8 @@
 from datetime import UTC, datetime
 
 from analysis.pages.answers import HeadlineAnswer
-from analysis.pages.charts.style import BLUE, GRAY, INK, ORANGE, Figure, add_band, curve_arrays, rounded, styled
+from analysis.pages.charts.figure import Axis, Cursor, Figure, Line
+from analysis.pages.charts.style import BLUE, GRAY, INK, ORANGE, band, curve_arrays, true_airspeed
 from analysis.pages.html_page import HtmlTable, html_figure, render_page
 from analysis.pages.pooled_page import count
 from analysis.records.fleet import AirframeResult, FleetCurveResult, FleetResults
@@ -101,23 +102,14 @@ def _date(unix_s: float | None) -> str:
 
 def curve_figure(fleet: FleetResults, curve: FleetCurveResult) -> Figure:
     """Every airframe's curve, the mean, and what another airframe will need."""
-    figure = Figure()
+    figure = Figure(height_px=480, cursor=Cursor.NEAREST, x=true_airspeed())
     V, _, lo, hi = curve_arrays(curve.another)
-    add_band(figure, V, (lo, hi), GRAY, 0.3)
-    told = set[str]()
+    figure.add(band(V, (lo, hi), GRAY, 0.3))
     for one in (one for one in fleet.airframes if one.name in curve.airframes):
         color, kind = (ORANGE, "changed airframe") if one.changes else (BLUE, "airframe")
         V, P, _, _ = curve_arrays(one.power_required)
-        figure.add_scatter(
-            x=rounded(V), y=rounded(P), mode="lines", name=kind, legendgroup=kind, showlegend=kind not in told,
-            line={"color": color, "width": 2}, hovertemplate=f"{one.name} %{{y:.1f}} W",
-        )  # fmt: skip
-        told.add(kind)
+        figure.add(Line(x=V, y=P, name=kind, color=color, width=2, label=one.name, value="{y:.1f} W"))
     V, P, _, _ = curve_arrays(curve.mean)
-    figure.add_scatter(
-        x=rounded(V), y=rounded(P), mode="lines", name="mean", line={"color": INK, "width": 5},
-        hovertemplate="mean %{y:.1f} W",
-    )  # fmt: skip
-    figure.update_xaxis(title="true airspeed, m/s")
-    figure.update_yaxis(title="power required, W", rangemode="tozero")
-    return styled(figure, 480, hover="closest")
+    figure.add(Line(x=V, y=P, name="mean", color=INK, width=5, value="{y:.1f} W"))
+    figure.y = Axis("power required", "W", from_zero=True)
+    return figure

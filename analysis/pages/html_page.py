@@ -1,7 +1,4 @@
-"""Rendering of a page from the templates: one HTML file that opens without a network.
-
-Figures are drawn by Plotly's basic bundle (vendor/, MIT license), a quarter of the whole library.
-"""
+"""Rendering of a page from the templates: one HTML file that opens without a network."""
 
 from collections.abc import Sequence
 from functools import cache
@@ -12,11 +9,9 @@ import msgspec
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from analysis.pages.charts.style import ON_DARK, Figure
-from analysis.pages.charts.svg import color_variable, svg
-
-PLOTLY = "plotly-basic.min.js"
-DRAWN_AT_ONCE = ("power", "difference")  # the first figure of a page
+from analysis.pages.charts.figure import Figure
+from analysis.pages.charts.style import ON_DARK
+from analysis.pages.charts.svg import chart, color_variable
 
 
 class HtmlTable(NamedTuple):
@@ -28,30 +23,36 @@ class HtmlTable(NamedTuple):
 
 
 class HtmlFigure(NamedTuple):
-    """A figure or several side by side: ids of the elements and what is drawn in them.
-
-    run: the one that they show     still: the figure as SVG, until a script draws it
-    """
+    """A figure or several side by side, by the ids of their elements. run: the one that they show"""
 
     parts: list[tuple[str, Figure]]
     run: str = ""
-    still: str = ""
 
 
 def html_figure(drawn: Figure | Sequence[Figure], name: str, run: str = "") -> HtmlFigure:
     """name: id of the element; of several figures, with their number. run: the one that is shown, if it is one."""
-    if isinstance(drawn, Figure) and name in DRAWN_AT_ONCE:
-        return HtmlFigure([(name, drawn)], run, svg(drawn))
     if isinstance(drawn, Figure):
         return HtmlFigure([(name, drawn)], run)
     return HtmlFigure([(f"{name}-{i}", figure) for i, figure in enumerate(drawn, start=1)], run)
 
 
+def chart_style() -> str:
+    """Style of the charts, with their colors on white paper and on a dark screen."""
+    light = " ".join(f"{color_variable(white)}: {white};" for white in ON_DARK)
+    dark = " ".join(f"{color_variable(white)}: {black};" for white, black in ON_DARK.items())
+    rules = resources.files("analysis.pages.charts").joinpath("chart.css").read_text("utf-8")
+    return f":root {{ {light} }}\n@media screen and (prefers-color-scheme: dark) {{ :root {{ {dark} }} }}\n{rules}"
+
+
+def chart_script() -> str:
+    """What reads, zooms and hides in the charts."""
+    return resources.files("analysis.pages.charts").joinpath("chart.js").read_text("utf-8")
+
+
 def render_page(template: str, **context: object) -> str:
     """A template of this package, filled. Text is escaped; raises UndefinedError when the template names more."""
-    plotly_js = resources.files("analysis.pages").joinpath("vendor", PLOTLY).read_text("utf-8")
-    colors = {color_variable(light): (light, dark) for light, dark in ON_DARK.items()}
-    return _environment().get_template(template).render(plotly_js=plotly_js, on_dark=ON_DARK, colors=colors, **context)
+    common = {"chart": chart, "chart_style": chart_style(), "chart_script": chart_script()}
+    return _environment().get_template(template).render(common | context)
 
 
 def to_json(value: object, **_: object) -> str:

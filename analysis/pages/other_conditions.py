@@ -1,22 +1,48 @@
-"""What the page computes performance with, at another weight, in other air or with another battery.
+"""What the page computes endurance, range and climb with, at another weight, in other air or with another battery.
 
-The page's `performance.js` repeats `analysis.performance` step by step, at the same sigma points of the parameters.
+Level flight and full throttle at the lift coefficients flown, on a grid of weights and densities. Between its nodes the
+page interpolates what hardly changes along it: efficiency, thrust over density, drag over weight. Speed and power
+required go exactly with weight and density at equal lift coefficient.
 """
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from analysis.curve import Condition, speed_at
 from analysis.estimation.noise import NORMAL_95
-from analysis.methods.thrust_prior import J_REFERENCE
 from analysis.pages.charts.style import ORANGE
 from analysis.performance.analysis import Performance
-from analysis.performance.level_flight import PerformanceModel
-from analysis.performance.settings import PERFORMANCE
-from analysis.settings import CURVES
-from flight.atmosphere import height_at
-from flight.propeller import FOLD, FOLDED_DRAG_AREA, Propeller
+from analysis.performance.climb import full_throttle_performance, full_throttle_thrust
+from analysis.performance.level_flight import PerformanceModel, level_flight, longest_endurance, longest_range
+from flight.arrays import Array
+from flight.atmosphere import height_at, pressure_at
 from flight.units import GAS_CONSTANT_AIR, GRAVITY_MPS2, LAPSE_RATE, SEA_LEVEL_PRESSURE_PA, SEA_LEVEL_TEMPERATURE_K
 
 Json = dict[str, Any]
+
+
+class Grid(NamedTuple):
+    """What the reader may ask for, and how finely it is computed.
+
+    lightest, heaviest : times the weight flown; the curve is that of the lift coefficients flown, so its speeds go by
+    the square root     nodes : along each axis, by which interpolated power is within 0.3 %
+    speeds : of a curve whose best point is found by a parabola     thrust_speeds : more, since thrust at full throttle
+    has corners where the propeller's table has them
+    """
+
+    lightest: float = 0.5
+    heaviest: float = 2.0
+    lowest_m: float = -500.0
+    highest_m: float = 6000.0
+    coldest_K: float = 233.15
+    hottest_K: float = 323.15
+    nodes: int = 7
+    speeds: int = 31
+    thrust_speeds: int = 121
+
+
+GRID = Grid()
 
 
 class Control(NamedTuple):
@@ -41,11 +67,10 @@ def other_conditions_section(performance: Performance | None) -> OtherConditions
         return None
     mass_kg = performance.flown.condition.weight_N / GRAVITY_MPS2
     battery_Wh = performance.result.battery_energy_Wh
-    # A curve is that of the lift coefficients flown: half and twice the mass move its speeds by 0.7 and 1.4.
     fields = [
-        Control("mass", "mass, kg", round(0.5 * mass_kg, 2), round(2 * mass_kg, 2), 0.01, 2),
-        Control("height", "pressure altitude, m", -500, 6000, 10, 0),
-        Control("temperature", "air temperature, °C", -40, 50, 0.5, 1),
+        Control("mass", "mass, kg", round(GRID.lightest * mass_kg, 2), round(GRID.heaviest * mass_kg, 2), 0.01, 2),
+        Control("height", "pressure altitude, m", GRID.lowest_m, GRID.highest_m, 10, 0),
+        Control("temperature", "air temperature, °C", GRID.coldest_K - 273.15, GRID.hottest_K - 273.15, 0.5, 1),
         Control("battery", "battery, Wh", round(0.1 * battery_Wh, 1), round(5 * battery_Wh, 1), 0.1, 1),
         Control("share", "share used, %", 5, 100, 1, 0),
     ]
@@ -53,14 +78,20 @@ def other_conditions_section(performance: Performance | None) -> OtherConditions
 
 
 def embedded(performance: Performance) -> Json:
-    """Model, condition and battery as JSON for `performance.js` and `other_conditions.js`."""
+    """Grid, condition and battery as JSON for `other_conditions.js`."""
     flown = performance.flown
+    ideal = flown.pressure_Pa / (GAS_CONSTANT_AIR * flown.temperature_K)
+    # The density flown may be that of moist air, or measured: the controls change it in proportion.
+    moist = flown.condition.rho / ideal
+    densities = [
+        moist * float(pressure_at(height_m)) / (GAS_CONSTANT_AIR * temperature_K)
+        for height_m, temperature_K in ((GRID.highest_m, GRID.hottest_K), (GRID.lowest_m, GRID.coldest_K))
+    ]
     return {
-        "model": embedded_model(performance.model),
+        "grid": embedded_grid(performance.model, flown.condition, (densities[0], densities[1])),
         "flown": {
             "weight_N": flown.condition.weight_N,
             "rho": flown.condition.rho,
-            "wing_area_m2": flown.condition.wing_area_m2,
             "pressure_altitude_m": float(height_at(flown.pressure_Pa)),
             "temperature_K": flown.temperature_K,
         },
@@ -78,33 +109,92 @@ def embedded(performance: Performance) -> Json:
     }
 
 
-def embedded_model(model: PerformanceModel) -> Json:
-    """The part that does not depend on the condition: parameters at their sigma points, propeller, losses."""
-    points = {name: values[:, 0].tolist() for name, values in model.sigma_points.items()}
+def embedded_grid(model: PerformanceModel, flown: Condition, densities: tuple[float, float]) -> Json:
+    """The curve flown, and what depends on the condition at each node. densities: least and greatest [kg/m^3]"""
+    weights = _nodes(flown.weight_N, (GRID.lightest * flown.weight_N, GRID.heaviest * flown.weight_N))
+    rhos = _nodes(flown.rho, densities)
+    as_flown = level_flight(model, flown, _speeds(model, flown))
     return {
-        "points": [dict(zip(points, values, strict=True)) for values in zip(*points.values(), strict=True)],
-        "flown_CL": model.flown_CL,
-        "speeds": CURVES.fine_points,
-        "fastest_sought": PERFORMANCE.fastest_sought,
-        "full_throttle": model.full_throttle.parameters is not None,
-        "no_load_torque_Nm": model.power_train.no_load_torque_Nm,
-        "J_reference": J_REFERENCE,
-        "propeller": _embedded_propeller(model.propeller),
+        "nodes": [[_node(model, flown._replace(weight_N=W, rho=rho)) for rho in rhos] for W in weights],
+        "log_weight": [float(np.log(weights[0])), float(np.log(weights[1] / weights[0]))],
+        "log_density": [float(np.log(rhos[0])), float(np.log(rhos[1] / rhos[0]))],
+        "V": _short(as_flown.V, 7),
+        "required": _short(as_flown.required.value, 7),
+        "required_error": _short(as_flown.required.standard_error, 4),
+        "full": _full_throttle(model, flown, (weights, rhos)) if _throttle(model) else None,
     }
 
 
-def _embedded_propeller(propeller: Propeller) -> Json:
-    rows = propeller.rows
-    knots, (cT, cP, cT_slope, cP_slope) = propeller.lines()
+def _full_throttle(model: PerformanceModel, flown: Condition, nodes: tuple[Array, Array]) -> Json:
+    """Speeds of the climb as flown; thrust over density at full throttle, by density, at speeds that cover all nodes.
+
+    Thrust hardly depends on weight, and the table's corners lie at about the same speeds in all air.
+    """
+    weights, rhos = nodes
+    V = full_throttle_performance(model, flown, GRID.speeds).V
+    slowest, fastest = (
+        float(end * np.sqrt(W / flown.weight_N / (rho / flown.rho)))
+        for end, W, rho in ((V[0], weights[0], rhos[-1]), (V[-1], weights[-1], rhos[0]))
+    )
+    speeds = np.linspace(slowest, fastest, GRID.thrust_speeds)
     return {
-        "diameter_m": propeller.diameter_m,
-        "folds": propeller.beyond_zero_thrust == FOLD,
-        "folded_drag_area": FOLDED_DRAG_AREA,
-        "rpm": [row.rpm for row in rows],
-        "knots": knots,
-        "below": [knots[0], *knots],
-        "first_J": [row.J[0] for row in rows],
-        "last_J": [row.J[-1] for row in rows],
-        "cT": {"value": cT, "slope": cT_slope},
-        "cP": {"value": cP, "slope": cP_slope},
+        "V": _short(V, 7),
+        "thrust_V": _short(speeds, 7),
+        "thrust_over_density": [_short(full_throttle_thrust(model, speeds, float(rho)) / rho, 5) for rho in rhos],
     }
+
+
+def _nodes(flown: float, ends: tuple[float, float]) -> Array:
+    """Equal steps of the logarithm, in which the value flown is a node, and both ends are enclosed."""
+    lo, hi = np.log(np.array(ends) / flown)
+    step = (hi - lo) / (GRID.nodes - 1)
+    steps = np.arange(np.floor(lo / step + 1e-9), np.ceil(hi / step - 1e-9) + 1)
+    return np.asarray(flown * np.exp(step * steps))
+
+
+def _throttle(model: PerformanceModel) -> bool:
+    return model.full_throttle.parameters is not None
+
+
+def _speeds(model: PerformanceModel, condition: Condition) -> Array:
+    smallest_CL, largest_CL = model.flown_CL
+    return np.linspace(speed_at(largest_CL, condition), speed_at(smallest_CL, condition), GRID.speeds)
+
+
+def _node(model: PerformanceModel, condition: Condition) -> Json:
+    """At speeds of equal lift coefficient: power required over that of the battery, its relative error, whether the
+    propeller's table covers it; errors of the best speeds; of the climb at full throttle the share of thrust along the
+    path, and drag over weight."""
+    flight = level_flight(model, condition, _speeds(model, condition))
+    full = full_throttle_performance(model, condition, GRID.speeds) if _throttle(model) else None
+    sustained = np.ones(GRID.speeds, dtype=bool)
+    if full is not None:
+        held = ~(np.interp(flight.V, full.V, full.climb.value) < 0)
+        if (held & np.isfinite(flight.battery.value)).any():
+            sustained = held
+    node: Json = {
+        "efficiency": _short(flight.required.value / flight.battery.value, 6),
+        "battery_error": _short(flight.battery.standard_error / flight.battery.value, 3),
+        "inside": "".join("1" if inside else "0" for inside in flight.inside),
+        "endurance_speed_error": _error(longest_endurance(flight, 1.0, sustained).speed_mps.standard_error),
+        "range_speed_error": _error(longest_range(flight, 1.0, sustained).speed_mps.standard_error),
+    }
+    if full is not None:
+        along_N, sine = full.power.value / full.V, full.climb.value / full.V
+        thrust_N = full_throttle_thrust(model, full.V, condition.rho)
+        node |= {
+            "along": _short(along_N / thrust_N, 5),
+            "drag_over_weight": _short(along_N / condition.weight_N - sine, 6),
+            "maximum_speed_error": _error(full.maximum_speed.standard_error),
+            "best_climb_error": _error(full.best_climb.standard_error),
+        }
+    return node
+
+
+def _short(values: Array, digits: int) -> list[float | None]:
+    """With so many significant digits; None where there is no value."""
+    return [float(f"{value:.{digits}g}") if np.isfinite(value) else None for value in values.tolist()]
+
+
+def _error(value: object) -> float | None:
+    return _short(np.atleast_1d(np.asarray(value, dtype=float)), 4)[0]

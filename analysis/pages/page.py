@@ -6,7 +6,7 @@ import numpy as np
 
 from analysis.methods.interval_sources import variance_by_source
 from analysis.pages.charts import flight, power
-from analysis.pages.charts.style import Figure
+from analysis.pages.charts.figure import Figure
 from analysis.pages.html_page import html_figure, render_page
 from analysis.pages.other_conditions import other_conditions_section
 from analysis.pages.predicted_polar import PredictedPolar

@@ -10,19 +10,18 @@ from msgspec import Struct
 
 from analysis.flights.evidence import vehicle_notes
 from analysis.pages.answers import HeadlineAnswer
+from analysis.pages.charts.figure import Axis, Bars, Cursor, Dash, Figure, Line, Points, Symbol
 from analysis.pages.charts.style import (
     BLUE,
     GRAY,
     GREEN,
-    INK,
     ORANGE,
     PALETTE,
     RED,
-    Figure,
-    add_band,
+    band,
     curve_arrays,
-    rounded,
-    styled,
+    curve_lines,
+    true_airspeed,
 )
 from analysis.pages.html_page import HtmlTable, html_figure, render_page
 from analysis.pages.wording import every, meaning, verdict
@@ -393,7 +392,7 @@ def column(rows: Sequence[Struct], name: str) -> Array:
 def power_required(pooled: PooledResults) -> Figure:
     """The pooled curve with its 95 % interval, over those of the single flights."""
     V, P, lo, hi = curve_arrays(pooled.power_required)
-    figure = Figure()
+    figure = Figure(x=true_airspeed())
     if len(pooled.flights) > 1:
         x, y = [], []
         for flight in pooled.flights:
@@ -401,41 +400,32 @@ def power_required(pooled: PooledResults) -> Figure:
             power = np.interp(speed, V, P) * (1 + column(flight.against_pool, "difference_percent") / 100)
             x += [*speed, np.nan]
             y += [*power, np.nan]
-        figure.add_scatter(
-            x=rounded(np.array(x)), y=rounded(np.array(y)), mode="lines", name="each flight alone",
-            line={"color": GRAY, "width": 2}, opacity=0.7, hoverinfo="skip", connectgaps=False,
-        )  # fmt: skip
-    add_band(figure, V, (lo, hi), BLUE, 0.35, legendgroup="all")
-    outside = np.array([point.extrapolated for point in pooled.power_required])
-    for flag, dash in ((~outside, "solid"), (outside, "9px,6px")):
-        if flag.any():
-            figure.add_scatter(
-                x=rounded(V), y=rounded(np.where(flag, P, np.nan)), mode="lines", name="power required, all flights",
-                line={"color": BLUE, "width": 3, "dash": dash}, hovertemplate="%{y:.1f} W",
-                showlegend=dash == "solid" or bool(outside.all()), legendgroup="all",
-            )  # fmt: skip
-    figure.update_xaxis(title="true airspeed, m/s")
-    figure.update_yaxis(title="power, W", range=[0, 1.12 * float(np.max(hi))])
-    return styled(figure, 400)
+        figure.add(
+            Line(x=np.array(x), y=np.array(y), name="each flight alone", color=GRAY, width=2, opacity=0.7, value="")
+        )
+    name = "power required, all flights"
+    figure.add(band(V, (lo, hi), BLUE, 0.35, name=name), *curve_lines(pooled.power_required, name, BLUE, width=3))
+    figure.y = Axis("power", "W", limits=(0, 1.12 * float(np.max(hi))))
+    return figure
 
 
 def half_widths(pooled: PooledResults, best: PooledFlight) -> Figure:
     """Half width of the 95 % interval against speed: the best flight alone, all flights, and one flight more."""
     more = pooled.one_more
-    V = np.array(more.speed_mps)
-    figure = Figure()
+    figure = Figure(height_px=360, x=true_airspeed())
     for values, name, color, dash in (
-        (best.half_width_percent, f"best flight alone, {best.log}", GRAY, "dot"),
-        (more.half_width_percent, "all flights", BLUE, "solid"),
-        (more.half_width_then_percent, "one flight more", ORANGE, "dash"),
+        (best.half_width_percent, f"best flight alone, {best.log}", GRAY, Dash.DOTTED),
+        (more.half_width_percent, "all flights", BLUE, Dash.SOLID),
+        (more.half_width_then_percent, "one flight more", ORANGE, Dash.DASHED),
     ):
-        figure.add_scatter(
-            x=rounded(V), y=rounded(np.array(values)), mode="lines", name=name,
-            line={"color": color, "width": 4, "dash": dash}, hovertemplate="±%{y:.1f} %",
+        figure.add(
+            Line(
+                x=np.array(more.speed_mps), y=np.array(values), name=name, color=color, width=4, dash=dash,
+                value="±{y:.1f} %",
+            )
         )  # fmt: skip
-    figure.update_xaxis(title="true airspeed, m/s")
-    figure.update_yaxis(title="± % of power", rangemode="tozero")
-    return styled(figure, 360)
+    figure.y = Axis("± % of power", from_zero=True)
+    return figure
 
 
 def by_date(flights: Sequence[PooledFlight]) -> list[PooledFlight]:
@@ -453,85 +443,88 @@ def row_name(flight: PooledFlight) -> str:
 def against_pool(flights: Sequence[PooledFlight]) -> Figure:
     """Each flight's power minus the pooled one in percent of it, a row for each in order of date: at the middle speed
     with the limits that its errors allow, and at the slowest and the fastest speed."""
-    figure = Figure()
     ordered = by_date(flights)
-    names = [row_name(flight) for flight in ordered]
+    figure = _rows([row_name(flight) for flight in ordered], Axis("power minus that of all flights", "%"))
     speeds = [point.speed_mps for point in ordered[0].against_pool]
     middle = len(speeds) // 2
     for at, color, symbol in (
-        (0, GREEN, "triangle-left"),
-        (middle, BLUE, "circle"),
-        (len(speeds) - 1, ORANGE, "diamond"),
+        (0, GREEN, Symbol.LEFT),
+        (middle, BLUE, Symbol.CIRCLE),
+        (len(speeds) - 1, ORANGE, Symbol.DIAMOND),
     ):
         points = [flight.against_pool[at] for flight in ordered]
-        limits = {"array": rounded(column(points, "limit_percent")), "color": BLUE, "thickness": 2, "width": 4}
-        figure.add_scatter(
-            x=rounded(column(points, "difference_percent")), y=names, mode="markers", name=f"{speeds[at]:.1f} m/s",
-            marker={"color": [RED if flight.outlier else color for flight in ordered],
-                    "symbol": ["x" if flight.outlier else symbol for flight in ordered], "size": 10},
-            hovertemplate="%{y}: %{x:+.1f} %", error_x=limits if at == middle else {},
-        )  # fmt: skip
-    figure.update_xaxis(title="power minus that of all flights, %")
-    figure = _with_rows(styled(figure, 110 + ROW_PX * max(3, len(flights)), hover="closest"), names)
-    figure.update_xaxis(zeroline=True, zerolinecolor=INK, zerolinewidth=2)
+        difference, limit = (column(points, name) for name in ("difference_percent", "limit_percent"))
+        for y, flight, d, most in zip(_heights(ordered), ordered, difference, limit, strict=True):
+            figure.add(
+                Points(
+                    x=np.array([d]), y=np.array([y]), name=f"{speeds[at]:.1f} m/s", label=row_name(flight), size=10,
+                    color=RED if flight.outlier else color, symbol=Symbol.CROSS if flight.outlier else symbol,
+                    x_ends=np.array([[d - most], [d + most]]) if at == middle else None, value="{x:+.1f} %",
+                )
+            )  # fmt: skip
+    figure.zero_column = True
     return figure
 
 
 def weights(flights: Sequence[PooledFlight]) -> Figure:
     """The share of each flight in the information of all, in percent, in order of date."""
-    figure = Figure()
     ordered = by_date(flights)
-    names = [row_name(flight) for flight in ordered]
-    figure.add_bars(
-        x=rounded(100 * column(ordered, "share_of_information")), y=names, orientation="h", name="share of information",
-        marker={"color": BLUE}, showlegend=False, hovertemplate="%{y}: %{x:.0f} %",
-    )  # fmt: skip
-    figure.update_xaxis(title="share of information, %", rangemode="tozero")
-    return _with_rows(styled(figure, 110 + ROW_PX * max(3, len(flights)), hover="closest"), names)
+    figure = _rows([row_name(flight) for flight in ordered], Axis("share of information", "%", from_zero=True))
+    for y, flight in zip(_heights(ordered), ordered, strict=True):
+        share = np.array([100 * flight.share_of_information])
+        figure.add(
+            Bars(x=share, y=np.array([y]), width=0.7, lying=True, color=BLUE, label=row_name(flight), value="{x:.0f} %")
+        )
+    return figure
 
 
-def _with_rows(figure: Figure, names: list[str]) -> Figure:
-    """The first at the top."""
-    figure.update_yaxis(
-        categoryorder="array", categoryarray=names[::-1], range=[-0.7, len(names) - 0.3], automargin=True,
-        tickfont={"size": 14}, dtick=1,
+def _heights(rows: Sequence[object]) -> list[float]:
+    """Heights of the rows, the first at the top."""
+    return [float(row) for row in range(len(rows))][::-1]
+
+
+def _rows(names: list[str], x: Axis) -> Figure:
+    """A row for each name, the first at the top."""
+    longest = max(map(len, names), default=0)
+    figure = Figure(
+        height_px=110 + ROW_PX * max(3, len(names)), left_px=min(24 + 8 * longest, 280), rows=True,
+        cursor=Cursor.NEAREST, x=x,
     )  # fmt: skip
+    ticks = dict(zip(_heights(names), names, strict=True))
+    figure.y = Axis(limits=(-0.7, len(names) - 0.3), ticks=ticks)
     return figure
 
 
 def electrical_power(flights: Sequence[ElectricalFlight]) -> Figure:
     """The electrical power of each flight at its own weight and density."""
-    figure = Figure()
+    figure = Figure(height_px=480, cursor=Cursor.NEAREST, x=true_airspeed())
+    named = len(flights) <= len(PALETTE)  # more would fill the page
     for i, flight in enumerate(flights):
         V, P, _, _ = curve_arrays(flight.electrical_power)
-        figure.add_scatter(
-            x=rounded(V), y=rounded(P), mode="lines", name=flight.log, showlegend=len(flights) <= len(PALETTE),
-            line={"color": PALETTE[i % len(PALETTE)], "width": 3}, hovertemplate="%{y:.0f} W",
+        figure.add(
+            Line(
+                x=V, y=P, name=flight.log if named else "", label=flight.log, color=PALETTE[i % len(PALETTE)], width=3,
+                value="{y:.0f} W",
+            )
         )  # fmt: skip
-    figure.update_xaxis(title="true airspeed, m/s")
-    figure.update_yaxis(title="power from the battery, W", rangemode="tozero")
-    return styled(figure, 480, hover="closest")
+    figure.y = Axis("power from the battery", "W", from_zero=True)
+    return figure
 
 
 def difference(comparison: ComparisonResults) -> Figure:
     """Power of A and of B against speed; below, B minus A in percent of A with its 95 % interval."""
     rows = comparison.differences
     V, d, lo, hi = (column(rows, name) for name in ("speed_mps", "difference_percent", "lo_percent", "hi_percent"))
-    figure = Figure(2, 0.08)
-    for side, name, color, dash in (("a", f"A: {comparison.a.name}", GRAY, "dash"),
-                                    ("b", f"B: {comparison.b.name}", BLUE, "solid")):  # fmt: skip
-        figure.add_scatter(
-            x=rounded(V), y=rounded(column(rows, f"power_{side}_W")), mode="lines", name=name,
-            line={"color": color, "width": 4, "dash": dash}, hovertemplate="%{y:.1f} W",
-        )  # fmt: skip
-    add_band(figure, V, (lo, hi), ORANGE, 0.3, panel=2, legendgroup="difference")
-    figure.add_scatter(
-        panel=2, x=rounded(V), y=rounded(d), mode="lines", name="B minus A", legendgroup="difference",
-        line={"color": ORANGE, "width": 4}, hovertemplate="%{y:+.1f} %",
-    )  # fmt: skip
-    figure.add_zero_line({"color": INK, "width": 2}, panel=2)
-    figure.update_xaxis(title="true airspeed, m/s")
+    figure = Figure(2, height_px=600, x=true_airspeed())
+    for side, name, color, dash in (("a", f"A: {comparison.a.name}", GRAY, Dash.DASHED),
+                                    ("b", f"B: {comparison.b.name}", BLUE, Dash.SOLID)):  # fmt: skip
+        power = column(rows, f"power_{side}_W")
+        figure.add(Line(x=V, y=power, name=name, color=color, width=4, dash=dash, value="{y:.1f} W"))
+    figure.add(
+        band(V, (lo, hi), ORANGE, 0.3, panel=2, name="B minus A"),
+        Line(panel=2, x=V, y=d, name="B minus A", color=ORANGE, width=4, value="{y:+.1f} %"),
+    )
+    figure.zero_lines.add(2)
     most = max(*column(rows, "power_a_W"), *column(rows, "power_b_W"))
-    figure.update_yaxis(title="power required, W", range=[0, 1.12 * most])
-    figure.update_yaxis(title="B minus A, %", panel=2)
-    return styled(figure, 600)
+    figure.ys = [Axis("power required", "W", limits=(0, 1.12 * most)), Axis("B minus A", "%")]
+    return figure

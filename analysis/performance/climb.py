@@ -70,17 +70,23 @@ def full_throttle_performance(
 
 def _climb(parameters: SigmaPoints, propeller: Propeller, V: Array, condition: Condition) -> tuple[Array, Array, Array]:
     """n [rev/s], power available T V cos(alpha) [W] (3.47) and rate of climb V sin(gamma) [m/s], each (2m + 1, k)."""
-    n = full_throttle_revps(
-        propeller,
-        V,
-        condition.rho,
-        unloaded_revps=parameters["unloaded_revps"],
-        revps_per_Nm=parameters["revps_per_Nm"],
-    )
-    correction = {name: parameters[name] for name in ("thrust_scale", "thrust_slope")}
-    thrust_N = corrected_thrust(propeller, V, n, condition.rho, **correction)
+    n, thrust_N = _thrust(parameters, propeller, V, condition.rho)
     sine, along_path_N = climb_angle(parameters, thrust_N, V, condition)
     return n, along_path_N * V, V * sine
+
+
+def full_throttle_thrust(model: PerformanceModel, V: Array, rho: float) -> Array:
+    """Thrust [N] along the propeller's axis at V (k,) [m/s], of a model whose full throttle is known; NaN as above."""
+    estimate = {name: points[:1] for name, points in model.sigma_points.items()}
+    return np.asarray(_thrust(estimate, model.propeller, V, rho)[1][0])
+
+
+def _thrust(parameters: SigmaPoints, propeller: Propeller, V: Array, rho: float) -> tuple[Array, Array]:
+    """n [rev/s] and thrust [N] at full throttle, each (2m + 1, k)."""
+    motor = {name: parameters[name] for name in ("unloaded_revps", "revps_per_Nm")}
+    n = full_throttle_revps(propeller, V, rho, **motor)
+    correction = {name: parameters[name] for name in ("thrust_scale", "thrust_slope")}
+    return n, corrected_thrust(propeller, V, n, rho, **correction)
 
 
 def _last_crossings(x: Array, y: Array) -> Array:

@@ -1,5 +1,6 @@
 """What a reader does with the report in a browser: with mouse and keyboard, on a laptop and on a phone."""
 
+import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -39,8 +40,7 @@ def asked(browser: Browser, row: int, column: int = 2) -> str:
 
 
 def names(browser: Browser) -> list[str]:
-    drawn = "document.getElementById('power').data"
-    return browser.value_of(f"{drawn}.filter(trace => trace.showlegend !== false).map(trace => trace.name)")
+    return browser.value_of("charts.power.entries()")
 
 
 def test_another_mass_changes_curve_and_answers_at_once_and_back(report: Browser, flown: Path) -> None:
@@ -86,7 +86,6 @@ def number_of_the_deceleration(flown: Path) -> int:
 
 def click(browser: Browser, x: float, y: float) -> None:
     browser.command("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
-    browser.value_of("new Promise(done => setTimeout(done, 250))")  # Plotly looks for what is under the pointer
     for kind in ("mousePressed", "mouseReleased"):
         browser.command("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
     browser.value_of(DRAWN)
@@ -97,9 +96,7 @@ def place(browser: Browser, figure: str, x: float, y: float) -> list[float]:
     return browser.value_of(f"""(async () => {{
       const element = document.getElementById('{figure}');
       element.scrollIntoView({{block: 'center'}});
-      await new Promise(done => setTimeout(done, 200));
-      const box = element.getBoundingClientRect(), {{xaxis, yaxis}} = element._fullLayout;
-      return [box.left + xaxis._offset + xaxis.d2p({x}), box.top + yaxis._offset + yaxis.d2p({y})];
+      return charts['{figure}'].place({x}, {y});
     }})()""")
 
 
@@ -120,8 +117,7 @@ def test_a_run_is_shown_everywhere_from_the_table_a_band_or_the_track(report: Br
     middle = (run.start_s + run.end_s) / 2
     click(report, *place(report, "timeline", middle, run.lowest_speed_mps))
     assert report.value_of(SHOWN) == label, "its band in the figure over time"
-    dim = "document.getElementById('timeline').layout.shapes.filter(shape => shape.opacity === 0.5).length"
-    assert report.value_of(dim) == 1
+    assert report.value_of("document.querySelectorAll('#timeline .shade.selected').length") == 3, "in each panel"
     report.command("Input.dispatchKeyEvent", type="rawKeyDown", key="Escape", windowsVirtualKeyCode=27)
     assert report.value_of(SHOWN) == ""
     assert results.track is not None
@@ -137,7 +133,7 @@ def test_a_run_left_out_gives_the_curve_of_an_analysis_without_it(report: Browse
     assert f"without run {i + 1}" in report.value_of("document.getElementById('preview').innerText")
     (tmp_path / "runs.toml").write_text(report.value_of("document.getElementById('preview').editedRuns()"), "utf-8")
     again = analyze(flown / "log.mcap", Options(runs=tmp_path / "runs.toml")).results
-    curve = report.value_of("added.power.without[1]")
+    curve = report.value_of("document.getElementById('preview').curve")
     V, power = np.array([(point.speed_mps, point.power_W) for point in again.power_required]).T
     inside = (np.array(curve["x"]) >= V[0]) & (np.array(curve["x"]) <= V[-1])
     expected = np.interp(np.array(curve["x"])[inside], V, power)
@@ -148,3 +144,69 @@ def test_a_run_left_out_gives_the_curve_of_an_analysis_without_it(report: Browse
     assert report.value_of(f"{leave}.disabled"), "the last run stays"
     report.value_of(f"document.querySelector('#preview [data-do=all]').click(); {DRAWN}")
     assert report.value_of("document.getElementById('preview').hidden")
+
+
+READ = "document.querySelector('#{} .readout').innerText"
+
+
+def test_the_cursor_reads_every_line_at_its_speed(report: Browser, flown: Path) -> None:
+    """With the pointer and with the keyboard; the values are those of the results."""
+    results = msgspec.json.decode((flown / "log.report" / "results.json").read_bytes(), type=Results)
+    V, P = np.array([(point.speed_mps, point.power_W) for point in results.power_required]).T
+    x, y = place(report, "power", float(V.mean()), 50.0)
+    report.command("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
+    speed, *lines = report.value_of(READ.format("power")).split("\n")
+    assert speed.startswith("true airspeed 1") and speed.endswith(" m/s")
+    at = float(speed.split()[2])
+    (said,) = [line for line in lines if line.startswith("power required: ")]
+    assert float(said.split()[2]) == pytest.approx(np.interp(at, V, P), abs=0.3)
+    assert any(line.startswith("available at full throttle: ") for line in lines)
+    report.value_of("charts.power.svg.focus()")
+    report.press("ArrowRight", 39)
+    further = float(report.value_of(READ.format("power")).split()[2])
+    assert at < further < at + 0.5, "a hundredth of the axis"
+    report.value_of("charts.power.svg.blur()")
+    assert report.value_of("document.querySelector('#power .readout').hidden")
+
+
+def test_a_figure_is_zoomed_by_dragging_and_by_key_and_shown_whole_again(report: Browser) -> None:
+    texts = "document.querySelectorAll('#timeline .panel:last-of-type .tick.x text')"
+    ticks = f"[...{texts}].map(one => Number(one.textContent))"
+    whole = report.value_of(ticks)
+    lo, hi = report.value_of("charts.timeline.panels[0].x")
+    middle = (lo + hi) / 2
+    start, end = (place(report, "timeline", t, 15.0) for t in (middle - 20, middle + 20))
+    report.drag((start[0], start[1]), (end[0], end[1]))
+    zoomed = report.value_of(ticks)
+    assert middle - 25 < min(zoomed) and max(zoomed) < middle + 25 and len(zoomed) >= 3
+    views = report.value_of("charts.timeline.panels.map(({view}) => `${view[0].toFixed()} ${view[2].toFixed()}`)")
+    assert len(set(views)) == 1, "panels share their x axis"
+    again = "[...document.querySelectorAll('#timeline ~ .of-figure [data-reset]')][0]"
+    assert not report.value_of(f"{again}.hidden")
+    report.value_of(f"{again}.click()")
+    assert report.value_of(ticks) == whole and report.value_of(f"{again}.hidden")
+    report.value_of("charts.timeline.svg.focus()")
+    report.press("+", 187)
+    assert len(report.value_of(ticks)) >= 3 and report.value_of(ticks) != whole
+    report.press("0", 48)
+    assert report.value_of(ticks) == whole
+
+
+def test_a_line_is_hidden_and_shown_by_its_entry_in_the_legend(report: Browser) -> None:
+    entry = "document.querySelector('#power [data-entry=\"power required\"]')"
+    parts = "document.querySelectorAll('#power .chart [data-name=\"power required\"]')"
+    seen = f"[...{parts}].filter(one => getComputedStyle(one).display !== 'none').length"
+    before = report.value_of(seen)
+    assert before >= 2, "band and curve"
+    report.value_of(f"{entry}.click()")
+    assert report.value_of(seen) == 0 and report.value_of(f"{entry}.getAttribute('aria-pressed')") == "false"
+    report.value_of(f"{entry}.click()")
+    assert report.value_of(seen) == before
+
+
+def test_a_saved_figure_is_a_drawing_of_its_own(report: Browser) -> None:
+    text = report.value_of("charts.timeline.text()")
+    tree = ET.fromstring(text)
+    said = [one.text for one in tree.iter() if one.tag.endswith("text")]
+    assert "speed, m/s" in said and "deceleration" in said and "--c000000: #000000" in text
+    assert "http" not in text.replace("http://www.w3.org/2000/svg", "")

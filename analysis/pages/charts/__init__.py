@@ -1,1 +1,1 @@
-"""Plotly figures of the pages, one file for each subject."""
+"""Figures of the pages: what they show, how it is drawn, and one file for each subject."""

@@ -1,15 +1,15 @@
 """Figures of a flight and its estimation: over time, over the ground, the fit of each run, residuals, convergence."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from analysis.estimation.fit import Convergence
 from analysis.estimation.noise import NORMAL_95
-from analysis.maneuvers.kinds import STEADY, Maneuver
+from analysis.maneuvers.kinds import Maneuver
 from analysis.methods.dynamic import DRAG_TITLE, SPEED_TITLE, RunFit
+from analysis.pages.charts.figure import Axis, Bars, Cursor, Dash, Figure, Line, Points, Shade, Symbol
 from analysis.pages.charts.style import (
     BLUE,
     GRAY,
@@ -17,14 +17,10 @@ from analysis.pages.charts.style import (
     INK,
     ORANGE,
     OTHER_RUN,
-    PAPER,
     RED,
     RUN_COLOR,
-    Figure,
-    rounded,
-    styled,
     thinned,
-    translucent,
+    true_airspeed,
 )
 from analysis.records.flight import AirFound, Correlation, RejectedResult, RunResidual, Track
 from analysis.trajectory.consistency import ANGLES, SPEED, Consistency
@@ -33,46 +29,37 @@ from flight.arrays import Array
 from flight.motion import body_from_earth
 
 NOT_SHADED = ("standing", "flying")
-TIME_TITLE = "time since the start of the log, s"
-ROWS = (("V_mps", "speed, m/s"), ("height_m", "height, m"), ("n_revps", "motor, rpm"))
+
+
+def time_axis() -> Axis:
+    return Axis("time since the start of the log", "s")
+
+
+def over_time(rows: Sequence[tuple[Array, Array, Axis]], points: int = 1000) -> Figure:
+    """Time [s], values and axis of each panel, of at most so many points."""
+    figure = Figure(len(rows), height_px=60 + 180 * len(rows), x=time_axis())
+    figure.ys = [axis for _, _, axis in rows]
+    for panel, (t_s, values, axis) in enumerate(rows, start=1):
+        x, y = thinned(t_s, values, points)
+        figure.add(Line(x=x, y=y, panel=panel, color=INK, width=1.8, label=axis.name))
+    return figure
 
 
 def timeline(table: pd.DataFrame, runs: Sequence[Maneuver], rejected: Sequence[RejectedResult] = ()) -> Figure:
     """Speed, height and motor speed of the whole flight; runs shaded by kind, rejected stretches outlined in gray."""
-    figure = Figure(len(ROWS))
     t_s = table.index.to_numpy()
-    for i, (column, title) in enumerate(ROWS, start=1):
-        x, y = thinned(t_s, table[column].to_numpy() * (60 if column == "n_revps" else 1))
-        figure.add_scatter(
-            x=rounded(x), y=rounded(y), panel=i, mode="lines", line={"color": INK, "width": 1.8}, showlegend=False,
-            name=title,
-        )  # fmt: skip
-        figure.update_yaxis(title=title, panel=i)
-    shaded = [run for run in runs if run.kind not in NOT_SHADED]
-    figure.update_layout(shapes=_shades(shaded, rejected))
-    in_legend = {run.kind: RUN_COLOR.get(run.kind, OTHER_RUN) for run in shaded}
-    if rejected:
-        in_legend["rejected"] = GRAY
-    for kind, color in in_legend.items():
-        marker = {"color": color, "size": 14, "symbol": "square", "opacity": 0.6}
-        figure.add_scatter(x=[None], y=[None], mode="markers", marker=marker, name=kind)
-    figure.update_xaxis(title=TIME_TITLE)
-    return styled(figure, 620)
-
-
-def _shades(runs: Sequence[Maneuver], rejected: Sequence[RejectedResult]) -> list[dict[str, object]]:
-    """Rectangles across all panels."""
-    stretches: list[dict[str, object]] = [
-        {"name": run.name, "x0": run.start_s, "x1": run.end_s, "fillcolor": RUN_COLOR.get(run.kind, OTHER_RUN),
-         "opacity": 0.22 if run.kind == STEADY else 0.16, "line": {"width": 0}}
+    rows = (
+        (table["V_mps"], Axis("speed", "m/s")),
+        (table["height_m"], Axis("height", "m")),
+        (60 * table["n_revps"], Axis("motor", "rpm")),
+    )
+    figure = over_time([(t_s, values.to_numpy(), axis) for values, axis in rows])
+    figure.shades = [
+        Shade(run.start_s, run.end_s, RUN_COLOR.get(run.kind, OTHER_RUN), 0.22, name=run.kind, run=run.name)
         for run in runs
-    ] + [
-        {"x0": stretch.start_s, "x1": stretch.end_s, "fillcolor": "rgba(0, 0, 0, 0.04)",
-         "line": {"color": GRAY, "width": 1.5, "dash": "dot"}}
-        for stretch in rejected
-    ]  # fmt: skip
-    place: dict[str, object] = {"type": "rect", "xref": "x", "yref": "paper", "y0": 0, "y1": 1}
-    return [place | stretch for stretch in stretches]
+        if run.kind not in NOT_SHADED
+    ] + [Shade(one.start_s, one.end_s, GRAY, 0.07, outlined=True, name="rejected") for one in rejected]
+    return figure
 
 
 def consistency(agreement: Consistency, overlaid: int = 600) -> Figure:
@@ -81,52 +68,38 @@ def consistency(agreement: Consistency, overlaid: int = 600) -> Figure:
     overlaid : points of each line, over which another lies
     """
     degrees = float(np.degrees(1.0))
-    rows = ((ANGLES, "θ - α - γ, deg", degrees), (SPEED, "V - GPS, m/s", 1.0))
-    figure = Figure(len(rows), 0.06)
-    for i, (column, title, factor) in enumerate(rows, start=1):
+    rows = ((ANGLES, Axis("θ - α - γ", "deg"), degrees), (SPEED, Axis("V - GPS", "m/s"), 1.0))
+    figure = Figure(len(rows), height_px=520, x=time_axis())
+    figure.ys = [axis for _, axis, _ in rows]
+    for panel, (column, _, factor) in enumerate(rows, start=1):
         for name, differences, color in zip(("before", "after"), agreement, (GRAY, BLUE), strict=True):
             x, y = thinned(differences.index.to_numpy(), factor * differences[column].to_numpy(), overlaid)
-            figure.add_scatter(
-                x=rounded(x), y=rounded(y), mode="lines", panel=i, name=name, legendgroup=name, showlegend=i == 1,
-                line={"color": color, "width": 1.8},
-            )  # fmt: skip
-        figure.add_zero_line({"color": INK, "width": 1}, panel=i)
-        figure.update_yaxis(title=title, panel=i)
-    figure.update_xaxis(title=TIME_TITLE)
-    return styled(figure, 520)
+            figure.add(Line(x=x, y=y, panel=panel, name=name, color=color, width=1.8))
+        figure.zero_lines.add(panel)
+    return figure
 
 
 def run_fit(run: str, t_s: Array, measured: dict[str, Array], modeled: dict[str, Array]) -> list[Figure]:
     """One run: measurement and fitted model, and their difference beside them."""
-    both, differences = Figure(len(measured), 0.04), Figure(len(measured), 0.04)
-    point, model = {"size": 6, "color": GRAY}, {"color": ORANGE, "width": 3}
-    for i, quantity in enumerate(measured, start=1):
-        difference = measured[quantity] - modeled[quantity]
-        for figure, values, digits in ((both, measured[quantity], 4), (differences, difference, 3)):
-            figure.add_scatter(
-                x=rounded(t_s, 4), y=rounded(values, digits), mode="markers", panel=i, marker=point, name="measured",
-                legendgroup="measured", showlegend=i == 1 and figure is both, meta={"run": run},
-            )  # fmt: skip
-        both.add_scatter(
-            x=rounded(t_s, 4), y=rounded(modeled[quantity], 4), mode="lines", panel=i, line=model, name="model",
-            showlegend=i == 1,
-        )  # fmt: skip
-        differences.add_zero_line(model, panel=i)
-        both.update_yaxis(title=quantity, panel=i)
-        differences.update_yaxis(title="difference", panel=i)
-    for figure in (both, differences):
-        figure.update_xaxis(title=f"time, s ({run})" if figure is both else "time, s")
-        styled(figure, 150 * len(measured) + 80)
-        figure.update_layout(font={"size": 15})
-    differences.update_layout(showlegend=False)
+    height_px = 130 * len(measured) + 60
+    both = Figure(len(measured), height_px=height_px, x=Axis(f"time, s ({run})"))
+    differences = Figure(len(measured), height_px=height_px, x=Axis("time", "s"))
+    for panel, quantity in enumerate(measured, start=1):
+        model = modeled[quantity]
+        difference = measured[quantity] - model
+        both.add(Points(x=t_s, y=measured[quantity], panel=panel, color=GRAY, size=6, name="measured", run=run))
+        both.add(Line(x=t_s, y=model, panel=panel, color=ORANGE, width=3, name="model"))
+        both.ys[panel - 1] = Axis(quantity)
+        differences.add(Points(x=t_s, y=difference, panel=panel, color=GRAY, size=6, run=run))
+        differences.zero_lines.add(panel)
+        differences.ys[panel - 1] = Axis("difference")
     return [both, differences]
 
 
 def residuals_of_drag(fits: Sequence[RunFit], kinds: Mapping[str, str], averaged_s: float = 1.0) -> Figure:
     """Drag measured along each run, against airspeed, in percent of that of the common polar; means of about
     `averaged_s`. kinds : of the runs, by name"""
-    figure = Figure()
-    in_legend = set()
+    figure = Figure(cursor=Cursor.NEAREST, x=true_airspeed())
     for fit in fits:
         averaged = max(1, round(averaged_s / float(np.median(np.diff(fit.t_s)))))
         usable = np.arange(len(fit.t_s) // averaged * averaged).reshape(-1, averaged)
@@ -135,42 +108,35 @@ def residuals_of_drag(fits: Sequence[RunFit], kinds: Mapping[str, str], averaged
                                                        fit.modeled[DRAG_TITLE])
         )  # fmt: skip
         kind = kinds.get(fit.run, fit.run)
-        figure.add_scatter(
-            x=rounded(V), y=rounded(100 * (measured / modeled - 1)), mode="lines+markers", name=kind, legendgroup=kind,
-            line={"color": RUN_COLOR.get(kind, OTHER_RUN), "width": 1}, marker={"size": 6},
-            showlegend=kind not in in_legend, hovertemplate=f"{fit.run}: %{{y:+.1f}} %<extra></extra>",
-            meta={"run": fit.run},
+        figure.add(
+            Line(
+                x=V, y=100 * (measured / modeled - 1), name=kind, color=RUN_COLOR.get(kind, OTHER_RUN), width=1.5,
+                label=fit.run, value="{y:+.1f} %", run=fit.run,
+            )
         )  # fmt: skip
-        in_legend.add(kind)
-    figure.add_zero_line({"color": INK, "width": 2})
-    figure.update_xaxis(title="true airspeed, m/s")
-    figure.update_yaxis(title="drag less the model's, %")
-    return styled(figure, 400, hover="closest")
+    figure.zero_lines.add(1)
+    figure.y = Axis("drag less the model's", "%")
+    return figure
 
 
 def autocorrelation(residuals: Sequence[RunResidual]) -> Figure:
     """Autocorrelation of the residuals of drag, a line for each run, with the bounds of white noise."""
-    figure = Figure()
-    in_legend = set()
+    figure = Figure(height_px=380, cursor=Cursor.NEAREST, x=Axis("lag", "s"))
     for run in residuals:
-        kind = run.kind
         lags = run.step_s * np.arange(len(run.autocorrelation), dtype=np.float64)
-        figure.add_scatter(
-            x=rounded(lags), y=rounded(np.array(run.autocorrelation)), mode="lines", name=kind, legendgroup=kind,
-            line={"color": RUN_COLOR.get(kind, OTHER_RUN), "width": 1.8}, showlegend=kind not in in_legend,
-            hovertemplate=f"{run.run}: %{{y:.2f}}<extra></extra>", meta={"run": run.run},
+        figure.add(
+            Line(
+                x=lags, y=np.array(run.autocorrelation), name=run.kind, color=RUN_COLOR.get(run.kind, OTHER_RUN),
+                width=1.8, label=run.run, value="{y:.2f}", run=run.run,
+            )
         )  # fmt: skip
-        in_legend.add(kind)
     longest = max((run.step_s * (len(run.autocorrelation) - 1) for run in residuals), default=1.0)
     bound = NORMAL_95 / float(np.sqrt(np.median([run.points for run in residuals])))
     for sign in (-1, 1):
-        figure.add_scatter(
-            x=[0, longest], y=[sign * bound] * 2, mode="lines", line={"color": INK, "width": 2, "dash": "dash"},
-            name="95 % bound of white noise", showlegend=sign > 0, hoverinfo="skip",
-        )  # fmt: skip
-    figure.update_xaxis(title="lag, s")
-    figure.update_yaxis(title="autocorrelation", range=[-1.05, 1.05])
-    return styled(figure, 380, hover="closest")
+        ends = np.array([0, longest]), np.full(2, sign * bound)
+        figure.add(Line(x=ends[0], y=ends[1], color=INK, dash=Dash.DASHED, name="95 % bound of white noise", value=""))
+    figure.y = Axis("autocorrelation", limits=(-1.05, 1.05))
+    return figure
 
 
 def air_and_path(trajectory: Trajectory, overlaid: int = 600) -> Figure:
@@ -185,105 +151,81 @@ def air_and_path(trajectory: Trajectory, overlaid: int = 600) -> Figure:
     )  # fmt: skip
     u, _, w = (np.asarray(component) for component in body_from_earth((north, east, down), (phi, theta, psi)))
     speed = np.sqrt(north**2 + east**2 + down**2)
-    figure = Figure(2, 0.06)
     rows = (
-        (blocks["V_mps"], speed, "airspeed, m/s"),
-        (np.degrees(blocks["alpha_rad"]), np.degrees(np.arctan2(w, u)), "α, deg"),
+        (blocks["V_mps"], speed, Axis("airspeed", "m/s")),
+        (np.degrees(blocks["alpha_rad"]), np.degrees(np.arctan2(w, u)), Axis("α", "deg")),
     )
-    for panel, (probe, path, title) in enumerate(rows, start=1):
+    figure = Figure(len(rows), height_px=520, x=time_axis())
+    figure.ys = [axis for _, _, axis in rows]
+    for panel, (probe, path, _) in enumerate(rows, start=1):
         for values, name, color, width in ((probe, "probe", GRAY, 3.0), (path, "path and wind", BLUE, 1.5)):
             t, y = thinned(blocks.t_s, values * flying, overlaid)
-            figure.add_scatter(
-                x=rounded(t), y=rounded(y), mode="lines", panel=panel, name=name, legendgroup=name,
-                showlegend=panel == 1, line={"color": color, "width": width},
-            )  # fmt: skip
-        figure.update_yaxis(title=title, panel=panel)
-    figure.update_xaxis(title=TIME_TITLE)
-    return styled(figure, 520)
+            figure.add(Line(x=t, y=y, panel=panel, name=name, color=color, width=width))
+    return figure
 
 
 def ground_track(track: Track, runs: Sequence[Maneuver], air: AirFound | None) -> Figure:
     """The path over the ground with equal axes, runs colored by kind, and the direction of the wind."""
-    figure = Figure()
+    figure = Figure(equal=True, cursor=Cursor.NEAREST, x=Axis("east", "m"))
+    figure.y = Axis("north", "m")
     t, north, east = np.array(track.t_s), np.array(track.north_m), np.array(track.east_m)
-    figure.add_scatter(x=rounded(east, 4), y=rounded(north, 4), mode="lines", line={"color": GRAY, "width": 1.2},
-                       name="whole flight", hoverinfo="skip")  # fmt: skip
-    in_legend = set()
+    figure.add(Line(x=east, y=north, color=GRAY, width=1.2, name="whole flight", value=""))
     for run in runs:
         if run.kind in NOT_SHADED:
             continue
         rows = (t >= run.start_s) & (t <= run.end_s)
-        figure.add_scatter(
-            x=rounded(east[rows]), y=rounded(north[rows]), mode="lines", name=run.kind, legendgroup=run.kind,
-            line={"color": RUN_COLOR.get(run.kind, OTHER_RUN), "width": 4}, showlegend=run.kind not in in_legend,
-            hovertemplate=f"{run.name}<extra></extra>", meta={"run": run.name},
+        figure.add(
+            Line(
+                x=east[rows], y=north[rows], name=run.kind, color=RUN_COLOR.get(run.kind, OTHER_RUN), width=4,
+                label=run.name, value="{x:.0f} m east, {y:.0f} m north", run=run.name,
+            )
         )  # fmt: skip
-        in_legend.add(run.kind)
-    figure.add_scatter(x=[east[0]], y=[north[0]], mode="markers", name="start", hoverinfo="skip",
-                       marker={"symbol": "star", "size": 14, "color": INK})  # fmt: skip
+    figure.add(Points(x=east[:1], y=north[:1], name="start", symbol=Symbol.STAR, size=14, color=INK, value=""))
     if air is not None:
         length = 0.15 * max(float(np.ptp(north)), float(np.ptp(east)), 1.0)
         toward = np.radians(air.wind_from_deg + 180)
-        tail = (float(east.min()), float(north.max()))
-        figure.add_scatter(
-            x=rounded(np.array([tail[0], tail[0] + length * np.sin(toward)])),
-            y=rounded(np.array([tail[1], tail[1] + length * np.cos(toward)])),
-            mode="lines+markers", line={"color": ORANGE, "width": 3}, hoverinfo="skip",
-            marker={"symbol": "arrow", "size": [0, 16], "angleref": "previous", "color": ORANGE},
-            name=f"wind, {air.wind_mps:.1f} m/s",
-        )  # fmt: skip
-    figure.update_xaxis(title="east, m", constrain="domain")
-    figure.update_yaxis(title="north, m", scaleanchor="x")
-    return styled(figure, 560, hover="closest")
+        x, y = float(east.min()), float(north.max())
+        ends = np.array([x, x + length * np.sin(toward)]), np.array([y, y + length * np.cos(toward)])
+        name = f"wind, {air.wind_mps:.1f} m/s"
+        figure.add(Line(x=ends[0], y=ends[1], color=ORANGE, width=3, arrow=True, name=name, value=""))
+    return figure
 
 
-LINES = ((BLUE, "circle"), (ORANGE, "square"))
+LINES = ((BLUE, Symbol.CIRCLE), (ORANGE, Symbol.SQUARE))
 
 
 def convergence(histories: Mapping[str, Convergence]) -> Figure:
     """Cost above its last value, and length of the step, over the iterations of each estimation (at most two)."""
-    figure = Figure(2, 0.08)
+    longest = max(len(history.steps) for history in histories.values())
+    x = Axis("iteration", step=-(-longest // 7), limits=(-0.4, longest + 0.4))
+    figure = Figure(2, height_px=500, x=x)
     for (name, history), (color, symbol) in zip(histories.items(), LINES, strict=False):
         costs = np.array(history.costs)
         for panel, first, values in ((1, 0, costs[:-1] - costs[-1]), (2, 1, np.array(history.steps))):
-            figure.add_scatter(
-                x=np.arange(first, first + len(values)), y=_for_logarithm(values), mode="lines+markers", panel=panel,
-                name=name, legendgroup=name, showlegend=panel == 1, line={"color": color, "width": 2},
-                marker={"symbol": symbol, "size": 8},
-            )  # fmt: skip
-    longest = max(len(history.steps) for history in histories.values())
-    figure = styled(figure, 500)
-    figure.update_yaxis(title="cost above the last")
-    figure.update_yaxis(title="step, std. errors", panel=2)
-    figure.update_yaxes(type="log", exponentformat="e", nticks=5)
-    figure.update_xaxis(title="iteration", dtick=-(-longest // 7), range=[-0.4, longest + 0.4])
+            iteration = np.arange(first, first + len(values))
+            positive = np.where(values > 0, values, np.nan)  # the others have no logarithm
+            figure.add(
+                Line(x=iteration, y=positive, panel=panel, name=name, color=color, symbol=symbol, value="{y:.2e}")
+            )
+    figure.ys = [Axis("cost above the last", logarithmic=True), Axis("step, std. errors", logarithmic=True)]
     return figure
-
-
-def _for_logarithm(values: Array) -> Array:
-    """Values to four significant digits; NaN where they are not positive."""
-    return np.array([float(f"{value:.4g}") if value > 0 else np.nan for value in values])
 
 
 def correlation(correlation: Correlation) -> Figure:
     """The matrix as colored cells with their values: blue where two errors have the same sign, red where not."""
-    names = [name.replace("_", "<br>") for name in correlation.names]
+    names = [name.replace("_", "\n") for name in correlation.names]
     n, matrix = len(names), np.array(correlation.matrix)
     rows, columns = (index.ravel() for index in np.indices(matrix.shape))
-    colors = [
-        GRID if row == column else translucent(BLUE if value > 0 else RED, round(abs(value) / 2, 3))
-        for row, column, value in zip(rows, columns, matrix.ravel(), strict=True)
-    ]
-    written = [f"{value:+.2f}".replace("-", "−") if abs(value) < 1 else "1" for value in matrix.ravel()]
-    figure = Figure()
-    figure.add_bars(
-        x=columns, base=n - 1 - rows, y=np.ones(n * n), width=1, showlegend=False, hoverinfo="skip",
-        marker={"color": colors, "line": {"color": PAPER, "width": 3}}, textposition="inside", textangle=0,
-        insidetextanchor="middle", text=written, insidetextfont={"color": INK},
+    values = matrix.ravel()
+    figure = Figure(height_px=80 + 54 * n, rows=True, left_px=96, cursor=Cursor.NEAREST)
+    figure.add(
+        Bars(
+            x=columns, base=n - 0.97 - rows, y=np.full(n * n, 0.94), width=0.96, color=GRID, value="",
+            colors=[GRID if r == c else BLUE if v > 0 else RED for r, c, v in zip(rows, columns, values, strict=True)],
+            opacities=[1.0 if r == c else round(abs(v) / 2, 3) for r, c, v in zip(rows, columns, values, strict=True)],
+            texts=[f"{value:+.2f}".replace("-", "−") if abs(value) < 1 else "1" for value in values],
+        )
     )  # fmt: skip
-    figure = styled(figure, 80 + 54 * n, hover="closest")
-    axis: dict[str, Any] = {"showgrid": False, "ticks": "", "showline": False, "tickmode": "array", "fixedrange": True}
-    figure.update_xaxis(tickvals=np.arange(n), ticktext=names, tickangle=0, range=[-0.5, n - 0.5], **axis)
-    figure.update_yaxis(tickvals=np.arange(n) + 0.5, ticktext=names[::-1], range=[0, n], **axis)
-    figure.update_layout(barmode="overlay")
+    figure.x = Axis(limits=(-0.5, n - 0.5), ticks=dict(enumerate(names)), grid=False)
+    figure.y = Axis(limits=(0, n), ticks={n - 0.5 - i: name for i, name in enumerate(names)}, grid=False)
     return figure

@@ -1,6 +1,7 @@
 """Figures over airspeed: power required by all methods, its interval, drag polar, endurance, range, efficiencies."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -8,6 +9,7 @@ from analysis.curve import Polar
 from analysis.estimation.noise import NORMAL_95
 from analysis.maneuvers.kinds import LEVEL_RUNS
 from analysis.methods.interval_sources import Source
+from analysis.pages.charts.figure import Axis, Band, Bars, Cursor, Dash, Figure, Line, Mark, Points, Symbol
 from analysis.pages.charts.style import (
     ALL_RUNS,
     BLUE,
@@ -17,17 +19,13 @@ from analysis.pages.charts.style import (
     ORANGE,
     OTHER_RUN,
     PALETTE,
-    PAPER,
     RED,
     RUN_COLOR,
     SYMBOLS,
-    Figure,
-    add_band,
-    add_curve,
+    band,
     curve_arrays,
-    rounded,
-    styled,
-    translucent,
+    curve_lines,
+    true_airspeed,
 )
 from analysis.pages.predicted_polar import PredictedPolar, flown_at
 from analysis.pages.wording import capitalized_title, listed_methods
@@ -36,97 +34,78 @@ from flight.arrays import Array
 from flight.units import GRAVITY_MPS2
 
 
-def add_measured_points(figure: Figure, method: MethodResult, color: str, name: str, *, in_legend: bool = True) -> None:
+def measured_points(method: MethodResult, color: str, name: str) -> Points:
     """The points of a method with their 95 % intervals."""
     power = np.array([p.power_W for p in method.points])
     lo = np.array([p.power_W if p.power_lo_W is None else p.power_lo_W for p in method.points])
     hi = np.array([p.power_W if p.power_hi_W is None else p.power_hi_W for p in method.points])
-    figure.add_scatter(
-        x=rounded(np.array([p.speed_mps for p in method.points])),
-        y=rounded(power),
-        error_y={"symmetric": False, "array": rounded(hi - power), "arrayminus": rounded(power - lo), "thickness": 2},
-        mode="markers",
-        marker={"color": PAPER, "size": 10, "line": {"color": color, "width": 3}},
-        name=name,
-        legendgroup=name,
-        showlegend=in_legend,
-        hovertemplate="%{y:.1f} W",
-    )
+    return Points(
+        x=np.array([p.speed_mps for p in method.points]), y=power, y_ends=np.stack([lo, hi]), color=color, size=11,
+        hollow=True, name=name, value="{y:.1f} W",
+    )  # fmt: skip
 
 
 REQUIRED = "power required"  # entry of the legend that shows and hides curve, interval and continuation
 
 
-PREDICTED = {"color": OTHER_RUN, "width": 4, "dash": "dot"}
-
-
 def power_required(results: Results, predicted: PredictedPolar | None = None) -> Figure:
     """Power required against speed with its 95 % interval, steady points, and power available at full throttle."""
-    figure = Figure()
     V, P, lo, hi = curve_arrays(results.power_required)
-    add_band(figure, V, (lo, hi), BLUE, 0.3, legendgroup=REQUIRED)
-    add_curve(figure, results.power_required, REQUIRED, BLUE, width=5)
+    figure = Figure(x=true_airspeed())
+    figure.add(band(V, (lo, hi), BLUE, 0.3, name=REQUIRED))
+    figure.add(*curve_lines(results.power_required, REQUIRED, BLUE, width=5))
     with_points = [method for method in results.methods if method.points]
     if with_points:
-        add_measured_points(figure, with_points[0], ORANGE, "steady points")
-    _add_continuation(figure, results, float(V[-1]))
+        figure.add(measured_points(with_points[0], ORANGE, "steady points"))
+    figure.add(*_continuation(results, float(V[-1])))
     top = float(np.max(hi)) * 1.12
     if results.use and results.use.available.power_available:
         available = results.use.available.power_available
-        add_curve(figure, available, "available at full throttle", INK, width=3)
+        figure.add(*curve_lines(available, "available at full throttle", INK, width=3))
         top = max(top, min(float(np.max(curve_arrays(available)[1])) * 1.06, 2.2 * top))
     if predicted:
         wider = np.linspace(0.9 * V[0], 1.1 * V[-1], 60)
-        figure.add_scatter(
-            x=rounded(wider), y=rounded(predicted.power_W(wider, flown_at(results))), mode="lines",
-            name=f"predicted, {predicted.name}", line=PREDICTED, hovertemplate="%{y:.1f} W",
-        )  # fmt: skip
-    _add_speed(figure, (V, P), results.minimum_power_speed, {"color": GREEN, "symbol": "circle"}, "least power")
-    _add_speed(figure, (V, P), results.best_range_speed, {"color": RED, "symbol": "diamond"}, "least drag")
-    figure.update_xaxis(title="true airspeed, m/s")
-    figure.update_yaxis(title="power, W", range=[0, top])
-    return styled(figure, 400)
+        figure.add(_predicted(wider, predicted.power_W(wider, flown_at(results)), predicted))
+    for optimum, color, symbol, name in (
+        (results.minimum_power_speed, GREEN, Symbol.CIRCLE, "least power"),
+        (results.best_range_speed, RED, Symbol.DIAMOND, "least drag"),
+    ):
+        figure.add(*_speed(optimum, (V, P), color, symbol, name))
+    figure.y = Axis("power", "W", limits=(0, top))
+    return figure
 
 
-def _add_continuation(figure: Figure, results: Results, fastest: float) -> None:
+def _predicted(x: Array, y: Array, predicted: PredictedPolar) -> Line:
+    name = f"predicted, {predicted.name}"
+    return Line(x=x, y=y, name=name, color=OTHER_RUN, width=4, dash=Dash.DOTTED)
+
+
+def _continuation(results: Results, fastest: float) -> list[Mark]:
     """The curve from the fastest speed flown up to the highest level speed, dashed. There is none below the slowest."""
     top = results.use.available.maximum_speed_mps if results.use else None
     polar, at, S = results.drag_polar, results.test, results.aircraft.wing_area_m2
     if polar is None or top is None or top.value <= fastest:
-        return
+        return []
     V = np.linspace(fastest, top.value, 15)
     q = at.air_density_kgpm3 * V**2 / 2
     CL = at.weight_N / (q * S)
     power = q * S * V * (polar.A0 + polar.A1 * CL + polar.A2 * CL**2)
-    figure.add_scatter(
-        x=rounded(V), y=rounded(power), mode="lines", line={"color": BLUE, "width": 3, "dash": "dash"},
-        showlegend=False, hovertemplate="%{y:.1f} W, not flown", name=REQUIRED, legendgroup=REQUIRED,
-    )  # fmt: skip
+    return [Line(x=V, y=power, color=BLUE, width=3, dash=Dash.LONG, name=REQUIRED, value="{y:.1f} W, not flown")]
 
 
-def _add_speed(
-    figure: Figure, curve: tuple[Array, Array], optimum: SpeedInterval, marker: dict[str, str], name: str
-) -> None:
+def _speed(optimum: SpeedInterval, curve: tuple[Array, Array], color: str, symbol: Symbol, name: str) -> list[Mark]:
     """A mark on the curve (V, P) at an optimum speed inside the speeds flown, with the interval of that speed."""
     V, P = curve
     speed = optimum.speed_mps
     if speed is None or not optimum.inside_flown_range:
-        return
-    figure.add_scatter(
-        x=[speed],
-        y=[float(np.interp(speed, V, P))],
-        error_x={
-            "symmetric": False,
-            "array": [(optimum.hi_mps or speed) - speed],
-            "arrayminus": [speed - (optimum.lo_mps or min(V[0], speed))],
-            "thickness": 3,
-            "width": 7,
-        },
-        mode="markers",
-        name=name,
-        marker={**marker, "size": 15, "line": {"color": PAPER, "width": 2}},
-        hovertemplate="%{x:.1f} m/s",
-    )
+        return []
+    ends = np.array([[optimum.lo_mps or min(V[0], speed)], [optimum.hi_mps or speed]])
+    return [
+        Points(
+            x=np.array([speed]), y=np.array([np.interp(speed, V, P)]), x_ends=ends, color=color, symbol=symbol, size=15,
+            name=name, value="{x:.1f} m/s",
+        )
+    ]  # fmt: skip
 
 
 SOURCE_COLOR = {
@@ -143,21 +122,23 @@ def interval_by_source(curve: Sequence[PowerPoint], V: Array, variances: Mapping
     power = np.interp(V, *curve_arrays(curve)[:2])
     total = np.sum(list(variances.values()), axis=0)
     half_percent = 100 * NORMAL_95 * np.sqrt(total) / power
-    figure = Figure()
+    figure = Figure(height_px=400, x=true_airspeed())
     width = 0.72 * float(np.min(np.diff(V), initial=np.ptp(V) or 1.0))
+    base = np.zeros_like(V)
     for source, variance in variances.items():
         share = variance / total
         if np.max(share) < 0.005:  # thinner than a pixel
             continue
-        figure.add_bars(
-            x=rounded(V), y=rounded(half_percent * share), name=source, width=width,
-            marker={"color": SOURCE_COLOR[source]}, customdata=np.round(100 * share),
-            hovertemplate="%{customdata} % of the variance",
+        figure.add(
+            Bars(
+                x=V, y=half_percent * share, base=base, name=source, width=width, color=SOURCE_COLOR[source],
+                z=100 * share, value="{z:.0f} % of the variance",
+            )
         )  # fmt: skip
-    figure.update_layout(barmode="stack")
-    figure.update_xaxis(title="true airspeed, m/s", tickvals=rounded(V), tickformat=".1f")
-    figure.update_yaxis(title="± % of power")
-    return styled(figure, 400 + 18 * len(variances))
+        base = base + half_percent * share
+    figure.x.ticks = {v: f"{v:.1f}" for v in V.tolist()}
+    figure.y = Axis("± % of power", from_zero=True)
+    return figure
 
 
 def drag_polar(polar: Polar, flown_CL: tuple[float, float], predicted: PredictedPolar | None = None) -> Figure:
@@ -166,26 +147,16 @@ def drag_polar(polar: Polar, flown_CL: tuple[float, float], predicted: Predicted
     powers = np.stack([np.ones_like(CL), CL, CL**2], axis=1)
     CD = powers @ polar.A
     half_width = NORMAL_95 * np.sqrt(np.einsum("ni,ij,nj->n", powers, polar.covariance, powers))
-    figure = Figure()
-    figure.add_scatter(
-        x=rounded(np.r_[CD - half_width, (CD + half_width)[::-1]]),
-        y=rounded(np.r_[CL, CL[::-1]]),
-        fill="toself",
-        fillcolor=translucent(BLUE, 0.25),
-        line={"width": 0},
-        name="95 % interval",
-        hoverinfo="skip",
-    )
-    figure.add_scatter(x=rounded(CD), y=rounded(CL), line={"color": BLUE, "width": 4}, name="drag polar")
+    figure = Figure(height_px=420, cursor=Cursor.NEAREST, x=Axis("drag coefficient", from_zero=True))
+    outline = np.r_[CD - half_width, (CD + half_width)[::-1]]
+    figure.add(Band(x=outline, y=np.r_[CL, CL[::-1]], color=BLUE, opacity=0.25, name="95 % interval", value=""))
+    value = "C_D {x:.4f}, C_L {y:.3f}"
+    figure.add(Line(x=CD, y=CL, color=BLUE, width=4, name="drag polar", value=value))
     if predicted:
         near = (predicted.CL > 0) & (predicted.CL < 1.2 * flown_CL[1])
-        figure.add_scatter(
-            x=rounded(predicted.CD[near]), y=rounded(predicted.CL[near]), line=PREDICTED, mode="lines",
-            name=f"predicted, {predicted.name}",
-        )  # fmt: skip
-    figure.update_xaxis(title="drag coefficient", rangemode="tozero")
-    figure.update_yaxis(title="lift coefficient", rangemode="tozero")
-    return styled(figure, 420, hover="closest")
+        figure.add(replace(_predicted(predicted.CD[near], predicted.CL[near], predicted), value=value))
+    figure.y = Axis("lift coefficient", from_zero=True)
+    return figure
 
 
 def every_method(results: Results, shown_first: int = 2) -> Figure:
@@ -193,74 +164,60 @@ def every_method(results: Results, shown_first: int = 2) -> Figure:
 
     The legend has all; the curve and its cross-check, `shown_first`, are drawn until the reader asks for others.
     """
-    figure = Figure()
     drawn = [method for method in listed_methods(results) if method.power_required]
     V, _, lo, hi = curve_arrays(results.power_required)
-    add_band(figure, V, (lo, hi), PALETTE[0], 0.25, legendgroup=capitalized_title(drawn[0]))
+    figure = Figure(height_px=560, cursor=Cursor.NEAREST, legend_reversed=True, x=true_airspeed())
+    figure.add(band(V, (lo, hi), PALETTE[0], 0.25, name=capitalized_title(drawn[0])))
     for i, method in reversed(list(enumerate(drawn))):  # the first one on top
         color, title = PALETTE[i % len(PALETTE)], capitalized_title(method)
-        symbol = "" if i == 0 else SYMBOLS[i % len(SYMBOLS)]
-        add_curve(figure, method.power_required, title, color, width=5 if i == 0 else 2.5, symbol=symbol)
+        symbol = None if i == 0 else SYMBOLS[i % len(SYMBOLS)]
+        figure.add(*curve_lines(method.power_required, title, color, width=5 if i == 0 else 2.5, symbol=symbol))
         if i > 0:
-            _add_interval_bars(figure, method, color, (i - 0.5) / len(drawn))
+            figure.add(_interval_bars(method, color, (i - 0.5) / len(drawn)))
         if method.points:
-            add_measured_points(figure, method, color, title, in_legend=False)
+            figure.add(measured_points(method, color, title))
     shown = {capitalized_title(method) for method in drawn[:shown_first]}
-    for trace in figure.data:
-        if trace["legendgroup"] not in shown:
-            trace["visible"] = "legendonly"
-    figure.update_xaxis(title="true airspeed, m/s")
-    figure.update_yaxis(title="power required, W", range=[0, 1.3 * float(np.max(hi))])
-    figure = styled(figure, 640 + 13 * len(drawn), hover="closest")
-    legend = {"traceorder": "reversed", "y": -0.16, "yanchor": "top"}
-    figure.update_layout(legend=legend, margin={"b": 120})
+    for mark in figure.marks:
+        mark.hidden = mark.name not in shown
+    figure.y = Axis("power required", "W", limits=(0, 1.3 * float(np.max(hi))))
     return figure
 
 
-def _add_interval_bars(figure: Figure, method: MethodResult, color: str, offset: float) -> None:
+def _interval_bars(method: MethodResult, color: str, offset: float) -> Points:
     """The interval of a method at a few speeds. offset: 0 to 1, shifts the bars so that methods do not overlap."""
     V, P, lo, hi = curve_arrays(method.power_required)
     bars = 4  # more of each method would overlap
     at = V[0] + (V[-1] - V[0]) * (np.arange(bars) + offset) / bars
     value, low, high = (np.interp(at, V, values) for values in (P, lo, hi))
-    figure.add_scatter(
-        x=rounded(at),
-        y=rounded(value),
-        error_y={"symmetric": False, "array": rounded(high - value), "arrayminus": rounded(value - low), "width": 5},
-        mode="markers",
-        marker={"color": color, "size": 3},
-        legendgroup=capitalized_title(method),
-        showlegend=False,
-        hoverinfo="skip",
-    )
+    ends = np.stack([low, high])
+    return Points(x=at, y=value, y_ends=ends, color=color, size=3, name=capitalized_title(method), value="")
 
 
 def run_by_run(results: Results) -> Figure:
     """The curve of every run fitted alone, over the curve of all runs; below, in percent of that."""
-    figure = Figure(2, 0.06)
     V, P, lo, hi = curve_arrays(results.power_required)
+    figure = Figure(2, height_px=620, cursor=Cursor.NEAREST, x=true_airspeed())
     for panel, ends in ((1, (lo, hi)), (2, (100 * (lo / P - 1), 100 * (hi / P - 1)))):
-        add_band(figure, V, ends, ALL_RUNS, 0.3, panel=panel, legendgroup=ALL_RUNS_NAME)
-    add_curve(figure, results.power_required, ALL_RUNS_NAME, ALL_RUNS, width=5)
-    in_legend = set()
+        figure.add(band(V, ends, ALL_RUNS, 0.3, panel=panel, name=ALL_RUNS_NAME))
+    figure.add(*curve_lines(results.power_required, ALL_RUNS_NAME, ALL_RUNS, width=5))
     kinds = (run.kind for run in results.runs if run.kind in LEVEL_RUNS)
     for kind, run in zip(kinds, results.one_by_one, strict=True):
         if run.power_required:
             at, alone, _, _ = curve_arrays(run.power_required[::3])
             percent = 100 * (alone / np.interp(at, V, P, left=np.nan, right=np.nan) - 1)
-            for panel, values, unit in ((1, alone, "%{y:.1f} W"), (2, percent, "%{y:+.1f} %")):
-                figure.add_scatter(
-                    panel=panel, x=rounded(at), y=rounded(values), mode="lines", name=kind, legendgroup=kind,
-                    line={"color": RUN_COLOR.get(kind, OTHER_RUN), "width": 2},
-                    showlegend=panel == 1 and kind not in in_legend,
-                    hovertemplate=f"{run.title}: {unit}<extra></extra>", meta={"run": run.title},
+            for panel, values, value in ((1, alone, "{y:.1f} W"), (2, percent, "{y:+.1f} %")):
+                figure.add(
+                    Line(
+                        panel=panel, x=at, y=values, name=kind, color=RUN_COLOR.get(kind, OTHER_RUN), label=run.title,
+                        value=value, run=run.title,
+                    )
                 )  # fmt: skip
-            in_legend.add(kind)
-    figure.add_zero_line({"color": ALL_RUNS, "width": 2}, panel=2)
-    figure.update_xaxis(title="true airspeed, m/s")
-    figure.update_yaxis(title="power required, W", range=[0, 1.3 * float(np.max(hi))])
-    figure.update_yaxis(title="from all runs, %", panel=2)
-    return styled(figure, 620, hover="closest")
+    figure.zero_lines.add(2)
+    figure.ys = [
+        Axis("power required", "W", limits=(0, 1.3 * float(np.max(hi)))),
+        Axis("from all runs", "%"),
+    ]
+    return figure
 
 
 ALL_RUNS_NAME = "all runs"
@@ -269,14 +226,15 @@ ALL_RUNS_NAME = "all runs"
 def loadings(use: PerformanceResult) -> list[Figure]:
     """Longest endurance [min] and range [km] against mass, a line for each air density."""
     return [
-        _against_mass(use, [case.endurance_s.times(1 / 60) for case in use.loadings], "endurance, min", "%{y:.0f} min"),
-        _against_mass(use, [case.range_m.times(1e-3) for case in use.loadings], "range, km", "%{y:.1f} km"),
+        _against_mass(use, [case.endurance_s.times(1 / 60) for case in use.loadings], Axis("endurance", "min"), 0),
+        _against_mass(use, [case.range_m.times(1e-3) for case in use.loadings], Axis("range", "km"), 1),
     ]
 
 
-def _against_mass(use: PerformanceResult, values: list[Interval], title: str, hover: str) -> Figure:
+def _against_mass(use: PerformanceResult, values: list[Interval], y: Axis, digits: int) -> Figure:
     """values: of `use.loadings`, in their order."""
-    figure = Figure()
+    figure = Figure(x=Axis("mass", "kg"))
+    figure.y = y
     pairs = list(zip(use.loadings, values, strict=True))
     densities = sorted({round(case.air_density_kgpm3, 5) for case in use.loadings}, reverse=True)
     for i, rho in enumerate(densities):
@@ -287,20 +245,19 @@ def _against_mass(use: PerformanceResult, values: list[Interval], title: str, ho
         value, lo, hi = np.array([(v.value, v.lo, v.hi) for _, v in here]).T
         color = PALETTE[i % len(PALETTE)]
         if as_flown:
-            add_band(figure, mass, (lo, hi), color, 0.2)
-        figure.add_scatter(
-            x=rounded(mass), y=rounded(value), name=name, mode="lines+markers", hovertemplate=hover,
-            line={"color": color, "width": 4, "dash": ("solid", "dash", "dot")[i % 3]},
-            marker={"size": 11, "color": color, "symbol": SYMBOLS[i % len(SYMBOLS)]},
+            figure.add(band(mass, (lo, hi), color, 0.2, name=name))
+        figure.add(
+            Line(
+                x=mass, y=value, name=name, color=color, width=4, dash=(Dash.SOLID, Dash.DASHED, Dash.DOTTED)[i % 3],
+                symbol=SYMBOLS[i % len(SYMBOLS)], value=f"{{y:.{digits}f}} {y.unit}",
+            )
         )  # fmt: skip
-    figure.update_xaxis(title="mass, kg")
-    figure.update_yaxis(title=title)
-    return styled(figure, 420)
+    return figure
 
 
 def efficiency(use: PerformanceResult) -> Figure:
     """Efficiencies [%] of propeller, motor and both against speed in level flight, with the points measured."""
-    figure = Figure()
+    figure = Figure(height_px=420, x=true_airspeed())
     points, measured = use.power_train.efficiency, use.power_train.points
     V = np.array([p.speed_mps for p in points])
     for name, title, color in (
@@ -313,20 +270,10 @@ def efficiency(use: PerformanceResult) -> Figure:
             PowerPoint(speed_mps=v, power_W=p, power_lo_W=p, power_hi_W=p, extrapolated=point.extrapolated)
             for v, p, point in zip(V.tolist(), value.tolist(), points, strict=True)
         ]
-        add_band(figure, V, (lo, hi), color, 0.18)
-        add_curve(figure, curve, title, color, width=4)
+        figure.add(band(V, (lo, hi), color, 0.18, name=title))
+        figure.add(*curve_lines(curve, title, color, width=4, value="{y:.0f} %"))
         if measured:
-            figure.add_scatter(
-                x=rounded(np.array([p.speed_mps for p in measured])),
-                y=rounded(100 * np.array([getattr(p, name) for p in measured])),
-                mode="markers",
-                marker={"size": 8, "color": PAPER, "line": {"color": color, "width": 2}},
-                showlegend=False,
-                hoverinfo="skip",
-            )
-    for trace in figure.data:
-        if trace["mode"] == "lines":
-            trace["hovertemplate"] = "%{y:.0f} %"
-    figure.update_xaxis(title="true airspeed, m/s")
-    figure.update_yaxis(title="efficiency, %", range=[0, 105])
-    return styled(figure, 420)
+            x, y = (np.array([getattr(p, of) for p in measured]) for of in ("speed_mps", name))
+            figure.add(Points(x=x, y=100 * y, size=8, hollow=True, color=color, name=title, value=""))
+    figure.y = Axis("efficiency", "%", limits=(0, 105))
+    return figure

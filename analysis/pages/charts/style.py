@@ -1,76 +1,12 @@
-"""A figure as Plotly's JavaScript takes it, and the common style: large type and dark colors, to be read in sunlight.
-
-Plotly's Python classes check every value, which took longer than everything else that the page needs.
-"""
+"""Colors that are read in sunlight, on a dark page and on paper; thinning that keeps what is seen; bands and curves."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
+from analysis.pages.charts.figure import Axis, Band, Dash, Line, Symbol
 from analysis.records.flight import PowerPoint
 from flight.arrays import Array
-
-Json = dict[str, Any]
-
-
-class Figure:
-    """Panels above one another with one x axis. Properties are those of Plotly's traces and layouts.
-
-    data : traces, in the order of drawing      layout : of the figure
-    """
-
-    def __init__(self, panels: int = 1, gap: float = 0.05):
-        """gap: between two panels, as a share of the height of all."""
-        self.data: list[Json] = []
-        self.layout: Json = {"xaxis": {"anchor": _axis("y", panels)}}
-        self.panels = panels
-        height = (1 - gap * (panels - 1)) / panels
-        for panel in range(1, panels + 1):
-            top = 1 - (panel - 1) * (height + gap)
-            self.layout[_axis("yaxis", panel)] = {"domain": [max(0.0, top - height), top], "anchor": "x"}
-
-    def add_scatter(self, *, panel: int = 1, **trace: Any) -> None:
-        """A trace of lines or markers. panel: counted from 1, at the top."""
-        self.data.append({"type": "scatter", "xaxis": "x", "yaxis": _axis("y", panel), **trace})
-
-    def add_bars(self, *, panel: int = 1, **trace: Any) -> None:
-        """A trace of bars. panel as in `add_scatter`."""
-        self.data.append({"type": "bar", "xaxis": "x", "yaxis": _axis("y", panel), **trace})
-
-    def add_zero_line(self, line: Json, *, panel: int = 1) -> None:
-        """A horizontal line at zero across a panel."""
-        shape = {"type": "line", "xref": "x domain", "x0": 0, "x1": 1, "yref": _axis("y", panel), "y0": 0, "y1": 0}
-        self.layout.setdefault("shapes", []).append(shape | {"line": line})
-
-    def update_xaxis(self, **properties: Any) -> None:
-        self.layout["xaxis"].update(_titled(properties))
-
-    def update_yaxis(self, *, panel: int = 1, **properties: Any) -> None:
-        self.layout[_axis("yaxis", panel)].update(_titled(properties))
-
-    def update_yaxes(self, **properties: Any) -> None:
-        """The y axes of all panels."""
-        for panel in range(1, self.panels + 1):
-            self.update_yaxis(panel=panel, **properties)
-
-    def update_layout(self, **properties: Any) -> None:
-        """Properties inside a margin, font or legend are added to those that it has."""
-        for name, value in properties.items():
-            before = self.layout.get(name)
-            self.layout[name] = before | value if isinstance(before, dict) and isinstance(value, dict) else value
-
-
-def _titled(properties: Json) -> Json:
-    """The same with a title that is text as Plotly wants it."""
-    title = properties.get("title")
-    return properties | {"title": {"text": title}} if isinstance(title, str) else properties
-
-
-def _axis(name: str, panel: int) -> str:
-    """ "y", "y2", "y3": Plotly numbers axes from the second on."""
-    return name if panel == 1 else f"{name}{panel}"
-
 
 INK, GRID, PAPER, GRAY = "#000000", "#c9d1d8", "#ffffff", "#5b6b78"
 BLUE, RED, GREEN, ORANGE = "#004a99", "#c22a1a", "#00693e", "#c64b00"
@@ -81,8 +17,8 @@ PALETTE = (
     "#d4007f", "#7d3c00", "#2f5d8c",
 )  # fmt: skip
 SYMBOLS = (
-    "circle", "square", "diamond", "triangle-up", "cross", "x", "triangle-down", "pentagon", "star", "hexagon",
-    "hourglass", "bowtie", "star-diamond", "hexagram",
+    Symbol.CIRCLE, Symbol.SQUARE, Symbol.DIAMOND, Symbol.UP, Symbol.PLUS, Symbol.CROSS, Symbol.DOWN, Symbol.LEFT,
+    Symbol.STAR, Symbol.RIGHT, Symbol.HOURGLASS, Symbol.BOWTIE,
 )  # fmt: skip
 # Kinds of runs are told apart by color alone, also with color blindness (tests/analysis/pages/test_style.py).
 RUN_COLOR = {"acceleration": "#d95f02", "deceleration": BLUE, "steady": "#1b9e77"}
@@ -96,24 +32,8 @@ ON_DARK = {
 }  # fmt: skip
 
 
-def styled(figure: Figure, height_px: int, *, hover: str = "x unified") -> Figure:
-    """The figure with the common fonts, margins, axes and legend."""
-    figure.update_layout(
-        height=height_px,
-        margin={"l": 84, "r": 24, "t": 16, "b": 64},
-        paper_bgcolor=PAPER,
-        plot_bgcolor=PAPER,
-        font={"family": "system-ui, sans-serif", "size": 18, "color": INK},
-        legend={"orientation": "h", "yanchor": "bottom", "y": 1.02, "x": 0, "font": {"size": 17}},
-        hoverlabel={"bgcolor": PAPER, "font": {"color": INK}},
-        hovermode=hover,
-        showlegend=True,
-    )
-    axis = {"gridcolor": GRID, "zeroline": False, "linecolor": INK, "linewidth": 2, "ticks": "outside",
-            "automargin": True}  # fmt: skip
-    figure.update_xaxis(**axis)
-    figure.update_yaxes(**axis)
-    return figure
+def true_airspeed() -> Axis:
+    return Axis("true airspeed", "m/s")
 
 
 def thinned(x: Array, y: Array, points: int = 1000) -> tuple[Array, Array]:
@@ -144,54 +64,39 @@ def rounded(values: Array, digits: int = 5) -> Array:
     return np.asarray(np.round(values.astype(float), max(decimals, 0)))
 
 
-def translucent(color: str, opacity: float) -> str:
-    """A color "#rrggbb" as CSS `rgba`."""
-    red, green, blue = (int(color[i : i + 2], 16) for i in (1, 3, 5))
-    return f"rgba({red}, {green}, {blue}, {opacity})"
-
-
 def curve_arrays(points: Sequence[PowerPoint]) -> tuple[Array, Array, Array, Array]:
     """Speed [m/s], power [W], lower and upper end of its interval [W] of a curve."""
     V, P, lo, hi = np.array([(p.speed_mps, p.power_W, p.power_lo_W, p.power_hi_W) for p in points]).T
     return V, P, lo, hi
 
 
-def add_band(figure: Figure, x: Array, ends: tuple[Array, Array], color: str, opacity: float, **trace: Any) -> None:
-    """A shaded band between two curves, the lower and the upper."""
+def band(x: Array, ends: tuple[Array, Array], color: str, opacity: float, *, name: str = "", panel: int = 1) -> Band:
+    """A shaded band between two curves, the lower and the upper. name : entry of the legend that hides it"""
     lo, hi = ends
-    figure.add_scatter(
-        x=rounded(np.r_[x, x[::-1]]),
-        y=rounded(np.r_[hi, lo[::-1]]),
-        mode="lines",
-        fill="toself",
-        fillcolor=translucent(color, opacity),
-        line={"width": 0},
-        hoverinfo="skip",
-        showlegend=False,
-        **trace,
-    )
+    outline = np.r_[x, x[::-1]], np.r_[hi, lo[::-1]]
+    return Band(x=outline[0], y=outline[1], color=color, opacity=opacity, name=name, panel=panel)
 
 
-def add_curve(
-    figure: Figure, points: Sequence[PowerPoint], name: str, color: str, *, width: float, symbol: str = ""
-) -> None:
+def curve_lines(
+    points: Sequence[PowerPoint],
+    name: str,
+    color: str,
+    *,
+    width: float,
+    symbol: Symbol | None = None,
+    value: str = "{y:.1f} W",
+) -> list[Line]:
     """A curve, solid where it was measured and dashed where it is extrapolated. symbol: on a few points of it."""
-    marks: dict[str, Any] = {"mode": "lines"}
-    if symbol:
-        marks = {"mode": "lines+markers", "marker": {"symbol": symbol, "size": 11, "color": color, "maxdisplayed": 4}}
     V, P, _, _ = curve_arrays(points)
     outside = np.array([p.extrapolated for p in points])
     # A dashed piece reaches to the solid one beside it.
     beside = np.r_[outside[1:], False] | np.r_[False, outside[:-1]]
-    for flag, dash, in_legend in ((~outside, "solid", True), (outside | beside, "9px,6px", outside.all())):
-        if flag.any() and (dash == "solid" or outside.any()):
-            figure.add_scatter(
-                x=rounded(V),
-                y=rounded(np.where(flag, P, np.nan)),
-                **marks,
-                line={"color": color, "width": width, "dash": dash},
-                name=name,
-                legendgroup=name,
-                showlegend=bool(in_legend),
-                hovertemplate="%{y:.1f} W",
-            )
+    pieces = ((~outside, Dash.SOLID), ((outside | beside) & outside.any(), Dash.DASHED))
+    return [
+        Line(
+            x=V, y=np.where(flag, P, np.nan), name=name, color=color, width=width, dash=dash, symbol=symbol, symbols=4,
+            value=value,
+        )
+        for flag, dash in pieces
+        if flag.any()
+    ]  # fmt: skip

@@ -1,33 +1,30 @@
-"""A figure as SVG text: what the page shows before a script runs, and where none does.
+"""A figure as SVG text: the drawing that a reader sees on the screen, on paper, and in a saved file.
 
-It draws what the figures of curves are made of: lines, bands, markers, error bars and the legend, on linear axes.
-The colors are variables of the page's style, so that they follow a dark page.
+Positions are percentages of the width, or units of 1/10,000 of an axis in a drawing that stretches (strokes do not), so
+that one drawing fits every width. Colors are variables of the page's style, which follow a dark page and paper.
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from html import escape
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from analysis.pages.charts.style import Figure
+from analysis.pages.charts.figure import Axis, Band, Bars, Figure, Line, Mark, Points, Shade, Symbol
+from analysis.pages.charts.style import PAPER
 from flight.arrays import Array
 
-Json = dict[str, Any]
-
-DASHES = {"dash": "9 9", "dot": "3 3", "dashdot": "9 3 3 3", "9px,6px": "9 6"}
+UNITS = 10_000  # of an axis, in a drawing that stretches
+RATIOS = (0.9, 1.2, 1.6, 2.4)  # width over height of a figure with equal scales
 
 
 class Sheet(NamedTuple):
-    """Sizes in px: of the drawing, its margins, its type, a letter and a line of the legend."""
+    """Heights in px, of the style in chart.css: of the space below and above the panels, and between two."""
 
-    width: int = 600
-    left: int = 64
-    right: int = 10
-    bottom: int = 52
-    font: int = 15
-    letter: float = 8.0
-    line: int = 20
+    below: int = 52
+    above: int = 8
+    gap: int = 14
 
 
 SHEET = Sheet()
@@ -38,157 +35,395 @@ def color_variable(color: str) -> str:
     return f"--c{color.removeprefix('#').lower()}"
 
 
-def svg(figure: Figure) -> str:
-    """The figure, as high as its layout says. Bars are not drawn."""
-    height = figure.layout["height"]
-    entries = [t for t in figure.data if t.get("name") and t.get("showlegend", True)]
-    legend, lines = _legend(entries)
-    top, bottom = SHEET.line * lines + 12, height - SHEET.bottom
-    x = _Axis(figure.layout["xaxis"], _reach(figure.data, "x"), (SHEET.left, SHEET.width - SHEET.right))
-    body = list(_x_axis(x, (bottom, top)))
-    for number in ("", *map(str, range(2, figure.panels + 1))):
-        layout = figure.layout[f"yaxis{number}"]
-        traces = [trace for trace in figure.data if trace["yaxis"] == f"y{number}"]
-        low, high = (round(bottom - share * (bottom - top)) for share in layout["domain"])
-        y = _Axis(layout, _reach(traces, "y"), (low, high))
-        place = f'x="{x.px[0]}" y="{high}" width="{x.px[1] - x.px[0]}" height="{low - high}"'
-        body.append(f'<clipPath id="plotted{number}"><rect {place}/></clipPath>')
-        body += _y_axis(x, y)
-        body.append(f'<g clip-path="url(#plotted{number})">')
-        body += [part for trace in traces for part in _trace(trace, x, y)]
-        body.append("</g>")
-    size = f'viewBox="0 0 {SHEET.width} {height}" font-size="{SHEET.font}"'
-    return f'<svg {size} class="still">{"".join(body)}{"".join(legend)}</svg>'
+@dataclass(frozen=True)
+class Scale:
+    """An axis with its ends `lo` and `hi`; of powers of ten, their logarithms."""
+
+    axis: Axis
+    lo: float
+    hi: float
+
+    def share(self, values: Array) -> Array:
+        """Place between the ends, 0 to 1; NaN where a logarithm has none."""
+        values = np.asarray(values, dtype=float)
+        if self.axis.logarithmic:
+            values = np.log10(np.where(values > 0, values, np.nan))
+        return np.asarray((values - self.lo) / (self.hi - self.lo))
+
+    def ticks(self, count: int = 6) -> list[tuple[float, str]]:
+        """Shares and labels: round values, about `count`, or those that the axis names."""
+        if self.axis.ticks is not None:
+            places = self.share(np.array(list(self.axis.ticks)))
+            return list(zip(places.tolist(), self.axis.ticks.values(), strict=True))
+        if self.axis.logarithmic:
+            every = max(1, round((self.hi - self.lo) / 5))
+            powers = range(int(np.ceil(self.lo)), int(np.floor(self.hi)) + 1, every)
+            return [((power - self.lo) / (self.hi - self.lo), f"1e{power}") for power in powers]
+        step = self.axis.step or round_step(self.hi - self.lo, count)
+        values = step * np.arange(np.ceil(self.lo / step - 1e-9), np.floor(self.hi / step + 1e-9) + 1) + 0.0
+        return [(float(self.share(value)), f"{float(f'{value:.10g}'):g}".replace("-", "−")) for value in values]
+
+    def digits(self) -> int:
+        """Decimals that tell a hundredth of the range."""
+        return int(np.clip(2 - np.floor(np.log10(self.hi - self.lo)), 0, 6))
 
 
-class _Axis:
-    """An axis of the layout over values `reach`, drawn between two ends `px`."""
-
-    def __init__(self, layout: Json, reach: tuple[float, float], px: tuple[float, float]):
-        self.title, self.px = layout["title"]["text"], px
-        margin = 0.04 * (reach[1] - reach[0] or 1.0)
-        self.lo, self.hi = layout.get("range", (reach[0] - margin, reach[1] + margin))
-
-    def at(self, values: Array) -> Array:
-        return np.asarray(self.px[0] + (values - self.lo) / (self.hi - self.lo) * (self.px[1] - self.px[0]))
-
-    def ticks(self) -> list[float]:
-        """Round values, about six."""
-        raw = (self.hi - self.lo) / 6
-        scale = 10.0 ** np.floor(np.log10(raw))
-        step = scale * next(nice for nice in (1, 2, 5, 10) if nice * scale >= raw)
-        return [float(tick) for tick in step * np.arange(np.ceil(self.lo / step), np.floor(self.hi / step) + 1)]
+def round_step(reach: float, count: int) -> float:
+    """Between ticks: 1, 2 or 5 times a power of ten, at most `count` in the range."""
+    raw = reach / count
+    power = 10.0 ** np.floor(np.log10(raw))
+    return float(power * next(nice for nice in (1, 2, 5, 10) if nice * power >= raw * (1 - 1e-9)))
 
 
-def _reach(traces: Sequence[Json], axis: str) -> tuple[float, float]:
-    values = np.concatenate([np.asarray(trace[axis], dtype=float) for trace in traces])
-    return float(np.nanmin(values)), float(np.nanmax(values))
+def scale(axis: Axis, reach: tuple[float, float], margin: float = 0.04) -> Scale:
+    """The axis over values `reach`, with a margin where it has no limits of its own."""
+    lo, hi = axis.limits or reach
+    if axis.logarithmic:
+        lo, hi = float(np.log10(lo)), float(np.log10(hi))
+    if axis.limits is None:
+        if axis.from_zero:
+            lo, hi = min(lo, 0.0), max(hi, 0.0)
+        more = margin * (hi - lo or abs(hi) or 1.0)
+        lo, hi = (lo if axis.from_zero and lo == 0 else lo - more), hi + more
+    return Scale(axis, lo, hi)
 
 
-def _x_axis(x: _Axis, ends: tuple[float, float]) -> Iterator[str]:
-    """Below the lowest panel. ends : bottom and top of all panels [px]"""
-    bottom, top = ends
-    for tick in x.ticks():
-        at = x.at(np.array(tick))
-        yield f'<path d="M{at:.1f} {bottom}V{top}" class="grid"/>'
-        yield f'<text x="{at:.1f}" y="{bottom + 20}" text-anchor="middle">{tick:g}</text>'
-    yield f'<text x="{sum(x.px) / 2:.0f}" y="{bottom + 44}" text-anchor="middle">{escape(x.title)}</text>'
+def chart(figure: Figure, name: str, title: str = "") -> str:
+    """The figure with legend and readout as HTML. name : id of the element     title : for who does not see it"""
+    heading = f'<p class="heading">{escape(figure.heading)}</p>' if figure.heading else ""
+    entries = [_entry(figure, entry) for entry in figure.entries()]
+    legend = f'<div class="legend">{"".join(entries)}</div>' if entries else ""
+    return f'<div class="plot" id="{escape(name)}">{heading}{legend}{svg(figure, title)}</div>'
 
 
-def _y_axis(x: _Axis, y: _Axis) -> Iterator[str]:
-    """Left of a panel, with the lines around it."""
-    for tick in y.ticks():
-        at = y.at(np.array(tick))
-        yield f'<path d="M{x.px[0]} {at:.1f}H{x.px[1]}" class="grid"/>'
-        yield f'<text x="{x.px[0] - 8}" y="{at + 5:.1f}" text-anchor="end">{tick:g}</text>'
-    yield f'<path d="M{x.px[0]} {y.px[1]}V{y.px[0]}H{x.px[1]}" class="axis"/>'
-    place = f"translate(16 {sum(y.px) / 2:.0f}) rotate(-90)"
-    yield f'<text transform="{place}" text-anchor="middle">{escape(y.title)}</text>'
+def svg(figure: Figure, title: str = "") -> str:
+    """The drawing without its legend."""
+    x = scale(figure.x, _reach(figure, "x"), _margin(figure))
+    ys = [scale(axis, _reach(figure, "y", panel)) for panel, axis in enumerate(figure.ys, start=1)]
+    attributes = f'class="chart p{figure.panels}" role="graphics-document" tabindex="0" data-cursor="{figure.cursor}"'
+    if figure.equal:
+        x, ys, ratio = _equal(x, ys[0])
+        attributes = attributes.replace('class="chart', f'class="chart equal r{10 * ratio:.0f}')
+    else:
+        attributes += f' height="{figure.height_px}"'
+    if figure.rows:
+        attributes = attributes.replace('class="chart', 'class="chart rows')
+    if figure.left_px != Figure().left_px:
+        attributes += f' style="padding-left:{figure.left_px}px"'
+    usable = figure.height_px - SHEET.below - SHEET.above
+    gap = 100 * SHEET.gap / usable
+    high = (100 - gap * (figure.panels - 1)) / figure.panels
+    body = "".join(
+        f'<svg class="panel" y="{i * (high + gap):.2f}%" height="{high:.2f}%" data-x="{x.lo:.7g} {x.hi:.7g}"'
+        f' data-y="{y.lo:.7g} {y.hi:.7g}" data-digits="{x.digits()} {y.digits()}" data-names="{escape(x.axis.name)}|'
+        f'{escape(x.axis.unit)}"{" data-log" if y.axis.logarithmic else ""}>'
+        f"{''.join(_panel(figure, i + 1, x, y))}</svg>"
+        for i, y in enumerate(ys)
+    )
+    about = f"<title>{escape(title or figure.heading or figure.y.title)}</title>"
+    about += f"<desc>{escape(_described(figure, x, ys))}</desc>"
+    return f"<svg {attributes}>{about}<g><title></title>{body}</g></svg>"
 
 
-def _trace(trace: Json, x: _Axis, y: _Axis) -> Iterator[str]:
-    at_x, at_y = (axis.at(np.asarray(trace[name], dtype=float)) for axis, name in ((x, "x"), (y, "y")))
-    mode, line = trace.get("mode", "lines"), trace.get("line", {})
-    path = _path(at_x, at_y)
-    if trace.get("fill"):
-        red, green, blue, opacity = trace["fillcolor"].removeprefix("rgba(").removesuffix(")").split(", ")
-        color = f"#{int(red):02x}{int(green):02x}{int(blue):02x}"
-        yield f'<path d="{path}Z" style="fill:{_color(color)};fill-opacity:{opacity}"/>'
-    elif "lines" in mode:
-        yield (
-            f'<path d="{path}" fill="none" stroke-width="{line.get("width", 2)}"'
-            f'{_dashed(line)} style="stroke:{_color(line["color"])}"/>'
-        )
-    for axis, bars in (("x", trace.get("error_x")), ("y", trace.get("error_y"))):
-        if bars:
-            yield _error_bars(trace, bars, (x, y), axis)
-    if "markers" in mode:
-        for one_x, one_y in zip(at_x, at_y, strict=True):
-            yield _marker(trace["marker"], one_x, one_y)
+def _described(figure: Figure, x: Scale, ys: Sequence[Scale]) -> str:
+    """Axes with their ends and the lines' names in a sentence, for who does not see the drawing."""
+
+    def ends(one: Scale) -> str:
+        lo, hi = (10**end if one.axis.logarithmic else end for end in (one.lo, one.hi))
+        return f"{one.axis.title} from {lo:.4g} to {hi:.4g}"
+
+    names = figure.entries()
+    lines = f". Shown: {', '.join(names)}" if names else ""
+    return f"{'; '.join(ends(y) for y in ys)}, against {ends(x)}{lines}."
 
 
-def _path(x: Array, y: Array) -> str:
-    """Interrupted where a value is missing."""
-    parts, pen = [], "M"
-    for one_x, one_y in zip(x.tolist(), y.tolist(), strict=True):
-        missing = not np.isfinite(one_x + one_y)
-        if not missing:
-            parts.append(f"{pen}{one_x:.1f} {one_y:.1f}")
-        pen = "M" if missing else "L"
-    return "".join(parts)
+def _margin(figure: Figure) -> float:
+    return 0.0 if all(isinstance(mark, Line | Band) for mark in figure.marks) and not figure.equal else 0.04
 
 
-def _error_bars(trace: Json, bars: Json, axes: tuple[_Axis, _Axis], along: str) -> str:
-    x, y = (np.asarray(trace[name], dtype=float) for name in "xy")
-    more, less = np.asarray(bars["array"], dtype=float), np.asarray(bars["arrayminus"], dtype=float)
-    ends = ((x - less, y), (x + more, y)) if along == "x" else ((x, y - less), (x, y + more))
-    (x0, y0), (x1, y1) = ((axes[0].at(end_x), axes[1].at(end_y)) for end_x, end_y in ends)
-    path = "".join(f"M{a:.1f} {b:.1f}L{c:.1f} {d:.1f}" for a, b, c, d in np.stack([x0, y0, x1, y1], axis=1).tolist())
-    color = _color(_marker_color(trace["marker"]))
-    return f'<path d="{path}" stroke-width="{bars.get("thickness", 2)}" style="stroke:{color}"/>'
+def _reach(figure: Figure, along: str, panel: int | None = None) -> tuple[float, float]:
+    """Least and greatest value of the marks along an axis, with the ends of their bars."""
+    values: list[Array] = []
+    for mark in figure.marks:
+        if panel in (None, mark.panel):
+            values.append(getattr(mark, along).ravel())
+            ends = getattr(mark, f"{along}_ends", None)
+            if ends is not None:
+                values.append(np.ravel(ends))
+            if isinstance(mark, Bars):
+                values += [_corners(mark)[along == "y"].ravel()]
+    found = np.concatenate(values) if values else np.array([0.0, 1.0])
+    axis = figure.x if panel is None else figure.ys[panel - 1]
+    found = found[np.isfinite(found) & (found > 0 if axis.logarithmic else True)]
+    return (float(found.min()), float(found.max())) if len(found) else (0.0, 1.0)
 
 
-def _marker_color(marker: Json) -> str:
-    """That of the rim where it is wider than two pixels, as of points on white."""
-    line = marker.get("line", {})
-    return str(line["color"] if line.get("width", 0) > 2 else marker["color"])
+def _equal(x: Scale, y: Scale) -> tuple[Scale, list[Scale], float]:
+    """The shorter axis widened, so that width over height is one of the ratios that the style has a class for."""
+    wide, high = x.hi - x.lo, y.hi - y.lo
+    ratio = min(RATIOS, key=lambda one: abs(np.log(one * high / wide)))
+    to_wide, to_high = max(wide, ratio * high), max(high, wide / ratio)
+    return (
+        Scale(x.axis, x.lo - (to_wide - wide) / 2, x.hi + (to_wide - wide) / 2),
+        [Scale(y.axis, y.lo - (to_high - high) / 2, y.hi + (to_high - high) / 2)],
+        ratio,
+    )
 
 
-def _marker(marker: Json, x: float, y: float) -> str:
-    r, line = marker["size"] / 2, marker.get("line", {})
-    style = f"fill:{_color(marker['color'])}"
-    if line:
-        style += f";stroke:{_color(line['color'])};stroke-width:{line['width']}"
-    if marker.get("symbol") == "diamond":
-        return f'<path d="M{x:.1f} {y - r:.1f}l{r} {r}l{-r} {r}l{-r} {-r}Z" style="{style}"/>'
-    return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{r}" style="{style}"/>'
+def _panel(figure: Figure, number: int, x: Scale, y: Scale) -> Iterator[str]:
+    marks = [mark for mark in figure.marks if mark.panel == number]
+    last = number == figure.panels
+    yield '<rect class="frame" width="100%" height="100%"/>'
+    yield from _x_ticks(x, labels=last)
+    for share, label in y.ticks():
+        line = '<line x2="100%"/>' if y.axis.grid else ""
+        yield f'<svg class="tick y{_given(y)}" y="{100 * (1 - share):.2f}%">{line}{_text(label, -8, 5, "end")}</svg>'
+    yield f'<svg class="drawn" viewBox="0 0 {UNITS} {UNITS}" preserveAspectRatio="none">'
+    yield from (_shade(shade, x) for shade in figure.shades)
+    if number in figure.zero_lines:
+        at = UNITS * (1 - float(y.share(np.array(0.0))))
+        yield f'<path class="zero" d="M-1e6 {at:.0f}H1e6"/>'
+    if figure.zero_column:
+        yield f'<path class="zero" d="M{UNITS * float(x.share(np.array(0.0))):.0f} 0V{UNITS}"/>'
+    for mark in marks:
+        yield from _drawn(mark, x, y)
+    yield '</svg><svg class="placed">'
+    for mark in marks:
+        yield from _placed(mark, x, y)
+    yield '</svg><line class="axis" y2="100%"/><line class="axis" y1="100%" y2="100%" x2="100%"/>'
+    title = f'<text transform="translate({14 - figure.left_px}) rotate(-90)" text-anchor="middle">'
+    yield f'<svg y="50%" class="title">{title}{escape(y.axis.title)}</text></svg>'
+    if last:
+        yield f'<text x="50%" y="100%" dy="44" text-anchor="middle">{escape(x.axis.title)}</text>'
 
 
-def _legend(entries: list[Json]) -> tuple[list[str], int]:
-    """The entries in lines above the figure, and how many lines."""
-    parts, left, line = [], float(SHEET.left), 0
-    for trace in entries:
-        width = 44 + SHEET.letter * len(trace["name"])
-        if left + width > SHEET.width and left > SHEET.left:
-            left, line = float(SHEET.left), line + 1
-        y = SHEET.line * line + 12
-        if "lines" in trace.get("mode", "lines"):
-            stroke = trace["line"]
-            parts.append(
-                f'<path d="M{left} {y}h26" stroke-width="{stroke.get("width", 2)}"{_dashed(stroke)}'
-                f' style="stroke:{_color(stroke["color"])}"/>'
-            )
-        if "markers" in trace.get("mode", "lines"):
-            parts.append(_marker(trace["marker"], left + 13, y))
-        parts.append(f'<text x="{left + 32}" y="{y + 5}">{escape(trace["name"])}</text>')
-        left += width
-    return parts, line + 1
+def _x_ticks(x: Scale, *, labels: bool) -> Iterator[str]:
+    ticks = x.ticks(9)
+    for i, (share, label) in enumerate(ticks):
+        line = '<line y2="100%"/>' if x.axis.grid else ""
+        text = f'<svg y="100%">{_text(label, 0, 20, "middle")}</svg>' if labels else ""
+        rare = " rare" if len(ticks) > 7 and i % 2 and x.axis.grid else ""
+        yield f'<svg class="tick x{_given(x)}{rare}" x="{100 * share:.2f}%">{line}{text}</svg>'
 
 
-def _dashed(line: Json) -> str:
-    dash = DASHES.get(line.get("dash", ""))
-    return f' stroke-dasharray="{dash}"' if dash else ""
+def _given(scale: Scale) -> str:
+    """Of ticks that stay what they are when the reader zooms."""
+    return " given" if scale.axis.ticks is not None else ""
 
 
-def _color(color: str) -> str:
+def _text(label: str, x: int, y: int, anchor: str) -> str:
+    lines = label.split("\n")
+    if len(lines) == 1:
+        return f'<text x="{x}" y="{y}" text-anchor="{anchor}">{escape(label)}</text>'
+    first = y - (8 * (len(lines) - 1) if anchor == "end" else 0)
+    rows = (f'<tspan x="{x}" y="{first + 16 * i}">{escape(line)}</tspan>' for i, line in enumerate(lines))
+    return f'<text text-anchor="{anchor}">{"".join(rows)}</text>'
+
+
+def _about(mark: Mark, y: Scale) -> str:
+    """What script and style ask of a mark: entry of the legend, run, and what the cursor says."""
+    value = f"{{y:.{y.digits()}f}} {y.axis.unit}".strip() if mark.value is None else mark.value
+    parts = {"name": mark.name, "run": mark.run, "value": value}
+    if value and mark.label:
+        parts["label"] = mark.label
+    if mark.z is not None and value:
+        parts["z"] = " ".join(f"{z:.5g}" for z in np.ravel(mark.z))
+    found = "".join(f' data-{key}="{escape(text)}"' for key, text in parts.items() if text)
+    return found + (' class="off"' if mark.hidden else "")
+
+
+def _belongs(mark: Mark) -> str:
+    """By what script and style find a part of a mark that the cursor does not read."""
+    return "".join(f' data-{key}="{escape(text)}"' for key, text in (("name", mark.name), ("run", mark.run)) if text)
+
+
+def _ink(color: str) -> str:
     return f"var({color_variable(color)})"
+
+
+def _drawn(mark: Mark, x: Scale, y: Scale) -> Iterator[str]:
+    """What stretches with the panel."""
+    about = _about(mark, y)
+    if isinstance(mark, Bars):
+        yield from _bars(mark, x, y)
+        return
+    X, Y = UNITS * x.share(mark.x), UNITS * (1 - y.share(mark.y))
+    match mark:
+        case Band():
+            yield f'<path{about} d="{path(X, Y)}Z" fill="{_ink(mark.color)}" fill-opacity="{mark.opacity:g}"/>'
+        case Line():
+            look = f'stroke="{_ink(mark.color)}" stroke-width="{mark.width:g}"'
+            look += f' stroke-dasharray="{mark.dash}"' if mark.dash else ""
+            look += f' stroke-opacity="{mark.opacity:g}"' if mark.opacity < 1 else ""
+            yield f'<path{about} d="{path(X, Y)}" {look}/>'
+        case Points():
+            for color in dict.fromkeys(mark.colors or [mark.color]):
+                here = np.array([one == color for one in mark.colors]) if mark.colors else np.ones(len(X), dtype=bool)
+                yield from _dots(mark, color, (X, Y), here, y)
+            yield from _error_bars(mark, x, y)
+
+
+def _dots(mark: Points, color: str, at: tuple[Array, Array], here: Array, y: Scale) -> Iterator[str]:
+    """Points of one color: strokes without length, round; those with another outline are placed apart."""
+    X, Y = (values[here] for values in at)
+    d = path(X, Y, dots=True)
+    part = Points(**{**vars(mark), "z": None if mark.z is None else np.ravel(mark.z)[here]})
+    about, look = _about(part, y), f'class="dots" stroke="{_ink(color)}"'
+    if mark.hidden:
+        about, look = about.replace(' class="off"', ""), look.replace("dots", "dots off")
+    if mark.opacity < 1:
+        look += f' stroke-opacity="{mark.opacity:g}"'
+    if mark.symbols or mark.symbol is not Symbol.CIRCLE:
+        look += ' opacity="0"'
+    yield f'<path{about} d="{d}" {look} stroke-width="{mark.size:g}"/>'
+    if mark.hollow:
+        plain = look.replace(_ink(color), _ink(PAPER))
+        name = "".join(
+            f' data-{key}="{escape(text)}"' for key, text in (("name", mark.name), ("run", mark.run)) if text
+        )
+        yield f'<path{name} d="{d}" {plain} stroke-width="{mark.size - 5:g}"/>'
+
+
+def path(x: Array, y: Array, *, dots: bool = False) -> str:
+    """A line, interrupted where a value is missing, or dots, which are strokes without length.
+
+    Each piece begins where M says and goes on by differences, which are shorter.
+    """
+    parts: list[str] = []
+    before: tuple[int, int] | None = None
+    for one_x, one_y in zip(x.tolist(), y.tolist(), strict=True):
+        if not np.isfinite(one_x + one_y):
+            before = before if dots else None
+            continue
+        at = round(one_x), round(one_y)
+        if before is None:
+            parts.append(f"M{at[0]} {at[1]}{'z' if dots else 'l'}")
+        else:
+            dx, dy = at[0] - before[0], at[1] - before[1]
+            parts.append(
+                f"{'m' if dots else '' if dx < 0 else ' '}{dx}{'' if dy < 0 else ' '}{dy}{'z' if dots else ''}"
+            )
+        before = at
+    return "".join(parts).replace("l ", "l").replace("lM", "M").removesuffix("l")
+
+
+def _error_bars(mark: Points, x: Scale, y: Scale) -> Iterator[str]:
+    X, Y = UNITS * x.share(mark.x), UNITS * (1 - y.share(mark.y))
+    parts: list[str] = []
+    if mark.x_ends is not None:
+        lo, hi = UNITS * x.share(np.asarray(mark.x_ends))
+        parts += [f"M{a:.0f} {b:.0f}H{c:.0f}" for a, b, c in zip(lo, Y, hi, strict=True) if np.isfinite(a + b + c)]
+    if mark.y_ends is not None:
+        lo, hi = UNITS * (1 - y.share(np.asarray(mark.y_ends)))
+        parts += [f"M{a:.0f} {b:.0f}V{c:.0f}" for a, b, c in zip(X, lo, hi, strict=True) if np.isfinite(a + b + c)]
+    if parts:
+        name = f' data-name="{escape(mark.name)}"' if mark.name else ""
+        hidden = ' class="off"' if mark.hidden else ""
+        yield f'<path{name}{hidden} d="{"".join(parts)}" stroke="{_ink(mark.color)}" stroke-width="2"/>'
+
+
+def _corners(bars: Bars) -> tuple[Array, Array]:
+    """Left and right (2, n), and lower and upper (2, n) values of the bars."""
+    half = bars.width / 2
+    if bars.lying:
+        base = np.zeros_like(bars.x) if bars.base is None else bars.base
+        return np.stack([base, base + bars.x]), np.stack([bars.y - half, bars.y + half])
+    base = np.zeros_like(bars.y) if bars.base is None else bars.base
+    return np.stack([bars.x - half, bars.x + half]), np.stack([base, base + bars.y])
+
+
+def _bars(bars: Bars, x: Scale, y: Scale) -> Iterator[str]:
+    (left, right), (low, high) = _corners(bars)
+    xs, ys = UNITS * x.share(np.stack([left, right])), UNITS * (1 - y.share(np.stack([low, high])))
+    about = f' data-name="{escape(bars.name)}"' if bars.name else ""
+    for i in range(len(bars.x)):
+        color = bars.colors[i] if bars.colors else bars.color
+        opacity = f' fill-opacity="{bars.opacities[i]:g}"' if bars.opacities else ""
+        z = float(bars.z[i]) if bars.z is not None else np.nan
+        said = (bars.value or "").format(x=bars.x[i], y=bars.y[i], z=z)
+        say = (
+            f' data-say="{escape(f"{bars.label or bars.name}: {said}" if bars.label or bars.name else said)}"'
+            if said
+            else ""
+        )
+        yield (
+            f'<rect{about}{say} x="{xs[0, i]:.0f}" y="{ys[1, i]:.0f}" width="{xs[1, i] - xs[0, i]:.0f}"'
+            f' height="{ys[0, i] - ys[1, i]:.0f}" fill="{_ink(color)}"{opacity}/>'
+        )
+
+
+def _shade(shade: Shade, x: Scale) -> str:
+    start, end = (UNITS * float(x.share(np.array(value))) for value in (shade.start, shade.end))
+    look = f'class="shade{" outlined" if shade.outlined else ""}" fill="{_ink(shade.color)}"'
+    look += f' stroke="{_ink(shade.color)}"' if shade.outlined else ""
+    about = f' data-name="{escape(shade.name)}"' if shade.name else ""
+    about += f' data-run="{escape(shade.run)}"' if shade.run else ""
+    return (
+        f'<rect{about} {look} fill-opacity="{shade.opacity:g}" x="{start:.0f}" y="-{UNITS}" width="{end - start:.0f}"'
+        f' height="{3 * UNITS}"/>'
+    )
+
+
+def _placed(mark: Mark, x: Scale, y: Scale) -> Iterator[str]:
+    """What keeps its shape: symbols, arrow heads and texts, at percentages of the panel."""
+    about = _belongs(mark)
+    off = " off" if mark.hidden else ""
+
+    def at(i: int, content: str) -> str:
+        X, Y = 100 * float(x.share(mark.x[i])), 100 * (1 - float(y.share(mark.y[i])))
+        return f'<svg{about} class="at{off}" x="{X:.2f}%" y="{Y:.2f}%">{content}</svg>' if np.isfinite(X + Y) else ""
+
+    if isinstance(mark, Line) and mark.symbol:
+        (seen,) = np.nonzero(np.isfinite(mark.x + mark.y))
+        for i in seen[np.unique(np.linspace(0, len(seen) - 1, min(len(seen), mark.symbols)).round().astype(int))]:
+            yield at(int(i), symbol(mark.symbol, mark.color, 5.5))
+    if isinstance(mark, Line) and mark.arrow:
+        angle = float(np.degrees(np.arctan2(mark.y[-2] - mark.y[-1], mark.x[-1] - mark.x[-2])))  # y of the page is down
+        yield at(
+            len(mark.x) - 1, f'<path transform="rotate({angle:.1f})" d="M6 0L-10 7V-7Z" fill="{_ink(mark.color)}"/>'
+        )
+    if isinstance(mark, Points) and (mark.symbols or mark.symbol is not Symbol.CIRCLE):
+        for i in range(len(mark.x)):
+            outline = mark.symbols[i] if mark.symbols else mark.symbol
+            yield at(i, symbol(outline, mark.colors[i] if mark.colors else mark.color, mark.size / 2))
+    if isinstance(mark, Bars):
+        middle_x, middle_y = (ends.mean(axis=0) for ends in _corners(mark))
+        for X, Y, text in zip(x.share(middle_x), y.share(middle_y), mark.texts, strict=False):
+            place = f'x="{100 * X:.2f}%" y="{100 * (1 - Y):.2f}%"'
+            yield f'<svg class="at" {place}><text y="5" text-anchor="middle">{escape(text)}</text></svg>'
+
+
+def symbol(outline: Symbol, color: str, radius: float) -> str:
+    """The mark around the origin, with a rim of paper."""
+    if outline is Symbol.CIRCLE:
+        return f'<circle r="{radius:g}" fill="{_ink(color)}"/>'
+    return f'<path class="symbol" transform="scale({radius:g})" d="{outline}" fill="{_ink(color)}"/>'
+
+
+def _entry(figure: Figure, name: str) -> str:
+    """A button of the legend with a piece of the line."""
+    marks = figure.named(name)
+    lines = [mark for mark in marks if not isinstance(mark, Band)]
+    found: Mark | Shade = [*lines, *marks, *(shade for shade in figure.shades if shade.name == name)][0]
+    ink, at = _ink(found.color), '<g transform="translate(14 7)">'
+    area = f'<rect x="6" y="1" width="16" height="12" fill="{ink}"'
+    match found:
+        case Line():
+            dash = f' stroke-dasharray="{found.dash}"' if found.dash else ""
+            drawn = f'<path d="M1 7H27" stroke="{ink}" stroke-width="{min(found.width, 5):g}"{dash}/>'
+            drawn += f"{at}{symbol(found.symbol, found.color, 5)}</g>" if found.symbol else ""
+        case Points():
+            drawn = f"{at}{symbol(found.symbol, found.color, min(found.size / 2, 6))}</g>"
+            if found.hollow:
+                drawn += f'{at}<circle r="{found.size / 2 - 2.5:g}" fill="{_ink(PAPER)}"/></g>'
+        case Shade(outlined=True):
+            drawn = f'{area} fill-opacity="{found.opacity:g}" stroke="{ink}" stroke-dasharray="3 3"/>'
+        case Band() | Shade():
+            drawn = f'{area} fill-opacity="{max(found.opacity, 0.35):g}"/>'
+        case _:
+            drawn = f"{area}/>"
+    hidden = bool(marks) and all(mark.hidden for mark in marks)
+    return (
+        f'<button type="button" data-entry="{escape(name)}" aria-pressed="{"false" if hidden else "true"}">'
+        f'<svg class="swatch" width="28" height="14" aria-hidden="true">{drawn}</svg>{escape(name)}</button>'
+    )

@@ -1,8 +1,77 @@
 "use strict";
-// The controls of weight, air and battery: the asked curve beside that of the flight, and the answers in a table.
+// The controls of weight, air and battery: the asked curve beside that of the flight, and the answers in a table. They
+// come from the grid of other_conditions.py, interpolated; V in m/s, power in W; NaN where a quantity does not exist.
+
+const known = value => value ?? NaN;
+const linear = (x, xs, ys) => {
+  const i = clamped(xs.findIndex(one => one >= x), 1, xs.length - 1);
+  return ys[i - 1] + (ys[i] - ys[i - 1]) * (x - xs[i - 1]) / (xs[i] - xs[i - 1]);
+};
+
+// Quantities at a weight and density: linear in the logarithms between the four nodes around it.
+function interpolated(grid, at) {
+  const place = ([first, step], value, last) => {
+    const steps = clamped((Math.log(value) - first) / step, 0, last), i = Math.min(Math.floor(steps), last - 1);
+    return [i, steps - i];
+  };
+  const [i, a] = place(grid.log_weight, at.weight_N, grid.nodes.length - 1);
+  const [k, b] = place(grid.log_density, at.rho, grid.nodes[0].length - 1);
+  const corners = [[i, k, (1 - a) * (1 - b)], [i + 1, k, a * (1 - b)], [i, k + 1, (1 - a) * b], [i + 1, k + 1, a * b]]
+    .filter(([, , share]) => share > 1e-9).map(([row, column, share]) => [grid.nodes[row][column], share]);
+  const sum = of => corners.reduce((total, [node, share]) => total + share * known(of(node)), 0);
+  return {curve: name => (corners[0][0][name] || []).map((_, n) => sum(node => node[name][n])), number: name => sum(node => node[name]),
+          airMean: rows => rows[k].map((value, n) => (1 - b) * known(value) + (b > 0 ? b * known(rows[k + 1][n]) : 0)),
+          inside: n => corners.every(([node]) => node.inside[n] === "1")};
+}
+
+// Place and height of the maximum, by a parabola through the highest point and its neighbors.
+function maximum(x, y) {
+  let i = -1;
+  y.forEach((value, k) => { if (!Number.isNaN(value) && (i < 0 || value > y[i])) i = k; });
+  if (i < 0) return [NaN, NaN];
+  if (i === 0 || i === x.length - 1 || !y.slice(i - 1, i + 2).every(Number.isFinite)) return [x[i], y[i]];
+  const before = y[i - 1] - y[i], after = y[i + 1] - y[i];
+  const shift = before + after < 0 ? (before - after) / (2 * (before + after)) : 0;
+  return [x[i] + shift * (x[1] - x[0]), y[i] + (after - before) * shift / 4];
+}
+
+// Where y falls through zero for the last time.
+function lastCrossing(x, y) {
+  for (let i = x.length - 2; i >= 0; i--) if (y[i] > 0 && y[i + 1] <= 0) return x[i] + (x[i + 1] - x[i]) * y[i] / (y[i] - y[i + 1]);
+  return NaN;
+}
+
+// at: weight_N, rho; flown: the same of the flight; energy_J: usable, of the battery.
+function performanceAt(grid, flown, at, energy_J) {
+  const heavier = at.weight_N / flown.weight_N, denser = at.rho / flown.rho, faster = Math.sqrt(heavier / denser);
+  const scaled = (values, by) => values.map(value => by * known(value)), power = heavier * faster;
+  const {curve, number, inside, airMean} = interpolated(grid, at), V = scaled(grid.V, faster);
+  const required = scaled(grid.required, power), errors = scaled(grid.required_error, power), share = curve("battery_error");
+  const battery = curve("efficiency").map((efficiency, k) => required[k] / efficiency);
+  let full = null, sustained = V.map(() => true), possible = battery.some(Number.isFinite);
+  if (grid.full) {
+    const fullV = scaled(grid.full.V, faster), along = curve("along"), table = airMean(grid.full.thrust_over_density);
+    const thrust = fullV.map((v, k) => at.rho * along[k] * linear(v, grid.full.thrust_V, table));
+    const climb = curve("drag_over_weight").map((drag, k) => (thrust[k] / at.weight_N - drag) * fullV[k]);
+    full = {V: fullV, power: thrust.map((newtons, k) => newtons * fullV[k]),
+            maximumSpeed: {value: lastCrossing(fullV, climb), error: number("maximum_speed_error")},
+            bestClimb: {value: maximum(fullV, climb)[1], error: number("best_climb_error")}};
+    const held = V.map(v => !(linear(v, fullV, climb) < 0));
+    possible = held.some((yes, k) => yes && Number.isFinite(battery[k]));
+    if (possible) sustained = held;
+  }
+  const margin = 1.01 * (V[1] - V[0]), best = (objective, error) => {
+    const [speed, value] = maximum(V, V.map((v, k) => sustained[k] ? objective(v, battery[k]) : NaN));
+    const near = V.reduce((n, v, k) => Math.abs(v - speed) < Math.abs(V[n] - speed) ? k : n, 0);
+    return {speed: {value: speed, error: number(error)}, best: {value, error: value * share[near]}, inside: inside(near),
+            atSlowest: speed <= V[0] + margin, atFastest: speed >= V[V.length - 1] - margin};
+  };
+  return {flight: {V, required: required.map((value, k) => ({value, error: errors[k]})), battery}, full, possible,
+          endurance: best((v, P) => energy_J / P, "endurance_speed_error"), range: best((v, P) => energy_J / P * v, "range_speed_error")};
+}
 
 function otherConditions(embedded) {
-  const {model, flown, atmosphere: air, normal_95: z, color} = embedded;
+  const {grid, flown, atmosphere: air, normal_95: z, color} = embedded;
   const section = document.getElementById("other-conditions"), fields = {};
   const pressureAt = height => air.sea_level_Pa
     * (1 - air.lapse_rate * height / air.sea_level_K) ** (air.gravity_mps2 / (air.gas_constant * air.lapse_rate));
@@ -12,7 +81,7 @@ function otherConditions(embedded) {
 
   function asked(values) {
     const density = relative(values.height, values.temperature + 273.15) / relative(start.height, flown.temperature_K);
-    return {at: {weight_N: values.mass * air.gravity_mps2, rho: flown.rho * density, wing_area_m2: flown.wing_area_m2},
+    return {at: {weight_N: values.mass * air.gravity_mps2, rho: flown.rho * density},
             energy_J: 3600 * values.battery * values.share / 100};
   }
 
@@ -38,16 +107,14 @@ function otherConditions(embedded) {
   }
 
   function drawAsked(performance, name) {
-    if (!performance) return add("power", "asked", []);
+    if (!performance) return charts.power.add("asked", []);
     const {flight: {V, required}, full} = performance;
-    const curve = {x: V, y: required.map(one => one.value), half: required.map(one => z * one.error)};
-    const traces = curveWithBand(name, curve, {color, width: 5});
+    const curves = [{name, x: V, y: required.map(one => one.value), half: required.map(one => z * one.error), color, width: 5}];
     if (full) {
       const top = Math.max(V[V.length - 1], 1.03 * (full.maximumSpeed.value || 0)), x = full.V.filter(v => v <= top);
-      traces.push({...traces[1], x, y: x.map((_, k) => full.power[k].value), showlegend: false,
-                   line: {color, width: 3, dash: "dot"}, hovertemplate: "%{y:.1f} W available"});
+      curves.push({name, x, y: x.map((_, k) => full.power[k]), color, dash: "3 4", value: "{y:.1f} W available", unnamed: true});
     }
-    add("power", "asked", traces);
+    charts.power.add("asked", curves);
   }
 
   function values() { return Object.fromEntries(Object.entries(fields).map(([name, field]) => [name, field.value()])); }
@@ -55,7 +122,7 @@ function otherConditions(embedded) {
   function update() {
     const now = values(), changed = Object.values(fields).some(field => field.changed());
     const {at, energy_J} = asked(now);
-    const performance = performanceAt(model, at, energy_J);
+    const performance = performanceAt(grid, flown, at, energy_J);
     answers(performance).forEach(([, text], k) => { section.querySelectorAll("tbody tr")[k].cells[2].textContent = changed ? text : "as flown"; });
     section.querySelector("output").textContent = `Air of ${at.rho.toFixed(3)} kg/m³. `
       + (changed ? "The lines in orange are computed, not flown: drag by the polar of this flight, thrust by the propeller table. " : "")
@@ -90,7 +157,7 @@ function otherConditions(embedded) {
   }
   section.querySelector("button").addEventListener("click", () => { Object.values(fields).forEach(field => field.reset()); soon(); });
   const before = asked(start), body = section.querySelector("tbody");
-  for (const [question, text] of answers(performanceAt(model, before.at, before.energy_J))) {
+  for (const [question, text] of answers(performanceAt(grid, flown, before.at, before.energy_J))) {
     const row = body.insertRow();
     for (const content of [question, text, ""]) row.insertCell().textContent = content;
   }

@@ -47,32 +47,30 @@ function runsOfThePage({runs, file, shares, colors}) {
   let selected = "";
   const canLeave = name => Boolean(shares && shares.by_run[name]) && Object.keys(shares.by_run).length - left.size > (left.has(name) ? 0 : 1);
 
-  marks.push({
-    key: () => selected + [...left].join(),
-    mark(data, layout) {
-      for (const trace of data.filter(trace => trace.meta && trace.meta.run)) {
-        const {run} = trace.meta;
-        if (run === selected) { if (trace.line) trace.line.width *= 1.8; }
-        else if (selected || left.has(run)) trace.opacity = left.has(run) ? 0.12 : 0.25;
-      }
-      for (const shape of (layout.shapes || []).filter(shape => byName.has(shape.name)))
-        shape.opacity = shape.name === selected ? 0.5 : left.has(shape.name) ? 0.04 : selected ? 0.08 : shape.opacity;
-    },
-  });
+  // Lines, points and stretches of the runs, in every figure.
+  function mark() {
+    for (const element of document.querySelectorAll(".chart [data-run]")) {
+      const {run} = element.dataset;
+      element.classList.toggle("selected", run === selected);
+      element.classList.toggle("left-out", left.has(run));
+      element.classList.toggle("dim", Boolean(selected) && run !== selected);
+    }
+  }
 
   function alone() {
-    const trace = selected && figures.one_by_one && figures.one_by_one.data.find(trace => trace.meta && trace.meta.run === selected);
-    add("power", "alone", trace ? [{...trace, showlegend: true, legendgroup: "alone", name: `${byName.get(selected).label}, alone`,
-                                    meta: null, line: {color: colors.alone, width: 3, dash: "dash"}}] : []);
+    if (!charts.one_by_one) return;
+    const curve = charts.one_by_one.marks(charts.one_by_one.panels[0]).find(element => selected && element.dataset.run === selected);
+    charts.power.add("alone", curve ? [{...charts.one_by_one.values(curve), name: `${byName.get(selected).label}, alone`, color: colors.alone, dash: "9 6"}] : []);
   }
 
   function without() {
     preview.hidden = !left.size;
-    if (!left.size) return add("power", "without", []);
+    if (!left.size) return charts.power.add("without", []);
     const curve = curveWithout(shares, left), all = curveWithout(shares, []), last = curve.x.length - 1;
     const numbers = runs.map((run, i) => left.has(run.name) ? i + 1 : 0).filter(Boolean);
     const name = `preview without run${numbers.length > 1 ? "s" : ""} ${numbers.join(", ")}`;
-    add("power", "without", curveWithBand(name, curve, {color: colors.without, width: 4, dash: "dashdot"}));
+    charts.power.add("without", [{name, ...curve, color: colors.without, width: 4, dash: "9 4 3 4"}]);
+    preview.curve = curve;
     const change = k => `${(100 * (curve.y[k] / all.y[k] - 1)).toFixed(1).replace("-0.0", "0.0")} % at ${curve.x[k].toFixed(1)} m/s`;
     preview.querySelector("span").textContent = `${name[0].toUpperCase()}${name.slice(1)}: power changes by ${[0, Math.floor(last / 2), last].map(change).join(", ")}. `
       + "Numbers and answers on this page are still those of all runs. To have them without: save the list, and run";
@@ -98,7 +96,7 @@ function runsOfThePage({runs, file, shares, colors}) {
       figure.classList.toggle("faded", Boolean(selected) && figure.dataset.run !== selected));
     alone();
     without();
-    drawAgain();
+    mark();
   }
 
   function select(name) { selected = name === selected ? "" : name; update(); }
@@ -112,14 +110,7 @@ function runsOfThePage({runs, file, shares, colors}) {
     row.addEventListener("click", () => select(runs[i].name));
     row.addEventListener("keydown", event => { if (event.key === "Enter" || event.key === " ") { event.preventDefault(); select(runs[i].name); } });
   });
-  // A line of a run; in figures over time, the band under the pointer.
-  document.addEventListener("figure-click", ({detail: {name, traces, x}}) => {
-    const run = traces.map(trace => trace.meta && trace.meta.run).find(run => byName.has(run));
-    if (run) return select(run);
-    if (!(figures[name].layout.shapes || []).some(shape => byName.has(shape.name))) return;
-    const under = runs.filter(one => one.start_s <= x && x <= one.end_s && figures[name].layout.shapes.some(shape => shape.name === one.name));
-    if (under.length) select(under[0].name);
-  });
+  document.addEventListener("chart-click", ({detail: {run}}) => { if (byName.has(run)) select(run); });
   const actions = {
     leave: () => { if (left.has(selected)) left.delete(selected); else if (canLeave(selected)) left.add(selected); update(); },
     previous: () => step(-1), next: () => step(1), close: () => select(selected),

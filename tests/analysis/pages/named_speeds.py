@@ -64,9 +64,7 @@ def _speeds(results: Results) -> Iterator[tuple[str, float, float]]:
 def _drawn_speeds(results: Results) -> Iterator[tuple[str, float, float]]:
     slowest = _slowest(results) - ROUNDED
     for figure in (power_required(results), every_method(results), run_by_run(results)):
-        yield from (
-            (f"figure, {t.get('name', '')}", float(np.nanmin(t["x"])), slowest) for t in figure.data if len(t["x"])
-        )
+        yield from ((f"figure, {t.name}", float(np.nanmin(t.x)), slowest) for t in figure.marks if len(t.x))
 
 
 def _slowest(results: Results) -> float:

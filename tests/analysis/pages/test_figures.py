@@ -15,18 +15,15 @@ from analysis.methods.dynamic import DRAG_TITLE, SPEED_TITLE, RunFit
 from analysis.methods.interval_sources import Source
 from analysis.pages.charts import flight, power
 from analysis.pages.charts import power as methods
-from analysis.pages.charts.style import BLUE, GRID, RED, Figure, rounded, thinned, translucent
+from analysis.pages.charts.figure import Band, Bars, Dash, Figure, Line, Mark, Points
+from analysis.pages.charts.style import BLUE, GRID, RED, thinned
 from analysis.pages.sections import certainty
 from analysis.records.flight import Correlation, Results, SpeedInterval
 
 
-def named(figure: Figure, name: str) -> list[dict]:
-    return [trace for trace in figure.data if trace.get("name") == name]
-
-
-def test_panels_share_the_height_with_a_gap_between_them() -> None:
-    domains = [Figure(3, 0.1).layout[axis]["domain"] for axis in ("yaxis", "yaxis2", "yaxis3")]
-    assert np.allclose(domains, [[0.7333, 1.0], [0.3667, 0.6333], [0.0, 0.2667]], atol=1e-4)
+def named(figure: Figure, name: str) -> list[Mark]:
+    """Marks of an entry of the legend, without its band."""
+    return [mark for mark in figure.named(name) if not isinstance(mark, Band)]
 
 
 def test_the_autocorrelation_has_the_bounds_of_white_noise() -> None:
@@ -34,10 +31,10 @@ def test_the_autocorrelation_has_the_bounds_of_white_noise() -> None:
         run="acceleration at 10 s", kind=ACCELERATION, step_s=0.2, points=100, autocorrelation=[1.0, 0.3, -0.1]
     )
     figure = flight.autocorrelation([run])  # type: ignore[list-item]
-    assert list(figure.data[0]["x"]) == pytest.approx([0.0, 0.2, 0.4])
+    assert list(figure.marks[0].x) == pytest.approx([0.0, 0.2, 0.4])
     bounds = named(figure, "95 % bound of white noise")
-    assert [bound["y"][0] for bound in bounds] == pytest.approx([-0.1 * NORMAL_95, 0.1 * NORMAL_95])
-    assert bounds[0]["x"] == pytest.approx([0.0, 0.4])
+    assert [bound.y[0] for bound in bounds] == pytest.approx([-0.1 * NORMAL_95, 0.1 * NORMAL_95])
+    assert bounds[0].x == pytest.approx([0.0, 0.4])
 
 
 def test_the_convergence_shows_cost_above_the_last_and_step_by_iteration() -> None:
@@ -45,24 +42,25 @@ def test_the_convergence_shows_cost_above_the_last_and_step_by_iteration() -> No
     one, other = Convergence((-1.0, -3.99, -4.0), (2.0, 0.12345678)), Convergence((0.0, -1.1, -1.0), (1.0, 1e-5))
     figure = flight.convergence({"drag": one, "cross-check": other})
     cost, step = named(figure, "drag")
-    assert list(cost["x"]) == [0, 1] and list(cost["y"]) == pytest.approx([3.0, 0.01])
-    assert list(step["x"]) == [1, 2] and list(step["y"]) == pytest.approx([2.0, 0.1235])
-    assert np.isnan(named(figure, "cross-check")[0]["y"][1])
-    assert [figure.layout[axis]["type"] for axis in ("yaxis", "yaxis2")] == ["log", "log"]
-    assert flight.convergence({"long": Convergence((3.0,) * 41, (1.0,) * 40)}).layout["xaxis"]["dtick"] == 6
+    assert list(cost.x) == [0, 1] and list(cost.y) == pytest.approx([3.0, 0.01])
+    assert list(step.x) == [1, 2] and list(step.y) == pytest.approx([2.0, 0.12345678])
+    assert np.isnan(named(figure, "cross-check")[0].y[1])
+    assert [axis.logarithmic for axis in figure.ys] == [True, True]
+    assert flight.convergence({"long": Convergence((3.0,) * 41, (1.0,) * 40)}).x.step == 6
 
 
 def test_each_correlation_stands_in_its_row_and_column_with_the_color_of_its_sign() -> None:
     matrix = [[1.0, -0.8, 0.4], [-0.8, 1.0, 0.0], [0.4, 0.0, 1.0]]
     figure = flight.correlation(Correlation(names=["A0", "A1", "thrust_scale"], matrix=matrix))
-    (cells,) = figure.data
-    at = {(int(x), int(base)): i for i, (x, base) in enumerate(zip(cells["x"], cells["base"], strict=True))}
+    (cells,) = figure.marks
+    assert isinstance(cells, Bars) and cells.base is not None and cells.colors and cells.opacities
+    at = {(int(x), int(base)): i for i, (x, base) in enumerate(zip(cells.x, cells.base, strict=True))}
     first_row_second_column, first_row_third_column = at[1, 2], at[2, 2]
-    assert cells["text"][first_row_second_column] == "−0.80" and cells["text"][first_row_third_column] == "+0.40"
-    color = cells["marker"]["color"]
-    assert color[first_row_second_column] == translucent(RED, 0.4)
-    assert color[first_row_third_column] == translucent(BLUE, 0.2) and color[at[0, 2]] == GRID
-    assert figure.layout["yaxis"]["ticktext"] == ["thrust<br>scale", "A1", "A0"]  # from below
+    assert cells.texts[first_row_second_column] == "−0.80" and cells.texts[first_row_third_column] == "+0.40"
+    look = list(zip(cells.colors, cells.opacities, strict=True))
+    assert look[first_row_second_column] == (RED, 0.4) and look[first_row_third_column] == (BLUE, 0.2)
+    assert look[at[0, 2]] == (GRID, 1.0)
+    assert figure.y.ticks == {2.5: "A0", 1.5: "A1", 0.5: "thrust\nscale"}
 
 
 def test_the_path_s_airspeed_and_angle_of_attack_are_relative_to_the_wind() -> None:
@@ -81,8 +79,8 @@ def test_the_path_s_airspeed_and_angle_of_attack_are_relative_to_the_wind() -> N
         states=pd.DataFrame(states),
     )
     figure = flight.air_and_path(trajectory)  # type: ignore[arg-type]
-    for trace, expected in zip(figure.data, (15, 15, 5, 5), strict=True):
-        y = np.asarray(trace["y"], dtype=float)
+    for trace, expected in zip(figure.marks, (15, 15, 5, 5), strict=True):
+        y = np.asarray(trace.y, dtype=float)
         assert np.isnan(y[:10]).all() and y[20:] == pytest.approx(expected, abs=1e-3)
 
 
@@ -93,33 +91,34 @@ def test_the_wind_s_arrow_points_where_the_wind_blows() -> None:
     air = SimpleNamespace(wind_from_deg=300.0, wind_mps=5.0)
     figure = flight.ground_track(track, [run], air)  # type: ignore[arg-type]
     (arrow,) = named(figure, "wind, 5.0 m/s")
-    x, y = (np.asarray(arrow[axis], dtype=float) for axis in "xy")
+    x, y = (values for values in (arrow.x, arrow.y))
     assert (x[0], y[0]) == (10.0, 200.0)
     assert (x[1] - x[0], y[1] - y[0]) == pytest.approx(
         (30 * np.sin(np.radians(120)), 30 * np.cos(np.radians(120))), rel=1e-3
     )
     (colored,) = named(figure, ACCELERATION)
-    assert list(colored["y"]) == [100.0, 200.0]
+    assert list(colored.y) == [100.0, 200.0]
 
 
 def test_the_power_curve_is_drawn_with_its_band_and_its_optimum(with_battery: Results) -> None:
     results = with_battery
     figure = power.power_required(results)
     V, P, lo, hi = np.array([(p.speed_mps, p.power_W, p.power_lo_W, p.power_hi_W) for p in results.power_required]).T
-    band = figure.data[0]
-    assert np.asarray(band["y"]) == pytest.approx(np.r_[hi, lo[::-1]], abs=0.01)
-    assert np.asarray(band["x"]) == pytest.approx(np.r_[V, V[::-1]], abs=0.01)
+    band = figure.marks[0]
+    assert np.asarray(band.y) == pytest.approx(np.r_[hi, lo[::-1]], abs=0.01)
+    assert np.asarray(band.x) == pytest.approx(np.r_[V, V[::-1]], abs=0.01)
     (mark,) = named(figure, "least drag")
-    assert mark["y"] == pytest.approx([np.interp(13.1, V, P)])
-    assert mark["error_x"]["array"] + mark["error_x"]["arrayminus"] == pytest.approx([0.3, 0.3])
-    top = figure.layout["yaxis"]["range"][1]
+    assert mark.y == pytest.approx([np.interp(13.1, V, P)])
+    assert isinstance(mark, Points) and mark.x_ends is not None
+    assert mark.x_ends.ravel() == pytest.approx([12.8, 13.4])
+    assert figure.y.limits is not None
+    top = figure.y.limits[1]
     assert hi.max() < top <= 2.2 * 1.12 * hi.max()
-    dashed = [t for t in named(figure, "power required") if t["line"]["dash"] == "dash"]
-    (continuation,) = dashed
-    v = np.asarray(continuation["x"], dtype=float)
+    (continuation,) = [t for t in named(figure, "power required") if isinstance(t, Line) and t.dash is Dash.LONG]
+    v = np.asarray(continuation.x, dtype=float)
     assert (v[0], v[-1]) == pytest.approx((24.0, 25.0))
     CL = 37.0 / (0.6 * v**2 * 0.46)
-    assert np.asarray(continuation["y"]) == pytest.approx(0.6 * v**3 * 0.46 * (0.045 + 0.065 * CL**2), rel=1e-3)
+    assert np.asarray(continuation.y) == pytest.approx(0.6 * v**3 * 0.46 * (0.045 + 0.065 * CL**2), rel=1e-3)
 
 
 def test_a_bar_is_half_the_interval_and_its_pieces_are_shares_of_the_variance(results: Results) -> None:
@@ -127,67 +126,67 @@ def test_a_bar_is_half_the_interval_and_its_pieces_are_shares_of_the_variance(re
     variances = {Source.NOISE: np.array([1.0, 4.0, 9.0]), Source.WEIGHT: np.array([3.0, 4.0, 0.0]),
                  Source.DENSITY: np.full(3, 1e-3)}  # fmt: skip
     powers = np.interp(V, *np.array([(p.speed_mps, p.power_W) for p in results.power_required]).T)
-    noise, weight = power.interval_by_source(results.power_required, V, variances).data
+    noise, weight = power.interval_by_source(results.power_required, V, variances).marks
     half = 100 * NORMAL_95 * np.array([2.0, np.sqrt(8), 3.0]) / powers
-    assert np.asarray(noise["y"]) == pytest.approx(half * [0.25, 0.5, 1.0], rel=2e-3)
-    assert np.asarray(weight["y"]) == pytest.approx(half * [0.75, 0.5, 0.0], rel=2e-3, abs=1e-3)
+    assert np.asarray(noise.y) == pytest.approx(half * [0.25, 0.5, 1.0], rel=2e-3)
+    assert np.asarray(weight.y) == pytest.approx(half * [0.75, 0.5, 0.0], rel=2e-3, abs=1e-3)
 
 
 def test_curve_interval_and_continuation_are_one_entry_of_the_legend(with_battery: Results) -> None:
     figure = power.power_required(with_battery)
-    of_curve = [t for t in figure.data if t.get("legendgroup") == power.REQUIRED]
-    assert sum(t.get("showlegend", True) for t in of_curve) == 1
-    assert {t["line"].get("dash", "band") for t in of_curve} == {"band", "solid", "9px,6px", "dash"}
+    of_curve = figure.named(power.REQUIRED)
+    assert figure.entries().count(power.REQUIRED) == 1
+    assert {t.dash for t in of_curve if isinstance(t, Line)} == {Dash.SOLID, Dash.DASHED, Dash.LONG}
+    assert sum(isinstance(t, Band) for t in of_curve) == 1
 
 
 def test_only_the_curve_and_its_cross_check_are_drawn_until_others_are_asked_for(results: Results) -> None:
     many = replace(results, methods=[*results.methods, replace(results.methods[0], name="energy", title="energy")])
     figure = methods.every_method(many)
-    hidden = {t["legendgroup"] for t in figure.data if t.get("visible") == "legendonly"}
-    assert hidden == {"PIW-VIW", "Energy"} and len({t["legendgroup"] for t in figure.data}) == 4
+    hidden = {mark.name for mark in figure.marks if mark.hidden}
+    assert hidden == {"PIW-VIW", "Energy"} and len({mark.name for mark in figure.marks}) == 4
 
 
 def test_residuals_are_in_per_cent_of_the_drag_of_the_model() -> None:
     t_s = np.arange(50) * 0.2
     V, drag = np.linspace(24, 12, 50), np.linspace(2.0, 1.0, 50)
     fit = RunFit("deceleration at 5 s", t_s, {DRAG_TITLE: 1.03 * drag}, {SPEED_TITLE: V, DRAG_TITLE: drag})
-    (trace,) = flight.residuals_of_drag([fit], {"deceleration at 5 s": "deceleration"}).data
-    assert trace["y"] == pytest.approx(3.0, abs=1e-3) and len(trace["x"]) == 10
-    assert trace["name"] == "deceleration" and trace["meta"] == {"run": "deceleration at 5 s"}
+    (trace,) = flight.residuals_of_drag([fit], {"deceleration at 5 s": "deceleration"}).marks
+    assert trace.y == pytest.approx(3.0, abs=1e-3) and len(trace.x) == 10
+    assert trace.name == "deceleration" and trace.run == "deceleration at 5 s"
 
 
 def test_the_drag_polar_is_drawn_with_its_interval() -> None:
     polar = Polar(np.array([0.04, -0.01, 0.06]), np.diag([4e-6, 0.0, 0.0]))
-    band, curve = power.drag_polar(polar, (0.2, 1.0)).data
-    CL, CD = np.asarray(curve["y"]), np.asarray(curve["x"])
+    band, curve = power.drag_polar(polar, (0.2, 1.0)).marks
+    CL, CD = np.asarray(curve.y), np.asarray(curve.x)
     assert (CL[0], CL[-1]) == (0.2, 1.0)
     assert CD == pytest.approx(0.04 - 0.01 * CL + 0.06 * CL**2, abs=1e-5)
-    assert np.asarray(band["x"])[:60] == pytest.approx(CD - 1.96 * 0.002, abs=1e-5)
-    assert np.asarray(band["x"])[60:] == pytest.approx((CD + 1.96 * 0.002)[::-1], abs=1e-5)
+    assert np.asarray(band.x)[:60] == pytest.approx(CD - 1.96 * 0.002, abs=1e-5)
+    assert np.asarray(band.x)[60:] == pytest.approx((CD + 1.96 * 0.002)[::-1], abs=1e-5)
 
 
 def test_bars_of_the_methods_are_their_intervals(results: Results) -> None:
     figure = methods.every_method(results)
-    bars = next(t for t in figure.data if "error_y" in t and len(t["x"]) == 4)
+    bars = next(t for t in figure.marks if isinstance(t, Points) and len(t.x) == 4)
+    assert bars.y_ends is not None
     (method,) = [m for m in results.methods if m.power_required]
     V, P, lo, hi = np.array([(p.speed_mps, p.power_W, p.power_lo_W, p.power_hi_W) for p in method.power_required]).T
-    at = np.asarray(bars["x"], dtype=float)
+    at = np.asarray(bars.x, dtype=float)
     assert np.diff(at) == pytest.approx([3.0] * 3) and V[0] < at[0] and at[-1] < V[-1]
-    assert np.asarray(bars["error_y"]["array"]) == pytest.approx(np.interp(at, V, hi - P), abs=0.01)
-    assert np.asarray(bars["error_y"]["arrayminus"]) == pytest.approx(np.interp(at, V, P - lo), abs=0.01)
+    assert bars.y_ends[1] - bars.y == pytest.approx(np.interp(at, V, hi - P), abs=0.01)
+    assert bars.y - bars.y_ends[0] == pytest.approx(np.interp(at, V, P - lo), abs=0.01)
     highest = max(p.power_hi_W for p in results.power_required)
-    assert figure.layout["yaxis"]["range"] == pytest.approx([0, 1.3 * highest])
+    assert figure.y.limits == pytest.approx((0, 1.3 * highest))
 
 
-def test_thinning_keeps_extremes_and_gaps_and_rounding_five_digits() -> None:
+def test_thinning_keeps_extremes_and_gaps() -> None:
     x = np.arange(5000.0)
     y = np.sin(x / 700)
     y[1234], y[3000:3200] = 9.0, np.nan
     kept_x, kept_y = thinned(x, y)
     assert len(kept_x) <= 1000 and np.nanmax(kept_y) == 9.0 and np.isnan(kept_y).sum() >= 20
     assert (np.diff(kept_x) > 0).all()
-    assert rounded(np.array([0.0, 1.234567])) == pytest.approx([0.0, 1.2346], abs=1e-12)
-    assert rounded(np.array([0.0, 123456.7])) == pytest.approx([0.0, 123457.0])
 
 
 def test_more_runs_halve_the_interval_only_if_they_shrink_the_larger_part(results: Results) -> None:

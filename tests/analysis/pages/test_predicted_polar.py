@@ -78,10 +78,10 @@ def test_the_power_of_a_parabola_is_that_of_the_measured_polar(tmp_path: Path, r
         V = np.linspace(13.0, 24.0, 9)
         expected, _ = power_required(V, Polar(A, np.zeros((3, 3))), at)
         assert polar.power_W(V, at) == pytest.approx(more * expected, rel=1e-4)
-        (line,) = [one for one in power.power_required(results, polar).data if "plane.txt" in one.get("name", "")]
-        inside = np.isfinite(line["y"])
-        drawn, _ = power_required(line["x"][inside], Polar(A, np.zeros((3, 3))), at)
-        assert line["y"][inside] == pytest.approx(more * drawn, rel=1e-3)
+        (line,) = [one for one in power.power_required(results, polar).marks if "plane.txt" in one.name]
+        inside = np.isfinite(line.y)
+        drawn, _ = power_required(line.x[inside], Polar(A, np.zeros((3, 3))), at)
+        assert line.y[inside] == pytest.approx(more * drawn, rel=1e-3)
 
 
 def test_the_report_says_how_far_off_the_prediction_is_and_where_it_ends(tmp_path: Path, results: Results) -> None:
@@ -98,7 +98,7 @@ def test_the_report_says_how_far_off_the_prediction_is_and_where_it_ends(tmp_pat
     low = read_predicted_polar(written(tmp_path, "CL CD\n0.01 0.02\n0.02 0.02\n0.03 0.02\n"))
     assert "predicts nothing at the speeds flown" in comparison(low, results)
     assert "plane.txt" in [
-        one["name"].split(", ")[-1]
-        for one in power.drag_polar(Polar(np.array([0.045, 0.0, 0.065]), np.eye(3) * 1e-9), (0.2, 0.9), low).data
-        if "predicted" in one["name"]
+        one.name.split(", ")[-1]
+        for one in power.drag_polar(Polar(np.array([0.045, 0.0, 0.065]), np.eye(3) * 1e-9), (0.2, 0.9), low).marks
+        if "predicted" in one.name
     ]

@@ -5,8 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from analysis.pages.charts.style import GRAY, INK, ON_DARK, PALETTE, PAPER, RUN_COLOR, Figure, rounded, thinned
-from analysis.pages.html_page import to_json
+from analysis.pages.charts.style import GRAY, INK, ON_DARK, PALETTE, PAPER, RUN_COLOR, thinned
 
 # From linear RGB to what is seen: Machado, Oliveira and Fernandes (2009), severity 1.
 SEEN = {
@@ -62,14 +61,3 @@ def test_thinning_keeps_peaks_order_and_gaps() -> None:
     assert np.nanmax(kept) == 9.0 and np.nanmin(kept) == -9.0
     assert np.isnan(kept[(t > 5100) & (t < 6900)]).all()
     assert len(thinned(x[:10], y[:10], 1000)[0]) == 10
-
-
-def test_a_figure_is_json_with_gaps_and_numbers_of_five_digits() -> None:
-    figure = Figure()
-    figure.add_scatter(x=rounded(np.array([1.23456789, np.nan])), y=np.array([1, 2]))
-    figure.update_layout(margin={"l": 1})
-    figure.update_layout(margin={"b": 2})
-    figure.update_xaxis(title="V, m/s")
-    assert '"x":[1.2346,null]' in to_json(figure.data)
-    assert figure.layout["margin"] == {"l": 1, "b": 2}
-    assert figure.layout["xaxis"]["title"] == {"text": "V, m/s"}

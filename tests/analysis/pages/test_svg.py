@@ -1,64 +1,147 @@
-"""The figure that a page shows before any script runs."""
+"""The drawing of a figure: every mark lies where the axes say, and who does not see it is told what it shows."""
 
 import re
 import xml.etree.ElementTree as ET
+from itertools import accumulate
 
 import numpy as np
 import pytest
 
 from analysis.pages.charts import power
-from analysis.pages.charts.style import BLUE, ON_DARK, Figure, add_band, styled
-from analysis.pages.charts.svg import SHEET, svg
+from analysis.pages.charts.figure import Axis, Bars, Cursor, Figure, Line, Points, Shade, Symbol
+from analysis.pages.charts.style import BLUE, ON_DARK, RED, band
+from analysis.pages.charts.svg import UNITS, chart, path, svg
 from analysis.records.flight import Results
 
 
 def line_figure(x: list[float], y: list[float], name: str = "P & <Q>") -> Figure:
-    figure = Figure()
-    add_band(figure, np.array(x), (np.array(y) - 1, np.array(y) + 1), BLUE, 0.3)
-    figure.add_scatter(x=x, y=y, mode="lines", line={"color": BLUE, "width": 5}, name=name)
-    figure.update_xaxis(title="speed, m/s", range=[0, 10])
-    figure.update_yaxis(title="power, W", range=[0, 100])
-    return styled(figure, 400)
+    figure = Figure(x=Axis("speed", "m/s", limits=(0, 10)))
+    figure.y = Axis("power", "W", limits=(0, 100))
+    values = np.array(y)
+    figure.add(band(np.array(x), (values - 1, values + 1), BLUE, 0.3, name=name))
+    figure.add(Line(x=np.array(x), y=values, color=BLUE, width=5, name=name))
+    return figure
+
+
+def parts(figure: Figure) -> ET.Element:
+    return ET.fromstring(svg(figure))
+
+
+def corners(d: str) -> list[list[tuple[int, int]]]:
+    """Pieces of a path, each of its points."""
+    pieces = []
+    for piece in d.split("M")[1:]:
+        numbers = [int(number) for number in re.findall(r"-?\d+", piece)]
+        pieces.append(list(zip(accumulate(numbers[::2]), accumulate(numbers[1::2]), strict=True)))
+    return pieces
+
+
+def drawn(tree: ET.Element, width: str = "5") -> list[str]:
+    return [one.get("d") or "" for one in tree.iter("path") if one.get("stroke-width") == width]
 
 
 def test_a_line_lies_where_the_axes_say_with_its_gaps() -> None:
-    text = svg(line_figure([0.0, 5.0, 7.0, 10.0], [0.0, 50.0, np.nan, 100.0]))
-    tree = ET.fromstring(text)
-    paths = [path.get("d") for path in tree.iter("path") if path.get("stroke-width") == "5"]
-    curve = next(path for path in paths if path and path.count("M") == 2)
-    corners = [tuple(map(float, pair)) for pair in re.findall(r"[ML]([\d.]+) ([\d.]+)", curve)]
-    (left, bottom), (middle_x, middle_y), (right, top) = corners
-    assert (middle_x, middle_y) == pytest.approx(((left + right) / 2, (bottom + top) / 2), abs=0.1)
+    tree = parts(line_figure([0.0, 5.0, 7.0, 10.0], [0.0, 50.0, np.nan, 100.0]))
+    (line,) = drawn(tree)
+    assert corners(line) == [[(0, UNITS), (UNITS // 2, UNITS // 2)], [(UNITS, 0)]], "up is less"
     ticks = {
-        node.text: float(node.get("x") or 0)
-        for node in tree.iter("text")
-        if node.get("text-anchor") == "middle" and node.get("x")
+        text.text: one.get("x")
+        for one in tree.iter("svg")
+        if "tick x" in (one.get("class") or "")
+        for text in one.iter("text")
     }
-    assert ticks["0"] == pytest.approx(left, abs=0.1) and ticks["10"] == pytest.approx(right, abs=0.1)
-    assert 0 < left < right < SHEET.width and 0 < top < bottom < 400
-    assert "P & <Q>" in [node.text for node in tree.iter("text")], "text of a user is text"
+    assert ticks["0"] == "0.00%" and ticks["10"] == "100.00%" and ticks["4"] == "40.00%"
+
+
+def test_the_points_of_a_path_are_its_values() -> None:
+    """Differences in a path add up again, with gaps and without."""
+    rng = np.random.default_rng(3)
+    x, y = np.sort(rng.uniform(0, UNITS, 60)).round(), rng.uniform(-UNITS, 2 * UNITS, 60).round()
+    y[[0, 20, 21, 59]] = np.nan
+    kept = [(round(a), round(b)) for a, b in zip(x, y, strict=True) if np.isfinite(b)]
+    pieces = corners(path(x, y))
+    assert [point for piece in pieces for point in piece] == kept and len(pieces) == 2
+    assert corners(path(x, y, dots=True)) == [kept], "dots have no line between them"
 
 
 def test_panels_stand_above_one_another_each_with_its_axis() -> None:
-    figure = Figure(2, 0.1)
-    for panel, values in ((1, [0.0, 100.0]), (2, [-3.0, 3.0])):
-        figure.add_scatter(x=[0.0, 10.0], y=values, panel=panel, mode="lines", line={"color": BLUE, "width": 5})
-        figure.update_yaxis(panel=panel, title="y", range=values)
-    figure.update_xaxis(title="x", range=[0, 10])
-    tree = ET.fromstring(svg(styled(figure, 500)))
-    lines = [path.get("d") or "" for path in tree.iter("path") if path.get("stroke-width") == "5"]
-    (low, high), (lower, higher) = ([float(y) for y in re.findall(r" ([\d.]+)", d)] for d in lines)
-    assert 0 < high < low < higher < lower < 500 and low - high == pytest.approx(lower - higher, abs=1.1)
+    figure = Figure(2, x=Axis("x", limits=(0, 10)))
+    for panel, ends in ((1, (0.0, 100.0)), (2, (-3.0, 3.0))):
+        figure.ys[panel - 1] = Axis("y", limits=ends)
+        figure.add(Line(x=np.array([0.0, 10.0]), y=np.array(ends), panel=panel, color=BLUE, width=5))
+    tree = parts(figure)
+    assert [corners(d) for d in drawn(tree)] == [[[(0, UNITS), (UNITS, 0)]]] * 2, "each fills its panel"
+    tops = [
+        (float((one.get("y") or "")[:-1]), float((one.get("height") or "")[:-1]))
+        for one in tree.iter("svg")
+        if one.get("class") == "panel"
+    ]
+    (top, high), (lower, also_high) = tops
+    assert top == 0 and high == also_high and high < lower and lower + high == pytest.approx(100, abs=0.02)
     assert [node.text for node in tree.iter("text")].count("6") == 1, "one x axis"
+
+
+def test_equal_scales_draw_a_circle_round() -> None:
+    angle = np.linspace(0, 2 * np.pi, 73)
+    figure = Figure(equal=True)
+    figure.add(Line(x=300 * np.cos(angle), y=300 * np.sin(angle), color=BLUE, width=5))
+    (piece,) = corners(drawn(parts(figure))[0])
+    ratio = int(re.search(r"equal r(\d+)", svg(figure))[1]) / 10  # type: ignore[index]
+    wide, high = np.ptp(np.array(piece), axis=0)
+    assert wide * ratio == pytest.approx(high, rel=1e-3)
+
+
+def test_a_bar_begins_at_its_base_and_a_lying_one_goes_to_the_right() -> None:
+    figure = Figure(x=Axis(limits=(0, 10)))
+    figure.y = Axis(limits=(0, 10))
+    at = np.array([5.0])
+    figure.add(
+        Bars(x=at, y=np.array([2.0]), base=np.array([3.0]), width=2, color=BLUE, name="noise", value="{y:.1f} %"),
+        Bars(x=np.array([4.0]), y=at, width=2, lying=True, color=RED),
+    )
+    bars = [one for one in parts(figure).iter("rect") if one.get("class") != "frame"]
+    up, lying = ([int(one.get(key) or 0) for key in ("x", "y", "width", "height")] for one in bars)
+    assert up == [4000, 5000, 2000, 2000] and lying == [0, 4000, 4000, 2000]
+    assert bars[0].get("data-say") == "noise: 2.0 %" and bars[1].get("data-say") is None
+
+
+def test_a_symbol_keeps_its_shape_at_its_place() -> None:
+    figure = line_figure([0.0, 10.0], [0.0, 100.0])
+    figure.add(Points(x=np.array([2.5]), y=np.array([75.0]), color=RED, symbol=Symbol.DIAMOND, size=14, name="best"))
+    (place,) = [one for one in parts(figure).iter("svg") if one.get("class") == "at"]
+    assert (place.get("x"), place.get("y"), place.get("data-name")) == ("25.00%", "25.00%", "best")
+
+
+def test_who_does_not_see_a_figure_is_told_axes_and_lines() -> None:
+    tree = parts(line_figure([0.0, 10.0], [0.0, 100.0]))
+    assert tree.findtext("title") == "power, W"
+    assert tree.findtext("desc") == "power, W from 0 to 100, against speed, m/s from 0 to 10. Shown: P & <Q>."
+    assert tree.get("role") == "graphics-document" and tree.get("tabindex") == "0"
+
+
+def test_the_cursor_is_told_what_to_say() -> None:
+    figure = line_figure([0.0, 10.0], [0.0, 100.0])
+    figure.cursor = Cursor.NEAREST
+    figure.add(Line(x=np.zeros(2), y=np.ones(2), color=RED, width=3, label="run 1", value="{y:+.1f} %", run="r1"))
+    figure.shades.append(Shade(2.0, 4.0, RED, run="r1"))
+    tree = parts(figure)
+    assert tree.get("data-cursor") == "nearest"
+    (line,) = [one for one in tree.iter("path") if one.get("data-label")]
+    assert (line.get("data-value"), line.get("data-run")) == ("{y:+.1f} %", "r1")
+    read = [one for one in tree.iter("path") if one.get("data-value")]
+    (plain,) = [one for one in read if one.get("stroke-width") == "5"]
+    assert len(read) == 2, "the lines, not the band"
+    assert plain.get("data-value") == "{y:.0f} W", "the axis' unit, to a hundredth of its range"
+    (shade,) = [one for one in tree.iter("rect") if one.get("data-run") == "r1"]
+    assert (shade.get("x"), shade.get("width")) == ("2000", "2000")
 
 
 def test_the_curve_of_the_report_has_all_its_parts(with_battery: Results) -> None:
     figure = power.power_required(with_battery)
-    text = svg(figure)
-    tree = ET.fromstring(text)
-    said = [node.text for node in tree.iter("text")]
-    names = [t["name"] for t in figure.data if t.get("name") and t.get("showlegend", True)]
-    assert set(names) <= set(said) and {"true airspeed, m/s", "power, W"} <= set(said)
-    assert text.count("fill-opacity") == 1, "the band"
+    text = chart(figure, "power")
+    entries = re.findall(r'data-entry="([^"]+)"', text)
+    assert entries == figure.entries() and "power required" in entries and len(entries) >= 4
+    assert {"true airspeed, m/s", "power, W"} <= {node.text for node in parts(figure).iter("text")}
+    assert svg(figure).count("fill-opacity") == 1, "the band"
     colors = set(re.findall(r"var\(--c(\w+)\)", text))
     assert {f"#{color}" for color in colors} <= {color.lower() for color in ON_DARK}, "each has one on a dark page"
