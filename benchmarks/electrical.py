@@ -105,8 +105,8 @@ def one_campaign(setup: Setup, *, sizes: str = "1,3,10", changed: int = 0, blind
         at = np.linspace(0, len(pool.V_mps) - 1, SPEEDS).round().astype(int)
         _, flight, errors = flights[0]
         truth = true_power(aircraft, flight, errors, pool.V_mps[at], pool.condition.air_density_kgpm3)
-        half = NORMAL_95 * np.sqrt(np.diag(pool.covariance))[at]
-        rows.append((f"pool of {size}", np.stack([100 * (pool.power_W[at] / truth - 1), 100 * half / truth])))
+        power = pool.power_W.at(at)
+        rows.append((f"pool of {size}", np.stack([100 * (power.value / truth - 1), 100 * power.half_width / truth])))
     if changed:
         drag = {part: (1 + MORE_DRAG) * aircraft.aerodynamics[part] for part in ("CD0", "K")}
         draggy = dataclasses.replace(aircraft, aerodynamics={**aircraft.aerodynamics, **drag})

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.special import chdtrc
 
-from analysis.estimation.noise import NORMAL_95
 from analysis.flights.agreement import Test, quadratic_form
 from analysis.flights.evidence import (
     NOT_ONE_VEHICLE,
@@ -45,36 +44,26 @@ from analysis.records.pool import (
 from analysis.results.evidence import trust_by, worst_first
 from analysis.results.settings import TRUST
 from analysis.settings import CURVES
+from analysis.uncertain import Uncertain, total
 from flight.arrays import Array
 from flight.errors import InputError
 from flight.version import version
 
 
 class ElectricalCurve(NamedTuple):
-    """Electrical power of one flight at speeds V_mps (k,), with the covariance (k, k) of its own errors and the changes
-    (k,) with one standard deviation of each error that all flights of the aircraft share."""
+    """Electrical power of one flight at speeds V_mps (k,)."""
 
     log: str
     V_mps: Array
-    power_W: Array
-    own: Array
-    shared: dict[str, Array]
+    power_W: Uncertain
 
 
 class ElectricalPool(NamedTuple):
-    """Power (n,) at speeds V_mps (n,), its covariance by own errors (n, n) and its changes (n,) by shared ones."""
-
     flights: list[ElectricalFlight]
     curves: list[ElectricalCurve]
     condition: ConditionResult
     V_mps: Array
-    power_W: Array
-    own: Array
-    shared: dict[str, Array]
-
-    @property
-    def covariance(self) -> Array:
-        return self.own + _by(self.shared)
+    power_W: Uncertain
 
     @property
     def speeds_mps(self) -> Array:
@@ -129,13 +118,15 @@ def _at(flight: ElectricalFlight, condition: ConditionResult) -> ElectricalCurve
     thinner = test.air_density_kgpm3 / condition.air_density_kgpm3
     faster, more = np.sqrt(heavier * thinner), heavier**1.5 * np.sqrt(thinner)
     idle_W = flight.electrical.idle_power_W
+    curve = Uncertain(np.array(found.power_W), np.array(found.own_covariance), _arrays(found.shared))
+    value = idle_W + more * (curve.value - idle_W)
     return ElectricalCurve(
-        flight.log,
-        faster * np.array(found.speed_mps),
-        idle_W + more * (np.array(found.power_W) - idle_W),
-        more**2 * np.array(found.own_covariance),
-        {name: more * np.array(change) for name, change in found.shared.items()},
+        flight.log, faster * np.array(found.speed_mps), curve.through(more * np.eye(len(value)), value)
     )
+
+
+def _arrays(shared: Mapping[str, Sequence[float]]) -> dict[str, Array]:
+    return {name: np.array(change) for name, change in shared.items()}
 
 
 def _inside(curve: ElectricalCurve, V: Array) -> NDArray[np.bool_]:
@@ -147,39 +138,19 @@ def _together(
 ) -> ElectricalPool:
     """At each speed the mean of the curves that contain it, weighed by the inverse variance of their own errors."""
     at = [CubicSpline(one.V_mps, np.eye(len(one.V_mps)))(np.clip(V, one.V_mps[0], one.V_mps[-1])) for one in curves]
-    variance = np.stack([np.einsum("vi,ij,vj->v", B, one.own, B) for B, one in zip(at, curves, strict=True)])
+    variance = np.stack([np.einsum("vi,ij,vj->v", B, one.power_W.own, B) for B, one in zip(at, curves, strict=True)])
     weight = np.where([_inside(one, V) for one in curves], 1 / variance, 0.0)
     weight /= weight.sum(axis=0)
-    influence = [w[:, None] * B for w, B in zip(weight, at, strict=True)]
-    shared: dict[str, Array] = {}
-    for W, one in zip(influence, curves, strict=True):
-        for name, change in one.shared.items():
-            shared[name] = shared.get(name, np.zeros(len(V))) + W @ change
-    return ElectricalPool(
-        flights,
-        curves,
-        condition,
-        V,
-        np.sum([W @ one.power_W for W, one in zip(influence, curves, strict=True)], axis=0),
-        np.sum([W @ one.own @ W.T for W, one in zip(influence, curves, strict=True)], axis=0),
-        shared,
-    )
-
-
-def _by(shared: Mapping[str, Array]) -> Array:
-    return np.asarray(np.sum([np.outer(change, change) for change in shared.values()], axis=0))
+    parts = (one.power_W.through(w[:, None] * B) for w, B, one in zip(weight, at, curves, strict=True))
+    return ElectricalPool(flights, curves, condition, V, total(parts))
 
 
 class ElectricalDifference(NamedTuple):
-    """Power (n,) of one pool less that of another at V_mps (n,), its covariance (n, n), and the test of any difference.
-
-    power_W : (n,) of the other
-    """
+    """Power of one pool less that of another at V_mps (n,), and the test of any difference. power_W : of the other"""
 
     V_mps: Array
     power_W: Array
-    value_W: Array
-    covariance: Array
+    value_W: Uncertain
     test: Test
 
 
@@ -192,15 +163,9 @@ def _difference(one: ElectricalPool, other: ElectricalPool, shares_errors: bool)
         raise InputError(f"no speeds in common, {said}; fly both over the same speeds")
     V = np.linspace(low, high, POOLING.compared_speeds)
     a, b = (_together(pool.flights, pool.curves, pool.condition, V) for pool in (one, other))
-    covariance = a.own + b.own
-    if shares_errors:
-        names = {*a.shared, *b.shared}
-        zero = np.zeros(len(V))
-        covariance = covariance + _by({n: a.shared.get(n, zero) - b.shared.get(n, zero) for n in names})
-    else:
-        covariance = covariance + _by(a.shared) + _by(b.shared)
-    value = a.power_W - b.power_W
-    return ElectricalDifference(V, b.power_W, value, covariance, _test(value / b.power_W, covariance, b.power_W))
+    value = a.power_W.minus(b.power_W, shares_errors)
+    other_W = b.power_W.value
+    return ElectricalDifference(V, other_W, value, _test(value.value / other_W, value.covariance, other_W))
 
 
 def _test(share: Array, covariance: Array, power_W: Array) -> Test:
@@ -221,7 +186,7 @@ def pooled_results(
     pool: ElectricalPool, left_out: Sequence[str] = (), failures: Sequence[str] = ()
 ) -> ElectricalPooledResults:
     """The contents of the pool's results.json."""
-    half = NORMAL_95 * np.sqrt(np.diag(pool.covariance))
+    half = pool.power_W.half_width
     differences = _against_others(pool)
     test = _homogeneity(differences)
     evidence = worst_first([*against_electrical(pool.flights), *against_polars(test)])
@@ -234,7 +199,7 @@ def pooled_results(
         test=pool.condition,
         electrical_power=[
             PowerPoint(speed_mps=v, power_W=p, power_lo_W=max(p - h, 0.0), power_hi_W=p + h)
-            for v, p, h in zip(pool.V_mps.tolist(), pool.power_W.tolist(), half.tolist(), strict=True)
+            for v, p, h in zip(pool.V_mps.tolist(), pool.power_W.value.tolist(), half.tolist(), strict=True)
         ],
         homogeneity=AgreementTest(**test._asdict(), text=polars_text(test)) if test else None,
         flights=_flights(pool, differences),
@@ -254,9 +219,9 @@ def _idle_W(flights: Sequence[ElectricalFlight]) -> float:
 def _statistics(pool: ElectricalPool) -> ElectricalStatistics:
     return ElectricalStatistics(
         speed_mps=pool.V_mps.tolist(),
-        power_W=pool.power_W.tolist(),
-        own_covariance=pool.own.tolist(),
-        shared={name: change.tolist() for name, change in pool.shared.items()},
+        power_W=pool.power_W.value.tolist(),
+        own_covariance=pool.power_W.own.tolist(),
+        shared={name: change.tolist() for name, change in pool.power_W.shared.items()},
     )
 
 
@@ -287,7 +252,7 @@ def _flights(pool: ElectricalPool, differences: Sequence[ElectricalDifference]) 
     for i, (flight, curve) in enumerate(zip(pool.flights, pool.curves, strict=True)):
         difference = differences[i] if differences else None
         alone = _together([flight], [curve], pool.condition, curve.V_mps if difference is None else difference.V_mps)
-        half = 100 * NORMAL_95 * np.sqrt(np.diag(alone.covariance)) / alone.power_W
+        half = 100 * alone.power_W.half_width / alone.power_W.value
         found.append(
             ElectricalPooledFlight(
                 log=flight.log,
@@ -306,8 +271,8 @@ def _flights(pool: ElectricalPool, differences: Sequence[ElectricalDifference]) 
 
 def _deviations(difference: ElectricalDifference) -> list[Deviation]:
     percent = 100 / difference.power_W
-    limit = percent * NORMAL_95 * np.sqrt(np.diag(difference.covariance))
-    columns = (difference.V_mps, percent * difference.value_W, limit)
+    limit = percent * difference.value_W.half_width
+    columns = (difference.V_mps, percent * difference.value_W.value, limit)
     return [
         Deviation(speed_mps=v, difference_percent=d, limit_percent=m)
         for v, d, m in zip(*(column.tolist() for column in columns), strict=True)
@@ -328,15 +293,15 @@ def compare_electrical(
     found = _difference(pool_b, pool_a, same)
     apart = _difference(pool_b, pool_a, False)
     percent = 100 / found.power_W
-    half, half_apart = (percent * NORMAL_95 * np.sqrt(np.diag(one.covariance)) for one in (found, apart))
-    difference = percent * found.value_W
+    half, half_apart = (percent * one.value_W.half_width for one in (found, apart))
+    difference = percent * found.value_W.value
     least = int(np.argmin(half))
     differs = f"B differs from A (p = {found.test.p:.2g})"
     verdict = differs if found.test.differs else f"No difference is seen (p = {found.test.p:.2g})"
     shares = SharedErrors.AIRCRAFT if same else SharedErrors.NONE
     within = [_homogeneity(_against_others(pool)) for pool in (pool_a, pool_b)]
     evidence = worst_first([*against_electrical([*a, *b]), *(one for test in within for one in against_polars(test))])
-    columns = (found.V_mps, found.power_W, found.power_W + found.value_W, difference, half, half_apart)
+    columns = (found.V_mps, found.power_W, found.power_W + found.value_W.value, difference, half, half_apart)
     return ComparisonResults(
         trust=trust_by(evidence),
         evidence=evidence,

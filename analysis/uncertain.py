@@ -1,0 +1,74 @@
+"""Values with what makes them uncertain: errors of their own, and errors by name that other values share.
+
+Errors that are shared do not average out in a mean, and cancel in a difference. Estimates, curves and pools are such
+values, so that what is done to a value is done to its errors by the same line.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from analysis.estimation.noise import NORMAL_95
+from flight.arrays import Array
+
+
+@dataclass(frozen=True)
+class Uncertain:
+    """Values (n,), the covariance (n, n) of their own errors, and the change (n,) by one standard deviation of each
+    shared error, by its name. Errors of different names are independent."""
+
+    value: Array
+    own: Array
+    shared: Mapping[str, Array] = field(default_factory=dict)
+
+    @property
+    def by_shared(self) -> Array:
+        """Covariance (n, n) by the shared errors."""
+        changes = np.array(list(self.shared.values())).reshape(-1, len(self.value))
+        return np.asarray(changes.T @ changes)
+
+    @property
+    def covariance(self) -> Array:
+        """(n, n) by all errors."""
+        return np.asarray(self.own + self.by_shared)
+
+    @property
+    def standard_error(self) -> Array:
+        """(n,) by all errors."""
+        by_shared = sum((np.square(change) for change in self.shared.values()), start=np.zeros(len(self.value)))
+        return np.asarray(np.sqrt(np.diag(self.own) + by_shared))
+
+    @property
+    def half_width(self) -> Array:
+        """Of the 95 % intervals (n,)."""
+        return np.asarray(NORMAL_95 * self.standard_error)
+
+    def through(self, J: Array, value: Array | None = None) -> "Uncertain":
+        """A function of the values, by its derivative J (k, n). value: (k,), where the function is not linear"""
+        value = J @ self.value if value is None else value
+        return Uncertain(value, J @ self.own @ J.T, {name: J @ change for name, change in self.shared.items()})
+
+    def at(self, rows: Sequence[int] | Array) -> "Uncertain":
+        """Some of the values, by number."""
+        shared = {name: change[rows] for name, change in self.shared.items()}
+        return Uncertain(self.value[rows], self.own[np.ix_(rows, rows)], shared)
+
+    def minus(self, other: "Uncertain", cancel: bool) -> "Uncertain":
+        """The difference; cancel: errors of one name are the same in both, and not drawn twice."""
+        less = other.through(-np.eye(len(other.value)))
+        if not cancel:
+            less = Uncertain(less.value, less.own, {f"{name} of the other": less.shared[name] for name in less.shared})
+        return total([self, less])
+
+
+def total(parts: Iterable[Uncertain]) -> Uncertain:
+    """The sum of independent estimates (n,): own errors add as squares, shared ones of one name as they are."""
+    parts = list(parts)
+    names = dict.fromkeys(name for part in parts for name in part.shared)
+    zero = np.zeros(len(parts[0].value))
+    return Uncertain(
+        np.sum([part.value for part in parts], axis=0),
+        np.sum([part.own for part in parts], axis=0),
+        {name: np.sum([part.shared.get(name, zero) for part in parts], axis=0) for name in names},
+    )

@@ -1,0 +1,56 @@
+"""What is done to a value is done to its errors: against random draws of the errors themselves."""
+
+import numpy as np
+import pytest
+
+from analysis.estimation.noise import NORMAL_95
+from analysis.uncertain import Uncertain, total
+
+RNG = np.random.default_rng(3)
+ROOT = RNG.normal(size=(3, 3))
+ONE = Uncertain(np.array([1.0, 2.0, 3.0]), ROOT @ ROOT.T, {"a": np.array([0.5, -1.0, 2.0]), "b": np.ones(3)})
+OTHER = Uncertain(np.array([4.0, 5.0, 6.0]), 0.25 * np.eye(3), {"b": np.full(3, 3.0), "c": np.array([1.0, 0.0, 0.0])})
+
+
+def draws(of: Uncertain, errors: dict[str, np.ndarray], count: int) -> np.ndarray:
+    """(count, n) with own errors drawn anew and the shared ones given (count,) by name."""
+    own = RNG.multivariate_normal(of.value, of.own, count)
+    return own + sum(errors[name][:, None] * change for name, change in of.shared.items())
+
+
+def test_the_covariance_is_that_of_draws_of_all_errors() -> None:
+    errors = {name: RNG.normal(size=40000) for name in "ab"}
+    found = np.cov(draws(ONE, errors, 40000).T)
+    assert found == pytest.approx(ONE.covariance, abs=0.04 * np.max(ONE.covariance))
+    assert ONE.covariance - ONE.by_shared == pytest.approx(ONE.own)
+    assert ONE.half_width == pytest.approx(NORMAL_95 * np.sqrt(np.diag(ONE.covariance)))
+
+
+def test_a_function_of_values_has_their_errors_by_its_derivative() -> None:
+    J = np.array([[1.0, -1.0, 0.0], [2.0, 0.5, 1.0]])
+    assert ONE.through(J).value == pytest.approx([-1.0, 6.0])
+    assert ONE.through(J).covariance == pytest.approx(J @ ONE.covariance @ J.T)
+    assert ONE.through(J, np.array([7.0, 8.0])).value == pytest.approx([7.0, 8.0])
+    assert ONE.at([2, 0]).covariance == pytest.approx(ONE.covariance[np.ix_([2, 0], [2, 0])])
+
+
+@pytest.mark.parametrize("cancel", [True, False])
+def test_shared_errors_cancel_in_a_difference_where_they_are_the_same(cancel: bool) -> None:
+    """b is larger in the other by two standard deviations: as much remains where it cancels, and 1 + 9 where not."""
+    found = ONE.minus(OTHER, cancel)
+    assert found.value == pytest.approx([-3.0, -3.0, -3.0])
+    by_b = 4.0 if cancel else 10.0
+    a, c = ONE.shared["a"], OTHER.shared["c"]
+    assert found.covariance == pytest.approx(ONE.own + OTHER.own + np.outer(a, a) + np.outer(c, c) + by_b)
+
+
+def test_shared_errors_do_not_average_out_in_a_mean() -> None:
+    mean = total(ONE.through(np.eye(3) / 4) for _ in range(4))
+    assert mean.value == pytest.approx(ONE.value) and mean.own == pytest.approx(ONE.own / 4)
+    assert mean.by_shared == pytest.approx(ONE.by_shared)
+
+
+def test_values_without_shared_errors_have_their_own_alone() -> None:
+    alone = Uncertain(ONE.value, ONE.own)
+    assert alone.covariance == pytest.approx(ONE.own)
+    assert alone.standard_error == pytest.approx(np.sqrt(np.diag(ONE.own)))
