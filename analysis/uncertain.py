@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.estimation.noise import NORMAL_95
 from flight.arrays import Array
@@ -49,10 +50,11 @@ class Uncertain:
         value = J @ self.value if value is None else value
         return Uncertain(value, J @ self.own @ J.T, {name: J @ change for name, change in self.shared.items()})
 
-    def at(self, rows: Sequence[int] | Array) -> "Uncertain":
+    def at(self, rows: Sequence[int] | NDArray[np.intp]) -> "Uncertain":
         """Some of the values, by number."""
-        shared = {name: change[rows] for name, change in self.shared.items()}
-        return Uncertain(self.value[rows], self.own[np.ix_(rows, rows)], shared)
+        at = [int(row) for row in rows]
+        shared = {name: change[at] for name, change in self.shared.items()}
+        return Uncertain(self.value[at], self.own[np.ix_(at, at)], shared)
 
     def minus(self, other: "Uncertain", cancel: bool) -> "Uncertain":
         """The difference; cancel: errors of one name are the same in both, and not drawn twice."""

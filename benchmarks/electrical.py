@@ -179,7 +179,7 @@ def _errors(
         required, V = flight.power_required, found.V_mps[at]
         slower = V / np.sqrt(required["density_kgpm3"].iloc[0] / found.conditions.rho)
         truth = V * np.interp(slower, required["speed_mps"], required["drag_N"], left=np.nan)
-        return 100 * (drag.power_W[at] / truth - 1), 100 * NORMAL_95 * drag.error_W[at] / truth
+        return 100 * (drag.power_W[at] / truth - 1), 100 * drag.power.half_width[at] / truth
     power, half = found.power_W[at], NORMAL_95 * found.standard_error_W[at]
     truth = true_power(aircraft, flight, errors, found.V_mps[at], found.conditions.rho)
     return 100 * (power / truth - 1), 100 * half / truth

@@ -10,9 +10,9 @@ from analysis.curve import maximum_lift_to_drag
 from analysis.estimation.noise import NORMAL_95
 from analysis.methods.whole_flight.curve import ElectricalEstimate, FlownAircraft
 from analysis.methods.whole_flight.drag import DragEstimate, DragWithheld
+from analysis.methods.whole_flight.energy_balance import QuarticPolar
 from analysis.methods.whole_flight.flight_table import FlightTable
 from analysis.methods.whole_flight.simulated_truth import SimulatedTruth
-from analysis.methods.whole_flight.thrust_balance import aerodynamics
 from analysis.performance.autopilot_parameters import flight_values, typed_in
 from analysis.records.flight import (
     AircraftResult,
@@ -31,6 +31,7 @@ from analysis.records.flight import (
 from analysis.results.evidence import with_trust
 from analysis.settings import CURVES
 from analysis.sources.grid_settings import FLIGHT
+from analysis.uncertain import Uncertain
 from flight.arrays import Array
 from flight.atmosphere import SEA_LEVEL_DENSITY
 from flight.version import version
@@ -99,7 +100,7 @@ def electrical_results(
         rejected=[],
         parameters=[],
         drag_polar=_polar(known, aircraft) if known else None,
-        power_required=_points(known.V_mps, known.power_W, NORMAL_95 * known.error_W) if known else [],
+        power_required=_points(known.V_mps, known.power) if known else [],
         power_required_standard=[],
         cross_check=[],
         minimum_power_speed=UNKNOWN,
@@ -117,24 +118,24 @@ def electrical_results(
 
 
 def electrical_points(estimate: ElectricalEstimate) -> list[PowerPoint]:
-    return _points(estimate.V_mps, estimate.power_W, NORMAL_95 * estimate.standard_error_W)
+    return _points(estimate.V_mps, estimate.power)
 
 
-def _points(V: Array, power_W: Array, half_W: Array) -> list[PowerPoint]:
+def _points(V: Array, power: Uncertain) -> list[PowerPoint]:
     return [
         PowerPoint(speed_mps=float(v), power_W=float(p), power_lo_W=float(max(p - h, 0.0)), power_hi_W=float(p + h))
-        for v, p, h in zip(V, power_W, half_W, strict=True)
+        for v, p, h in zip(V, power.value, power.half_width, strict=True)
         if np.isfinite(p + h)
     ]
 
 
 def _polar(drag: DragEstimate, aircraft: FlownAircraft) -> DragPolar:
     """The quadratic polar; the term of fourth order is in the curve alone."""
-    p = aerodynamics(drag.parameters)
-    A = np.array([p.CD0 + p.K * p.CL_minD**2, -2 * p.K * p.CL_minD, p.K])
-    best = maximum_lift_to_drag(A)
+    p = QuarticPolar.of(drag.parameters.named())
+    A0, A1, A2 = p.CD0 + p.K * p.CL_minD**2, -2 * p.K * p.CL_minD, p.K
+    best = maximum_lift_to_drag(np.array([A0, A1, A2]))
     return DragPolar(
-        A0=float(A[0]), A1=float(A[1]), A2=float(A[2]), CD0=p.CD0, K=p.K, CL_minD=float(p.CL_minD),
+        A0=A0, A1=A1, A2=A2, CD0=p.CD0, K=p.K, CL_minD=p.CL_minD,
         oswald_efficiency=aircraft.wing_area_m2 / (np.pi * p.K * aircraft.span_m**2),
         maximum_lift_to_drag=best if np.isfinite(best) else None,
     )  # fmt: skip
@@ -151,16 +152,15 @@ def _thrust_basis(drag: DragEstimate, propeller: str) -> str:
 def _beside_the_curve(found: ElectricalFindings) -> ElectricalResult:
     flight, estimate, drag, propeller, battery, *_ = found
     V, power = estimate.V_mps, estimate.power_W
-    covariance = estimate.noise + estimate.systematic
-    draws = np.random.default_rng(0).multivariate_normal(power, covariance, 400, method="eigh")
+    draws = np.random.default_rng(0).multivariate_normal(power, estimate.power.covariance, 400, method="eigh")
     draws = np.maximum(draws, 0.1 * power)
     endurance = range_m = None
     if battery is not None:
         battery_J = battery.usable_J
         endurance = _interval(battery_J / float(np.min(power)), battery_J / np.min(draws, axis=1))
         range_m = _interval(battery_J / float(np.min(power / V)), battery_J / np.min(draws / V, axis=1))
-    noise, systematic = (NORMAL_95 * np.sqrt(np.diag(part)) for part in (estimate.noise, estimate.systematic))
-    scale, half_scale = estimate.airspeed.scale, NORMAL_95 * float(np.sqrt(estimate.airspeed.covariance[0, 0]))
+    noise, systematic = (NORMAL_95 * np.sqrt(np.diag(part)) for part in (estimate.power.own, estimate.power.by_shared))
+    scale, half_scale = estimate.airspeed.scale, NORMAL_95 * float(np.sqrt(estimate.airspeed.scale_variance))
     return ElectricalResult(
         least_power_speed=_best_speed(V, power, draws),
         best_range_speed=_best_speed(V, power / V, draws / V),
@@ -180,9 +180,7 @@ def _beside_the_curve(found: ElectricalFindings) -> ElectricalResult:
         wind_from_deg=estimate.airspeed.wind_from_deg,
         flown_s=float(flight.flown.sum() * FLIGHT.step_s),
         withheld=[drag.sentence(), WITHHELD_CLIMB] if isinstance(drag, DragWithheld) else [WITHHELD_CLIMB],
-        shaft_power=[]
-        if isinstance(drag, DragWithheld)
-        else _points(drag.V_mps, drag.shaft_W, NORMAL_95 * drag.shaft_error_W),
+        shaft_power=[] if isinstance(drag, DragWithheld) else _points(drag.V_mps, drag.shaft),
         thrust_basis="" if isinstance(drag, DragWithheld) else _thrust_basis(drag, propeller),
         pooling=_statistics(estimate),
     )
@@ -191,11 +189,12 @@ def _beside_the_curve(found: ElectricalFindings) -> ElectricalResult:
 def _statistics(estimate: ElectricalEstimate) -> ElectricalStatistics:
     """At as many speeds as a curve is smooth between."""
     at = np.linspace(0, len(estimate.V_mps) - 1, 1 + CURVES.points // 5).round().astype(int)
+    found = estimate.among_flights.at(at)
     return ElectricalStatistics(
         speed_mps=estimate.V_mps[at].tolist(),
-        power_W=estimate.power_W[at].tolist(),
-        own_covariance=estimate.own[np.ix_(at, at)].tolist(),
-        shared={name: change[at].tolist() for name, change in estimate.common.items()},
+        power_W=found.value.tolist(),
+        own_covariance=found.own.tolist(),
+        shared={str(name): change.tolist() for name, change in found.shared.items()},
     )
 
 

@@ -12,7 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import solve_triangular
 
+from analysis.estimation.model import NamedValues
 from analysis.methods.whole_flight.flight_table import FlightTable
+from analysis.methods.whole_flight.parameters import AIRSPEED, MEAN_WIND, WIND, block, pack, unpack
 from analysis.methods.whole_flight.settings import GPS
 from analysis.sources import recording
 from analysis.sources.autopilot_settings import READABLE
@@ -85,7 +87,16 @@ class AirspeedErrors(NamedTuple):
         """How far GPS determines true airspeed, 0 to 1: to that part an error of density changes the scale instead."""
         if self.wind is not None:
             return 1.0
-        return 1.0 - min(1.0, float(self.covariance[0, 0]) / self.prior_sigma**2)
+        return 1.0 - min(1.0, self.scale_variance / self.prior_sigma**2)
+
+    @property
+    def scale_variance(self) -> float:
+        return float(block(AIRSPEED, self.covariance, ["scale"]).item())
+
+    @property
+    def mean_wind_covariance(self) -> Array | None:
+        """(2, 2), where airspeed is the velocity by GPS less the wind."""
+        return None if self.wind_covariance is None else block(WIND, self.wind_covariance, MEAN_WIND)
 
 
 def one_way(north_mps: Array, east_mps: Array, errors: AirspeedErrors) -> float:
@@ -103,8 +114,14 @@ def true_airspeed(pressure_Pa: Array, rho: Array, scale: float, zero_Pa: float) 
 
 def by_wind(wind: Array, covariance: Array) -> AirspeedErrors:
     """Of an airspeed that is the velocity by GPS less a wind (4,) with this covariance (4, 4)."""
-    wind_mps, wind_from_deg = float(np.hypot(wind[0], wind[1])), float(np.degrees(np.arctan2(-wind[1], -wind[0])) % 360)
+    wind_mps, wind_from_deg = _speed_and_direction(unpack(WIND, wind))
     return AirspeedErrors(0.0, 0.0, np.zeros((2, 2)), wind_mps, wind_from_deg, wind=wind, wind_covariance=covariance)
+
+
+def _speed_and_direction(wind: NamedValues) -> tuple[float, float]:
+    """Wind speed [m/s], and where the mean wind comes from [deg]."""
+    north, east = wind.wind_north, wind.wind_east
+    return float(np.hypot(north, east)), float(np.degrees(np.arctan2(-east, -north)) % 360)
 
 
 def airspeed_errors(flight: FlightTable, most_points: int = GPS.most_points) -> AirspeedErrors:
@@ -121,38 +138,41 @@ def airspeed_errors(flight: FlightTable, most_points: int = GPS.most_points) -> 
     # A GPS velocity is that of GPS.latency_s before.
     north, east, down = (np.interp(t_s[rows] + GPS.latency_s, t_s[has_gps], table[n][has_gps]) for n in recording.GPS)
     elapsed = t_s[rows] - t_s[rows].mean()
+    names = (*AIRSPEED, *WIND)
     priors = np.array([*prior_sigma, GPS.wind_sigma_mps, GPS.wind_sigma_mps, GPS.trend_mps2, GPS.trend_mps2])
     apart_s = np.abs(elapsed[:, None] - elapsed)
 
     def by_pitot(x: Array) -> Array:
         """Right where gusts and noise are in the pitot's airspeed alone: no parameter acts on it."""
-        return np.asarray(np.sqrt(np.maximum((1 + x[0]) ** 2 * through_air(x) + 2 * x[1] / rho, 0.1)) - seen)
+        p = unpack(names, x)
+        return np.asarray(np.sqrt(np.maximum((1 + p.scale) ** 2 * through_air(p) + 2 * p.zero_Pa / rho, 0.1)) - seen)
 
     def by_gps(x: Array) -> Array:
         """Right where they are in the velocity by GPS, as slow gusts are, which carry the aircraft along."""
-        return np.asarray(np.sqrt(through_air(x)) - true_airspeed(pressure, rho, x[0], x[1]))
+        p = unpack(names, x)
+        return np.asarray(np.sqrt(through_air(p)) - true_airspeed(pressure, rho, p.scale, p.zero_Pa))
 
-    def through_air(x: Array) -> Array:
-        air_n, air_e = north - x[2] - x[4] * elapsed, east - x[3] - x[5] * elapsed
+    def through_air(p: NamedValues) -> Array:
+        air_n = north - p.wind_north - p.wind_north_trend * elapsed
+        air_e = east - p.wind_east - p.wind_east_trend * elapsed
         return np.asarray(air_n**2 + air_e**2 + down**2)
 
     seen, start = true_airspeed(pressure, rho, 0.0, 0.0), np.array([0.0, 0.0, np.mean(north), np.mean(east), 0.0, 0.0])
     (x, covariance), (other, other_covariance) = (_solved(of, priors, start, apart_s) for of in (by_pitot, by_gps))
     # The truth is between both regressions (R. Frisch, 1934), evenly; no flight says less than its prior.
-    x, half = (x + other) / 2, (x - other)[:2] / 2
+    found, half = unpack(names, (x + other) / 2), pack(AIRSPEED, unpack(names, (x - other) / 2))
     before = np.diag(1 / prior_sigma**2)
     by_flight = np.linalg.inv((covariance + other_covariance) / 2) - before
     by_flight = by_flight - np.outer(by_flight @ half, by_flight @ half) / (3 + half @ by_flight @ half)
     covariance = np.asarray(np.linalg.inv(before + by_flight), dtype=float)
-    wind_mps, wind_from_deg = float(np.hypot(x[2], x[3])), float(np.degrees(np.arctan2(-x[3], -x[2])) % 360)
-    return AirspeedErrors(float(x[0]), float(x[1]), covariance, wind_mps, wind_from_deg)
+    return AirspeedErrors(float(found.scale), float(found.zero_Pa), covariance, *_speed_and_direction(found))
 
 
 def _solved(residual: Callable[[Array], Array], sigma_of: Array, start: Array, apart_s: Array) -> tuple[Array, Array]:
-    """Most probable parameters (6,), and the covariance (2, 2) of the first two, with the most likely noise."""
+    """Most probable parameters (6,), and the covariance (2, 2) of scale and zero, with the most likely noise."""
     x, sigma, time_s = start, 1.0, GPS.correlation_s[0]
     for _ in range(3):
         whiten = np.linalg.inv(np.linalg.cholesky(sigma**2 * correlation(apart_s, time_s)))
         x, jacobian = most_probable(residual, whiten, np.zeros(len(sigma_of)), sigma_of, x)
         sigma, time_s = most_likely_noise(residual(x), apart_s, GPS.correlation_s)
-    return x, np.asarray(np.linalg.inv(jacobian.T @ jacobian)[:2, :2], dtype=float)
+    return x, block((*AIRSPEED, *WIND), np.linalg.inv(jacobian.T @ jacobian), AIRSPEED)

@@ -6,34 +6,42 @@
 latter needs overwhelming evidence, and gives the curve between the slowest and the fastest speed flown.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
+from analysis.estimation.model import NamedValues
 from analysis.estimation.noise import NORMAL_95
 from analysis.methods.whole_flight.airspeed_gps import AirspeedErrors, airspeed_errors, by_wind
 from analysis.methods.whole_flight.energy_balance import (
-    PARAMETERS,
     EnergyBalance,
     FlightConditions,
     Samples,
     level_power,
 )
-from analysis.methods.whole_flight.fit import (
-    Fit,
-    SharedErrors,
-    derivatives,
-    most_probable_fit,
-    samples_of,
-    shared_errors,
-    with_standard_error,
-)
+from analysis.methods.whole_flight.fit import Estimate, Fit, estimate_of, most_probable_fit, samples_of
 from analysis.methods.whole_flight.flight_table import FlightTable
-from analysis.methods.whole_flight.ground_velocity import WIND, ground_velocity, wind_prior
+from analysis.methods.whole_flight.ground_velocity import ground_velocity, wind_prior
+from analysis.methods.whole_flight.parameters import (
+    AIRSPEED,
+    DRAG,
+    LIFT,
+    OF_AIRCRAFT,
+    OF_AIRSPEED,
+    POWER_LAW,
+    PROPELLER,
+    WIND,
+    Prior,
+    Source,
+    block,
+    pack,
+    unpack,
+)
 from analysis.methods.whole_flight.settings import CURVE, GPS, PRIOR, SHARED, WINDOWS
 from analysis.settings import CURVES
+from analysis.uncertain import Uncertain
 from flight.aircraft import Aircraft
 from flight.arrays import Array
 from flight.errors import InputError
@@ -80,24 +88,18 @@ def flown_aircraft(
 class ElectricalEstimate(NamedTuple):
     """Electrical power of level flight at the flight's weight and density.
 
-    V_mps, power_W : (n,)      noise, systematic : (n, n) parts of its covariance; the latter is common to the flight
-    shared : of each error that the whole flight shares, by one standard deviation: change of the parameters, conditions
+    V_mps : (n,)     power : (n,) with noise as its own errors, and those that the whole flight shares by `Source`
+    among_flights : the same with the errors that another flight has anew as its own, and those of the aircraft by name
     residual_W : (k,) of the windows of time_s (k,)
     measured_V_mps, measured_W : (k,) the windows reduced to level flight
     gust_mps, gust_s : standard deviation and correlation time of vertical air motion
     rho_sigma : standard deviation of the air density, relative
-    own : (n, n) the part of the covariance that another flight of the aircraft has anew
-    common : (n,) by name, changes of power with one standard deviation of an error that all its flights share
     """
 
     V_mps: Array
-    power_W: Array
-    noise: Array
-    systematic: Array
-    parameters: Array
-    parameter_covariance: Array
-    shared: SharedErrors
-    conditions: FlightConditions
+    power: Uncertain
+    among_flights: Uncertain
+    parameters: Estimate
     airspeed: AirspeedErrors
     time_s: Array
     residual_W: Array
@@ -106,16 +108,18 @@ class ElectricalEstimate(NamedTuple):
     gust_mps: float
     gust_s: float
     rho_sigma: float
-    own: Array
-    common: dict[str, Array]
 
-    def quantity(self, of: Callable[[Array, FlightConditions], Array]) -> tuple[Array, Array]:
-        """A quantity (n,) of parameters and conditions, and its standard error."""
-        return with_standard_error(of, self.parameters, self.parameter_covariance, self.shared, self.conditions)
+    @property
+    def power_W(self) -> Array:
+        return self.power.value
 
     @property
     def standard_error_W(self) -> Array:
-        return np.asarray(np.sqrt(np.diag(self.noise + self.systematic)))
+        return self.power.standard_error
+
+    @property
+    def conditions(self) -> FlightConditions:
+        return self.parameters.conditions
 
 
 def estimate(
@@ -163,77 +167,72 @@ def _estimate(
         )
     else:
         ground = ground_velocity(flight.table, flight.flown, flight.first_wind_mps)
-        wind, _ = wind_prior(flight.first_wind_mps)
+        wind = pack(WIND, {name: mean for name, (mean, _) in wind_prior(flight.first_wind_mps).items()})
         for _ in range(2):  # the first wind may be wrong by as much as legs differ in airspeed
             samples = samples_of(flight, 0.0, 0.0, wind)._replace(ground=ground)
             balance, fit = _fitted(samples, conditions, span_m, log, most_windows)
-            wind = fit.parameters[-len(WIND) :]
-        airspeed = by_wind(wind, fit.covariance[-len(WIND) :, -len(WIND) :])
-    conditions = balance.conditions
+            wind = pack(WIND, unpack(balance.names, fit.parameters))
+        airspeed = by_wind(wind, block(balance.names, fit.covariance, WIND))
+    conditions, p = balance.conditions, unpack(balance.names, fit.parameters)
     slowest, fastest = (float(np.percentile(balance.V_mps, share)) for share in CURVE.percentiles)
     V = np.linspace(slowest, fastest, CURVES.points)
-    power = level_power(V, fit.parameters, conditions)
+    power = level_power(V, p, conditions)
     known = np.isfinite(power)
     if known.sum() < 2:
         raise InputError(f"{log}: the flight does not determine the power of level flight at any speed flown")
-    V, power = V[known], power[known]
-    if airspeed.wind_covariance is not None:
-        wind_sigma_mps = float(np.sqrt(np.linalg.eigvalsh(airspeed.wind_covariance[:2, :2])[-1]))
+    V = V[known]
+    if airspeed.mean_wind_covariance is not None:
+        wind_sigma_mps = float(np.sqrt(np.max(np.linalg.eigvalsh(airspeed.mean_wind_covariance))))
         if wind_sigma_mps > GPS.known_wind * slowest:
             raise InputError(
                 f"{log}: the log lacks airspeed, and headings hardly change: the wind is known to"
                 f" ±{NORMAL_95 * wind_sigma_mps:.1f} m/s only; fly turns, or mount a pitot tube and its sensor"
             )
-    shared = [*shared_errors(flight, balance, fit, airspeed)]
-
-    def curve(parameters: Array, given: FlightConditions) -> Array:
-        return level_power(V, parameters, given)
-
-    gradient, effects = derivatives(curve, fit.parameters, fit.covariance, shared, conditions)
-    own, common = _own_and_common(gradient, effects, fit, _prior(balance, span_m)[1], airspeed)
-    level = level_power(balance.V_mps, fit.parameters, conditions)
+    parameters = estimate_of(flight, balance, fit, airspeed)
+    gradient = parameters.gradient(partial(level_power, V))
+    found = parameters.quantity(partial(level_power, V), gradient)
+    level = level_power(balance.V_mps, p, conditions)
     return ElectricalEstimate(
         V,
-        power,
-        gradient.T @ fit.covariance @ gradient,
-        effects.T @ effects,
-        fit.parameters,
-        fit.covariance,
-        shared,
-        conditions,
+        found,
+        _among_flights(found, gradient, parameters, _prior(balance, span_m), airspeed),
+        parameters,
         airspeed,
         balance.windows.centers_s,
         fit.residual_W,
         balance.V_mps,
-        level + fit.residual_W / _marginal_efficiency(balance.V_mps, fit.parameters, conditions),
+        level + fit.residual_W / _marginal_efficiency(balance.V_mps, parameters),
         fit.gust_mps,
         fit.gust_s,
         flight.rho_sigma,
-        own,
-        common,
     )
 
 
-def _own_and_common(
-    gradient: Array, effects: Array, fit: Fit, prior_sigma: Array, airspeed: AirspeedErrors
-) -> tuple[Array, dict[str, Array]]:
-    """The covariance (n, n) by a flight's own errors, and changes (n,) by those that all flights of an aircraft share.
+def _among_flights(
+    power: Uncertain, gradient: Array, estimate: Estimate, prior: Prior, airspeed: AirspeedErrors
+) -> Uncertain:
+    """Power (n,) with the errors of this flight alone as its own, and those that all flights of an aircraft share.
 
     The estimate lies between data and prior: as far as it is the prior's, all flights err to the same side. Of the
     airspeed's scale that is the sensor's error as known before the flight; what GPS adds is a flight's own, and so is
-    the wind. gradient (m, n), effects (k, n): of `derivatives`, with the errors in the order of `shared_errors`.
+    the wind. gradient : (m, n) of power by the parameters
     """
-    C = fit.covariance
-    of_aircraft = len(C) - (len(WIND) if airspeed.wind is not None else 0)
-    common = {f"prior {i}": gradient.T @ C[:, i] / prior_sigma[i] for i in range(of_aircraft)}
-    own = gradient.T @ C @ gradient
+    C = estimate.covariance
+    of_aircraft = [(i, name) for i, name in enumerate(estimate.names) if name not in WIND]
+    common = {f"prior {i}": gradient.T @ C[:, i] / prior[name][1] for i, name in of_aircraft}
+    of_prior = sum(np.outer(change, change) for change in common.values())
+    own = power.own
     if airspeed.wind is None:
-        by_scale_and_zero = np.linalg.solve(np.linalg.cholesky(airspeed.covariance).T, effects[:2])
-        common["airspeed"] = airspeed.covariance[0] @ by_scale_and_zero / airspeed.prior_sigma
-        own = own + effects[:2].T @ effects[:2] - np.outer(common["airspeed"], common["airspeed"])
-    own = own - sum(np.outer(common[f"prior {i}"], common[f"prior {i}"]) for i in range(of_aircraft))
-    common |= dict(zip(("density", "mass", "current", "idle power"), effects[-5:-1], strict=True))
-    return np.asarray(own + np.outer(effects[-1], effects[-1])), common
+        effects = np.stack([power.shared[source] for source in OF_AIRSPEED])
+        by_scale_and_zero = np.linalg.solve(np.linalg.cholesky(airspeed.covariance).T, effects)
+        scale = airspeed.covariance[AIRSPEED.index("scale")]
+        by_scale = scale @ by_scale_and_zero / airspeed.prior_sigma
+        common[Source.AIRSPEED] = by_scale
+        own = own + effects.T @ effects - np.outer(by_scale, by_scale)
+    own = own - of_prior
+    common |= {source: power.shared[source] for source in OF_AIRCRAFT}
+    by_updraft = power.shared[Source.UPDRAFT]
+    return Uncertain(power.value, np.asarray(own + np.outer(by_updraft, by_updraft)), common)
 
 
 def _fitted(
@@ -241,56 +240,59 @@ def _fitted(
 ) -> tuple[EnergyBalance, Fit]:
     """With a propeller's efficiency, or with the power law where that is far more probable."""
     balance = EnergyBalance(samples, conditions, most_windows)
-    if len(balance.windows.centers_s) < len(PARAMETERS) + 3:  # a few more than there are parameters
+    if len(balance.windows.centers_s) < len((*DRAG, *PROPELLER, *LIFT)) + 3:  # a few more than there are parameters
         raise InputError(f"{log}: the flight is too short or too torn for an energy balance")
     if float(np.max(balance.power_W)) < 2 * conditions.idle_power_W + SHARED.unseen_idle_W:
         raise InputError(f"{log}: the motor took no power in flight; electrical power of level flight is not known")
-    fit = most_probable_fit(balance, *_prior(balance, span_m))
+    fit = most_probable_fit(balance, _prior(balance, span_m))
     other = EnergyBalance(samples, conditions._replace(power_law=balance.middle()), most_windows)
-    by_power_law = most_probable_fit(other, *_prior(other, span_m), least_share=0.0)
+    by_power_law = most_probable_fit(other, _prior(other, span_m), least_share=0.0)
     if by_power_law.minus_2_log_evidence < fit.minus_2_log_evidence - PRIOR.law_evidence:
-        return other, most_probable_fit(other, *_prior(other, span_m))
+        return other, most_probable_fit(other, _prior(other, span_m))
     return balance, fit
 
 
-def _prior(balance: EnergyBalance, span_m: float) -> tuple[Array, Array]:
+def _prior(balance: EnergyBalance, span_m: float) -> Prior:
     p = PRIOR
     drag, lift = (of(span_m, balance.conditions.wing_area_m2) for of in (drag_prior, lift_prior))
+    idle = (p.idle_drag.mean, p.idle_drag.sigma)
     if balance.conditions.power_law is None:
         logit = float(np.log(p.efficiency.mean / (1 - p.efficiency.mean)))
-        efficiency = [(logit, p.efficiency.sigma), (np.log(balance.powered_x()), p.x_sigma)]
-        efficiency.append((np.log(p.fall.mean), p.fall.sigma))
+        x, fall = (float(np.log(balance.powered_x())), p.x_sigma), (float(np.log(p.fall.mean)), p.fall.sigma)
+        efficiency = dict(zip(PROPELLER, [(logit, p.efficiency.sigma), x, fall, idle], strict=True))
     else:
-        efficiency = [(np.log(p.law_efficiency.mean), p.law_efficiency.sigma), p.law_speed, p.law_power]
-    mean, sigma = np.array([*efficiency, p.idle_drag]).T
-    parts = [drag, (mean, sigma), lift]
-    if balance.samples.ground is not None:
-        parts.append(wind_prior(balance.samples.ground.first_wind_mps))
-    means, sigmas = zip(*parts, strict=True)
-    return np.concatenate(means), np.concatenate(sigmas)
+        greatest = (float(np.log(p.law_efficiency.mean)), p.law_efficiency.sigma)
+        speed, power = ((one.mean, one.sigma) for one in (p.law_speed, p.law_power))
+        efficiency = dict(zip(POWER_LAW, [greatest, speed, power, idle], strict=True))
+    wind = {} if balance.samples.ground is None else wind_prior(balance.samples.ground.first_wind_mps)
+    return {**drag, **efficiency, **lift, **wind}
 
 
-def drag_prior(span_m: float, wing_area_m2: float) -> tuple[Array, Array]:
-    """Of the first four parameters, those of the drag polar."""
-    ln_K = -np.log(np.pi * PRIOR.oswald.mean * span_m**2 / wing_area_m2)
-    sigma = [PRIOR.CD0.sigma, PRIOR.oswald.sigma, PRIOR.CL_of_least_drag.sigma, PRIOR.K4.sigma]
-    return np.array([np.log(PRIOR.CD0.mean), ln_K, PRIOR.CL_of_least_drag.mean, PRIOR.K4.mean]), np.array(sigma)
+def drag_prior(span_m: float, wing_area_m2: float) -> Prior:
+    """Of the parameters of the drag polar."""
+    p = PRIOR
+    ln_K = float(-np.log(np.pi * p.oswald.mean * span_m**2 / wing_area_m2))
+    mean = [float(np.log(p.CD0.mean)), ln_K, p.CL_of_least_drag.mean, p.K4.mean]
+    sigma = [p.CD0.sigma, p.oswald.sigma, p.CL_of_least_drag.sigma, p.K4.sigma]
+    return dict(zip(DRAG, zip(mean, sigma, strict=True), strict=True))
 
 
-def lift_prior(span_m: float, wing_area_m2: float) -> tuple[Array, Array]:
-    """Of the last four parameters, those of sideslip and angle of attack; lift slope of a straight wing (Helmbold)."""
+def lift_prior(span_m: float, wing_area_m2: float) -> Prior:
+    """Of the parameters of sideslip and angle of attack; lift slope of a straight wing (Helmbold)."""
     A = span_m**2 / wing_area_m2
     slope = 2 * np.pi * A / (2 + np.sqrt(4 + A**2))
     beta = PRIOR.beta_per_CY
+    mean = [float(np.log(beta.mean)), 0.0, float(-np.log(slope)), 0.0]
     sigma = [beta.sigma, PRIOR.alpha_0_sigma, PRIOR.alpha_per_CL_sigma, PRIOR.alpha_per_CT_sigma]
-    return np.array([np.log(beta.mean), 0.0, -np.log(slope), 0.0]), np.array(sigma)
+    return dict(zip(LIFT, zip(mean, sigma, strict=True), strict=True))
 
 
-def _marginal_efficiency(V: Array, parameters: Array, c: FlightConditions) -> Array:
+def _marginal_efficiency(V: Array, estimate: Estimate) -> Array:
     """Derivative of useful power by electrical power in level flight (n,), from the curve at two weights of drag."""
-    power = level_power(V, parameters, c)
-    more = np.array(parameters)
-    more[0] += 0.01
-    heavier = level_power(V, more, c)
-    added_W = 0.01 * np.exp(parameters[0]) * c.rho * V**3 / 2 * c.wing_area_m2
+    c, p = estimate.conditions, estimate.named()
+    power = level_power(V, p, c)
+    values = {name: p[name] for name in estimate.names}
+    draggier = NamedValues("parameter", {**values, "ln_CD0": p.ln_CD0 + 0.01})
+    heavier = level_power(V, draggier, c)
+    added_W = 0.01 * np.exp(p.ln_CD0) * c.rho * V**3 / 2 * c.wing_area_m2
     return np.asarray(added_W / np.maximum(heavier - power, 1e-6))

@@ -1,26 +1,22 @@
 """Power required and shaft power of level flight, where a propeller's table gives thrust."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from enum import Enum, auto
 from typing import NamedTuple
 
 import numpy as np
 
-from analysis.estimation.model import PriorMeasurement
+from analysis.estimation.model import NamedValues, PriorMeasurement
 from analysis.methods.whole_flight.curve import ElectricalEstimate, drag_prior, lift_prior
-from analysis.methods.whole_flight.energy_balance import FlightConditions, drag_power
-from analysis.methods.whole_flight.fit import (
-    SharedErrors,
-    most_probable_fit,
-    samples_of,
-    shared_errors,
-    with_standard_error,
-)
+from analysis.methods.whole_flight.energy_balance import FlightConditions, QuarticPolar, drag_power
+from analysis.methods.whole_flight.fit import Estimate, estimate_of, most_probable_fit, samples_of
 from analysis.methods.whole_flight.flight_table import FlightTable
+from analysis.methods.whole_flight.parameters import THRUST_ERRORS
 from analysis.methods.whole_flight.settings import SHARED, THRUST, WINDOWS
-from analysis.methods.whole_flight.thrust_balance import PARAMETERS, MotorConstants, ThrustBalance, aerodynamics
+from analysis.methods.whole_flight.thrust_balance import MotorConstants, ThrustBalance
 from analysis.sources import recording
 from analysis.sources.grid_settings import FLIGHT
+from analysis.uncertain import Uncertain
 from flight.aircraft import Uncertainty
 from flight.arrays import Array
 from flight.propeller import Propeller
@@ -75,27 +71,22 @@ class ThrustSource(NamedTuple):
 
 
 class DragEstimate(NamedTuple):
-    """Power required (n,) [W] at the speeds of the electrical curve, its standard error, and what it is made of.
+    """Power required (n,) [W] at the speeds of the electrical curve, and what it is made of.
 
-    shaft_W, shaft_error_W : (n,) shaft power of level flight; NaN where the table does not reach
+    shaft : (n,) shaft power of level flight [W]; NaN where the table does not reach
     motor_efficiency : shaft power by the table over electrical power, mean of the flight under power
     """
 
     V_mps: Array
-    power_W: Array
-    error_W: Array
-    shaft_W: Array
-    shaft_error_W: Array
-    parameters: Array
-    parameter_covariance: Array
-    shared: SharedErrors
-    conditions: FlightConditions
+    power: Uncertain
+    shaft: Uncertain
+    parameters: Estimate
     motor_efficiency: float
     measured_speed: bool
 
-    def quantity(self, of: Callable[[Array, FlightConditions], Array]) -> tuple[Array, Array]:
-        """A quantity (n,) of parameters and conditions, and its standard error."""
-        return with_standard_error(of, self.parameters, self.parameter_covariance, self.shared, self.conditions)
+    @property
+    def power_W(self) -> Array:
+        return self.power.value
 
 
 def drag_estimate(
@@ -125,37 +116,29 @@ def drag_estimate(
     efficiency = float(np.sum(balance.shaft_W()[powered]) / np.sum(balance.motor_W()[powered]))
     if not THRUST.motor_efficiency[0] < efficiency < THRUST.motor_efficiency[1]:
         return DragWithheld(DragLacks.POSSIBLE_EFFICIENCY, efficiency)
-    mean, sigma = drag_prior(span_m, c.wing_area_m2)
-    lift_mean, lift_sigma = lift_prior(span_m, c.wing_area_m2)
-    thrust_sigma = uncertainty.thrust_scale_fraction, uncertainty.thrust_slope
-    rows = np.array([one.row(PARAMETERS) for one in stand]).reshape(len(stand), len(PARAMETERS))
+    of_thrust = [(0.0, uncertainty.thrust_scale_fraction), (0.0, uncertainty.thrust_slope)]
+    prior = {
+        **drag_prior(span_m, c.wing_area_m2),
+        **dict(zip(THRUST_ERRORS, of_thrust, strict=True)),
+        **lift_prior(span_m, c.wing_area_m2),
+    }
+    rows = np.array([one.row(balance.names) for one in stand]).reshape(len(stand), len(balance.names))
     values = np.array([one.value / one.sigma for one in stand])
-    fit = most_probable_fit(
-        balance,
-        np.array([*mean, 0.0, 0.0, *lift_mean]),
-        np.array([*sigma, *thrust_sigma, *lift_sigma]),
-        (rows, values),
-    )
+    fit = most_probable_fit(balance, prior, (rows, values))
     power_sigma = SHARED.current if measured else float(np.hypot(SHARED.current, SHARED.motor_constants))
-    shared = [
-        *shared_errors(
-            flight, balance, fit, airspeed, power_sigma=power_sigma, updraft_share=SHARED.updraft_share_for_drag
-        )
-    ]
+    parameters = estimate_of(
+        flight, balance, fit, airspeed, power_sigma=power_sigma, updraft_share=SHARED.updraft_share_for_drag
+    )
     V = electrical.V_mps
 
-    def required(parameters: Array, given: FlightConditions) -> Array:
-        return drag_power(V, 1.0, 0.0, aerodynamics(parameters), given)
+    def required(p: NamedValues, given: FlightConditions) -> Array:
+        return drag_power(V, 1.0, 0.0, QuarticPolar.of(p), given)
 
-    def shaft(parameters: Array, given: FlightConditions) -> Array:
-        thrust_N = required(parameters, given) / V
-        scale, slope = parameters[4:6]
-        revps = revps_for_thrust(propeller, V, thrust_N, given.rho, thrust_scale=scale, thrust_slope=slope)
-        return np.asarray(propeller.thrust_and_power(V, revps, given.rho)[1])
+    def shaft(p: NamedValues, given: FlightConditions) -> Array:
+        correction = {name: p[name] for name in THRUST_ERRORS}
+        revps = revps_for_thrust(propeller, V, required(p, given) / V, given.rho, **correction)
+        _, shaft_W = propeller.thrust_and_power(V, revps, given.rho)
+        return np.asarray(shaft_W)
 
-    (power, error), (shaft_W, shaft_error) = (
-        with_standard_error(of, fit.parameters, fit.covariance, shared, c) for of in (required, shaft)
-    )
-    return DragEstimate(
-        V, power, error, shaft_W, shaft_error, fit.parameters, fit.covariance, shared, c, efficiency, measured
-    )
+    power, shaft_power = (parameters.quantity(of) for of in (required, shaft))
+    return DragEstimate(V, power, shaft_power, parameters, efficiency, measured)

@@ -22,7 +22,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.methods.whole_flight.ground_velocity import WIND, GroundVelocity, gusts
+from analysis.estimation.model import NamedValues
+from analysis.methods.whole_flight.ground_velocity import GroundVelocity, gusts
+from analysis.methods.whole_flight.parameters import DRAG, LIFT, MEAN_WIND, POWER_LAW, PROPELLER, WIND, pack, unpack
 from analysis.methods.whole_flight.settings import PRIOR, RESIDUALS, SHARED, WINDOWS
 from flight.arrays import Array
 from flight.units import GRAVITY_MPS2 as g
@@ -111,13 +113,6 @@ def _at_lags(lags: Array, windows: Windows, weight: Array, time_s: float) -> Arr
     return np.asarray(np.interp(lags, beyond, values, right=0.0))
 
 
-# The natural logarithms of CD0, K, x_at_maximum, fall and angle over C_L, and the logit of the efficiency, keep them
-# possible. The last four are sideslip over C_Y, and those of
-# the angle of attack, alpha_0 + C_L (angle over C_L) + C_T (angle over C_T).
-PARAMETERS = ("ln_CD0", "ln_K", "CL_minD", "K4", "logit_efficiency", "ln_x", "ln_fall", "idle_drag", "ln_beta_per_CY",
-              "alpha_0", "ln_alpha_per_CL", "alpha_per_CT")  # fmt: skip
-
-
 class PowerLaw(NamedTuple):
     """Efficiency in proportion to powers of airspeed and motor power; the speed and power where it has its value."""
 
@@ -165,23 +160,21 @@ class Samples(NamedTuple):
 
 
 @dataclass(frozen=True)
-class DragAndEfficiency:
-    """The parameters in their usual form. CD = CD0 + K (CL - CL_minD)^2 + K4 (CL - CL_minD)^4 above CL_minD"""
+class QuarticPolar:
+    """The parameters of drag in their usual form: CD = CD0 + K (CL - CL_minD)^2 + K4 (CL - CL_minD)^4 above CL_minD.
+
+    idle_drag : of the idling propeller, over CD0; 0 where thrust contains it
+    """
 
     CD0: float
     K: float
     CL_minD: float
     K4: float
-    efficiency: float
-    x_at_maximum: float
-    fall: float
-    idle_drag: float  # drag of the idling propeller over that of CD0
+    idle_drag: float = 0.0
 
     @classmethod
-    def of(cls, parameters: Array) -> "DragAndEfficiency":
-        CD0, K, CL_minD, K4, efficiency, x, fall, idle = parameters[:8]
-        exp = np.exp
-        return cls(exp(CD0), exp(K), CL_minD, K4, 1 / (1 + exp(-efficiency)), exp(x), exp(fall), idle)
+    def of(cls, p: NamedValues, idle_drag: float = 0.0) -> "QuarticPolar":
+        return cls(float(np.exp(p.ln_CD0)), float(np.exp(p.ln_K)), float(p.CL_minD), float(p.K4), float(idle_drag))
 
 
 class EnergyBalance:
@@ -208,7 +201,13 @@ class EnergyBalance:
         centers_s = samples.t_s[self._rows[:, count // 2]]
         self.windows = Windows(centers_s, offsets_s, weight / weight.sum(), slope)
         self.V_mps, self.power_W = self._mean(samples.V_mps), self._mean(samples.power_W)
+        self.names = self._names()
         self._x = advance(samples.V_mps, self._motor_power(conditions), conditions.rho)
+
+    def _names(self) -> tuple[str, ...]:
+        """Of the parameters, in the order of their vector."""
+        efficiency = PROPELLER if self.conditions.power_law is None else POWER_LAW
+        return (*DRAG, *efficiency, *LIFT, *(() if self.samples.ground is None else WIND))
 
     def residual(
         self, parameters: Array, samples: Samples | None = None, given: FlightConditions | None = None
@@ -218,30 +217,31 @@ class EnergyBalance:
 
         samples, given: perturbed ones, for the effect of an error.
         """
-        s, c = samples or self.samples, given or self.conditions
+        s, c, p = samples or self.samples, given or self.conditions, unpack(self.names, parameters)
         if s.ground is not None:
-            s, parameters = s._replace(V_mps=s.ground.airspeed(parameters[-len(WIND) :])), parameters[: -len(WIND)]
-        drag_W, useful_W = self._drag_and_useful_W(parameters, s, c)
+            s = s._replace(V_mps=s.ground.airspeed(pack(WIND, p)))
+        drag_W, useful_W = self._drag_and_useful_W(p, s, c)
         energy = c.mass_kg * (g * s.height_m + s.V_mps**2 / 2)
-        by_air_W = c.mass_kg * g * c.updraft_mps + self._mean(by_gusts_W(s, parameters, c))
+        by_air_W = c.mass_kg * g * c.updraft_mps + self._mean(by_gusts_W(s, p, c))
         change = -energy[self._rows] @ self.windows.slope - by_air_W
         of_drag = self._mean(useful_W - drag_W) - change
         if s.force_x_mps2 is None:
             return np.asarray(of_drag)
-        return np.concatenate([of_drag, change - self._mean(_along_path_W(s, s.force_x_mps2, useful_W, parameters, c))])
+        return np.concatenate([of_drag, change - self._mean(_along_path_W(s, s.force_x_mps2, useful_W, p, c))])
 
     def by_wind(self, parameters: Array) -> Array:
         """Change of the residuals with the wind to the north and to the east, (n or 2 n, 2) [W s/m]."""
         columns = []
-        for i in (-len(WIND), 1 - len(WIND)):
+        for name in MEAN_WIND:
             changed = np.array(parameters)
-            changed[i] += 0.1
+            changed[self.names.index(name)] += 0.1
             columns.append((self.residual(changed) - self.residual(parameters)) / 0.1)
         return np.stack(columns, axis=1)
 
     def useful_W(self, parameters: Array) -> Array:
         """Thrust times airspeed, mean of each window (n,) [W]."""
-        return self._mean(self._drag_and_useful_W(parameters, self.samples, self.conditions)[1])
+        _, useful_W = self._drag_and_useful_W(unpack(self.names, parameters), self.samples, self.conditions)
+        return self._mean(useful_W)
 
     def middle(self) -> PowerLaw:
         """Median airspeed and motor power, the latter where the motor works."""
@@ -259,55 +259,53 @@ class EnergyBalance:
     def _motor_power(self, c: FlightConditions) -> Array:
         return np.asarray(np.maximum(c.power_scale * self.samples.power_W - c.idle_power_W, 0.0))
 
-    def _drag_and_useful_W(self, parameters: Array, s: Samples, c: FlightConditions) -> tuple[Array, Array]:
-        p = DragAndEfficiency.of(parameters)
-        useful, idle = useful_power(s.V_mps, self._motor_power(c), parameters, c)
-        return drag_power(s.V_mps, s.load_factor, idle, p, c, load_variance=s.load_variance), useful
+    def _drag_and_useful_W(self, p: NamedValues, s: Samples, c: FlightConditions) -> tuple[Array, Array]:
+        useful, idle = useful_power(s.V_mps, self._motor_power(c), p, c)
+        polar = QuarticPolar.of(p, p.idle_drag)
+        return drag_power(s.V_mps, s.load_factor, idle, polar, c, load_variance=s.load_variance), useful
 
     def _mean(self, values: Array) -> Array:
         return np.asarray(values[self._rows] @ self.windows.weight)
 
 
-def by_gusts_W(s: Samples, parameters: Array, c: FlightConditions) -> Array:
+def by_gusts_W(s: Samples, p: NamedValues, c: FlightConditions) -> Array:
     """Power (n,) [W] that the aircraft gains from gusts (Katzmayr effect).
 
     A gust turns lift forward by the angle of attack that it adds, and side force by the sideslip; the means of these
     products follow from the variances of both forces.
     """
-    ln_beta_per_CY, _, ln_alpha_per_CL, _ = parameters[-4:]
     qS = c.rho * s.V_mps**2 / 2 * c.wing_area_m2
-    angles = np.exp(ln_alpha_per_CL) * s.load_variance + np.exp(ln_beta_per_CY) * s.side_variance
+    angles = np.exp(p.ln_alpha_per_CL) * s.load_variance + np.exp(p.ln_beta_per_CY) * s.side_variance
     return np.asarray(s.V_mps * (c.mass_kg * g) ** 2 / qS * angles)
 
 
-def useful_power(V: Array, motor_W: Array, parameters: Array, c: FlightConditions) -> tuple[Array, Array]:
+def useful_power(V: Array, motor_W: Array, p: NamedValues, c: FlightConditions) -> tuple[Array, Array]:
     """Thrust times airspeed [W], and how far the propeller idles, of airspeed and motor power.
 
-    By the power law the parameters of the efficiency are its logarithm and the exponents of speed and power.
+    p : with PROPELLER, or with POWER_LAW where the conditions have one
     """
     if c.power_law is None:
-        p, x = DragAndEfficiency.of(parameters), advance(V, motor_W, c.rho)
-        return motor_W * efficiency(x, p.efficiency, p.x_at_maximum, p.fall), idling(x, p.x_at_maximum, p.fall)
-    ln_efficiency, of_speed, of_power = parameters[4:7]
+        x, greatest = advance(V, motor_W, c.rho), 1 / (1 + np.exp(-p.logit_efficiency))
+        x_at_maximum, fall = np.exp(p.ln_x), np.exp(p.ln_fall)
+        return motor_W * efficiency(x, greatest, x_at_maximum, fall), idling(x, x_at_maximum, fall)
     share = np.maximum(motor_W, 1e-3) / c.power_law.power_W
-    useful = motor_W * np.exp(ln_efficiency + of_speed * np.log(V / c.power_law.V_mps) + of_power * np.log(share))
+    useful = motor_W * np.exp(p.ln_efficiency + p.of_speed * np.log(V / c.power_law.V_mps) + p.of_power * np.log(share))
     return np.asarray(useful), np.asarray(np.clip(1 - 10 * share, 0.0, 1.0))
 
 
-def _along_path_W(s: Samples, force_x_mps2: Array, useful_W: Array, parameters: Array, c: FlightConditions) -> Array:
+def _along_path_W(s: Samples, force_x_mps2: Array, useful_W: Array, p: NamedValues, c: FlightConditions) -> Array:
     """Power (n,) [W] of thrust less drag, by the accelerometer turned by the angle of attack."""
-    _, alpha_0, ln_alpha_per_CL, alpha_per_CT = parameters[-4:]
     lift_N, qS = s.load_factor * c.mass_kg * g, c.rho * s.V_mps**2 / 2 * c.wing_area_m2
-    alpha = alpha_0 + np.exp(ln_alpha_per_CL) * lift_N / qS + alpha_per_CT * useful_W / s.V_mps / qS
+    alpha = p.alpha_0 + np.exp(p.ln_alpha_per_CL) * lift_N / qS + p.alpha_per_CT * useful_W / s.V_mps / qS
     forward_N = c.mass_kg * force_x_mps2 * np.cos(alpha) - lift_N * np.sin(alpha)
-    return np.asarray(s.V_mps * forward_N - by_gusts_W(s, parameters, c))
+    return np.asarray(s.V_mps * forward_N - by_gusts_W(s, p, c))
 
 
 def drag_power(
     V: Array,
     load_factor: Array | float,
     idle: Array | float,
-    p: DragAndEfficiency,
+    p: QuarticPolar,
     c: FlightConditions,
     *,
     load_variance: Array | float = 0.0,
@@ -320,12 +318,12 @@ def drag_power(
     return np.asarray(qS * V * CD)
 
 
-def level_power(V: Array, parameters: Array, c: FlightConditions) -> Array:
+def level_power(V: Array, p: NamedValues, c: FlightConditions) -> Array:
     """Electrical power of steady level flight (n,) [W]; NaN where the motor cannot give it."""
-    p = DragAndEfficiency.of(parameters)
-    drag_W = drag_power(V, 1.0, 0.0, p, c)
+    drag_W = drag_power(V, 1.0, 0.0, QuarticPolar.of(p), c)
     motor = np.geomspace(0.5, 1e5, 600)
-    surplus = useful_power(V[:, None], motor, parameters, c)[0] - drag_W[:, None]
+    useful_W, _ = useful_power(V[:, None], motor, p, c)
+    surplus = useful_W - drag_W[:, None]
     enough = surplus >= 0
     first = np.maximum(np.argmax(enough, axis=1), 1)
     at = np.arange(len(V))

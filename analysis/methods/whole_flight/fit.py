@@ -1,10 +1,11 @@
-"""Fit of an energy balance: most probable parameters, the air's motion, and what the whole flight shares."""
+"""Fit of an energy balance: most probable parameters, the air's motion, and the errors that the whole flight shares."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from analysis.estimation.model import NamedValues
 from analysis.methods.whole_flight.airspeed_gps import AirspeedErrors, most_probable, true_airspeed
 from analysis.methods.whole_flight.energy_balance import (
     EnergyBalance,
@@ -19,14 +20,22 @@ from analysis.methods.whole_flight.energy_balance import (
 )
 from analysis.methods.whole_flight.flight_table import FlightTable
 from analysis.methods.whole_flight.ground_velocity import ground_velocity
+from analysis.methods.whole_flight.parameters import (
+    MEAN_WIND,
+    OF_AIRSPEED,
+    OF_WIND,
+    WIND,
+    Prior,
+    Source,
+    pack,
+    unpack,
+)
 from analysis.methods.whole_flight.settings import RESIDUALS, SHARED, WINDOWS
 from analysis.sources import recording
 from analysis.sources.grid import without_gaps
 from analysis.sources.grid_settings import FLIGHT
+from analysis.uncertain import Uncertain
 from flight.arrays import Array
-
-SharedErrors = list[tuple[Array, FlightConditions]]
-
 
 SIGMAS_MPS = tuple(0.02 * 1.25**i for i in range(26))  # 0.02 to 5
 ANGLES_RAD = tuple(0.0005 * 1.25**i for i in range(22))  # to 0.05: of the angle of attack
@@ -54,7 +63,7 @@ def samples_of(flight: FlightTable, scale: float, zero_Pa: float, wind: Array | 
     if wind is None:
         V = true_airspeed(table["pressure_Pa"].to_numpy(), table["rho"].to_numpy(), scale, zero_Pa)
     else:
-        V = ground_velocity(table, flight.flown, wind[:2]).airspeed(wind)
+        V = ground_velocity(table, flight.flown, pack(MEAN_WIND, unpack(WIND, wind))).airspeed(wind)
     load_factor = table["load_factor"].fillna(1.0).to_numpy()
     height, power = table["height_m"].to_numpy(), table["power_W"].to_numpy()
     revps = table[recording.MOTOR].to_numpy()
@@ -77,8 +86,7 @@ def samples_of(flight: FlightTable, scale: float, zero_Pa: float, wind: Array | 
 
 def most_probable_fit(
     balance: EnergyBalance,
-    mean: Array,
-    sigma: Array,
+    prior: Prior,
     measured: tuple[Array, Array] | None = None,
     least_share: float = RESIDUALS.efficiency_share.mean,
 ) -> Fit:
@@ -88,6 +96,7 @@ def most_probable_fit(
     What the balance with the accelerometer contains beside the motion of the air is the error of the angle of attack,
     and so is what the sum of both balances contains beside the error of the efficiency's form.
     """
+    mean, sigma = (pack(balance.names, {name: one[part] for name, one in prior.items()}) for part in (0, 1))
     windows, mass_kg, V = balance.windows, balance.conditions.mass_kg, float(np.mean(balance.V_mps))
     n, with_force = len(balance.V_mps), balance.samples.force_x_mps2 is not None
     white = uncorrelated(windows)
@@ -101,8 +110,8 @@ def most_probable_fit(
     gust_mps, angle_rad = RESIDUALS.first_gust_mps, RESIDUALS.first_angle_rad
     gust_s = angle_s = RESIDUALS.first_s
     parameters, share = mean, RESIDUALS.efficiency_share.mean
-    prior = RESIDUALS.efficiency_share
-    unlikely_shares = [(np.log(np.array(SHARES) / prior.mean) / prior.sigma) ** 2]
+    of_share = RESIDUALS.efficiency_share
+    unlikely_shares = [(np.log(np.array(SHARES) / of_share.mean) / of_share.sigma) ** 2]
     horizontal: Array | None = None
 
     def first(both: Array) -> Array:
@@ -188,40 +197,55 @@ def _size_and_time(
     return float(np.sqrt(weight @ sigmas**2)), float(np.exp(weight @ np.log(times_s)))
 
 
-def derivatives(
-    quantity: Callable[[Array, FlightConditions], Array],
-    parameters: Array,
-    covariance: Array,
-    shared: SharedErrors,
-    conditions: FlightConditions,
-) -> tuple[Array, Array]:
-    """Of a quantity (n,) of parameters and conditions: derivative (m, n) by the parameters, and its change (k, n) with
-    each error that the whole flight shares."""
-    rows = []
-    for i, sigma in enumerate(np.sqrt(np.diag(covariance))):
-        step = np.zeros(len(parameters))
-        step[i] = STEP * sigma
-        above, below = (quantity(parameters + sign * step, conditions) for sign in (1, -1))
-        rows.append(np.nan_to_num((above - below) / (2 * step[i])))
-    gradient, nominal = np.array(rows), quantity(parameters, conditions)
-    effects = [np.nan_to_num(quantity(parameters, given) - nominal) + change @ gradient for change, given in shared]
-    return gradient, np.array(effects)
+class SharedError(NamedTuple):
+    """An error that the whole flight shares, of one standard deviation: change (m,) of the parameters, conditions."""
+
+    change: Array
+    conditions: FlightConditions
 
 
-def with_standard_error(
-    quantity: Callable[[Array, FlightConditions], Array],
-    parameters: Array,
-    covariance: Array,
-    shared: SharedErrors,
-    conditions: FlightConditions,
-) -> tuple[Array, Array]:
-    """A quantity (n,) of parameters and conditions, and its standard error."""
-    gradient, effects = derivatives(quantity, parameters, covariance, shared, conditions)
-    variance = np.einsum("in,ij,jn->n", gradient, covariance, gradient) + (effects**2).sum(axis=0)
-    return quantity(parameters, conditions), np.sqrt(variance)
+Quantity = Callable[[NamedValues, FlightConditions], Array]  # (n,) of parameters and conditions
 
 
-def shared_errors(
+class Estimate(NamedTuple):
+    """Parameters of a balance with their errors.
+
+    names, values : (m,)     covariance : (m, m) by noise of this flight     shared : what the whole flight shares
+    """
+
+    names: tuple[str, ...]
+    values: Array
+    covariance: Array
+    shared: Mapping[Source, SharedError]
+    conditions: FlightConditions
+
+    def named(self) -> NamedValues:
+        """The values by name."""
+        return unpack(self.names, self.values)
+
+    def gradient(self, of: Quantity) -> Array:
+        """Derivative (m, n) of a quantity by the parameters."""
+        rows = []
+        for i, sigma in enumerate(np.sqrt(np.diag(self.covariance))):
+            step = np.zeros(len(self.values))
+            step[i] = STEP * sigma
+            above, below = (of(unpack(self.names, self.values + one), self.conditions) for one in (step, -step))
+            rows.append(np.nan_to_num((above - below) / (2 * step[i])))
+        return np.array(rows)
+
+    def quantity(self, of: Quantity, gradient: Array | None = None) -> Uncertain:
+        """A quantity with its errors; those that the whole flight shares by their source. gradient: of it, if known"""
+        gradient = self.gradient(of) if gradient is None else gradient
+        p = self.named()
+        value = of(p, self.conditions)
+        shared: dict[str, Array] = {
+            source: np.nan_to_num(of(p, error.conditions) - value) + error.change @ gradient
+            for source, error in self.shared.items()
+        }
+        return Uncertain(value, gradient.T @ self.covariance @ gradient, shared)
+
+
+def estimate_of(
     flight: FlightTable,
     balance: EnergyBalance,
     fit: Fit,
@@ -229,27 +253,33 @@ def shared_errors(
     *,
     power_sigma: float = SHARED.current,
     updraft_share: float = SHARED.updraft_share,
-) -> Iterator[tuple[Array, FlightConditions]]:
-    """The parameters' change with each independent error of one standard deviation, and the conditions with it."""
+) -> Estimate:
+    """The fit with each independent error of one standard deviation that the whole flight shares.
+
+    power_sigma: of the electrical power, relative. updraft_share: standard deviation of the mean updraft over that of
+    the gusts.
+    """
     c = balance.conditions
     nominal = balance.residual(fit.parameters)
 
-    def error(samples: Samples, given: FlightConditions) -> tuple[Array, FlightConditions]:
-        return fit.gain @ (balance.residual(fit.parameters, samples, given) - nominal), given
+    def error(samples: Samples, given: FlightConditions) -> SharedError:
+        return SharedError(fit.gain @ (balance.residual(fit.parameters, samples, given) - nominal), given)
 
+    shared: dict[Source, SharedError] = {}
     if airspeed.wind is None:
-        for scale, zero_Pa in np.linalg.cholesky(airspeed.covariance).T:
-            yield error(samples_of(flight, airspeed.scale + scale, airspeed.zero_Pa + zero_Pa), c)
+        for source, (scale, zero_Pa) in zip(OF_AIRSPEED, np.linalg.cholesky(airspeed.covariance).T, strict=True):
+            shared[source] = error(samples_of(flight, airspeed.scale + scale, airspeed.zero_Pa + zero_Pa), c)
     elif balance.samples.ground is None and airspeed.wind_covariance is not None:  # the wind is no parameter here
-        for change in np.linalg.cholesky(airspeed.wind_covariance).T:
-            yield error(samples_of(flight, 0.0, 0.0, airspeed.wind + change), c)
+        for source, change in zip(OF_WIND, np.linalg.cholesky(airspeed.wind_covariance).T, strict=True):
+            shared[source] = error(samples_of(flight, 0.0, 0.0, airspeed.wind + change), c)
     heavier, warmer = 1 + SHARED.mass, 1 - flight.rho_sigma
+    updraft_mps = float(np.hypot(SHARED.least_updraft_mps, updraft_share * fit.gust_mps))
     # GPS shows true airspeed: where it determines the scale, an error of density changes the scale, not the airspeed.
     thinner = balance.samples._replace(V_mps=balance.samples.V_mps / warmer ** ((1 - airspeed.by_gps) / 2))
-    yield error(thinner, c._replace(rho=c.rho * warmer))
-    yield error(balance.samples, c._replace(mass_kg=c.mass_kg * heavier))
-    yield error(balance.samples, c._replace(power_scale=1 + power_sigma))
-    yield error(balance.samples, c._replace(idle_power_W=c.idle_power_W + c.idle_sigma_W))
-    yield error(
-        balance.samples, c._replace(updraft_mps=float(np.hypot(SHARED.least_updraft_mps, updraft_share * fit.gust_mps)))
-    )
+    shared[Source.DENSITY] = error(thinner, c._replace(rho=c.rho * warmer))
+    shared[Source.MASS] = error(balance.samples, c._replace(mass_kg=c.mass_kg * heavier))
+    shared[Source.CURRENT] = error(balance.samples, c._replace(power_scale=1 + power_sigma))
+    idle_W = c.idle_power_W + c.idle_sigma_W
+    shared[Source.IDLE_POWER] = error(balance.samples, c._replace(idle_power_W=idle_W))
+    shared[Source.UPDRAFT] = error(balance.samples, c._replace(updraft_mps=updraft_mps))
+    return Estimate(balance.names, fit.parameters, fit.covariance, shared, c)

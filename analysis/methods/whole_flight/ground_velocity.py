@@ -15,12 +15,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from analysis.methods.whole_flight.parameters import WIND, Prior, unpack
 from analysis.methods.whole_flight.settings import GPS, RESIDUALS
 from analysis.sources import recording
 from flight.arrays import Array
 from flight.units import FOOT_M
-
-WIND = ("wind_north", "wind_east", "wind_north_trend", "wind_east_trend")
 
 
 class GroundVelocity(NamedTuple):
@@ -38,7 +37,9 @@ class GroundVelocity(NamedTuple):
 
     def airspeed(self, wind: Array) -> Array:
         """True airspeed (n,) [m/s]. wind: (4,) of `WIND` [m/s, m/s²]"""
-        north, east = (self.height_factor * (wind[i] + wind[i + 2] * self.elapsed_s) for i in (0, 1))
+        w = unpack(WIND, wind)
+        north = self.height_factor * (w.wind_north + w.wind_north_trend * self.elapsed_s)
+        east = self.height_factor * (w.wind_east + w.wind_east_trend * self.elapsed_s)
         return np.asarray(np.sqrt((self.north_mps - north) ** 2 + (self.east_mps - east) ** 2 + self.down_mps**2))
 
 
@@ -62,7 +63,8 @@ def circle_center(north_mps: Array, east_mps: Array, step_s: float) -> Array:
     columns = np.stack([2 * north_mps, 2 * east_mps, np.ones(len(speed_mps))], axis=1) / sigma
     weak = np.diag([1 / GPS.wind_sigma_mps, 1 / GPS.wind_sigma_mps, 0.0])
     matrix, values = np.vstack([columns, weak]), np.concatenate([speed_mps**2 / sigma, np.zeros(3)])
-    return np.asarray(np.linalg.lstsq(matrix, values, rcond=None)[0][:2])
+    (north, east, _), *_ = np.linalg.lstsq(matrix, values, rcond=None)
+    return np.array([north, east])
 
 
 def height_factor(height_m: Array, ground_m: Array | None, flown: NDArray[np.bool_]) -> Array:
@@ -73,10 +75,10 @@ def height_factor(height_m: Array, ground_m: Array | None, flown: NDArray[np.boo
     return np.asarray(above_m / np.nanmedian(above_m[flown]))
 
 
-def wind_prior(start: Array) -> tuple[Array, Array]:
-    """Mean and standard deviation (4,) of `WIND`. start: (2,) a first wind, which its weak prior is put about."""
+def wind_prior(start: Array) -> Prior:
+    """Of `WIND`. start: (2,) a first wind, which its weak prior is put about."""
     sigma = [GPS.wind_sigma_mps, GPS.wind_sigma_mps, GPS.trend_mps2, GPS.trend_mps2]
-    return np.array([*start, 0.0, 0.0]), np.array(sigma)
+    return dict(zip(WIND, zip([*start, 0.0, 0.0], sigma, strict=True), strict=True))
 
 
 def gusts() -> tuple[float, float]:

@@ -13,15 +13,14 @@ import numpy as np
 from numpy.polynomial.polynomial import polyfit
 
 from analysis.curve import Polar
+from analysis.estimation.model import NamedValues
 from analysis.methods.method import MethodDescription, MethodEstimate
 from analysis.methods.thrust_prior import stand_measurements
 from analysis.methods.whole_flight.curve import ElectricalEstimate, estimate
 from analysis.methods.whole_flight.drag import DragEstimate, DragWithheld, ThrustSource, drag_estimate
-from analysis.methods.whole_flight.energy_balance import FlightConditions, drag_power
-from analysis.methods.whole_flight.fit import derivatives
+from analysis.methods.whole_flight.energy_balance import FlightConditions, QuarticPolar, drag_power
 from analysis.methods.whole_flight.flight_table import flight_table
 from analysis.methods.whole_flight.settings import BESIDE_A_COMPLETE_LOG
-from analysis.methods.whole_flight.thrust_balance import aerodynamics
 from analysis.sources import recording
 from analysis.sources.autopilot_settings import READABLE
 from analysis.sources.daemon import samples
@@ -114,18 +113,15 @@ def whole_flight(log: Log, aircraft: Aircraft, propeller: Propeller) -> WholeFli
 
 def method_estimate(drag: DragEstimate) -> MethodEstimate:
     """The quadratic polar over the lift coefficients of the curve, with its covariance."""
-    c = drag.conditions
+    c = drag.parameters.conditions
     V = np.linspace(drag.V_mps[-1], drag.V_mps[0], 31)
     qS = c.rho * V**2 / 2 * c.wing_area_m2
     CL = c.mass_kg * g / qS
 
-    def polar(parameters: Array, given: FlightConditions) -> Array:
-        CD = drag_power(V, 1.0, 0.0, aerodynamics(parameters), given) / (qS * V)
+    def polar(p: NamedValues, given: FlightConditions) -> Array:
+        CD = drag_power(V, 1.0, 0.0, QuarticPolar.of(p), given) / (qS * V)
         return np.asarray(polyfit(CL, CD, 2))
 
-    gradient, effects = derivatives(polar, drag.parameters, drag.parameter_covariance, drag.shared, c)
-    noise, systematic = gradient.T @ drag.parameter_covariance @ gradient, effects.T @ effects
-    A = polar(drag.parameters, c)
-    return MethodEstimate(
-        WHOLE_FLIGHT, Polar(A, noise + systematic), noise, systematic, flown_CL=(float(CL[0]), float(CL[-1]))
-    )
+    A = drag.parameters.quantity(polar)
+    flown_CL = (float(CL[0]), float(CL[-1]))
+    return MethodEstimate(WHOLE_FLIGHT, Polar(A.value, A.covariance), A.own, A.by_shared, flown_CL=flown_CL)

@@ -8,14 +8,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from analysis.estimation.model import NamedValues
 from analysis.methods.thrust_prior import J_REFERENCE
 from analysis.methods.whole_flight.energy_balance import (
-    DragAndEfficiency,
     EnergyBalance,
     FlightConditions,
+    QuarticPolar,
     Samples,
     drag_power,
 )
+from analysis.methods.whole_flight.parameters import DRAG, LIFT, THRUST_ERRORS
 from analysis.methods.whole_flight.settings import THRUST, WINDOWS
 from analysis.sources.autopilot_settings import INSTANCES
 from analysis.sources.grid import stretches
@@ -23,18 +25,7 @@ from flight.aircraft import Propulsion
 from flight.arrays import Array
 from flight.propeller import Propeller
 
-PARAMETERS = (
-    "ln_CD0",
-    "ln_K",
-    "CL_minD",
-    "K4",
-    "thrust_scale",
-    "thrust_slope",
-    "ln_beta_per_CY",
-    "alpha_0",
-    "ln_alpha_per_CL",
-    "alpha_per_CT",
-)
+PARAMETERS = (*DRAG, *THRUST_ERRORS, *LIFT)
 
 
 @dataclass(frozen=True)
@@ -78,6 +69,9 @@ class ThrustBalance(EnergyBalance):
         self._propeller, self._motor = propeller, motor
         self._known: tuple[Samples, FlightConditions, Array, Array] | None = None
 
+    def _names(self) -> tuple[str, ...]:
+        return PARAMETERS
+
     def shaft_W(self) -> Array:
         """Shaft power by the table, mean of each window (n,)."""
         s, c = self.samples, self.conditions
@@ -88,13 +82,11 @@ class ThrustBalance(EnergyBalance):
         """Electrical power of the motor, mean of each window (n,)."""
         return self._mean(self._motor_power(self.conditions))
 
-    def _drag_and_useful_W(self, parameters: Array, s: Samples, c: FlightConditions) -> tuple[Array, Array]:
+    def _drag_and_useful_W(self, p: NamedValues, s: Samples, c: FlightConditions) -> tuple[Array, Array]:
         thrust_N, J = self._thrust(s, c)
-        scale, slope = parameters[4:6]
-        useful = thrust_N * (1 + scale + slope * (J - J_REFERENCE)) * s.V_mps
-        return drag_power(
-            s.V_mps, s.load_factor, 0.0, aerodynamics(parameters), c, load_variance=s.load_variance
-        ), useful
+        useful = thrust_N * (1 + p.thrust_scale + p.thrust_slope * (J - J_REFERENCE)) * s.V_mps
+        polar = QuarticPolar.of(p)
+        return drag_power(s.V_mps, s.load_factor, 0.0, polar, c, load_variance=s.load_variance), useful
 
     def _thrust(self, s: Samples, c: FlightConditions) -> tuple[Array, Array]:
         """Thrust by the table and advance ratio, (n,) each; they do not depend on the parameters."""
@@ -133,9 +125,3 @@ def _powered(samples: Samples, c: FlightConditions) -> list[slice]:
     for rows in samples.stretches:
         flown[rows] = True
     return stretches(flown & (power_W > THRUST.least_power * np.percentile(power_W[flown], 95)))
-
-
-def aerodynamics(parameters: Array) -> DragAndEfficiency:
-    """The drag polar among the parameters; the efficiency is not used."""
-    ln_CD0, ln_K, CL_minD, K4 = parameters[:4]
-    return DragAndEfficiency(float(np.exp(ln_CD0)), float(np.exp(ln_K)), CL_minD, K4, 1.0, 1.0, 1.0, 0.0)

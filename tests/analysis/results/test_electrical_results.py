@@ -10,6 +10,7 @@ from analysis.estimation.noise import NORMAL_95
 from analysis.methods.whole_flight.airspeed_gps import AirspeedErrors
 from analysis.methods.whole_flight.drag import DragWithheld
 from analysis.methods.whole_flight.energy_balance import FlightConditions
+from analysis.methods.whole_flight.parameters import DRAG, unpack
 from analysis.performance.autopilot_parameters import flight_values
 from analysis.records.flight import SpeedInterval
 from analysis.results.electrical import (
@@ -22,6 +23,7 @@ from analysis.results.electrical import (
     _warnings,
 )
 from analysis.sources.grid_settings import FLIGHT
+from analysis.uncertain import Uncertain
 from flight.atmosphere import SEA_LEVEL_DENSITY
 from flight.units import GRAVITY_MPS2
 
@@ -33,15 +35,18 @@ FLOWN = SimpleNamespace(flown=np.ones(3000, dtype=bool))
 
 def estimate(*, share: float = 0.03, noise_W: float = 1e-6, wind_mps: float | None = 3.0, scale: float = 0.02):
     """A curve whose error is one scale of all power, as large as this share, and noise."""
-    systematic = share**2 * np.outer(POWER_W, POWER_W)
-    noise = noise_W**2 * np.eye(len(V))
+    power = Uncertain(POWER_W, noise_W**2 * np.eye(len(V)), {"current": share * POWER_W})
     return SimpleNamespace(
-        V_mps=V, power_W=POWER_W, noise=noise, systematic=systematic, residual_W=np.array([3.0, -4.0]),
-        standard_error_W=np.sqrt(np.diag(noise + systematic)),
+        V_mps=V, power_W=POWER_W, power=power, residual_W=np.array([3.0, -4.0]),
+        standard_error_W=power.standard_error,
         conditions=SimpleNamespace(idle_power_W=4.0, idle_sigma_W=1.0),
-        rho_sigma=0.0, own=noise, common={"current": share * POWER_W},
+        rho_sigma=0.0, among_flights=power,
         airspeed=AirspeedErrors(scale, 0.0, np.diag([0.01**2, 4.0]), wind_mps, 10.0),
     )  # fmt: skip
+
+
+def uncertain(value: np.ndarray, half_width: np.ndarray) -> Uncertain:
+    return Uncertain(value, np.diag((half_width / NORMAL_95) ** 2))
 
 
 def beside(drag=DragWithheld(), **of):
@@ -99,16 +104,15 @@ def test_what_is_beside_the_curve_has_intervals_of_95_per_cent() -> None:
 
 
 def test_a_power_s_interval_ends_at_zero_and_what_is_not_known_is_left_out() -> None:
-    points = _points(np.array([10.0, 11.0, 12.0]), np.array([50.0, 50.0, 50.0]), np.array([10.0, 60.0, np.inf]))
+    points = _points(np.array([10.0, 11.0, 12.0]), uncertain(np.full(3, 50.0), np.array([10.0, 60.0, np.inf])))
     assert [(p.power_lo_W, p.power_hi_W) for p in points] == [(40.0, 60.0), (0.0, 110.0)]
 
 
-def test_the_polar_is_that_of_the_quadratic_form(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_polar_is_that_of_the_quadratic_form() -> None:
     """C_D0 + K (C_L - C_LminD)^2, and e = 1/(pi A K)."""
-    form = SimpleNamespace(CD0=0.04, K=0.06, CL_minD=0.2)
-    monkeypatch.setattr("analysis.results.electrical.aerodynamics", lambda _: form)
+    p = unpack(DRAG, np.array([np.log(0.04), np.log(0.06), 0.2, 0.0]))
     aircraft = SimpleNamespace(wing_area_m2=0.5, span_m=2.0)
-    polar = _polar(SimpleNamespace(parameters=np.zeros(3)), aircraft)
+    polar = _polar(SimpleNamespace(parameters=SimpleNamespace(named=lambda: p)), aircraft)
     for CL in (0.0, 0.5, 1.0):
         assert polar.A0 + polar.A1 * CL + polar.A2 * CL**2 == pytest.approx(0.04 + 0.06 * (CL - 0.2) ** 2)
     assert polar.oswald_efficiency == pytest.approx(1 / (np.pi * 8.0 * 0.06))
@@ -118,7 +122,10 @@ def test_the_polar_is_that_of_the_quadratic_form(monkeypatch: pytest.MonkeyPatch
 def test_the_basis_of_thrust_tells_the_efficiency_in_per_cent() -> None:
     for measured, text in ((True, "motor speed in the log"), (False, "motor speed by electrical power")):
         drag = SimpleNamespace(
-            measured_speed=measured, motor_efficiency=0.72, V_mps=V, shaft_W=POWER_W, shaft_error_W=0.1 * POWER_W
+            measured_speed=measured,
+            motor_efficiency=0.72,
+            V_mps=V,
+            shaft=uncertain(POWER_W, 0.1 * NORMAL_95 * POWER_W),
         )
         found = beside(drag)
         assert "an efficiency of 72 %" in found.thrust_basis and text in found.thrust_basis
@@ -142,8 +149,7 @@ def test_what_a_reader_must_know_is_said_from_its_limit_on(of: dict, said: list[
 
 
 GIVEN = FlightConditions(3.0, 0.5, 1.1, 4.0)
-#            ln CD0, ln K, CL_minD, K4, logit efficiency, ln x, ln fall, idle drag
-PARAMETERS = np.array([np.log(0.04), np.log(0.06), 0.0, 0.0, 0.0, 0.0, 0.0, 0.25])
+PARAMETERS = unpack((*DRAG, "idle_drag"), np.array([np.log(0.04), np.log(0.06), 0.0, 0.0, 0.25]))
 
 
 def source(**more):
@@ -151,9 +157,9 @@ def source(**more):
 
     def quantity(of):
         value = of(PARAMETERS, GIVEN)
-        return value, 0.03 * np.abs(value)
+        return uncertain(value, 0.03 * NORMAL_95 * np.abs(value))
 
-    return SimpleNamespace(quantity=quantity, **more)
+    return SimpleNamespace(parameters=SimpleNamespace(quantity=quantity), **more)
 
 
 def values(drag=None, best=(14.0, 13.5, 14.2), **of):

@@ -7,10 +7,13 @@ import pytest
 
 from analysis.curve import Condition, power_required
 from analysis.methods.whole_flight.drag import DragEstimate
-from analysis.methods.whole_flight.energy_balance import FlightConditions, drag_power
+from analysis.methods.whole_flight.energy_balance import FlightConditions, QuarticPolar, drag_power
+from analysis.methods.whole_flight.fit import Estimate, SharedError
 from analysis.methods.whole_flight.method import method_estimate, whole_flight
+from analysis.methods.whole_flight.parameters import Source, unpack
 from analysis.methods.whole_flight.settings import GPS
-from analysis.methods.whole_flight.thrust_balance import aerodynamics
+from analysis.methods.whole_flight.thrust_balance import PARAMETERS as NAMES
+from analysis.uncertain import Uncertain
 from flight.aircraft import Uncertainty
 from flight.complete_aircraft import load_complete_aircraft
 from flight.log_reader import Log
@@ -18,25 +21,25 @@ from flight.propeller_files import load_propeller
 from flight.units import GRAVITY_MPS2
 
 CONDITIONS = FlightConditions(mass_kg=3.8, wing_area_m2=0.46, rho=1.19, idle_power_W=4.0)
-PARAMETERS = np.array([np.log(0.04), np.log(0.06), 0.2, 0.0, 0.0, 0.0, 0.0, np.log(0.2), 0.0])
+PARAMETERS = np.array([np.log(0.04), np.log(0.06), 0.2, 0.0, 0.0, 0.0, 0.0, 0.0, np.log(0.2), 0.0])
 
 
 def test_the_polar_has_the_power_and_the_interval_of_the_curve() -> None:
     V, scaled = np.linspace(12.0, 22.0, 31), np.zeros(len(PARAMETERS))
-    scaled[0] = 0.03
-    drag_W = drag_power(V, 1.0, 0.0, aerodynamics(PARAMETERS), CONDITIONS)
+    scaled[NAMES.index("ln_CD0")] = 0.03
+    drag_W = drag_power(V, 1.0, 0.0, QuarticPolar.of(unpack(NAMES, PARAMETERS)), CONDITIONS)
     heavier = CONDITIONS._replace(mass_kg=1.01 * CONDITIONS.mass_kg)
-    drag = DragEstimate(
-        V, drag_W, 0 * V, drag_W, 0 * V, PARAMETERS, np.diag(np.full(9, 1e-12)),
-        [(scaled, CONDITIONS), (0 * scaled, heavier)], CONDITIONS, 0.8, True,
-    )  # fmt: skip
+    shared = {Source.DENSITY: SharedError(scaled, CONDITIONS), Source.MASS: SharedError(0 * scaled, heavier)}
+    parameters = Estimate(NAMES, PARAMETERS, np.diag(np.full(len(NAMES), 1e-12)), shared, CONDITIONS)
+    power = Uncertain(drag_W, np.zeros((len(V), len(V))))
+    drag = DragEstimate(V, power, power, parameters, 0.8, True)
     found = method_estimate(drag)
     condition = Condition(CONDITIONS.mass_kg * GRAVITY_MPS2, CONDITIONS.rho, CONDITIONS.wing_area_m2)
     assert found.polar is not None
     power, error = power_required(V, found.polar, condition)
     assert power == pytest.approx(drag_W, rel=1e-6)
-    by_scale = drag_power(V, 1.0, 0.0, aerodynamics(PARAMETERS + scaled), CONDITIONS) - drag_W
-    by_mass = drag_power(V, 1.0, 0.0, aerodynamics(PARAMETERS), heavier) - drag_W
+    by_scale = drag_power(V, 1.0, 0.0, QuarticPolar.of(unpack(NAMES, PARAMETERS + scaled)), CONDITIONS) - drag_W
+    by_mass = drag_power(V, 1.0, 0.0, QuarticPolar.of(unpack(NAMES, PARAMETERS)), heavier) - drag_W
     assert error == pytest.approx(np.hypot(by_scale, by_mass), rel=0.02)
 
 

@@ -7,19 +7,21 @@ from typing import NamedTuple, cast
 import numpy as np
 import pytest
 
-from analysis.estimation.model import PriorMeasurement
+from analysis.estimation.model import NamedValues, PriorMeasurement
 from analysis.methods.whole_flight.airspeed_gps import airspeed_errors, one_way
 from analysis.methods.whole_flight.curve import ElectricalEstimate, FlownAircraft, estimate
 from analysis.methods.whole_flight.drag import DragEstimate, DragLacks, DragWithheld, ThrustSource, drag_estimate
 from analysis.methods.whole_flight.energy_balance import FlightConditions
-from analysis.methods.whole_flight.fit import derivatives, with_standard_error
+from analysis.methods.whole_flight.fit import Estimate, SharedError
 from analysis.methods.whole_flight.flight_table import FlightTable, flight_table
+from analysis.methods.whole_flight.parameters import Source
 from analysis.methods.whole_flight.thrust_balance import PARAMETERS, MotorConstants
 from analysis.performance.autopilot_parameters import flight_values
 from analysis.records.flight import Provenance, SpeedInterval
 from analysis.results.electrical import ElectricalFindings, UsedBattery, _warnings, electrical_results
 from analysis.sources import recording
 from analysis.sources.recording import Channel, FlightRecording
+from analysis.uncertain import Uncertain
 from flight.arrays import Array
 from flight.atmosphere import height_at, pressure_at, temperature_at
 from flight.errors import InputError
@@ -220,14 +222,14 @@ def test_power_required_and_shaft_power_are_found_by_the_propeller_s_table(
     assert isinstance(found, DragEstimate) and found.measured_speed is measured
     V = found.V_mps
     inside = (V > 13) & (V < 19)
-    V, rho = V[inside], found.conditions.rho
+    V, rho = V[inside], found.parameters.conditions.rho
     expected = drag_W(V, 1.0, rho)
     assert found.power_W[inside] == pytest.approx(expected, rel=0.01)
-    assert np.abs(found.power_W[inside] - expected).max() < 2 * found.error_W[inside].max()
+    assert np.abs(found.power_W[inside] - expected).max() < 2 * found.power.standard_error[inside].max()
     revps = revps_for_thrust(PROPELLER, V, expected / V, rho)
-    assert found.shaft_W[inside] == pytest.approx(PROPELLER.thrust_and_power(V, revps, rho)[1], rel=0.04)
+    assert found.shaft.value[inside] == pytest.approx(PROPELLER.thrust_and_power(V, revps, rho)[1], rel=0.04)
     assert 0.7 < found.motor_efficiency < 0.95
-    relative = found.error_W[inside] / found.power_W[inside]
+    relative = found.power.standard_error[inside] / found.power_W[inside]
     assert 0.01 < relative.min() and relative.max() < 0.06
 
 
@@ -239,8 +241,8 @@ def test_thrust_on_a_stand_is_a_prior_of_the_table_s_errors(table: FlightTable, 
     found = drag_estimate(table, electrical, SPAN_M, ThrustSource(PROPELLER, stand=(stand,)))
     assert isinstance(found, DragEstimate)
     row = np.array([{"thrust_scale": 1.0, "thrust_slope": -0.5}.get(name, 0.0) for name in PARAMETERS])
-    assert row @ found.parameters == pytest.approx(0.1, abs=1e-3)
-    assert np.sqrt(row @ found.parameter_covariance @ row) == pytest.approx(1e-3, rel=0.01)
+    assert row @ found.parameters.values == pytest.approx(0.1, abs=1e-3)
+    assert np.sqrt(row @ found.parameters.covariance @ row) == pytest.approx(1e-3, rel=0.01)
 
 
 def test_a_wrong_number_of_poles_is_found_by_the_efficiency(table: FlightTable, electrical: ElectricalEstimate) -> None:
@@ -259,17 +261,17 @@ def test_standard_errors_add_what_the_flight_shares() -> None:
     conditions = FlightConditions(MASS_KG, AREA_M2, 1.2, IDLE_W)
     heavier = conditions._replace(mass_kg=MASS_KG + 0.1)
 
-    def quantity(x: Array, c: FlightConditions) -> Array:
-        return np.array([2 * x[0] - x[1], 10 * c.mass_kg + x[1]])
+    def quantity(p: NamedValues, c: FlightConditions) -> Array:
+        return np.array([2 * p.x - p.y, 10 * c.mass_kg + p.y])
 
     covariance = np.array([[0.04, 0.01], [0.01, 0.09]])
-    shared = [(np.array([0.0, 0.5]), heavier)]
-    gradient, effects = derivatives(quantity, np.array([1.0, 2.0]), covariance, shared, conditions)
-    assert gradient == pytest.approx(np.array([[2.0, 0.0], [-1.0, 1.0]]))
-    assert effects == pytest.approx(np.array([[-0.5, 1.5]]))
-    value, error = with_standard_error(quantity, np.array([1.0, 2.0]), covariance, shared, conditions)
-    assert value == pytest.approx([0.0, 32.0])
-    assert error**2 == pytest.approx([4 * 0.04 - 4 * 0.01 + 0.09 + 0.25, 0.09 + 2.25])
+    shared = {Source.MASS: SharedError(np.array([0.0, 0.5]), heavier)}
+    estimate = Estimate(("x", "y"), np.array([1.0, 2.0]), covariance, shared, conditions)
+    assert estimate.gradient(quantity) == pytest.approx(np.array([[2.0, 0.0], [-1.0, 1.0]]))
+    found = estimate.quantity(quantity)
+    assert found.shared[Source.MASS] == pytest.approx([-0.5, 1.5])
+    assert found.value == pytest.approx([0.0, 32.0])
+    assert found.standard_error**2 == pytest.approx([4 * 0.04 - 4 * 0.01 + 0.09 + 0.25, 0.09 + 2.25])
 
 
 def test_a_motor_s_electrical_power_is_that_of_its_constants() -> None:
@@ -346,5 +348,5 @@ def test_what_a_reader_must_know_is_said(electrical: ElectricalEstimate) -> None
     assert "GPS" in said(airspeed=electrical.airspeed._replace(wind_mps=None))
     assert "5 % too low by GPS" in said(airspeed=electrical.airspeed._replace(scale=-0.05))
     assert "2 % too high" not in said(airspeed=electrical.airspeed._replace(scale=0.02))
-    noise = np.diag((0.2 * electrical.power_W) ** 2)
-    assert "wider than ±30 % at 100 %" in said(noise=noise)
+    unsure = Uncertain(electrical.power_W, np.diag((0.2 * electrical.power_W) ** 2), electrical.power.shared)
+    assert "wider than ±30 % at 100 %" in said(power=unsure)

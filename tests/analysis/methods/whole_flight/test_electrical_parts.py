@@ -21,7 +21,7 @@ from analysis.methods.whole_flight.energy_balance import (
     of_both,
     uncorrelated,
 )
-from analysis.methods.whole_flight.fit import Fit, samples_of, shared_errors
+from analysis.methods.whole_flight.fit import Fit, estimate_of, samples_of
 from analysis.methods.whole_flight.flight_table import (
     _air_temperature_K,
     _airborne,
@@ -30,6 +30,7 @@ from analysis.methods.whole_flight.flight_table import (
     _touches_ground,
     _zero,
 )
+from analysis.methods.whole_flight.parameters import DRAG, LIFT, OF_AIRCRAFT, OF_AIRSPEED, PROPELLER, Source, unpack
 from analysis.methods.whole_flight.thrust_balance import MotorConstants, ThrustBalance
 from analysis.sources import recording
 from analysis.sources.grid import resampled
@@ -44,7 +45,8 @@ CONDITIONS = FlightConditions(mass_kg=3.0, wing_area_m2=0.5, rho=RHO, idle_power
 # No induced drag; the motor at its greatest efficiency, where small changes of power or airspeed leave it as it is.
 CD0, EFFICIENCY = 0.04, 0.6
 PARAMETERS = np.array([np.log(CD0), -50.0, 0.2, 0.0, np.log(EFFICIENCY / (1 - EFFICIENCY)),
-                       np.log(V_MPS * np.cbrt(RHO / MOTOR_W)), np.log(0.7), 0.0])  # fmt: skip
+                       np.log(V_MPS * np.cbrt(RHO / MOTOR_W)), np.log(0.7), 0.0,
+                       0.0, 0.0, 0.0, 0.0])  # fmt: skip
 DRAG_W = RHO / 2 * V_MPS**3 * 0.5 * CD0
 
 
@@ -69,25 +71,28 @@ def test_each_error_that_a_flight_shares_changes_the_balance_by_its_power() -> N
     balance = EnergyBalance(samples_of(flight, 0.02, 3.0), CONDITIONS)  # type: ignore[arg-type]
     nominal, n = balance.residual(PARAMETERS), len(balance.V_mps)
     assert nominal == pytest.approx(EFFICIENCY * MOTOR_W - DRAG_W - 3.0 * g * CLIMB_MPS, rel=1e-3)
-    fit = Fit(PARAMETERS, np.eye(8), np.eye(n), nominal, gust_mps=0.5, gust_s=3.0, minus_2_log_evidence=0.0)
+    fit = Fit(PARAMETERS, np.eye(12), np.eye(n), nominal, gust_mps=0.5, gust_s=3.0, minus_2_log_evidence=0.0)
     airspeed = AirspeedErrors(0.02, 3.0, np.diag([0.01**2, 2.0**2]), None, None, prior_sigma=0.01)
-    shared = [*shared_errors(flight, balance, fit, airspeed)]  # type: ignore[arg-type]
-    watts = [float(np.mean(change)) for change, _ in shared]
-    by_scale, by_zero, by_density, by_mass, by_meter, by_idle, by_updraft = watts
+    shared = estimate_of(flight, balance, fit, airspeed).shared  # type: ignore[arg-type]
+    watts = {source: float(np.mean(error.change)) for source, error in shared.items()}
+    by_scale, by_zero, by_density, by_mass, by_meter, by_idle, by_updraft = (
+        watts.pop(source) for source in (*OF_AIRSPEED, *OF_AIRCRAFT, Source.UPDRAFT)
+    )
+    assert not watts
     # Airspeed lower by nearly 1 %: the drag's power is less by three times that.
     assert by_scale == pytest.approx((1 - (1.02 / 1.03) ** 3) * DRAG_W, rel=0.01)
     pressure_Pa = RHO / 2 * (V_MPS * 1.02) ** 2
     assert by_zero == pytest.approx(1.5 * 2.0 / pressure_Pa * DRAG_W, rel=0.03)
     # Air thinner by 1 %: the pressure stays, airspeed is higher by 0.5 %, and so is the power of the same drag.
     assert by_density == pytest.approx(-0.005 * DRAG_W, rel=0.03)
-    thinner = shared[2][1]
+    thinner = shared[Source.DENSITY].conditions
     assert thinner.rho == pytest.approx(0.99 * RHO)
-    mass = shared[3][1].mass_kg
+    mass = shared[Source.MASS].conditions.mass_kg
     assert by_mass == pytest.approx(-(mass - 3.0) * g * CLIMB_MPS, rel=1e-6) and 1 < mass / 3.0 < 1.01
     # Evenly distributed within 2 %.
-    assert shared[4][1].power_scale - 1 == pytest.approx(0.02 / np.sqrt(3), rel=0.01)
+    assert shared[Source.CURRENT].conditions.power_scale - 1 == pytest.approx(0.02 / np.sqrt(3), rel=0.01)
     assert by_meter == pytest.approx(0.02 / np.sqrt(3) * (MOTOR_W + IDLE_W) * EFFICIENCY, rel=0.02)
-    more = shared[5][1].idle_power_W - IDLE_W
+    more = shared[Source.IDLE_POWER].conditions.idle_power_W - IDLE_W
     assert more > 0 and by_idle == pytest.approx(-more * EFFICIENCY, rel=0.02)
     # Rising air of 8 % of the gusts, and 1 cm/s at least.
     assert by_updraft == pytest.approx(3.0 * g * np.hypot(0.01, 0.08 * 0.5), rel=1e-6)
@@ -96,9 +101,10 @@ def test_each_error_that_a_flight_shares_changes_the_balance_by_its_power() -> N
 def test_where_gps_determines_the_scale_an_error_of_density_moves_no_airspeed() -> None:
     balance = EnergyBalance(samples_of(climbing(), 0.0, 0.0), CONDITIONS)  # type: ignore[arg-type]
     nominal, n = balance.residual(PARAMETERS), len(balance.V_mps)
-    fit = Fit(PARAMETERS, np.eye(8), np.eye(n), nominal, gust_mps=0.5, gust_s=3.0, minus_2_log_evidence=0.0)
+    fit = Fit(PARAMETERS, np.eye(12), np.eye(n), nominal, gust_mps=0.5, gust_s=3.0, minus_2_log_evidence=0.0)
     exact = AirspeedErrors(0.0, 0.0, np.diag([1e-12, 1e-12]), 0.0, 0.0)
-    _, _, (by_density, given), *_ = shared_errors(climbing(), balance, fit, exact)  # type: ignore[arg-type]
+    shared = estimate_of(climbing(), balance, fit, exact).shared  # type: ignore[arg-type]
+    by_density, given = shared[Source.DENSITY]
     assert given.rho == pytest.approx(0.99 * RHO)
     # Drag falls with density; the efficiency at its maximum does not change with its argument.
     assert by_density == pytest.approx(0.01 * DRAG_W, rel=0.02)
@@ -125,7 +131,7 @@ def test_the_efficiency_s_argument_is_that_of_flight_under_power() -> None:
 def test_level_power_is_not_known_beyond_what_a_motor_gives() -> None:
     """At 200 m/s drag takes 96 kW; a motor of 100 kW gives 60."""
     with np.errstate(divide="ignore"):
-        found = level_power(np.array([V_MPS, 200.0]), PARAMETERS, CONDITIONS)
+        found = level_power(np.array([V_MPS, 200.0]), unpack((*DRAG, *PROPELLER, *LIFT), PARAMETERS), CONDITIONS)
     assert EFFICIENCY * (found[0] - IDLE_W) >= DRAG_W * 0.999 and np.isnan(found[1])
     u = np.array([0.0, 0.5, 1.0, 1.5, 1 + 1 / np.sqrt(0.7), 4.0])
     falling = energy_balance.efficiency(u, 0.6, 1.0, 0.7)
@@ -168,11 +174,11 @@ def test_a_gust_along_the_path_changes_kinetic_energy() -> None:
 
 def test_priors_are_those_of_wing_theory() -> None:
     """Induced drag by an Oswald factor of 0.75; lift slope by Helmbold's formula: 2 pi for an infinite wing."""
-    mean, _ = drag_prior(span_m=2.0, wing_area_m2=0.5)
-    assert np.exp(mean[1]) == pytest.approx(1 / (np.pi * 0.75 * 8.0))
-    (_, _, ln_alpha_per_CL, _), _ = lift_prior(2.0, 0.5)
+    ln_K, _ = drag_prior(span_m=2.0, wing_area_m2=0.5)["ln_K"]
+    assert np.exp(ln_K) == pytest.approx(1 / (np.pi * 0.75 * 8.0))
+    ln_alpha_per_CL, _ = lift_prior(2.0, 0.5)["ln_alpha_per_CL"]
     assert np.exp(-ln_alpha_per_CL) == pytest.approx(2 * np.pi * 8.0 / (2 + np.sqrt(4 + 64.0)))
-    (_, _, infinite, _), _ = lift_prior(1e6, 0.5)
+    infinite, _ = lift_prior(1e6, 0.5)["ln_alpha_per_CL"]
     assert np.exp(-infinite) == pytest.approx(2 * np.pi, rel=1e-6)
 
 

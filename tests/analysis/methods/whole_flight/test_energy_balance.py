@@ -1,37 +1,44 @@
 """The energy balance of constructed flights, and its parts against what is known of them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from analysis.estimation.model import NamedValues
 from analysis.methods.whole_flight import energy_balance
 from analysis.methods.whole_flight.airspeed_gps import correlation, most_likely_noise
 from analysis.methods.whole_flight.energy_balance import (
-    DragAndEfficiency,
     EnergyBalance,
     FlightConditions,
+    QuarticPolar,
     Samples,
     by_air,
     drag_power,
     level_power,
 )
+from analysis.methods.whole_flight.parameters import DRAG, LIFT, PROPELLER, pack, unpack
 from analysis.methods.whole_flight.settings import WINDOWS
 from analysis.sources.grid import smoothed
 from flight.propeller_files import load_propeller
 from flight.units import GRAVITY_MPS2 as g
 
-PARAMETERS = np.array([np.log(0.04), np.log(0.06), 0.2, 0.01, 0.4, np.log(1.3), np.log(0.7), 0.1])
+PARAMETERS = np.array([np.log(0.04), np.log(0.06), 0.2, 0.01, 0.4, np.log(1.3), np.log(0.7), 0.1, 0.0, 0.0, 0.0, 0.0])
+P = unpack((*DRAG, *PROPELLER, *LIFT), PARAMETERS)
+POLAR = QuarticPolar.of(P, P.idle_drag)
+GREATEST, X, FALL = 1 / (1 + np.exp(-0.4)), 1.3, 0.7  # of the efficiency
 CONDITIONS = FlightConditions(mass_kg=3.0, wing_area_m2=0.5, rho=1.2, idle_power_W=4.0)
+
+
+def named(p: NamedValues) -> dict[str, float]:
+    return {name: p[name] for name in (*DRAG, *PROPELLER, *LIFT)}
 
 
 def motor_power(useful_W: np.ndarray, V: np.ndarray) -> np.ndarray:
     """The motor's power that gives a useful power."""
-    p, grid = DragAndEfficiency.of(PARAMETERS), np.geomspace(5.0, 3000.0, 4000)
+    grid = np.geomspace(5.0, 3000.0, 4000)
     gives = [
-        grid
-        * energy_balance.efficiency(
-            energy_balance.advance(v, grid, CONDITIONS.rho), p.efficiency, p.x_at_maximum, p.fall
-        )
-        for v in V
+        grid * energy_balance.efficiency(energy_balance.advance(v, grid, CONDITIONS.rho), GREATEST, X, FALL) for v in V
     ]
     return np.array([np.interp(useful, row, grid) for useful, row in zip(useful_W, gives, strict=True)])
 
@@ -77,13 +84,14 @@ def test_climbing_takes_weight_times_climb_unless_the_air_rises(samples: Samples
 
 def test_both_balances_show_the_same_rising_air(samples: Samples) -> None:
     alpha_0, per_CL, per_CT = -0.03, 0.2, -0.1
-    parameters = np.array([*PARAMETERS, alpha_0, np.log(per_CL), per_CT])
-    p, m, V, n = DragAndEfficiency.of(PARAMETERS), CONDITIONS.mass_kg, samples.V_mps, samples.load_factor
+    angle = {"alpha_0": alpha_0, "ln_alpha_per_CL": np.log(per_CL), "alpha_per_CT": per_CT}
+    parameters = pack((*DRAG, *PROPELLER, *LIFT), named(P) | angle)
+    m, V, n = CONDITIONS.mass_kg, samples.V_mps, samples.load_factor
     motor, qS = samples.power_W - CONDITIONS.idle_power_W, CONDITIONS.rho * samples.V_mps**2 / 2 * 0.5
     x = energy_balance.advance(V, motor, CONDITIONS.rho)
-    thrust_N = motor * energy_balance.efficiency(x, p.efficiency, p.x_at_maximum, p.fall) / V
+    thrust_N = motor * energy_balance.efficiency(x, GREATEST, X, FALL) / V
     alpha = alpha_0 + per_CL * n * m * g / qS + per_CT * thrust_N / qS
-    along_N = thrust_N - drag_power(V, n, energy_balance.idling(x, p.x_at_maximum, p.fall), p, CONDITIONS) / V
+    along_N = thrust_N - drag_power(V, n, energy_balance.idling(x, X, FALL), POLAR, CONDITIONS) / V
     force_x = (along_N / m + n * g * np.sin(alpha)) / np.cos(alpha)
     balance = EnergyBalance(samples._replace(force_x_mps2=force_x), CONDITIONS)
     of_drag, of_force = np.split(balance.residual(parameters), 2)
@@ -107,32 +115,31 @@ def test_gusts_give_power_in_proportion_to_the_variance_of_lift_and_side_force(s
     pull_W = V * np.mean(lift_N * alpha + side_N * beta)
     one = Samples(t, np.full_like(t, V), 0 * t, 0 * t, 1 + 0 * t, [], load_variance=np.var(lift_N / mg),
                   side_variance=np.var(side_N / mg))  # fmt: skip
-    parameters = np.array([*PARAMETERS, np.log(1 / side_slope), 0.0, np.log(1 / slope), 0.0])
-    assert energy_balance.by_gusts_W(one, parameters, CONDITIONS) == pytest.approx(pull_W, rel=2e-3)
-    p = DragAndEfficiency.of(PARAMETERS)
+    p = NamedValues("parameter", {"ln_beta_per_CY": np.log(1 / side_slope), "ln_alpha_per_CL": np.log(1 / slope)})
+    assert energy_balance.by_gusts_W(one, p, CONDITIONS) == pytest.approx(pull_W, rel=2e-3)
     CL, variance = lift_N / qS, np.var(lift_N / mg)
     induced_W = qS * V * np.mean(0.04 + 0.06 * (CL - 0.2) ** 2)
-    without_K4 = energy_balance.DragAndEfficiency(**{**vars(p), "K4": 0.0})
+    without_K4 = replace(POLAR, K4=0.0)
     assert drag_power(V, 1.0, 0.0, without_K4, CONDITIONS, load_variance=variance) == pytest.approx(induced_W, rel=1e-3)
 
 
 def test_thrust_that_does_not_fall_with_speed_is_a_power_law() -> None:
     """T = k sqrt(P): efficiency in proportion to V over the root of power; level power to the square of drag."""
     law = CONDITIONS._replace(power_law=energy_balance.PowerLaw(V_mps=15.0, power_W=100.0))
-    parameters = np.array([*PARAMETERS[:4], np.log(0.9), 1.0, -0.5, 0.1, 0.0, 0.0, 0.0, 0.0])
+    of_law = {"ln_efficiency": np.log(0.9), "of_speed": 1.0, "of_power": -0.5}
+    p = NamedValues("parameter", named(P) | of_law)
     V = np.array([12.0, 16.0, 24.0])
-    drag_N = drag_power(V, 1.0, 0.0, DragAndEfficiency.of(parameters), law) / V
+    drag_N = drag_power(V, 1.0, 0.0, QuarticPolar.of(p), law) / V
     k = 0.9 * 10 / 15.0  # of T = eta P / V at 15 m/s and 100 W
-    assert level_power(V, parameters, law) - law.idle_power_W == pytest.approx((drag_N / k) ** 2, rel=1e-3)
+    assert level_power(V, p, law) - law.idle_power_W == pytest.approx((drag_N / k) ** 2, rel=1e-3)
 
 
 def test_level_power_is_where_drag_meets_the_motor() -> None:
     V = np.array([12.0, 16.0, 20.0])
-    p = DragAndEfficiency.of(PARAMETERS)
-    motor = level_power(V, PARAMETERS, CONDITIONS) - CONDITIONS.idle_power_W
+    motor = level_power(V, P, CONDITIONS) - CONDITIONS.idle_power_W
     x = energy_balance.advance(V, motor, CONDITIONS.rho)
-    useful = motor * energy_balance.efficiency(x, p.efficiency, p.x_at_maximum, p.fall)
-    assert useful == pytest.approx(drag_power(V, 1.0, 0.0, p, CONDITIONS), rel=1e-3)
+    useful = motor * energy_balance.efficiency(x, GREATEST, X, FALL)
+    assert useful == pytest.approx(drag_power(V, 1.0, 0.0, POLAR, CONDITIONS), rel=1e-3)
 
 
 @pytest.mark.parametrize("name", ["apc-10x5e", "apc-12x8e"])

@@ -1,0 +1,71 @@
+"""Parameters of an energy balance by name, and the errors that a whole flight shares.
+
+A balance says which parameters its vector has, by `names`; `pack` and `unpack` are the only ones that go by places.
+
+The natural logarithms of CD0, K, x at the greatest efficiency, fall and angle over C_L, and the logit of the
+efficiency, keep them possible. LIFT are sideslip over C_Y, and those of the angle of attack, alpha_0
++ C_L (angle over C_L) + C_T (angle over C_T). POWER_LAW has the logarithm of the efficiency and the exponents of
+speed and power.
+"""
+
+from collections.abc import Mapping, Sequence
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.estimation.model import NamedValues
+from flight.arrays import Array
+
+DRAG = ("ln_CD0", "ln_K", "CL_minD", "K4")
+PROPELLER = ("logit_efficiency", "ln_x", "ln_fall", "idle_drag")
+POWER_LAW = ("ln_efficiency", "of_speed", "of_power", "idle_drag")
+THRUST_ERRORS = ("thrust_scale", "thrust_slope")
+LIFT = ("ln_beta_per_CY", "alpha_0", "ln_alpha_per_CL", "alpha_per_CT")
+MEAN_WIND = ("wind_north", "wind_east")
+WIND = (*MEAN_WIND, "wind_north_trend", "wind_east_trend")
+AIRSPEED = ("scale", "zero_Pa")
+
+Prior = Mapping[str, tuple[float, float]]  # mean and standard deviation by parameter
+
+
+class Source(StrEnum):
+    """An error that the whole flight shares, as pools of results name it.
+
+    Errors of the airspeed, or of the wind where no sensor measures it, are correlated: each is what it has alone, and
+    what goes with it of those that follow.
+    """
+
+    AIRSPEED = "airspeed"  # its scale
+    AIRSPEED_ZERO = "airspeed's zero"
+    WIND_NORTH = "wind to the north"
+    WIND_EAST = "wind to the east"
+    WIND_NORTH_TREND = "trend of the wind to the north"
+    WIND_EAST_TREND = "trend of the wind to the east"
+    DENSITY = "density"
+    MASS = "mass"
+    CURRENT = "current"
+    IDLE_POWER = "idle power"
+    UPDRAFT = "updraft"
+
+
+OF_AIRSPEED = (Source.AIRSPEED, Source.AIRSPEED_ZERO)  # as AIRSPEED
+OF_WIND = (Source.WIND_NORTH, Source.WIND_EAST, Source.WIND_NORTH_TREND, Source.WIND_EAST_TREND)  # as WIND
+OF_AIRCRAFT = (Source.DENSITY, Source.MASS, Source.CURRENT, Source.IDLE_POWER)  # the same in all its flights
+
+
+def unpack(names: Sequence[str], vector: Array) -> NamedValues:
+    """Parameters by name, of a vector (m,) with these names (m,)."""
+    return NamedValues("parameter", dict(zip(names, vector, strict=True)))
+
+
+def pack(names: Sequence[str], values: NamedValues | Mapping[str, float]) -> Array:
+    """The vector (m,) of the parameters with these names (m,)."""
+    return np.array([values[name] for name in names], dtype=float)
+
+
+def block(names: Sequence[str], covariance: NDArray[np.floating[Any]], of: Sequence[str]) -> Array:
+    """The covariance (k, k) of some, `of` (k,), of the parameters with these names (m,)."""
+    at = [names.index(name) for name in of]
+    return np.asarray(covariance[np.ix_(at, at)], dtype=float)
