@@ -73,7 +73,7 @@ def errors(found: Polar, pool: Pool, lines: list[dict[str, Any]], V: Array) -> t
 
 def mean_polar(pool: Pool) -> Polar:
     """The mean of the flights' polars, with the covariance of a mean of independent estimates."""
-    polars = [Polar(flight.values[:3], flight.polar_covariance) for flight in pool.flights]
+    polars = [flight.polar for flight in pool.flights]
     weights = [np.linalg.inv(polar.covariance) for polar in polars]
     covariance = np.linalg.inv(np.sum(weights, axis=0))
     A = covariance @ np.sum([w @ polar.A for w, polar in zip(weights, polars, strict=True)], axis=0)
@@ -222,7 +222,7 @@ def drawn_records(flown: list[dict[str, Any]], campaigns: int) -> list[Record]:
             if (line["world"], line["weather_kt"], line["configuration"]) == (world, weather, "A")
         ]
         statistics = [read_statistics(line["results"]) for line in own]
-        polar = np.mean([flight.values[:3] for flight in statistics], axis=0)
+        polar = np.mean([flight.polar.A for flight in statistics], axis=0)
         condition = statistics[0].condition
         truth, _ = power_required(V, Polar(polar, np.zeros((3, 3))), condition)
         for number in NUMBERS:

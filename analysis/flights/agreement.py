@@ -83,7 +83,7 @@ def differences_in_pool(stack: FlightStack, pool: PooledEstimate) -> list[Differ
     cross = W @ stack.own_covariance
     own = stack.own_covariance - cross - cross.transpose(0, 2, 1)
     return _differences(
-        stack.values - pool.x,
+        stack.values - pool.parameters.value,
         by_others + own,
         stack.prior_part - pool.prior_part,
         pool.prior_covariance,

@@ -116,9 +116,11 @@ def compare(a: JointPool, b: JointPool) -> Comparison:
 
     Raises InputError where a flight is in both pools, and where they have no speeds in common.
     """
-    both = {flight.values.tobytes() for flight in a.flights} & {flight.values.tobytes() for flight in b.flights}
+    both = {flight.parameters.value.tobytes() for flight in a.flights} & {
+        flight.parameters.value.tobytes() for flight in b.flights
+    }
     if both:
-        name = next(flight.name for flight in a.flights if flight.values.tobytes() in both)
+        name = next(flight.name for flight in a.flights if flight.parameters.value.tobytes() in both)
         raise InputError(f"{name} is in both pools of the comparison; a flight belongs to one configuration: remove it")
     stated_same = _same_installation(a, b)
     denied = _denied(a, b) if stated_same else None
@@ -269,7 +271,7 @@ def _joint_polars(
     )
     polars = slice(0, 2 * _N_POLAR)
     floor = np.kron(np.ones((2, 2)) if same_installation else np.eye(2), covariance.floor())
-    return Polar(joint.x[polars], joint.total[polars, polars] + floor)
+    return Polar(joint.parameters.value[polars], joint.parameters.covariance[polars, polars] + floor)
 
 
 def _prior_of_a(a: JointPool, b: JointPool, same_installation: bool, same_propeller: bool) -> Prior:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 
-from analysis.curve import Condition
+from analysis.curve import Condition, Polar
 from analysis.records.flight import POOLING_FORMAT as FORMAT
 from analysis.records.flight import (
     AircraftResult,
@@ -20,6 +20,7 @@ from analysis.records.flight import (
     SlowestFlown,
     Trust,
 )
+from analysis.uncertain import Uncertain
 from flight.arrays import Array
 from flight.errors import InputError
 
@@ -81,22 +82,19 @@ class FlightContent(msgspec.Struct, frozen=True, kw_only=True):
 class FlightStatistics(NamedTuple):
     """One flight. Arrays in the order of POOLED, (M,) or (M, M); `content` is what its results.json says beside these.
 
-    values, covariance : the flight's own estimate; errors that no residual shows are in `changes`
+    parameters : the flight's own estimate; shared are the errors that no residual shows
     weighting_covariance : (k, k) of the first k, which are not errors of the installation, for given errors of it: its
         inverse weighs data and prior in the estimate. Colored residuals make `covariance` larger
     prior_mean, prior_information : of that estimate; information 0 where there is no prior
     prior_measurements : that add to this prior
-    changes : by error, change of the values by one standard deviation
     polar_covariance : (3, 3) of the flight's own curve
     """
 
     name: str
-    values: Array
-    covariance: Array
+    parameters: Uncertain
     weighting_covariance: Array
     prior_mean: Array
     prior_information: Array
-    changes: dict[str, Array]
     polar_covariance: Array
     flown_CL: tuple[float, float]
     condition: Condition
@@ -111,6 +109,11 @@ class FlightStatistics(NamedTuple):
     def dated(self) -> bool:
         """Whether it is known when it was flown."""
         return self.content.pooling.start_unix_s is not None
+
+    @property
+    def polar(self) -> Polar:
+        """The flight's own."""
+        return Polar(self.parameters.value[: len(POLAR)], self.polar_covariance)
 
     @property
     def prior_matrix(self) -> Array:
@@ -171,12 +174,14 @@ def of_content(content: FlightContent) -> FlightStatistics:
     sigma = np.array([np.inf if s is None else s for s in of_flight.prior_sigma])[kept]
     statistics = FlightStatistics(
         name=content.log,
-        values=np.array(of_flight.values)[kept],
-        covariance=_symmetric(of_flight.covariance, len(names))[np.ix_(kept, kept)],
+        parameters=Uncertain(
+            np.array(of_flight.values),
+            _symmetric(of_flight.covariance, len(names)),
+            {name: np.array(change) for name, change in of_flight.changes.items()},
+        ).at(kept),
         weighting_covariance=_symmetric(weighting, len(weighting))[np.ix_(drag, drag)],
         prior_mean=np.array(of_flight.prior_mean)[kept],
         prior_information=sigma**-2.0,
-        changes={name: np.array(change)[kept] for name, change in of_flight.changes.items()},
         polar_covariance=np.array(of_flight.polar_covariance),
         flown_CL=of_flight.flown_CL,
         condition=Condition(test.weight_N, test.air_density_kgpm3, content.aircraft.wing_area_m2),
@@ -191,8 +196,8 @@ def of_content(content: FlightContent) -> FlightStatistics:
         ),
     )
     finite = (
-        statistics.values,
-        statistics.covariance,
+        statistics.parameters.value,
+        statistics.parameters.own,
         statistics.weighting_covariance,
         statistics.polar_covariance,
     )

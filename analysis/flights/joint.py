@@ -23,6 +23,7 @@ from analysis.flights.flight_statistics import INSTALLATION_ERRORS, POOLED, Flig
 from analysis.flights.pool_settings import POOLING
 from analysis.methods.assumed_values import ZERO_STEPS
 from analysis.methods.consider import DENSITY, UPDRAFT
+from analysis.uncertain import Uncertain
 from flight.arrays import Array
 
 # Errors that each flight has its own of; others are common to all flights.
@@ -97,23 +98,22 @@ class WithoutEach(NamedTuple):
     changes: dict[str, Array]
 
     def total(self, prior_covariance: Array) -> Array:
-        """(n, M, M) of `PooledEstimate`."""
+        """(n, M, M) covariance by all errors."""
         by_changes = sum(change[:, :, None] * change[:, None, :] for change in self.changes.values())
         return np.asarray(_congruent(self.prior_part, prior_covariance) + self.by_others + by_changes)
 
 
 class PooledEstimate(NamedTuple):
-    """The solution x (k,), and influences (n, k, M) of each group's estimates on it.
+    """The solution (k,), and influences (n, k, M) of each group's estimates on it.
 
-    prior_part : (k, k) derivative of x by an error of the prior's mean     prior_covariance : (k, k)
-    total : (k, k) covariance with the errors that no residual shows, the floor of `analysis.methods.consider` excepted
+    parameters : shared are errors that no residual shows; the floor of `analysis.methods.consider` is not among them
+    prior_part : (k, k) derivative of the solution by an error of the prior's mean     prior_covariance : (k, k)
     """
 
-    x: Array
+    parameters: Uncertain
     influences: list[Array]
     prior_part: Array
     prior_covariance: Array
-    total: Array
 
 
 def remounting_variance(flight: FlightStatistics, *, anew: bool) -> Array:
@@ -137,9 +137,11 @@ def stacked(flights: Sequence[FlightStatistics], anew: Collection[int] = ()) -> 
             strict=True,
         )
     )
-    names = sorted({name for flight in flights for name in flight.changes} - OWN_CHANGES)
-    changes = {name: np.stack([flight.changes.get(name, np.zeros(M)) for flight in flights]) for name in names}
-    values = np.stack([flight.values for flight in flights])
+    names = sorted({name for flight in flights for name in flight.parameters.shared} - OWN_CHANGES)
+    changes = {
+        name: np.stack([flight.parameters.shared.get(name, np.zeros(M)) for flight in flights]) for name in names
+    }
+    values = np.stack([flight.parameters.value for flight in flights])
     return FlightStack(values, normal_matrix, vector, gain, prior_part, own_covariance, changes)
 
 
@@ -177,7 +179,7 @@ def _normal_equations(flight: FlightStatistics, Q: Array) -> tuple[Array, Array,
     change by `slope` times s and have the covariance S_rr - slope S_ss slope' for given s. Their data and priors were
     weighed by D, as for white residuals.
     """
-    P, S = flight.prior_matrix, flight.covariance
+    P, S = flight.prior_matrix, flight.parameters.own
     s, r = np.flatnonzero(_INSTALLATION), np.flatnonzero(~_INSTALLATION)
     ss, rr, rs = np.ix_(s, s), np.ix_(r, r), np.ix_(r, s)
     slope = np.linalg.solve(S[ss], S[rs].T).T
@@ -195,7 +197,7 @@ def _normal_equations(flight: FlightStatistics, Q: Array) -> tuple[Array, Array,
     excess[rr] = second.excess
     excess = excess + by_first @ first.excess @ by_first.T
 
-    normal_matrix, vector = gain - P, gain @ flight.values - flight.prior_vector
+    normal_matrix, vector = gain - P, gain @ flight.parameters.value - flight.prior_vector
     moved = Q > 0
     shrink = np.eye(M)
     if moved.any():
@@ -203,7 +205,7 @@ def _normal_equations(flight: FlightStatistics, Q: Array) -> tuple[Array, Array,
         shrink[:, moved] -= normal_matrix[:, moved] @ inner
     score = noise + normal_matrix @ np.diag(Q) @ normal_matrix.T
     own_covariance = inverse @ score @ inverse.T + excess
-    for name, change in flight.changes.items():
+    for name, change in flight.parameters.shared.items():
         if name in OWN_CHANGES:
             own_covariance = own_covariance + np.outer(change, change)
     return shrink @ normal_matrix, shrink @ vector, shrink @ gain, inverse @ P, own_covariance
@@ -232,15 +234,13 @@ def solve(groups: Sequence[Group], prior: Prior) -> PooledEstimate:
     influences = [solution[:, at] @ stack.gain for stack, at, _ in groups]
     prior_covariance = prior.covariance
     prior_part = solution @ prior.information
-    total = prior_part @ prior_covariance @ prior_part.T
+    own = prior_part @ prior_covariance @ prior_part.T
     changes: dict[str, Array] = {}
     for W, (stack, _, counts) in zip(influences, groups, strict=True):
-        total += np.einsum("f,fij,fjk,flk->il", counts, W, stack.own_covariance, W, optimize=True)
+        own += np.einsum("f,fij,fjk,flk->il", counts, W, stack.own_covariance, W, optimize=True)
         for name, change in stack.changes.items():
             changes[name] = changes.get(name, 0.0) + np.einsum("f,fij,fj->i", counts, W, change, optimize=True)
-    for change in changes.values():
-        total += np.outer(change, change)
-    return PooledEstimate(solution @ b, influences, prior_part, prior_covariance, total)
+    return PooledEstimate(Uncertain(solution @ b, own, changes), influences, prior_part, prior_covariance)
 
 
 def pooled_estimate(stack: FlightStack, prior: Prior, counts: Sequence[float] = ()) -> PooledEstimate:

@@ -133,7 +133,9 @@ class JointPool:
         """
         if len(self.flights) == 1 and counts[0] == 1:
             return self.half_widths_alone_percent(0, V)
-        return self._half_width_percent(pooled_covariance(pooled_estimate(self.stack, self.prior, counts).total), V)
+        return self._half_width_percent(
+            pooled_covariance(pooled_estimate(self.stack, self.prior, counts).parameters.covariance), V
+        )
 
     def half_widths_alone_percent(self, number: int, V: Array) -> Array:
         """The same of one of the flights by number."""
@@ -162,10 +164,10 @@ def mean_condition(flights: Sequence[FlightStatistics]) -> Condition:
 def pooled_polar(flights: Sequence[FlightStatistics], estimate: PooledEstimate) -> Polar:
     """For one flight its own polar: the joint estimate equals it but for rounding."""
     if len(flights) == 1:
-        return Polar(flights[0].values[:_N_POLAR], flights[0].polar_covariance)
-    return Polar(estimate.x[:_N_POLAR], pooled_covariance(estimate.total))
+        return flights[0].polar
+    return Polar(estimate.parameters.value[:_N_POLAR], pooled_covariance(estimate.parameters.covariance))
 
 
 def pooled_covariance(total: Array) -> Array:
-    """Covariance (3, 3) of the pooled polar, everything together. total: of `PooledEstimate`."""
+    """Covariance (3, 3) of the pooled polar, everything together. total: of all shared parameters, (M, M)."""
     return np.asarray(total[:_N_POLAR, :_N_POLAR] + covariance.floor())

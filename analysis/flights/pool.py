@@ -57,8 +57,8 @@ class Pool(JointPool):
         left_out, failures: lines about flights that are not in the pool, and about logs that cannot be used.
         """
         flights = _flights(self)
-        error = np.sqrt(np.diag(self.estimate.total))
-        shared = zip(POOLED[_N_POLAR:], self.estimate.x[_N_POLAR:], error[_N_POLAR:], strict=True)
+        error = self.estimate.parameters.standard_error
+        shared = zip(POOLED[_N_POLAR:], self.estimate.parameters.value[_N_POLAR:], error[_N_POLAR:], strict=True)
         polars, installations = self.homogeneity, self.installation_homogeneity
         temperature_K, pressure_Pa = mean_air([one.content for one in self.flights])
         return PooledResults(
@@ -221,7 +221,7 @@ def _flights(pooled: JointPool) -> list[PooledFlight]:
                 log=flight.name,
                 installation=flight.installation,
                 test=_condition_result(flight.condition),
-                drag_polar=_coefficients(flight.values[:_N_POLAR]),
+                drag_polar=_coefficients(flight.polar.A),
                 half_width_percent=pooled.half_widths_alone_percent(i, V).tolist(),
                 half_width_without_percent=without[i].tolist() if n > 1 else None,
                 share_of_information=float(shares[i]),
@@ -259,7 +259,7 @@ def _trends(pooled: JointPool) -> list[Trend]:
     errors = error_parts(pooled.stack, pooled.prior)
     covariance = errors.own + errors.shared @ errors.shared.transpose(0, 2, 1)
     at = int(np.argmin(np.einsum("vi,fij,vj->v", J, covariance, J, optimize=True)))
-    deviations = np.array([J[at] @ (flight.values[:_N_POLAR] - pooled.polar.A) for flight in pooled.flights])
+    deviations = np.array([J[at] @ (flight.polar.A - pooled.polar.A) for flight in pooled.flights])
     of_power = J[at : at + 1]
     return trends(pooled.flights, deviations, ErrorParts(of_power @ errors.own @ of_power.T, of_power @ errors.shared))
 
@@ -274,7 +274,7 @@ def _undated(flights: Sequence[FlightStatistics]) -> list[str]:
 def _refuse_repeated(flights: Sequence[FlightStatistics]) -> None:
     seen: dict[bytes, str] = {}
     for flight in flights:
-        key = flight.values.tobytes()
+        key = flight.parameters.value.tobytes()
         if key in seen:
             raise InputError(
                 f"{flight.name} and {seen[key]} are the same flight: their estimates are equal to the digit; give each"

@@ -39,7 +39,7 @@ def pooled_use(pool: JointPool) -> PooledUse | None:
 def _pooled_model(pool: JointPool, flights: Sequence[ComputationModel]) -> PerformanceModel:
     models = [model_of(one) for one in flights]
     n = len(POLAR) + len(THRUST)
-    values, covariance = pool.estimate.x[:n].copy(), pool.estimate.total[:n, :n].copy()
+    values, covariance = pool.estimate.parameters.value[:n].copy(), pool.estimate.parameters.covariance[:n, :n].copy()
     values[: len(POLAR)], covariance[: len(POLAR), : len(POLAR)] = pool.polar.A, pool.polar.covariance
     losses = _mean([part(one.parameters, LOSSES) for one in models])
     parts = [

@@ -19,6 +19,7 @@ The other methods have the noise of their regression (`of_noise`) and a `floor`.
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -36,6 +37,7 @@ from analysis.methods.settings import COVARIANCE
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.priors import PRIOR_MEAN
 from analysis.trajectory.reconstruction import Trajectory
+from analysis.uncertain import Uncertain
 from flight.aircraft import Aircraft
 from flight.arrays import Array
 
@@ -213,37 +215,40 @@ class JointEstimate(NamedTuple):
     """The estimate of one flight before the errors that no residual shows.
 
     names : (m,) parameters of the drag model, then SENSOR_ERRORS
-    values (m,), covariance (m, m) : estimate and its covariance by noise and sensor errors, priors included
+    parameters : (m,) by noise and sensor errors, priors included; shared are the errors that no residual shows
     weighting_covariance : (k, k) of the parameters of the drag model for given sensor errors, by white residuals and
         the priors; its inverse weighs data and priors in the estimate, whatever color the residuals have
     prior_mean, prior_sigma : (m,); infinite where there is no prior
     prior_measurements : that are part of the prior, too
-    changes : by error, change (m,) of the values by one standard deviation of an error that no residual shows
     """
 
     names: tuple[str, ...]
-    values: Array
-    covariance: Array
+    parameters: Uncertain
     weighting_covariance: Array
     prior_mean: Array
     prior_sigma: Array
-    changes: dict[str, Array]
     prior_measurements: tuple[PriorMeasurement, ...] = ()
 
     def with_value(self, name: str, value: float) -> "JointEstimate":
         """The same with another value of one parameter: of an error that the data were corrected for, the whole."""
-        return self._replace(values=np.where(np.array(self.names) == name, value, self.values))
+        values = np.where(np.array(self.names) == name, value, self.parameters.value)
+        return self._replace(parameters=replace(self.parameters, value=values))
 
     def with_changes(self, changes: Mapping[str, Array]) -> "JointEstimate":
         """The same with more such errors. changes: of the first values; those of the others are zero."""
-        whole = {name: np.pad(change, (0, len(self.values) - len(change))) for name, change in changes.items()}
-        return self._replace(changes=self.changes | whole)
+        return self._with({name: self._whole(change) for name, change in changes.items()})
 
     def with_density_error(self, change: Array, airspeed_scale: float) -> "JointEstimate":
         """The same with that error of the density. change: of the first values. airspeed_scale: change of V_scale."""
-        whole = np.pad(change, (0, len(self.values) - len(change)))
+        whole = self._whole(change)
         whole[self.names.index("V_scale")] = airspeed_scale
-        return self._replace(changes=self.changes | {DENSITY: whole})
+        return self._with({DENSITY: whole})
+
+    def _whole(self, change: Array) -> Array:
+        return np.pad(change, (0, len(self.names) - len(change)))
+
+    def _with(self, changes: Mapping[str, Array]) -> "JointEstimate":
+        return self._replace(parameters=replace(self.parameters, shared={**self.parameters.shared, **changes}))
 
 
 def joint_estimate(
@@ -261,10 +266,11 @@ def joint_estimate(
     parameters = noise + changes_by_sensor_errors @ changes_by_sensor_errors.T
     return JointEstimate(
         names=(*names, *SENSOR_ERRORS),
-        values=np.concatenate([values, trajectory.sensor_errors]),
-        covariance=np.block([[parameters, cross], [cross.T, trajectory.covariance]]),
+        parameters=Uncertain(
+            np.concatenate([values, trajectory.sensor_errors]),
+            np.block([[parameters, cross], [cross.T, trajectory.covariance]]),
+        ),
         weighting_covariance=fit.covariance,
         prior_mean=np.array([PRIOR_MEAN.get(name, 0.0) for name in (*names, *SENSOR_ERRORS)]),
         prior_sigma=np.concatenate([prior_sigma, trajectory.prior_sigma]),
-        changes={},
     )

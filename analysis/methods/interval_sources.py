@@ -19,7 +19,7 @@ from analysis.curve import Condition, lift_coefficient
 from analysis.methods import consider as covariance
 from analysis.methods.assumed_values import ASSUMED_VALUES
 from analysis.methods.consider import JointEstimate
-from analysis.methods.dynamic import DynamicEstimate
+from analysis.methods.dynamic import POLAR, DynamicEstimate
 from analysis.methods.rejected_assumptions import Assumption
 from flight.aircraft import Aircraft
 from flight.arrays import Array
@@ -68,17 +68,18 @@ def variance_by_source(
         0.5 * condition.rho * condition.wing_area_m2 * (V**3)[:, None] * np.stack([np.ones_like(V), CL, CL**2], 1)
     )
     if estimate.joint is None:
+        n = len(POLAR)
         noise, shared = (
-            np.einsum("ni,ij,nj->n", gradient, part[:3, :3], gradient) for part in (estimate.noise, estimate.systematic)
+            np.einsum("ni,ij,nj->n", gradient, part[:n, :n], gradient) for part in (estimate.noise, estimate.systematic)
         )
         return {Source.NOISE: noise, Source.SHARED: shared}
     joint = estimate.joint
     found: dict[Source, Array] = defaultdict(lambda: np.zeros(len(V)))
-    for name, change in joint.changes.items():
+    polar = joint.parameters.at([joint.names.index(name) for name in POLAR])
+    for name, change in polar.shared.items():
         if name == covariance.DENSITY:  # kept for the comparison of flights; here at the density of this one
-            changed = joint.values[:3] + change[:3]
-            change = covariance.at_nominal_density(changed, aircraft) - joint.values[:3]
-        found[OF_CHANGE.get(name, Source.TRANSDUCERS)] += (gradient @ change[:3]) ** 2
+            change = covariance.at_nominal_density(polar.value + change, aircraft) - polar.value
+        found[OF_CHANGE.get(name, Source.TRANSDUCERS)] += (gradient @ change) ** 2
     for source, shares in shares_of_correlated(joint, gradient).items():
         found[source] += shares
     total = np.einsum("ni,ij,nj->n", gradient, estimate.polar.covariance, gradient)
@@ -93,18 +94,20 @@ def shares_of_correlated(joint: JointEstimate, gradient: Array) -> dict[Source, 
     """
     members: dict[Source, list[int]] = defaultdict(list)
     k = len(joint.weighting_covariance)
-    for i, name in enumerate(joint.names[3:], start=3):
+    n = len(POLAR)
+    for i, name in enumerate(joint.names[n:], start=n):
         members[Source.PROPELLER if i < k else OF_SENSOR_ERROR.get(name, Source.OTHER_SENSORS)].append(i)
 
-    sigma = np.sqrt(np.diag(joint.covariance))
+    C = joint.parameters.own
+    sigma = np.sqrt(np.diag(C))
     sigma[sigma == 0] = 1.0
-    correlation = joint.covariance / np.outer(sigma, sigma)
-    power = gradient * sigma[:3]
+    correlation = C / np.outer(sigma, sigma)
+    power = gradient * sigma[:n]
 
     def explained(sources: Iterable[Source]) -> Array:
         """Variance that goes when these are known exactly."""
         rows = [i for source in sources for i in members[source]]
-        with_them, own = power @ correlation[:3, rows], correlation[np.ix_(rows, rows)]
+        with_them, own = power @ correlation[:n, rows], correlation[np.ix_(rows, rows)]
         return np.asarray(np.sum(with_them * np.linalg.lstsq(own, with_them.T, rcond=None)[0].T, axis=1))
 
     every = frozenset(members)

@@ -143,8 +143,8 @@ def pooling_statistics(
         return None
     return PoolingStatistics(
         names=list(joint.names),
-        values=joint.values.tolist(),
-        covariance=_lower_triangle(joint.covariance),
+        values=joint.parameters.value.tolist(),
+        covariance=_lower_triangle(joint.parameters.own),
         weighting_covariance=_lower_triangle(joint.weighting_covariance),
         prior_mean=joint.prior_mean.tolist(),
         prior_sigma=[float(sigma) if np.isfinite(sigma) else None for sigma in joint.prior_sigma],
@@ -155,7 +155,7 @@ def pooling_statistics(
             for one in joint.prior_measurements
         ]
         or msgspec.UNSET,
-        changes={name: change.tolist() for name, change in joint.changes.items() if np.any(change)},
+        changes={name: change.tolist() for name, change in joint.parameters.shared.items() if np.any(change)},
         polar_covariance=estimate.polar.covariance.tolist(),
         flown_CL=flown_CL,
         installation=aircraft.installation.name,

@@ -42,11 +42,11 @@ def mean_row(flights: Sequence[FlightStatistics]) -> MeasuredRow:
     with np.errstate(divide="ignore"):
         sigma = first.prior_information**-0.5
     return MeasuredRow(
-        np.mean([one.covariance for one in flights], axis=0),
+        np.mean([one.parameters.own for one in flights], axis=0),
         np.mean([one.weighting_covariance for one in flights], axis=0),
         sigma,
         first.prior_mean,
-        {name: np.mean([one.changes[name] for one in flights], axis=0) for name in first.changes},
+        {name: np.mean([one.parameters.shared[name] for one in flights], axis=0) for name in first.parameters.shared},
         (float(np.mean([one.flown_CL[0] for one in flights])), float(np.mean([one.flown_CL[1] for one in flights]))),
     )
 

@@ -44,8 +44,8 @@ def test_one_flight_equals_its_own_analysis_and_the_equations_agree() -> None:
     pooled = pool_results([results])
     assert pooled.polar.A.tolist() == results["pooling"]["values"][:3]
     assert pooled.polar.covariance.tolist() == results["pooling"]["polar_covariance"]
-    total = pooled.estimate.total[:3, :3] + covariance.floor()
-    np.testing.assert_allclose(pooled.estimate.x[:3], pooled.polar.A, rtol=1e-9)
+    total = pooled.estimate.parameters.covariance[:3, :3] + covariance.floor()
+    np.testing.assert_allclose(pooled.estimate.parameters.value[:3], pooled.polar.A, rtol=1e-9)
     np.testing.assert_allclose(total, pooled.polar.covariance, rtol=1e-7, atol=1e-16)
 
 
@@ -62,8 +62,8 @@ def test_a_stand_counts_once_in_a_pool(number: int) -> None:
     h = np.array([STAND["coefficients"].get(name, 0.0) for name in POOLED])  # type: ignore[attr-defined]
     Ch = without.prior_part @ (np.where(h, PRIOR_SIGMA, 0.0) ** 2 * h)
     gain = Ch / (h @ Ch + STAND["sigma"] ** 2)  # type: ignore[operator]
-    expected = without.x + gain * (STAND["value"] - h @ without.x)
-    np.testing.assert_allclose(with_stand.x, expected, rtol=1e-6, atol=1e-9)
+    expected = without.parameters.value + gain * (STAND["value"] - h @ without.parameters.value)
+    np.testing.assert_allclose(with_stand.parameters.value, expected, rtol=1e-6, atol=1e-9)
     left = np.eye(len(h)) - np.outer(gain, h)
     total = left @ without_weight(without) @ left.T + STAND["sigma"] ** 2 * np.outer(gain, gain)  # type: ignore[operator]
     np.testing.assert_allclose(without_weight(with_stand), total, rtol=1e-5, atol=1e-12)
@@ -72,7 +72,7 @@ def test_a_stand_counts_once_in_a_pool(number: int) -> None:
 def without_weight(estimate) -> np.ndarray:
     """The covariance by noise and priors."""
     change = estimate.influences[0].sum(axis=0) @ CHANGES["weight"]
-    return np.asarray(estimate.total - np.outer(change, change))
+    return np.asarray(estimate.parameters.covariance - np.outer(change, change))
 
 
 def test_an_estimate_less_certain_than_its_prior_keeps_its_covariance() -> None:
@@ -90,7 +90,9 @@ def test_flights_that_say_nothing_of_a_parameter_do_not_make_a_pool_worse() -> N
     one = campaign(3, 1, color=3.0)[0]
     beyond = POOLED.index("thrust_beyond")
     assert one["pooling"]["covariance"][beyond][beyond] > PRIOR_SIGMA[beyond] ** 2
-    np.testing.assert_allclose(pool_results([one]).estimate.x, one["pooling"]["values"], rtol=1e-7, atol=1e-10)
+    np.testing.assert_allclose(
+        pool_results([one]).estimate.parameters.value, one["pooling"]["values"], rtol=1e-7, atol=1e-10
+    )
     flown = [campaign(seed, 20, color=3.0) for seed in range(40)]
     stated, actual = [], []
     for number in (1, 5, 20):
@@ -109,8 +111,10 @@ def test_the_pool_without_each_flight_is_that_of_the_others(color: float) -> Non
     others = without_each(pooled.stack, pooled.prior)
     for i in range(4):
         expected = pool_results([*flights[:i], *flights[i + 1 :]]).estimate
-        np.testing.assert_allclose(others.x[i], expected.x, rtol=1e-7, atol=1e-10)
-        np.testing.assert_allclose(others.total(pooled.prior.covariance)[i], expected.total, rtol=1e-6, atol=1e-12)
+        np.testing.assert_allclose(others.x[i], expected.parameters.value, rtol=1e-7, atol=1e-10)
+        np.testing.assert_allclose(
+            others.total(pooled.prior.covariance)[i], expected.parameters.covariance, rtol=1e-6, atol=1e-12
+        )
 
 
 def test_flights_with_two_stands_are_not_one_pool() -> None:
@@ -130,7 +134,7 @@ def test_flights_with_different_stated_priors_are_pooled_with_the_widest() -> No
         return pool_results([flight(x, rng, "first", prior_sigma=first), flight(x, rng, "second")])
 
     mixed, wide = pooled(narrower), pooled(PRIOR_SIGMA)
-    np.testing.assert_allclose(mixed.estimate.x, wide.estimate.x, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(mixed.estimate.parameters.value, wide.estimate.parameters.value, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(without_weight(mixed.estimate), without_weight(wide.estimate), rtol=1e-6, atol=1e-15)
 
 
@@ -144,7 +148,7 @@ def test_the_prior_of_thrust_moves_a_pool_of_twenty_flights_by_its_own_share_onl
         x[3:5] = [0.036, -0.22]
         pooled = pool_results([flight(x, rng, str(i)) for i in range(20)])
         prior = pooled.estimate.prior_part
-        errors.append(pooled.estimate.x - x - prior @ np.where(known, PRIOR_MEAN - x, 0.0))
+        errors.append(pooled.estimate.parameters.value - x - prior @ np.where(known, PRIOR_MEAN - x, 0.0))
         by_prior = prior @ np.diag(np.where(known, PRIOR_SIGMA, 0.0) ** 2) @ prior.T
         totals.append(np.diag(without_weight(pooled.estimate) - by_prior))
     mean, sigma = np.mean(errors, axis=0), np.sqrt(np.mean(totals, axis=0))
@@ -155,8 +159,8 @@ def test_the_prior_of_thrust_moves_a_pool_of_twenty_flights_by_its_own_share_onl
 def test_one_flight_without_a_named_installation_equals_its_own_analysis_too() -> None:
     (results,) = campaign(1, 1, installation="")
     pooled = pool_results([results])
-    total = pooled.estimate.total[:3, :3] + covariance.floor()
-    np.testing.assert_allclose(pooled.estimate.x[:3], pooled.polar.A, rtol=1e-9)
+    total = pooled.estimate.parameters.covariance[:3, :3] + covariance.floor()
+    np.testing.assert_allclose(pooled.estimate.parameters.value[:3], pooled.polar.A, rtol=1e-9)
     np.testing.assert_allclose(total, pooled.polar.covariance, rtol=1e-7, atol=1e-16)
 
 
@@ -167,7 +171,7 @@ def test_the_mean_of_curves_keeps_the_error_by_the_prior_that_all_flights_used()
         results = campaign(seed, 20)
         pooled = pool_results(results)
         joint.append(slowest_error_percent(pooled, POLAR))
-        polars = [Polar(f.values[:3], f.polar_covariance) for f in pooled.flights]
+        polars = [f.polar for f in pooled.flights]
         of_mean = Polar(
             np.mean([polar.A for polar in polars], axis=0),
             np.mean([p.covariance for p in polars], axis=0) / len(polars),
@@ -192,7 +196,11 @@ def test_the_common_part_of_mountings_is_known_no_better_than_their_scatter_allo
     named, unnamed = (pool_results(campaign(3, 6, noise=0.1, installation=name)) for name in ("boom", ""))
     at = POOLED.index("alpha_bias")
     scatter = 0.95 * POOLING.remounted * PRIOR_SIGMA[at] / np.sqrt(6)  # the prior knows a little more
-    assert unnamed.estimate.total[at, at] ** 0.5 > scatter > 2 * named.estimate.total[at, at] ** 0.5
+    assert (
+        unnamed.estimate.parameters.covariance[at, at] ** 0.5
+        > scatter
+        > 2 * named.estimate.parameters.covariance[at, at] ** 0.5
+    )
     assert unnamed.notes == [NOT_NAMED]
     assert not named.notes
 

@@ -312,7 +312,7 @@ def test_a_density_that_is_too_high_looks_like_thrust_and_airspeed_and_leaves_th
     trajectory.block_means.means["rho"] = 1.02 * trajectory.block_means["rho"]
     wrong = estimate_polar(trajectory, runs, aircraft, PROPELLER)
     assert right.joint is not None
-    change = dict(zip(right.joint.names, right.joint.changes[DENSITY], strict=True))
+    change = dict(zip(right.joint.names, right.joint.parameters.shared[DENSITY], strict=True))
     assert wrong.values - right.values == pytest.approx([change[name] for name in right.joint.names[:5]], rel=1e-3)
     assert change["thrust_scale"] == pytest.approx(-0.02, abs=0.001), "the propeller pushes as it did"
     assert change["V_scale"] == pytest.approx(-0.01), "V = sqrt(2 q / rho)"

@@ -10,6 +10,7 @@ from analysis.estimation.noise import NORMAL_95
 from analysis.methods.consider import JointEstimate
 from analysis.methods.interval_sources import Source, shares_of_correlated, variance_by_source
 from analysis.results.curves import interval_parts
+from analysis.uncertain import Uncertain
 
 NAMES = ("A0", "A1", "A2", "thrust_scale", "V_scale", "alpha_bias", "gps_latency")
 CONDITION = Condition(weight_N=37.0, rho=1.2, wing_area_m2=0.46)
@@ -18,7 +19,7 @@ V = np.linspace(12.0, 24.0, 5)
 
 def joint(covariance: np.ndarray, **changes: np.ndarray) -> JointEstimate:
     values = np.array([0.045, 0.0, 0.065, 0.0, 0.0, 0.0, 0.0])
-    return JointEstimate(NAMES, values, covariance, covariance[:4, :4], values, np.full(7, np.inf), changes)
+    return JointEstimate(NAMES, Uncertain(values, covariance, changes), covariance[:4, :4], values, np.full(7, np.inf))
 
 
 def covariance_of(seed: int) -> np.ndarray:

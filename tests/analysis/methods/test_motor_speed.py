@@ -34,7 +34,7 @@ def test_a_wrong_count_is_found_and_the_polar_is_right(lost: float, above_revps:
     found = estimate_polar(trajectory, runs, AIRCRAFT, PROPELLER)
     sound = estimate_polar(*flight(), AIRCRAFT, PROPELLER)
     assert found.joint is not None
-    share = found.joint.values[found.joint.names.index(PARAMETER)]
+    share = found.joint.parameters.value[found.joint.names.index(PARAMETER)]
     # Of lost pulses a part looks like a scale of thrust, within what its prior allows: 1.8 % are 0.9 % of motor speed.
     assert 1 + share == pytest.approx(1 / (1 - lost), abs=0.02 if above_revps == 0 else 0.015)
     powers = np.vander(CL, 3, increasing=True)

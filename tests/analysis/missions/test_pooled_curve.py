@@ -62,7 +62,7 @@ def test_polar_and_thrust_are_those_of_the_pool_with_their_joint_covariance() ->
     assert found.names[:5] == ("A0", "A1", "A2", "thrust_scale", "thrust_slope")
     assert found.values[:3] == pytest.approx(pool.polar.A)
     assert found.covariance[:3, :3] == pytest.approx(pool.polar.covariance)
-    np.testing.assert_allclose(found.covariance[:5, 3:5], pool.estimate.total[np.ix_(at, at[3:])])
+    np.testing.assert_allclose(found.covariance[:5, 3:5], pool.estimate.parameters.covariance[np.ix_(at, at[3:])])
     assert np.any(found.covariance[:3, 3:5]), "thrust and drag err together"
     assert use.model.flown_CL == pool.flown_CL
     largest = pool.results().slowest_flown
