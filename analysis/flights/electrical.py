@@ -72,8 +72,8 @@ class ElectricalPool(NamedTuple):
 
     def power(self, V: Array) -> tuple[Array, Array]:
         """Electrical power and its standard error [W], each (k,), at speeds V (k,) [m/s] within those flown."""
-        error_W = np.sqrt(np.diag(self.covariance))
-        return np.interp(V, self.V_mps, self.power_W), np.interp(V, self.V_mps, error_W)
+        power_W = self.power_W
+        return np.interp(V, self.V_mps, power_W.value), np.interp(V, self.V_mps, power_W.standard_error)
 
     def results(self, left_out: Sequence[str] = (), failures: Sequence[str] = ()) -> ElectricalPooledResults:
         """The contents of the pooled results.json; left_out, failures: as of a pool of drag."""

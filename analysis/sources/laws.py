@@ -14,8 +14,6 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from analysis.methods.whole_flight.flight_table import resampled
-from analysis.methods.whole_flight.settings import FLIGHT
 from analysis.sources.column_map import Channels
 from analysis.sources.grid import resampled
 from analysis.sources.grid_settings import FLIGHT
@@ -24,7 +22,6 @@ from analysis.sources.position import velocity_by_position
 from analysis.sources.quantities import KINDS, Quantity
 from analysis.sources.recording import Channel
 from analysis.sources.resolution import without_steps
-from analysis.sources.table_file import Array
 from flight.arrays import Array
 from flight.atmosphere import SEA_LEVEL_DENSITY, density, height_at, temperature_at
 from flight.runs import LEVEL_RUN

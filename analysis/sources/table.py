@@ -18,8 +18,7 @@ from analysis.sources.position import velocity_by_position
 from analysis.sources.quantities import Quantity
 from analysis.sources.recording import Channel, pressure_of_indicated_airspeed
 from analysis.sources.resolution import without_steps
-from analysis.sources.table_file import Array, read_columns
-from analysis.trajectory.measurements import ALPHA_PORT_SLOPE
+from analysis.sources.table_file import read_columns
 from flight.arrays import Array
 from flight.atmosphere import density, height_at, pressure_at, temperature_at
 from flight.errors import InputError
