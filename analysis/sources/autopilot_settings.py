@@ -45,9 +45,6 @@ class Instances(Settings):
 
     turning_revps: float = setting(5.0, "rev/s", "a motor that stands shows less, by noise")
     second_pack: float = setting(0.5, "1", "of its power; one with more feeds the motor, too, or measures the same")
-    same_current: float = setting(
-        0.05, "1", "of it, by which the meters of one current differ, and a sum from its parts"
-    )
     second_battery: float = setting(0.1, "1", "of the used battery's power; a second one with more is mentioned")
 
 

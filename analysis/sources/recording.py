@@ -275,9 +275,7 @@ def _parts_of(total: Battery, others: Sequence[Battery]) -> Sequence[Battery]:
         for parts in combinations(range(len(largest)), count)
     }
     best = min(errors_A, key=errors_A.__getitem__, default=())
-    if not best or errors_A[best] >= INSTANCES.same_current * float(np.median(current_A)):
-        return ()
-    return [largest[i][0] for i in best]
+    return [largest[i][0] for i in best] if best and _same_current(current_A, errors_A[best]) else ()
 
 
 def _same_pack(one: Battery, other: Battery) -> bool:
@@ -285,9 +283,13 @@ def _same_pack(one: Battery, other: Battery) -> bool:
     t_s = one.current.t_s
     shown = [(np.interp(t_s, *b.voltage), np.interp(t_s, *b.current)) for b in (one, other)]
     (V, A), (other_V, other_A) = shown
-    error_A = float(np.median(np.abs(A - other_A)))
     error_V = float(np.median(np.abs(V - other_V)))
-    return error_V < 0.02 * float(np.median(V)) and error_A < INSTANCES.same_current * float(np.median(np.abs(A)))
+    return error_V < 0.02 * float(np.median(V)) and _same_current(A, float(np.median(np.abs(A - other_A))))
+
+
+def _same_current(current_A: Array, error_A: float) -> bool:
+    """Whether a median difference is what two meters of one current have."""
+    return error_A < 0.05 * float(np.median(np.abs(current_A)))
 
 
 def _together(one: Battery, other: Battery) -> Battery:
