@@ -105,6 +105,7 @@ class EvidenceKind(StrEnum):
     MOTOR_SPEED = "motor speed against the motor's constant"
     PROPELLER_EFFICIENCY = "propeller efficiency"
     MOTOR_EFFICIENCY = "motor efficiency"
+    THRUST_EFFICIENCY = "efficiency from battery to thrust"
     IMPLAUSIBLE_READINGS = "readings that cannot be true together"
     SENSOR_ERROR = "sensor error against its prior"
     RUN_AGAINST_OTHERS = "run against the other runs"
@@ -615,6 +616,9 @@ class ElectricalResult(msgspec.Struct, frozen=True, kw_only=True):
     thrust_basis: str = ""  # where thrust comes from
     pooling: ElectricalStatistics | None = None  # null in results of earlier versions
     battery_energy_Wh: float | None = None  # all of it; null without a battery
+    # Drag times airspeed over the motor's electrical power in level flight, where it is known best; null where that is
+    # not known, in the log of a simulation, whose current no meter measured, and in results of earlier versions.
+    thrust_efficiency: Interval | None = None
 
 
 class PriorMeasurementStatistics(msgspec.Struct, frozen=True, kw_only=True):

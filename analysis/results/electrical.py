@@ -10,7 +10,7 @@ from analysis.curve import maximum_lift_to_drag
 from analysis.estimation.noise import NORMAL_95
 from analysis.methods.whole_flight.curve import ElectricalEstimate, FlownAircraft
 from analysis.methods.whole_flight.drag import DragEstimate, DragWithheld
-from analysis.methods.whole_flight.energy_balance import QuarticPolar
+from analysis.methods.whole_flight.energy_balance import QuarticPolar, level_efficiency
 from analysis.methods.whole_flight.flight_table import FlightTable
 from analysis.methods.whole_flight.simulated_truth import SimulatedTruth
 from analysis.performance.autopilot_parameters import flight_values, typed_in
@@ -183,7 +183,21 @@ def _beside_the_curve(found: ElectricalFindings) -> ElectricalResult:
         shaft_power=[] if isinstance(drag, DragWithheld) else _points(drag.V_mps, drag.shaft),
         thrust_basis="" if isinstance(drag, DragWithheld) else _thrust_basis(drag, propeller),
         pooling=_statistics(estimate),
+        thrust_efficiency=None if found.simulated else _thrust_efficiency(estimate),
     )
+
+
+def _thrust_efficiency(estimate: ElectricalEstimate) -> Interval | None:
+    """Of level flight at the speed at which its relative error is least; None where it is known at no speed."""
+    V = estimate.V_mps
+    efficiency = estimate.parameters.quantity(lambda parameters, given: level_efficiency(V, parameters, given))
+    value, error = efficiency.value, efficiency.standard_error
+    known = np.flatnonzero(np.isfinite(error) & (value > 0))
+    if not len(known):
+        return None
+    at = known[np.argmin(error[known] / value[known])]
+    half = NORMAL_95 * error[at]
+    return Interval(value=float(value[at]), lo=float(value[at] - half), hi=float(value[at] + half))
 
 
 def _statistics(estimate: ElectricalEstimate) -> ElectricalStatistics:

@@ -68,6 +68,7 @@ def evidence_against(results: Results) -> list[Evidence]:
         *_kinds_of_runs(results.accelerations_against_decelerations),
         *_motor_speed(results),
         *_efficiencies(results),
+        *_thrust_efficiency(results),
         *_implausible(results),
         *_sensor_errors(results),
         *_runs(results),
@@ -294,6 +295,28 @@ def _efficiency(kind: EvidenceKind, values: list[Interval], best: float) -> Iter
         figure=figure,
         limit=1.0 if figure > 1 else best,
         text=_CHECK_EFFICIENCY[kind].format(figure),
+    )
+
+
+def _thrust_efficiency(results: Results) -> Iterator[Evidence]:
+    """Of the energy balance, which takes any: a current that is measured wrong makes one that nothing has."""
+    found = results.electrical.thrust_efficiency if results.electrical else None
+    if found is None or TRUST.least_power_train <= found.value <= TRUST.best_propeller:
+        return
+    high = found.value > TRUST.best_propeller
+    beyond = "more than any power train has" if high else "less than power trains of aircraft have"
+    limit = TRUST.best_propeller if high else TRUST.least_power_train
+    yield Evidence(
+        kind=EvidenceKind.THRUST_EFFICIENCY,
+        level=Trust.NOT_TO_BE_TRUSTED if high and found.lo > TRUST.best_power_train else Trust.DOUBTFUL,
+        part=PartOfResult.CURVE,
+        figure=found.value,
+        limit=limit,
+        text=(
+            f"The energy balance finds an efficiency from battery to thrust of {found.value:.2f} ({found.lo:.2f} to"
+            f" {found.hi:.2f}), {beyond} (limit {limit:.1f}): check the scale of the current sensor against a charger"
+            " or a clamp meter, then voltage, mass and wing area."
+        ),
     )
 
 

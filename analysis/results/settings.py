@@ -24,9 +24,19 @@ class TrustLimits(Settings):
         2.0, "1", "times the limit of doubt: a table twice as uncertain as stated would be denied, too"
     )
     best_propeller: float = setting(0.9, "1", "efficiency that no propeller of a model exceeds; the best have 0.85")
+    least_power_train: float = setting(
+        0.3,
+        "1",
+        "efficiency from battery to thrust: a motor of 0.6 with a propeller of 0.5; small aircraft have 0.4 to 0.7",
+    )
     motor_constant: float = setting(
         0.1, "1", "of kV (V - I R): two poles more or less of 14 are 14 %; constants of makers differ by some percent"
     )
+
+    @property
+    def best_power_train(self) -> float:
+        """Efficiency from battery to thrust: the best motors with controllers lose as much as the best propellers."""
+        return self.best_propeller**2
 
 
 TRUST = TrustLimits()

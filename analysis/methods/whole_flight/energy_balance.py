@@ -331,3 +331,9 @@ def level_power(V: Array, p: NamedValues, c: FlightConditions) -> Array:
     share = low / (low - high)
     found = motor[first - 1] + share * (motor[first] - motor[first - 1])
     return np.where(enough.any(axis=1), found + c.idle_power_W, np.nan)
+
+
+def level_efficiency(V: Array, p: NamedValues, c: FlightConditions) -> Array:
+    """Drag times airspeed over the motor's electrical power, in steady level flight (n,); NaN as for `level_power`."""
+    drag_W = drag_power(V, 1.0, 0.0, QuarticPolar.of(p), c)
+    return np.asarray(drag_W / (level_power(V, p, c) - c.idle_power_W))

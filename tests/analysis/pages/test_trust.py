@@ -15,6 +15,7 @@ from analysis.missions.information import read_results
 from analysis.pages.one_log import Report
 from analysis.records.flight import (
     CurveStatus,
+    ElectricalResult,
     Evidence,
     EvidenceKind,
     ImplausibleReadings,
@@ -26,6 +27,7 @@ from analysis.records.flight import (
     PriorMeasurementStatistics,
     Results,
     RunAgainstOthers,
+    SpeedInterval,
     Trust,
 )
 from analysis.results.evidence import (
@@ -205,6 +207,39 @@ def test_efficiencies_above_one_are_impossible_and_above_any_propeller_doubtful(
     ]  # fmt: skip
     N, D, T = Trust.NOT_TO_BE_TRUSTED, Trust.DOUBTFUL, Trust.TRUSTED
     assert verdicts == [T, N, N, D, D, T]
+
+
+@pytest.mark.parametrize(
+    ("efficiency", "level"),
+    [
+        ((0.6, 0.5, 0.7), None), ((0.31, 0.2, 0.4), None), ((0.89, 0.7, 1.08), None),
+        ((0.29, 0.2, 0.38), Trust.DOUBTFUL), ((0.17, 0.15, 0.19), Trust.DOUBTFUL),
+        ((0.91, 0.7, 1.12), Trust.DOUBTFUL), ((0.93, 0.83, 1.03), Trust.NOT_TO_BE_TRUSTED),
+        ((2.9, 2.5, 3.3), Trust.NOT_TO_BE_TRUSTED),
+    ],
+)  # fmt: skip
+def test_a_power_train_of_impossible_efficiency_tells_a_wrong_current(
+    results: Results, efficiency: tuple[float, float, float], level: Trust | None
+) -> None:
+    value, lo, hi = efficiency
+    told = evidence_against(balanced(results, thrust_efficiency=Interval(value=value, lo=lo, hi=hi)))
+    assert [(one.kind, one.level, one.figure) for one in told] == (
+        [(EvidenceKind.THRUST_EFFICIENCY, level, value)] if level else []
+    )
+    assert all(f"{value:.2f} ({lo:.2f} to {hi:.2f})" in one.text and "current sensor" in one.text for one in told)
+
+
+def balanced(results: Results, **more: Any) -> Results:
+    """A curve of electrical power alone."""
+    unknown = SpeedInterval(speed_mps=None, lo_mps=None, hi_mps=None, inside_flown_range=False)
+    found = ElectricalResult(
+        least_power_speed=unknown, best_range_speed=unknown, endurance_s=None, range_m=None, interval_parts=[],
+        residual_W=3.0, idle_power_W=8.0, airspeed_scale=None, wind_mps=None, wind_from_deg=None, flown_s=600.0,
+        withheld=[], **more,
+    )  # fmt: skip
+    return replace(
+        results, drag_polar=None, power_required=[], electrical_power=results.power_required, electrical=found
+    )
 
 
 def test_the_cause_is_told_before_what_follows_from_it_and_the_worst_first(with_battery: Results) -> None:

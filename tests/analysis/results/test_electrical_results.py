@@ -11,6 +11,7 @@ from analysis.methods.whole_flight.airspeed_gps import AirspeedErrors
 from analysis.methods.whole_flight.drag import DragWithheld
 from analysis.methods.whole_flight.energy_balance import FlightConditions
 from analysis.methods.whole_flight.parameters import DRAG, unpack
+from analysis.methods.whole_flight.simulated_truth import SimulatedTruth
 from analysis.performance.autopilot_parameters import flight_values
 from analysis.records.flight import SpeedInterval
 from analysis.results.electrical import (
@@ -30,6 +31,7 @@ from flight.units import GRAVITY_MPS2
 V = np.linspace(10.0, 20.0, 41)
 POWER_W = 50.0 + (V - 14.0) ** 2
 BATTERY = UsedBattery(125.0, 0.8)
+EFFICIENCY = Uncertain(0.7 - 0.01 * (V - 10.0), np.diag((0.02 + 0.01 * abs(V - 14.0)) ** 2), {})
 FLOWN = SimpleNamespace(flown=np.ones(3000, dtype=bool))
 
 
@@ -41,6 +43,7 @@ def estimate(*, share: float = 0.03, noise_W: float = 1e-6, wind_mps: float | No
         standard_error_W=power.standard_error,
         conditions=SimpleNamespace(idle_power_W=4.0, idle_sigma_W=1.0),
         rho_sigma=0.0, among_flights=power,
+        parameters=SimpleNamespace(quantity=lambda of: EFFICIENCY),
         airspeed=AirspeedErrors(scale, 0.0, np.diag([0.01**2, 4.0]), wind_mps, 10.0),
     )  # fmt: skip
 
@@ -61,6 +64,14 @@ def test_endurance_is_energy_over_the_least_power_and_range_over_that_per_speed(
         ends = interval.value / (1 + 1.96 * 0.03), interval.value / (1 - 1.96 * 0.03)
         assert (interval.lo, interval.hi) == pytest.approx(ends, rel=0.015)  # 400 draws
     assert _beside_the_curve(ElectricalFindings(FLOWN, estimate())).endurance_s is None
+
+
+def test_efficiency_is_told_at_the_speed_where_it_is_known_best_and_never_of_a_simulation() -> None:
+    found = beside().thrust_efficiency
+    half = NORMAL_95 * 0.02
+    assert (found.value, found.lo, found.hi) == pytest.approx((0.66, 0.66 - half, 0.66 + half))
+    simulated = ElectricalFindings(FLOWN, estimate(), simulated=SimulatedTruth(0.0, 0.01, 0, np.nan))
+    assert _beside_the_curve(simulated).thrust_efficiency is None
 
 
 def test_best_speeds_are_those_of_the_least_power_and_of_the_least_energy_per_meter() -> None:
@@ -159,7 +170,7 @@ def source(**more):
         value = of(PARAMETERS, GIVEN)
         return uncertain(value, 0.03 * NORMAL_95 * np.abs(value))
 
-    return SimpleNamespace(parameters=SimpleNamespace(quantity=quantity), **more)
+    return SimpleNamespace(**(more | {"parameters": SimpleNamespace(quantity=quantity)}))
 
 
 def values(drag=None, best=(14.0, 13.5, 14.2), **of):

@@ -1,6 +1,7 @@
 """A flight without noise, whose truth is known: each channel is what its sensor would have read."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple, cast
 
@@ -17,7 +18,7 @@ from analysis.methods.whole_flight.flight_table import FlightTable, flight_table
 from analysis.methods.whole_flight.parameters import Source
 from analysis.methods.whole_flight.thrust_balance import PARAMETERS, MotorConstants
 from analysis.performance.autopilot_parameters import flight_values
-from analysis.records.flight import Provenance, SpeedInterval
+from analysis.records.flight import EvidenceKind, Provenance, SpeedInterval, Trust
 from analysis.results.electrical import ElectricalFindings, UsedBattery, _warnings, electrical_results
 from analysis.sources import recording
 from analysis.sources.recording import Channel, FlightRecording
@@ -313,6 +314,30 @@ def test_the_results_are_those_of_the_estimate(
     quadratic = polar.CD0 + polar.K * (CL - polar.CL_minD) ** 2
     assert polar.A0 + polar.A1 * CL + polar.A2 * CL**2 == pytest.approx(quadratic)
     assert polar.oswald_efficiency == pytest.approx(AREA_M2 / (np.pi * polar.K * SPAN_M**2))
+
+
+@pytest.mark.parametrize("scale", [0.25, 1.0, 4.4])
+def test_efficiency_from_battery_to_thrust_is_as_wrong_as_the_current(
+    truth: Truth, table: FlightTable, electrical: ElectricalEstimate, scale: float
+) -> None:
+    """Only a sound current is trusted; one that reads a quarter makes an efficiency that nothing has."""
+    if scale != 1.0:
+        right = flown(truth)
+        t_s, current_A = right.channels[recording.CURRENT]
+        wrong = replace(right, channels={**right.channels, recording.CURRENT: Channel(t_s, scale * current_A)})
+        table = flight_table(wrong, MASS_KG * g, AREA_M2)
+        electrical = estimate(table, MASS_KG * g, AREA_M2, SPAN_M, most_windows=100)
+    aircraft = FlownAircraft("test", MASS_KG * g, AREA_M2, SPAN_M)
+    results = electrical_results(Path("log"), aircraft, ElectricalFindings(table, electrical), cast(Provenance, None))
+    V, rho = electrical.V_mps, np.full(len(electrical.V_mps), electrical.conditions.rho)
+    required_W = drag_W(V, 1.0, rho)
+    true = required_W / (electrical_W(required_W / V, V, rho)[0] - IDLE_W)
+    found = results.electrical.thrust_efficiency if results.electrical else None
+    assert found is not None
+    assert found.lo < np.max(true) / scale and found.hi > np.min(true) / scale
+    doubted = {0.25: Trust.NOT_TO_BE_TRUSTED, 1.0: Trust.TRUSTED, 4.4: Trust.DOUBTFUL}
+    assert results.trust is doubted[scale]
+    assert [one.kind for one in results.evidence] == [EvidenceKind.THRUST_EFFICIENCY] * (scale != 1.0)
 
 
 def test_an_autopilot_is_told_equivalent_airspeeds_and_the_sink_of_gliding(
