@@ -34,7 +34,9 @@ LEAST_RATIO = 0.05  # smaller thrust than this share is taken as this share: the
 FEWEST_TABLES = 8  # between which thrusts are compared: two elasticities and a scatter are estimated from them
 SAME_SIZE_IN = 0.05  # UIUC and APC round sizes to 0.1 in
 SIZE = re.compile(r"(\d+(?:\.\d+)?)x(\d+(?:\.\d+)?)(.*)", re.IGNORECASE)
-APC_SIZE = re.compile(r"\s*(\d+(?:\.\d+)?)x(\d+(?:\.\d+)?)\D*?(?:-([2-6]))?\s")
+# 10x5E, 13x8E-3 (three blades), 4.1x4.1E-B4, 10x5(F2B), 15x11(WCAR-T6): what is in brackets says nothing of blades.
+APC_SIZE = re.compile(r"\s*(\d+(?:\.\d+)?)x(\d+(?:\.\d+)?)((?:\([^)\n]*\)|[^\s(])*)")
+APC_BLADES = re.compile(r"-B?([2-6])$", re.IGNORECASE)
 
 
 class Origin(StrEnum):
@@ -204,7 +206,10 @@ def _of_apc(path: Path) -> Table:
     propeller = load_propeller(path)
     size = APC_SIZE.match(path.read_text("utf-8-sig", errors="replace"))
     table = Table(f"apc-{path.stem[5:].lower()}-computed", propeller, "APC", Origin.COMPUTED, f"APC, {path.name}")
-    return replace(table, pitch_in=float(size[2]), blades=int(size[3] or 2)) if size else table
+    if size is None:
+        return table
+    blades = APC_BLADES.search(re.sub(r"\(.*?\)", "", size[3]))
+    return replace(table, pitch_in=float(size[2]), blades=int(blades[1]) if blades else 2)
 
 
 def matching(tables: Iterable[Table], query: Query) -> list[Table]:

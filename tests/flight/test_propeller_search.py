@@ -1,6 +1,7 @@
 """The shipped tables are of what their heads say, and what taking another one may cost contains what it does cost."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from flight.propeller_search import (
     nearest,
     parse_query,
     shipped_tables,
+    tables_in,
 )
 from flight.shipped_propellers import shipped_propellers
 
@@ -55,6 +57,41 @@ def test_a_table_with_a_dot_in_its_name_is_found() -> None:
     assert "apc-11x5.5e" in shipped_propellers()
     assert load_propeller("apc-11x5.5e").diameter_m == pytest.approx(11 * 0.0254)
     assert propeller_text("apc-11x5.5e").startswith("# APC 11x5.5E")  # what the recorder attaches
+
+
+APC_FILE = """         {name}      (PER3_{name}.dat)
+
+         PROP RPM =        {rpm}
+  V  J  Pe  Ct  Cp  PWR  Torque  Thrust
+  0.0  0.00  0.00  0.10  0.04  0.01  0.1  0.1
+  9.0  0.30  0.60  0.07  0.035  0.01  0.1  0.1
+ 18.0  0.60  0.70  0.01  0.010  0.01  0.1  0.1
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "pitch_in", "blades"),
+    [
+        ("10x5E", 5.0, 2),
+        ("10x5(F2B)", 5.0, 2),
+        ("15x11(WCAR-T6)", 11.0, 2),
+        ("9x6(3 of 4)-3", 6.0, 3),
+        ("13x8E-3", 8.0, 3),
+        ("4.1x4.1E-B4", 4.1, 4),
+        ("20.5x18R2-L", 18.0, 2),
+    ],
+)
+def test_a_name_of_apc_says_pitch_and_blades_also_with_brackets(
+    name: str, pitch_in: float, blades: int, tmp_path: Path
+) -> None:
+    """What is in brackets is what the propeller is for; digits there are neither a size nor blades."""
+    text = "".join(APC_FILE.format(name=name, rpm=rpm) if rpm == 3000 else
+                   APC_FILE.format(name=name, rpm=rpm).partition("\n")[2] for rpm in (3000, 6000))  # fmt: skip
+    (tmp_path / f"PER3_{name}.dat").write_text(text, "utf-8")
+    (found,), problems = tables_in(tmp_path)
+    assert not problems and (found.pitch_in, found.blades) == (pitch_in, blades)
+    assert matching([found], parse_query([name.split("(")[0].split("E")[0].split("R")[0]])) == [found]
+    assert matching([found], parse_query([name])) == [found]
 
 
 def test_words_sizes_and_diameters_are_found() -> None:
