@@ -2,7 +2,7 @@
 
 Read are the polars that XFLR5 and flow5 export (text or CSV), AVL's total forces of one case after the other, and any
 table with columns CL and CD, as pandas writes the result of AeroSandbox. Coefficients are of the whole aircraft,
-referred to the wing area of the aircraft file.
+referred to the wing area of the aircraft file. The polar of an airfoil has no induced drag, and is refused.
 """
 
 import re
@@ -19,6 +19,8 @@ from flight.errors import InputError
 
 # Names of a column, the most specific first: XFLR5 calls the rolling moment Cl, and its old versions the drag TCd.
 LIFT, DRAG = ("CL", "C_L", "CLtot", "cl"), ("CD", "C_D", "CDtot", "TCd", "cd")
+# Where the boundary layer turns turbulent on top and bottom: XFOIL, XFLR5 and AeroSandbox write it of airfoils only.
+AIRFOIL = re.compile(r"\bxtrf\b|\b(?:top|bot)[_ ]xtr\b", re.IGNORECASE)
 AVL_CASE = re.compile(r"\bCLtot\s*=\s*(\S+).*?\bCDtot\s*=\s*(\S+)", re.DOTALL)
 
 
@@ -42,6 +44,11 @@ def read_predicted_polar(path: Path) -> PredictedPolar:
         text = path.read_text("utf-8-sig", errors="replace")
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+    if AIRFOIL.search(text):
+        raise InputError(
+            f"{path}: the polar of an airfoil, which has no induced drag; export that of the whole aircraft, in XFLR5"
+            " that of a plane"
+        )
     cases = sorted((_number(lift), _number(drag)) for lift, drag in AVL_CASE.findall(text))
     pairs = cases or _table(text.splitlines())
     points = np.array([pair for pair in pairs if np.isfinite(pair).all()]).reshape(-1, 2)
@@ -89,6 +96,23 @@ def _number(text: str) -> float:
         return float(text)
     except ValueError:
         return np.nan
+
+
+def check_of_aircraft(polar: PredictedPolar, aspect_ratio: float) -> None:
+    """Raises InputError where the drag of a polar is below the least induced drag of the aircraft's span alone.
+
+    That of elliptic lift, C_L^2/(pi AR): the polar is of an airfoil, or of another aircraft or reference area.
+    """
+    lifting = polar.CL > 0
+    CL, CD = polar.CL[lifting], polar.CD[lifting]
+    induced = CL**2 / (np.pi * aspect_ratio)
+    worst = int(np.argmin(CD / induced))
+    if CD[worst] < induced[worst]:
+        raise InputError(
+            f"{polar.name}: its drag coefficient of {CD[worst]:.4f} at a lift coefficient of {CL[worst]:.2f} is below"
+            f" the induced drag of this span alone, {induced[worst]:.4f}; export that of the whole aircraft, not of an"
+            " airfoil, for the wing area of the aircraft file"
+        )
 
 
 def comparison(polar: PredictedPolar, results: Results) -> str:

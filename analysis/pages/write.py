@@ -15,7 +15,7 @@ from analysis.pages import page
 from analysis.pages.charts.style import ORANGE, OTHER_RUN
 from analysis.pages.page import figures_by_name, run_fits
 from analysis.pages.pooled_page import render_comparison, render_electrical_flights, render_pooled
-from analysis.pages.predicted_polar import PredictedPolar, comparison
+from analysis.pages.predicted_polar import PredictedPolar, check_of_aircraft, comparison
 from analysis.pages.sections import performance as field_table
 from analysis.pipeline.runs import Analysis
 from analysis.records.flight import ElectricalFlight, Results
@@ -45,9 +45,12 @@ def write_report(analysis: Analysis, folder: Path, predicted: PredictedPolar | N
 
     predicted : a polar to draw beside the measured one
     Returns what of another log or of other options they replaced, in a sentence; empty where they replaced nothing.
-    Everything is computed before the first file is written. Raises InputError when the folder cannot be written.
+    Everything is computed before the first file is written. Raises InputError when the folder cannot be written, and
+    for a polar that is not of the aircraft.
     """
     results = analysis.results
+    if predicted:
+        check_of_aircraft(predicted, results.aircraft.span_m**2 / results.aircraft.wing_area_m2)
     files: dict[str, str | bytes] = {
         "results.json": to_json(results),
         "power_required.csv": to_csv(results),

@@ -25,7 +25,8 @@ pytestmark = pytest.mark.xdist_group("chain")
 
 MY_TOML = next(step for step in steps_in(TUTORIAL) if step.file == "my.toml")
 UIUC = "J CT CP eta\n" + "".join(f"{J} {0.1 - 0.1 * J:.4f} {0.04 - 0.02 * J:.4f} 0.5\n" for J in (0.2, 0.4, 0.6, 0.8))
-PREDICTED = "alpha CL CD\n" + "".join(f"{a} {0.25 + 0.09 * a:.2f} {0.025 + 0.001 * a:.4f}\n" for a in range(9))
+LIFTS = [0.25 + 0.09 * alpha for alpha in range(9)]
+PREDICTED = "CL CD\n" + "".join(f"{CL:.2f} {0.025 + 0.06 * CL**2:.4f}\n" for CL in LIFTS)
 WAYPOINT = {"type": "SimpleItem", "command": 16, "frame": 3}
 SURVEY = json.dumps(
     {

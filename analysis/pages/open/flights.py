@@ -298,7 +298,7 @@ class OpenedFlight:
             "density_kgpm3": condition.rho,
             "sources": [[source, float(variance[0]) / whole] for source, variance in variances.items()],
             "sources_at_mps": at,
-            "predicted": self._predicted(values, condition, points),
+            "predicted": self._predicted(values, condition, points, flight.aircraft.aspect_ratio),
             "runs": _runs(flight.maneuvers),
             "track": msgspec.to_builtins(track(flight.trajectory)),
             "notes": [*flight.notes, *main.warnings],
@@ -386,13 +386,16 @@ class OpenedFlight:
             raise InputError(f"{name[:80]}: no such file with a polar in {self.path.parent}")
         return path
 
-    def _predicted(self, values: Values, condition: Condition, points: list[PowerPoint]) -> Json | None:
+    def _predicted(
+        self, values: Values, condition: Condition, points: list[PowerPoint], aspect_ratio: float
+    ) -> Json | None:
         """The curve by a predicted polar, a tenth of speed beyond the measured one on both sides. Raises InputError."""
-        from analysis.pages.predicted_polar import read_predicted_polar
+        from analysis.pages.predicted_polar import check_of_aircraft, read_predicted_polar
 
         if not values.polar:
             return None
         predicted = read_predicted_polar(self._polar_file(values.polar))
+        check_of_aircraft(predicted, aspect_ratio)
         V = np.linspace(0.9 * points[0].speed_mps, 1.1 * points[-1].speed_mps, len(points))
         return {"name": predicted.name, "speed_mps": V, "power_W": predicted.power_W(V, condition)}
 

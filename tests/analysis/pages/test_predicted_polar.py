@@ -1,9 +1,21 @@
 """Polars that other programs predicted: read as they write them, and drawn where the flight was."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from analysis.polar import Polar, power_required
+from analysis.report.figures import power
+from analysis.report.predicted_polar import (
+    PredictedPolar,
+    check_of_aircraft,
+    comparison,
+    flown_at,
+    read_predicted_polar,
+)
+from analysis.report.write import write_report
+from analysis.schema import Results
 
 from analysis.curve import Polar, power_required
 from analysis.pages.charts import power
@@ -68,6 +80,52 @@ def test_what_is_no_polar_is_refused(tmp_path: Path, text: str) -> None:
         read_predicted_polar(tmp_path / "missing.txt")
 
 
+XFOIL = """       XFOIL         Version 6.99
+
+ Calculated polar for: NACA 2412
+
+ xtrf =   1.000 (top)        1.000 (bottom)
+ Mach =   0.000     Re =     0.300 e 6     Ncrit =   9.000
+
+   alpha    CL        CD       CDp       CM     Top_Xtr  Bot_Xtr
+  ------ -------- --------- --------- -------- -------- --------
+   0.000   0.2300   0.00800   0.00200  -0.0500   0.6000   0.9000
+   4.000   0.6600   0.00900   0.00300  -0.0500   0.5000   1.0000
+   8.000   1.0500   0.01500   0.00700  -0.0400   0.2000   1.0000
+"""
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        XFOIL,
+        XFOIL.replace("xtrf =   1.000 (top)        1.000 (bottom)", "").replace("Top_Xtr  Bot_Xtr", "Top Xtr Bot Xtr"),
+        "alpha,CL,CD,CM,Top_Xtr,Bot_Xtr\n0,0.2,0.008,-0.05,0.6,1\n4,0.6,0.009,-0.05,0.5,1\n8,1,0.015,0,0.2,1\n",
+    ],
+    ids=["XFOIL", "XFLR5, of an airfoil", "AeroSandbox, of an airfoil"],
+)
+def test_the_polar_of_an_airfoil_is_refused_by_its_transition(tmp_path: Path, text: str) -> None:
+    with pytest.raises(InputError, match=r"plane.txt: the polar of an airfoil, which has no induced drag; export"):
+        read_predicted_polar(written(tmp_path, text))
+
+
+def test_drag_below_the_least_induced_drag_of_the_span_is_refused(tmp_path: Path) -> None:
+    """A table of lift and drag alone: elliptic lift takes C_L^2/(pi AR), whatever the airfoil; more is taken."""
+    aspect_ratio = 6.6
+    CL = np.linspace(-0.2, 1.2, 15)
+
+    def polar(least: float, share: float) -> PredictedPolar:
+        rows = "".join(f"{x:.6f} {least + share * x**2 / (np.pi * aspect_ratio):.8f}\n" for x in CL)
+        return read_predicted_polar(written(tmp_path, "cl cd\n" + rows))
+
+    check_of_aircraft(polar(0.001, 1.0), aspect_ratio)
+    check_of_aircraft(polar(0.03, 0.8), aspect_ratio)
+    with pytest.raises(InputError, match=r"plane.txt: its drag coefficient of 0\.0100 at a lift coefficient of 1\.20"):
+        check_of_aircraft(polar(0.010, 0.0), aspect_ratio)
+    with pytest.raises(InputError, match="induced drag of this span alone"):
+        check_of_aircraft(polar(0.008, 0.7), aspect_ratio)
+
+
 def test_the_power_of_a_parabola_is_that_of_the_measured_polar(tmp_path: Path, results: Results) -> None:
     """Of the same polar, the prediction lies on the curve; with a tenth more drag, 10 % above it."""
     at, CL = flown_at(results), np.linspace(0.05, 1.5, 400)
@@ -82,6 +140,13 @@ def test_the_power_of_a_parabola_is_that_of_the_measured_polar(tmp_path: Path, r
         inside = np.isfinite(line.y)
         drawn, _ = power_required(line.x[inside], Polar(A, np.zeros((3, 3))), at)
         assert line.y[inside] == pytest.approx(more * drawn, rel=1e-3)
+
+
+def test_no_report_is_written_with_the_polar_of_an_airfoil(tmp_path: Path, results: Results) -> None:
+    thin = read_predicted_polar(written(tmp_path, "CL CD\n0.2 0.008\n0.6 0.009\n1.0 0.015\n"))
+    with pytest.raises(InputError, match="induced drag of this span alone"):
+        write_report(SimpleNamespace(results=results), tmp_path / "report", thin)  # type: ignore[arg-type]
+    assert not (tmp_path / "report").exists()
 
 
 def test_the_report_says_how_far_off_the_prediction_is_and_where_it_ends(tmp_path: Path, results: Results) -> None:

@@ -173,7 +173,7 @@ def test_the_method_is_switched_with_the_keyboard_beside_the_headline(page: Brow
 def test_a_predicted_polar_is_dropped_and_drawn(page: Browser, served: tuple[str, Path]) -> None:
 
     name, command = f"half-{page.value_of('innerWidth')}.txt", "document.getElementById('command').textContent"
-    text = "CL CD\\n" + "\\n".join(f"{CL / 100} {0.02 + 0.03 * (CL / 100) ** 2}" for CL in range(2, 160, 2))
+    text = "CL CD\\n" + "\\n".join(f"{CL / 100} {0.02 + 0.06 * (CL / 100) ** 2}" for CL in range(2, 160, 2))
     page.value_of(f"window.before = last; drop(new File(['{text}'], '{name}'))")
     page.wait_for(f"last !== window.before && last.predicted && {QUIET}")
     assert (served[1] / name).is_file() and page.value_of("at('predicted').value") == name
@@ -186,7 +186,7 @@ def test_a_predicted_polar_is_dropped_and_drawn(page: Browser, served: tuple[str
         load_aircraft("nexstar").geometry.wing_area_m2,
     )
     CL = 2 * W / (rho * V**2 * S)
-    assert P == pytest.approx(rho / 2 * V**3 * S * (0.02 + 0.03 * CL**2), rel=2e-3)
+    assert P == pytest.approx(rho / 2 * V**3 * S * (0.02 + 0.06 * CL**2), rel=2e-3)
     changed_curve(page, "at('predicted').value = ''; at('predicted').dispatchEvent(new Event('change'))")
     assert page.value_of("last.predicted") is None and "--polar" not in page.value_of(command)
 
