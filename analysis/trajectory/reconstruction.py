@@ -56,6 +56,7 @@ class Trajectory:
     lost_s : instants after which the attitude could not be followed for a step
     eddies_mps : 1 sigma of the mean over the runs of updrafts that differ from run to run; the estimated updraft is
         that of the whole flight
+    height_noise : as in `SensorPriors`
     """
 
     states: pd.DataFrame
@@ -74,6 +75,7 @@ class Trajectory:
     as_measured: bool = False
     lost_s: tuple[float, ...] = ()
     eddies_mps: float = 0.0
+    height_noise: float = 1.0
 
     def with_prior(self, name: str, sigma: float) -> "Trajectory":
         """The trajectory by another prior standard deviation of a sensor error whose prior has the mean zero.
@@ -287,7 +289,9 @@ def _damping(damping: float, move: Array, last_move: Array) -> float:
     ratio = float(move @ last_move) / before if before else 0.0
     if ratio > -0.3:
         return damping
-    return max(damping / (1 - max(ratio, -3.0)), 0.05)  # one pair of steps tells no more than a quarter
+    if damping == 1.0:  # the early steps of a rough first estimate: their ratio says little
+        return 0.5
+    return max(damping / (1 - max(ratio, -3.0)), 0.05)  # one pair of steps says no more than a quarter
 
 
 def _state_sensitivity(problem: TrajectoryProblem, solution: _Solution) -> Array:
@@ -324,6 +328,7 @@ def _trajectory(problem: TrajectoryProblem, solution: _Solution, draws: Array, g
         residuals=_residual_rms(problem, solution.residuals),
         converged=solution.converged,
         block_means=problem.blocks,
+        height_noise=problem.height_noise,
         lost_s=tuple(problem.blocks.t_s[:-1][problem.lost].tolist()),
     )
 
