@@ -33,6 +33,7 @@ from analysis.trajectory.as_measured import path_as_measured
 from analysis.trajectory.observability import (
     PriorConflict,
     conflict_notes,
+    misfit,
     misfit_in_words,
     prior_conflict,
     sensor_error_estimates,
@@ -208,16 +209,19 @@ def flight_path(flight: Measured) -> FlightPath:
         trajectory = trajectory_with(flight, flight.data)
     except InputError as error:
         return _as_measured(flight, str(error).removeprefix(f"{flight.name}: "))
+    trajectory, of_noise = _with_noise_in_flight(flight, trajectory)
     if not trajectory.converged:
         cause = f"the trajectory did not converge{misfit_in_words(trajectory)}"
         del trajectory  # as large as the one that takes its place
         return _as_measured(flight, cause)
     conflict = prior_conflict(trajectory)
-    notes = conflict_notes(conflict, trajectory)
+    notes = [*of_noise, *conflict_notes(conflict, trajectory)]
     if conflict.conflicting:
         flight.progress("reconstructing the trajectory with larger sensor errors")
         try:
-            wider = trajectory_with(flight, flight.data, prior_factor=conflict.factor)
+            wider = trajectory_with(
+                flight, flight.data, prior_factor=conflict.factor, height_noise=trajectory.height_noise
+            )
         except InputError:
             wider = None
         if wider is None or not wider.converged:
@@ -229,6 +233,26 @@ def flight_path(flight: Measured) -> FlightPath:
         trajectory = wider
     trajectory, misfit_notes = with_misfit(trajectory)
     return FlightPath(trajectory, conflict, (*notes, *misfit_notes))
+
+
+def _with_noise_in_flight(flight: Measured, trajectory: Trajectory) -> tuple[Trajectory, list[str]]:
+    """The trajectory by the height's noise in flight, where that is larger than at rest; and a note on it.
+
+    The rest of a real flight is quieter than its flight: 0.07 m and 0.7 m of a Citation's height. Noise of the height
+    alone is no contradiction of sensors. The noise is the one that its own residuals show, by fixed-point iterations.
+    """
+    for _ in range(3):
+        if not trajectory.converged or [*misfit(trajectory)] != ["height"]:
+            break
+        noise = trajectory.height_noise * trajectory.residuals["height"]
+        flight.progress("reconstructing the trajectory with the height's noise in flight")
+        trajectory = trajectory_with(flight, flight.data, height_noise=noise)
+    if trajectory.height_noise == 1.0:
+        return trajectory, []
+    return trajectory, [
+        f"The noise of the height is {trajectory.height_noise:.1f} times that at rest; the flight path takes this into"
+        " account."
+    ]
 
 
 def as_measured(flight: Flown, trajectory: Trajectory) -> Reconstructed:
@@ -269,6 +293,7 @@ def trajectory_with(
     prior_factor: ArrayLike = 1.0,
     slope_sigma: float | None = None,
     as_measured: bool = False,
+    height_noise: float = 1.0,
 ) -> Trajectory:
     """The most probable trajectory by `data`, which may be others than the flight's own.
 
@@ -284,6 +309,7 @@ def trajectory_with(
         ),
         calibrated=data.calibrated,
         factor=prior_factor,
+        height_noise=height_noise,
     )
     if as_measured:
         return path_as_measured(

@@ -82,5 +82,6 @@ class EstimateRerun(NamedTuple):
             prior_factor=flight.prior_factor,
             slope_sigma=slope_sigma,
             as_measured=flight.trajectory.as_measured,
+            height_noise=flight.trajectory.height_noise,
         )
         return replace(found, eddies_mps=flight.trajectory.eddies_mps)

@@ -115,12 +115,14 @@ class SensorPriors(NamedTuple):
     calibrated : standard errors by the calibration of the transducers, by name of PRIORS.calibrated; in place of
         the stated ones. An error of the reference's scale acts on both; they are taken as independent.
     factor : on all standard deviations, a number or (m,)
+    height_noise : noise of the height in flight over that at rest
     """
 
     alpha_scale_sigma: float = 0.0
     stated: Mapping[str, float] = PRIOR_SIGMA
     calibrated: Mapping[str, float] = MappingProxyType({})
     factor: ArrayLike = 1.0
+    height_noise: float = 1.0
 
 
 def sensor_error_prior(
@@ -130,7 +132,7 @@ def sensor_error_prior(
 
     zeros : standard errors [Pa] of the zeros that the log shows, `zeros_at_rest`
     """
-    alpha_scale_sigma, stated, calibrated, factor = priors
+    alpha_scale_sigma, stated, calibrated, factor, _ = priors
     with_calibration = {name: float(np.hypot(error, PRIORS.calibrated[name])) for name, error in calibrated.items()}
     sigma = {**stated, **with_calibration, **zeros}
     for name in ZEROS:

@@ -42,6 +42,7 @@ class TrajectoryProblem:
     """A flight's data in the form that the equations need.
 
     blocks, equations, measurements, regressors, conditions : see their classes
+    height_noise : as in `SensorPriors`
     lost : (n-1,) steps over which the attitude could not be followed, and is not
     error_mean, error_sigma : (m,) prior of the sensor errors
     initial_states (n, nx), initial_errors (m,) : first estimate
@@ -60,6 +61,8 @@ class TrajectoryProblem:
 
         self.equations = Equations(blocks.n)
         noise, at_rest = noise_at_rest(table, rest), _blocks_at_rest(rest, blocks.n)
+        noise["static_Pa"] *= priors.height_noise
+        self.height_noise = priors.height_noise
         V = pd.Series(blocks["V_mps"])
         smooth_V = V.interpolate(limit_direction="both").rolling(5, center=True, min_periods=1).mean()
         slowest_mps = PROCESS.slowest_mps * blocks.speed_scale

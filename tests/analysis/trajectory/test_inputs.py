@@ -411,3 +411,13 @@ def test_a_thrust_column_makes_no_vibration() -> None:
     assert usual["ax_vibration"] > 0 and usual["az_vibration"] > 0
     assert none["ax_vibration"] < 1e-5 and none["az_vibration"] < 1e-5  # m/s^2 at 100 rev/s
     assert {name for name in usual if usual[name] != none[name]} == {"ax_vibration", "az_vibration"}
+
+
+def test_noise_of_the_height_in_flight_weighs_the_height_less_and_nothing_else(exact) -> None:
+    quiet, noisy = (
+        TrajectoryProblem(exact.table, [slice(0, 0)], SensorPriors(height_noise=factor)).measurements.weight
+        for factor in (1.0, 5.0)
+    )
+    height = MEASUREMENTS.index("height")
+    assert noisy[:, height] == pytest.approx(quiet[:, height] / 5)
+    assert np.delete(noisy, height, axis=1) == pytest.approx(np.delete(quiet, height, axis=1))

@@ -133,7 +133,7 @@ def test_where_wider_priors_give_no_path_there_is_none(monkeypatch, second: str)
     errors[SENSOR_ERRORS.index("alpha_scale")] = -9.0
     first = estimated(errors)
 
-    def path(_flight, _data, *, prior_factor=1.0, as_measured=False) -> Trajectory:
+    def path(_flight, _data, *, prior_factor=1.0, as_measured=False, height_noise=1.0) -> Trajectory:
         if as_measured:
             return replace(first, as_measured=True, converged=False)
         if np.max(prior_factor) > 1 and second == "raises":
@@ -145,3 +145,20 @@ def test_where_wider_priors_give_no_path_there_is_none(monkeypatch, second: str)
     found = flight_steps.flight_path(record)
     assert found.as_measured and found.trajectory.as_measured
     assert "slope of angle of attack" in found.notes[0] and "No flight path explains" in found.notes[-1]
+
+
+@pytest.mark.parametrize(
+    ("residuals", "noise"), [({"height": 4.0}, 4.0), ({"height": 4.0, "alpha": 3.0}, 1.0), ({"height": 1.2}, 1.0)]
+)
+def test_noise_of_the_height_in_flight_is_taken_from_its_residuals(monkeypatch, residuals, noise: float) -> None:
+    """Where it alone is larger than at rest: with another misfit the height may be wrong in more than its noise."""
+
+    def path(_flight, _data, *, prior_factor=1.0, height_noise=1.0) -> Trajectory:
+        smaller = residuals | {"height": residuals["height"] / height_noise}
+        return replace(estimated(np.zeros(len(PRIOR)), **smaller), height_noise=height_noise)
+
+    monkeypatch.setattr(flight_steps, "trajectory_with", path)
+    record = SimpleNamespace(progress=lambda _: None, data=None, name="flight.mcap")
+    found = flight_steps.flight_path(record)
+    assert found.trajectory.height_noise == pytest.approx(noise)
+    assert any("noise of the height is 4.0 times" in note for note in found.notes) == (noise > 1)
