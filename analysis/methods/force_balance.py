@@ -265,13 +265,12 @@ def _most_probable_covariance(balance: Balance) -> tuple[Array, Unexplained]:
         return float(y @ y - explained + 2 * np.log(np.diag(factor)).sum() + 2 * np.log(np.diag(information)).sum())
 
     scatter = float(np.std(balance.Y - balance.X @ np.linalg.lstsq(balance.X, balance.Y, rcond=None)[0]))
-    shortest_s, longest_s = (
-        STEADY_POINTS.correlation_s / 2,
-        float(max(np.ptp(balance.t_s[balance.run == i]) for i in np.unique(balance.run))),
-    )
+    longest_run_s = float(max(np.ptp(balance.t_s[balance.run == i]) for i in np.unique(balance.run)))
+    # Noise that lasts much longer than a run is an error of each run of its own.
+    shortest_s, longest_s = STEADY_POINTS.correlation_s / 2, 10 * max(longest_run_s, STEADY_POINTS.correlation_s)
     sizes = (np.log(1e-3 * scatter), np.log(10 * scatter))  # below the least, nothing is left that shows
-    limits = [sizes, sizes, (np.log(shortest_s), np.log(max(longest_s, 2 * shortest_s)))]
-    start = np.log([scatter / 2, scatter / 2, np.sqrt(shortest_s * max(longest_s, 2 * shortest_s))])
+    limits = [sizes, sizes, (np.log(shortest_s), np.log(longest_s))]
+    start = np.log([scatter / 2, scatter / 2, np.sqrt(shortest_s * longest_s / 10)])
     found = minimize(minus_2_log_likelihood, start, bounds=limits, method="L-BFGS-B", options={"eps": 1e-3})
     unexplained = Unexplained(*np.exp(found.x).tolist())
     return covariance(unexplained), unexplained

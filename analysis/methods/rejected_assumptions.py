@@ -4,6 +4,7 @@ Each assumption is tested by an estimate without it. Where the test rejects it, 
 the interval, with a warning.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 from enum import StrEnum
 from typing import NamedTuple
@@ -48,18 +49,25 @@ def rejected_assumptions(fit: Fit) -> list[RejectedAssumption]:
     return _thrust_rejected(fit) + _shape_rejected(fit)
 
 
+def thrust_beyond_prior(model: Model, values: Mapping[str, float]) -> dict[str, float]:
+    """By error of thrust, and by the stand, how many prior standard deviations it is off where that is too many.
+
+    values : of the parameters of the model
+    """
+    sigma = {q.name: q.prior_sigma for q in model.parameters if q.name in THRUST_TITLES}
+    beyond = {
+        name: values[name] / s for name, s in sigma.items() if s and abs(values[name]) > EVIDENCE.contradiction * s
+    }
+    measured = {m.name: m.deviation(values) for m in model.prior_measurements}
+    return beyond | {name: z for name, z in measured.items() if abs(z) > EVIDENCE.contradiction}
+
+
 def _thrust_rejected(fit: Fit) -> list[RejectedAssumption]:
     """Errors of thrust beyond what the prior allows, and a stand that the flight contradicts by as much.
 
     The estimate is repeated with each of these priors as wide as the estimate is off.
     """
-    sigma = {q.name: q.prior_sigma for q in fit.model.parameters if q.name in THRUST_TITLES}
-    values = dict(zip(fit.names, fit.values, strict=True))
-    beyond = {
-        name: values[name] / s for name, s in sigma.items() if s and abs(values[name]) > EVIDENCE.contradiction * s
-    }
-    measured = {m.name: m.deviation(values) for m in fit.model.prior_measurements}
-    beyond |= {name: z for name, z in measured.items() if abs(z) > EVIDENCE.contradiction}
+    beyond = thrust_beyond_prior(fit.model, dict(zip(fit.names, fit.values, strict=True)))
     if not beyond:
         return []
     wider = tuple(
