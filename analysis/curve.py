@@ -20,11 +20,26 @@ class Condition(NamedTuple):
     wing_area_m2: float
 
 
+POLAR = ("A0", "A1", "A2")  # first in every vector of parameters with a drag polar
+
+
 class Polar(NamedTuple):
     """C_D = A0 + A1 C_L + A2 C_L^2 ; A (3,), and its covariance (3, 3)."""
 
     A: Array
     covariance: Array
+
+
+def polar_part(array: Array) -> Array:
+    """Of POLAR, (3,) or (3, 3), in a vector of parameters (m,) or in a covariance (m, m)."""
+    return array[tuple(slice(len(POLAR)) for _ in array.shape)]
+
+
+def drag_coefficient(A: Array, CL: ArrayLike) -> Array:
+    """C_D of a polar A (3,) at C_L."""
+    A0, A1, A2 = A
+    CL = np.asarray(CL)
+    return np.asarray(A0 + A1 * CL + A2 * CL**2)
 
 
 class ClassicPolar(NamedTuple):
@@ -51,9 +66,10 @@ def unphysical(polar: Polar, flown_CL: tuple[float, float]) -> str:
     CL = np.linspace(*flown_CL, 61)
     if not np.isfinite(polar.covariance).all():
         return "the range of lift coefficients flown is too narrow to determine the drag polar"
-    if polar.A[2] <= 0:
+    _, _, A2 = polar.A
+    if A2 <= 0:
         return "the drag polar curves downward"
-    if np.min(polar.A @ [np.ones_like(CL), CL, CL**2]) <= 0:
+    if np.min(drag_coefficient(polar.A, CL)) <= 0:
         return "drag is negative"
     return ""
 
@@ -116,4 +132,4 @@ def classic_form(A: Array, aspect_ratio: float) -> ClassicPolar:
 def maximum_lift_to_drag(A: Array) -> float:
     """C_L/C_D at the C_L of `best_range_lift`; NaN if none."""
     CL = best_range_lift(A)
-    return float(CL / (A[0] + A[1] * CL + A[2] * CL**2))
+    return float(CL / drag_coefficient(A, CL))

@@ -35,7 +35,7 @@ from records import Record, counted, markdown, rounded
 from scipy.stats import norm
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "analysis" / "fleet"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "analysis" / "flights"))
 
 from fleet_flights import POLAR, flights_of
 from measured_row import FILE, RowModel, mean_row, measured_row, written

@@ -3,6 +3,9 @@
 Found by syntax: `verdict.startswith("converged")`, `"bank" in reason`, `title == "Drag"`, `match note:`, the same of
 names of estimated parameters, and, in the analysis, `piece.kind == "runs"`. A text is a variable, attribute or key
 whose name ends in one of TEXTS; one of KINDS is told apart by an enum or a class.
+
+Nor is a vector of parameters read by places, `parameters[4:7]`, `effects[-1]`, `fit.values[:3]`: one more parameter
+would change its meaning without a word. Parameters have names, which `pack` and `unpack` put in order.
 """
 
 import ast
@@ -24,6 +27,8 @@ TEXTS |= {f"{word}s" for word in TEXTS}
 KINDS = {"kind", "cause", "status", "lowers", "level", "outcome", "category"}
 PARAMETER = {"name", "parameter"}
 SENSOR_ERROR = {"error", "sensor_error"}
+VECTORS = {"parameters", "effects", "covariance", "noise", "systematic", "polar", "A", "changes", "change", "theta"}
+ESTIMATES = {"fit", "found", "estimate", "joint", "dynamic", "solution", "statistics"}  # of `fit.values`, `fit.x`
 LOOKS = {"startswith", "endswith", "removeprefix", "removesuffix", "find", "partition"}
 PATTERNS = {"match", "search", "fullmatch", "findall"}
 # Modules that read texts which others wrote: files, commands, messages of libraries and of the system.
@@ -167,8 +172,7 @@ def _estimated(node: ast.expr) -> bool:
 @cache
 def estimated() -> frozenset[str]:
     """Names of what estimators find: sensor errors, what flights are pooled by, and every `Parameter(name="…")`."""
-    folders = [ROOT / "analysis" / name for name in ("drag", "performance", "electrical")]
-    paths = [path for folder in folders for path in folder.glob("*.py")]
+    paths = [path for name in ("methods", "performance") for path in (ROOT / "analysis" / name).rglob("*.py")]
     calls = [one for path in paths for one in ast.walk(ast.parse(path.read_text("utf-8"))) if isinstance(one, ast.Call)]
     parameters = [call for call in calls if _last_name(call.func) in ("Parameter", "ParameterVector")]
     named = [[*call.args[:1], *(key.value for key in call.keywords if key.arg == "name")] for call in parameters]
@@ -242,3 +246,57 @@ def test_an_enum_and_the_name_of_a_file_are_no_text(code: str, tmp_path: Path) -
     (tmp_path / "analysis").mkdir()
     (tmp_path / "analysis" / "page.py").write_text(code, "utf-8")
     assert decisions_by_text(tmp_path) == []
+
+
+def read_by_place(root: Path) -> list[Finding]:
+    """Where the analysis takes a part of a vector of parameters, or of their covariance, by literal numbers."""
+    found = []
+    for path in sorted((root / "analysis").rglob("*.py")):
+        nodes = ast.walk(ast.parse(path.read_text("utf-8")))
+        found += [
+            Finding(path.relative_to(root).as_posix(), node.lineno, ast.unparse(node))
+            for node in nodes
+            if isinstance(node, ast.Subscript) and _is_vector(node.value) and _has_place(node.slice)
+        ]
+    return found
+
+
+def _is_vector(node: ast.expr) -> bool:
+    match node:
+        case ast.Attribute(value=of, attr="values" | "value" | "x"):
+            return _last_name(of) in ESTIMATES | {"parameters", "polar"}
+        case ast.Name(id=name) | ast.Attribute(attr=name):
+            return name.split("_")[-1] in VECTORS
+    return False
+
+
+def _has_place(node: ast.expr) -> bool:
+    match node:
+        case ast.Tuple(elts=elements):
+            return any(map(_has_place, elements))
+        case ast.Slice(lower=lower, upper=upper):
+            return any(_has_place(end) for end in (lower, upper) if end)
+        case ast.UnaryOp(operand=operand):
+            return _has_place(operand)
+    return isinstance(node, ast.Constant) and type(node.value) is int
+
+
+def test_no_vector_of_parameters_is_read_by_places() -> None:
+    assert [f"{one.path}:{one.line}: {one.code}" for one in read_by_place(ROOT)] == []
+
+
+@pytest.mark.parametrize(
+    ("code", "times"),
+    [
+        ("ln_beta, *_ = parameters[-4:]", 1),
+        ("own = effects[:2].T @ effects[-5:-1]", 2),
+        ("polar = fit.values[:3], total.parameter_covariance[:3, 3:]", 2),
+        ("wind = found.parameters.value[0]", 1),
+        ("A0, A1, A2 = polar.A", 0),
+        ("k = covariance[at, at], covariance[: len(POLAR)], names[0], parameters['k'], row.values[0]", 0),
+    ],
+)
+def test_reading_by_places_is_found(code: str, times: int, tmp_path: Path) -> None:
+    (tmp_path / "analysis").mkdir()
+    (tmp_path / "analysis" / "page.py").write_text(code, "utf-8")
+    assert len(read_by_place(tmp_path)) == times

@@ -78,7 +78,7 @@ def autopilot_airspeed(log: Path, autopilot: Autopilot) -> "AirspeedCalibration"
         raise InputError(f"{log}: no GPS velocity in flight: neither scale nor wind can be determined")
     table = flight.table[flight.flown]
     spread = one_way(table[GPS[0]].to_numpy(), table[GPS[1]].to_numpy(), found)
-    error = float(found.covariance[0, 0] ** 0.5)
+    error = found.scale_variance**0.5
     notes = [*flight.notes, *notes_on(spread, error, found.prior_sigma)]
     return AirspeedCalibration(
         found.scale,

@@ -1,6 +1,6 @@
 """Hard and soft iron of the magnetometer, from a log with turns: the field has the same length in all attitudes."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -34,22 +34,21 @@ def calibrate(field_T: Array, source: str = "") -> MagnetometerCalibration:
     for _ in range(2):  # the second time with the noise found in the first
         start = np.concatenate([np.zeros(8), [np.median(strength) / MAGNETOMETER.hard_iron_T]])
         fit = least_squares(_residuals, start, args=(field, sigma), x_scale="jac")
-        residual = _lengths(fit.x, field) - fit.x[8] * MAGNETOMETER.hard_iron_T
+        found = _unpacked(fit.x)
+        residual = _lengths(found, field) - found.field_T
         sigma = max(float(np.std(residual)) * np.sqrt(MAGNETOMETER.correlated), 1e-9)
     jacobian = np.asarray(fit.jac)
     covariance = np.linalg.inv(jacobian.T @ jacobian)
     error = np.sqrt(np.diag(covariance))
-    F = float(fit.x[8] * MAGNETOMETER.hard_iron_T)
+    F = float(found.field_T)
     least_T, largest_T = MAGNETOMETER.earth_T
     if not least_T < F < largest_T:
         raise InputError(
             f"{source}: the estimated field is {1e6 * F:.0f} uT, which is nowhere on earth ({1e6 * least_T:.0f} to"
             f" {1e6 * largest_T:.0f}): turn the aircraft through more directions, away from iron and motors"
         )
-    hard_iron_error_T, soft_iron_error = (
-        error[:3] * MAGNETOMETER.hard_iron_T,
-        float(error[3:8].max() * MAGNETOMETER.soft_iron),
-    )
+    hard_iron_error_T = _unpacked(error).hard_iron_T
+    soft_iron_error = float(_unpacked(error).soft_iron.max())
     if np.hypot(np.linalg.norm(hard_iron_error_T), soft_iron_error * F) > MAGNETOMETER.worst_rad * F:
         axis = int(np.argmax(hard_iron_error_T))
         raise InputError(
@@ -57,7 +56,7 @@ def calibrate(field_T: Array, source: str = "") -> MagnetometerCalibration:
             f" (1 sigma, of a field of {1e6 * F:.0f}): turn the aircraft about more axes, nose up and down, on its"
             " sides and its back"
         )
-    A, b = _matrix(fit.x), fit.x[:3] * MAGNETOMETER.hard_iron_T
+    A, b = found.matrix, found.hard_iron_T
     unit = (field - b) @ A.T / np.linalg.norm((field - b) @ A.T, axis=1)[:, None]
     return MagnetometerCalibration(
         source=source,
@@ -79,23 +78,38 @@ def _residuals(x: Array, field: Array, sigma: float) -> Array:
     x : (9,) hard iron, soft iron and field, in units of their prior. The difference of lengths is divided by its
     gradient; otherwise a matrix that shrinks the noise would seem to fit.
     """
-    A = _matrix(x)
-    lengths = _lengths(x, field)
-    outward = (field - x[:3] * MAGNETOMETER.hard_iron_T) @ A.T @ A / lengths[:, None]
-    lengths = (lengths - x[8] * MAGNETOMETER.hard_iron_T) / (sigma * np.linalg.norm(outward, axis=1))
+    found = _unpacked(x)
+    lengths = _lengths(found, field)
+    outward = (field - found.hard_iron_T) @ found.matrix.T @ found.matrix / lengths[:, None]
+    lengths = (lengths - found.field_T) / (sigma * np.linalg.norm(outward, axis=1))
     mean_T, sigma_T = MAGNETOMETER.field_T
-    prior = np.append(x[:8], (x[8] * MAGNETOMETER.hard_iron_T - mean_T) / sigma_T)
-    return np.concatenate([lengths, prior])
+    *of_iron, _ = x
+    return np.concatenate([lengths, of_iron, [(found.field_T - mean_T) / sigma_T]])
 
 
-def _lengths(x: Array, field: Array) -> Array:
-    return np.asarray(np.linalg.norm((field - x[:3] * MAGNETOMETER.hard_iron_T) @ _matrix(x).T, axis=1))
+class _Unknowns(NamedTuple):
+    """hard_iron_T : (3,)     soft_iron : (5,) xx, yy, xy, xz, yz     field_T : strength"""
+
+    hard_iron_T: Array
+    soft_iron: Array
+    field_T: float
+
+    @property
+    def matrix(self) -> Array:
+        """(3, 3), symmetric, that makes a sphere of the ellipsoid."""
+        xx, yy, xy, xz, yz = self.soft_iron
+        return np.asarray(np.eye(3) + np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, -xx - yy]]))
 
 
-def _matrix(x: Array) -> Array:
-    xx, yy, xy, xz, yz = x[3:8] * MAGNETOMETER.soft_iron
-    matrix: Array = np.eye(3) + np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, -xx - yy]])
-    return matrix
+def _unpacked(x: Array) -> _Unknowns:
+    """Of a vector (9,) in units of their prior."""
+    hard_iron, soft_iron, field = np.split(x, [3, 8])
+    unit_T = MAGNETOMETER.hard_iron_T
+    return _Unknowns(hard_iron * unit_T, soft_iron * MAGNETOMETER.soft_iron, float(field.item() * unit_T))
+
+
+def _lengths(found: _Unknowns, field: Array) -> Array:
+    return np.asarray(np.linalg.norm((field - found.hard_iron_T) @ found.matrix.T, axis=1))
 
 
 @calibration(CalibrationFile, "magnetometer.json")

@@ -58,7 +58,7 @@ def calibration(file: Any, default: str | None = None) -> Callable[[Callable[...
             for one in signature.values()
             if one.name not in ("output", "replace")
         ]
-        source = parameters[0].name
+        source, *_ = (one.name for one in parameters)
         path = None if default is None else Path(default)
         parameters.append(inspect.Parameter("output", keyword, default=path, annotation=file))
         parameters.append(inspect.Parameter("replace", keyword, default=False, annotation=ReplaceOption))

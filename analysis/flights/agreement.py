@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtrc, ndtr
 
-from analysis.flights.flight_statistics import INSTALLATION_ERRORS, POLAR, POOLED, FlightStatistics, M
+from analysis.curve import POLAR
+from analysis.flights.flight_statistics import INSTALLATION_ERRORS, POOLED, FlightStatistics, M
 from analysis.flights.joint import FlightStack, PooledEstimate, Prior, take, without_each
 from analysis.flights.pool_settings import POOLING
 from analysis.records.pool import Trend, TrendQuantity
@@ -260,7 +261,7 @@ def trends(flights: Sequence[FlightStatistics], deviations_percent: Array, error
         X = np.stack([np.ones(known.sum()), x[known] - x[known].mean()], axis=1)
         of_known = ErrorParts(errors.own[known], errors.shared[known])
         fit = least_squares(deviations_percent[known, None], X[:, None, :], of_known)
-        slope, error = float(fit.values[1]), float(np.sqrt(fit.covariance[1, 1]))
+        (_, slope), (_, error) = fit.values.tolist(), np.sqrt(np.diag(fit.covariance)).tolist()
         lowest, highest = float(x[known].min()), float(x[known].max())
         found.append(
             Trend(

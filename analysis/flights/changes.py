@@ -14,8 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import lambertw, ndtri
 
+from analysis.curve import POLAR
 from analysis.flights.agreement import ErrorParts, error_parts
-from analysis.flights.flight_statistics import POLAR, POOLED, M
+from analysis.flights.flight_statistics import POOLED, M
 from analysis.flights.joint_pool import JointPool
 from analysis.records.fleet import Shape, What
 from analysis.settings import EVIDENCE

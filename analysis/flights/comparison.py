@@ -13,11 +13,11 @@ from scipy.linalg import block_diag
 from scipy.optimize import brentq
 from scipy.stats import chi2, ncx2
 
-from analysis.curve import Condition, Polar, power_required, speed_at
+from analysis.curve import POLAR, Condition, Polar, power_required, speed_at
 from analysis.estimation.noise import NORMAL_95
 from analysis.flights.agreement import INSTALLATION_PART, Test, homogeneity, quadratic_form
 from analysis.flights.evidence import SharedErrors, against_installation, installations_text
-from analysis.flights.flight_statistics import POLAR, THRUST_CORRECTIONS, M
+from analysis.flights.flight_statistics import THRUST_CORRECTIONS, M
 from analysis.flights.joint import Group, Prior, shared_prior, solve, stacked
 from analysis.flights.joint_pool import JointPool
 from analysis.flights.pool_settings import POOLING

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.special import chdtrc
 
+from analysis.curve import POLAR
 from analysis.flights.agreement import Test, quadratic_form
 from analysis.flights.evidence import (
     NOT_ONE_VEHICLE,
@@ -27,7 +28,6 @@ from analysis.flights.evidence import (
     polars_text,
     vehicle_notes,
 )
-from analysis.flights.flight_statistics import POLAR
 from analysis.flights.pool_settings import POOLING
 from analysis.flights.power_train import mean_air
 from analysis.records.flight import ConditionResult, ElectricalFlight, ElectricalStatistics, PowerPoint

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 
-from analysis.curve import Condition, Polar
+from analysis.curve import POLAR, Condition, Polar, polar_part
 from analysis.records.flight import POOLING_FORMAT as FORMAT
 from analysis.records.flight import (
     AircraftResult,
@@ -24,7 +24,6 @@ from analysis.uncertain import Uncertain
 from flight.arrays import Array
 from flight.errors import InputError
 
-POLAR = ("A0", "A1", "A2")
 THRUST_CORRECTIONS = ("thrust_scale", "thrust_slope", "thrust_beyond")  # the last beyond the propeller's table
 INSTALLATION_ERRORS = ("alpha_bias", "alpha_scale", "beta_bias", "V_scale", "air_data_lag")
 POOLED = POLAR + THRUST_CORRECTIONS + INSTALLATION_ERRORS  # shared by flights of one aircraft and installation
@@ -113,7 +112,7 @@ class FlightStatistics(NamedTuple):
     @property
     def polar(self) -> Polar:
         """The flight's own."""
-        return Polar(self.parameters.value[: len(POLAR)], self.polar_covariance)
+        return Polar(polar_part(self.parameters.value), self.polar_covariance)
 
     @property
     def prior_matrix(self) -> Array:

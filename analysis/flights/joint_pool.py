@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from analysis.curve import Condition, Polar, power_required, speed_at
+from analysis.curve import POLAR, Condition, Polar, power_required, speed_at
 from analysis.estimation.noise import NORMAL_95
 from analysis.flights.agreement import INSTALLATION_PART, Difference, Test, differences_to_others, homogeneity, outliers
 from analysis.flights.evidence import (
@@ -17,7 +17,7 @@ from analysis.flights.evidence import (
     against_polars,
     installations_text,
 )
-from analysis.flights.flight_statistics import POLAR, FlightStatistics
+from analysis.flights.flight_statistics import FlightStatistics
 from analysis.flights.joint import FlightStack, PooledEstimate, Prior, pooled_estimate, without_each
 from analysis.flights.pool_settings import POOLING
 from analysis.methods import consider as covariance

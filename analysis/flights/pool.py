@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.curve import Condition, Polar, lift_coefficient, power_required
+from analysis.curve import POLAR, Condition, Polar, lift_coefficient, power_required
 from analysis.estimation.noise import NORMAL_95
 from analysis.flights.agreement import (
     ErrorParts,

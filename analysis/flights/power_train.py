@@ -8,8 +8,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.curve import speed_at
-from analysis.flights.flight_statistics import POLAR, FlightContent
+from analysis.curve import POLAR, speed_at
+from analysis.flights.flight_statistics import FlightContent
 from analysis.flights.joint_pool import JointPool
 from analysis.methods.thrust_prior import THRUST
 from analysis.performance.full_throttle import FullThrottle

@@ -234,12 +234,12 @@ def starting_values(aircraft: Aircraft, segments: Segment | Sequence[Segment], C
     start = {name: default[name] for name in ("CL0", "CLa", "A0", "A1", "A2")}
     if len(CL) < len(start):
         return start
-    line = np.linalg.lstsq(np.stack([np.ones_like(alpha), alpha], axis=1), CL - CLde * elevator, rcond=None)[0]
-    if line[1] > 0:
-        start |= {"CL0": float(line[0]), "CLa": float(line[1])}
-    polar = np.linalg.lstsq(np.stack([np.ones_like(CL), CL, CL**2], axis=1), CD, rcond=None)[0]
-    if polar[0] > 0 and polar[2] > 0:
-        start |= {name: float(value) for name, value in zip(("A0", "A1", "A2"), polar, strict=True)}
+    (CL0, CLa), *_ = np.linalg.lstsq(np.stack([np.ones_like(alpha), alpha], axis=1), CL - CLde * elevator, rcond=None)
+    if CLa > 0:
+        start |= {"CL0": float(CL0), "CLa": float(CLa)}
+    (A0, A1, A2), *_ = np.linalg.lstsq(np.stack([np.ones_like(CL), CL, CL**2], axis=1), CD, rcond=None)
+    if A0 > 0 and A2 > 0:
+        start |= {"A0": float(A0), "A1": float(A1), "A2": float(A2)}
     return start
 
 

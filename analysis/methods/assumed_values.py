@@ -19,8 +19,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.air.transducers import AIR_DATA_CHANNELS, with_hysteresis, with_zero_step
-from analysis.curve import Condition, Polar, power_required, speed_at
-from analysis.methods.dynamic import POLAR, DynamicEstimate
+from analysis.curve import Condition, Polar, polar_part, power_required, speed_at
+from analysis.methods.dynamic import DynamicEstimate
 from analysis.methods.settings import COVARIANCE
 from analysis.settings import EVIDENCE
 from analysis.trajectory.priors import UPWASH, upwash_slope_sigma
@@ -121,9 +121,9 @@ def assumption_uncertainty(
 
     def standard_error(A: Array, covariance: Array) -> float:
         """Of power required at V."""
-        return float(power_required(V, Polar(A, covariance[: len(POLAR), : len(POLAR)]), condition)[1][0])
+        return float(power_required(V, Polar(A, polar_part(covariance)), condition)[1][0])
 
-    without_keys = standard_error(estimate.values[:3], own_covariance + covariance)
+    without_keys = standard_error(estimate.polar.A, own_covariance + covariance)
     notes = []
     for key, part in added.items():
         known_covariance = own_covariance
@@ -131,13 +131,13 @@ def assumption_uncertainty(
             known_upwash = rerun.estimate(aircraft, propeller, 0.0)
             known_covariance = known_upwash.noise + known_upwash.systematic
         description = next(assumed.description for assumed in missing if assumed.key == key)
-        with_key = standard_error(estimate.values[:3], known_covariance + covariance - part)
+        with_key = standard_error(estimate.polar.A, known_covariance + covariance - part)
         notes.append(_note(key, description, 1 - with_key / without_keys, V[0]))
     if not aircraft.has("propulsion.beyond_zero_thrust") and propeller.beyond_zero_thrust != FOLD:
-        folding = rerun.values(aircraft, propeller.with_beyond_zero_thrust(FOLD), slope_sigma)[:3]
+        folding = polar_part(rerun.values(aircraft, propeller.with_beyond_zero_thrust(FOLD), slope_sigma))
         power, folded = (
-            float(power_required(V, Polar(A, own_covariance[:3, :3]), condition)[0][0])
-            for A in (estimate.values[:3], folding)
+            float(power_required(V, Polar(A, polar_part(own_covariance)), condition)[0][0])
+            for A in (estimate.polar.A, folding)
         )
         notes += _folding_note(folded / power - 1, V[0])
     return AssumptionUncertainty(covariance, notes, changes)
@@ -167,8 +167,7 @@ def with_assumption_uncertainty(estimate: DynamicEstimate, added: AssumptionUnce
     if added is None:
         return estimate
     systematic = estimate.systematic + added.covariance
-    n = len(POLAR)
-    polar_covariance = estimate.polar.covariance + added.covariance[:n, :n]
+    polar_covariance = estimate.polar.covariance + polar_part(added.covariance)
     errors = np.sqrt(np.diag(estimate.noise + systematic)).tolist()
     parameters = [
         msgspec.structs.replace(one, standard_error=errors[i]) if i < len(errors) else one

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.curve import Condition, Polar, power_required, speed_at
+from analysis.curve import Condition, Polar, polar_part, power_required, speed_at
 from analysis.estimation.noise import NORMAL_95
 from analysis.methods.causes import CAUSES, ErrorEstimate
 from analysis.methods.dynamic import DynamicEstimate
@@ -80,8 +80,8 @@ def disagreements(
         if e.polar is not None
     }
     if dynamic is not None:
-        A, total = dynamic.values[:3], dynamic.noise + dynamic.systematic
-        methods[DYNAMIC] = ComparedMethod(DYNAMIC, "the dynamic method", A, total[:3, :3], {}, {}, None, dynamic_CL)
+        A, total = dynamic.polar.A, polar_part(dynamic.noise + dynamic.systematic)
+        methods[DYNAMIC] = ComparedMethod(DYNAMIC, "the dynamic method", A, total, {}, {}, None, dynamic_CL)
         # Gusts take lift beyond that of the slowest speed flown; no method is compared there.
         methods = {
             name: one._replace(flown_CL=(one.flown_CL[0], min(one.flown_CL[1], dynamic_CL[1])))

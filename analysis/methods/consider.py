@@ -26,7 +26,7 @@ import numpy as np
 import pandas as pd
 from scipy import fft
 
-from analysis.curve import Polar
+from analysis.curve import POLAR, Polar
 from analysis.estimation import uncertainty
 from analysis.estimation.colored_residuals import Autoregression, noise_spectrum, score_covariance, spectrum_order
 from analysis.estimation.data import Segment
@@ -59,14 +59,15 @@ def floor() -> Array:
 
     Lift tilted by that angle adds D = L tan(`COVARIANCE.floor_rad`), a C_D proportional to C_L: a variance of A1.
     """
-    covariance = np.zeros((3, 3))
-    covariance[1, 1] = np.tan(COVARIANCE.floor_rad) ** 2
+    covariance = np.zeros((len(POLAR), len(POLAR)))
+    A1 = POLAR.index("A1")
+    covariance[A1, A1] = np.tan(COVARIANCE.floor_rad) ** 2
     return covariance
 
 
 def polar_of(fit: Fit) -> Polar:
     """The drag polar of a fit with parameters A0, A1, A2; its covariance contains noise and floor."""
-    where = [fit.names.index(name) for name in ("A0", "A1", "A2")]
+    where = [fit.names.index(name) for name in POLAR]
     return Polar(fit.values[where], of_noise(fit)[np.ix_(where, where)] + floor())
 
 
@@ -202,7 +203,7 @@ def _by_rest(fit: Fit, trajectory: Trajectory, segments_along: Callable[[Array],
 def _changes(fit: Fit, segments: list[Segment]) -> list[Array]:
     """Change of the whitened residuals (n,) by segment, 0 where a sample is missing."""
     (output,), p = fit.model.outputs, fit.shared()
-    sigma = float(np.sqrt(fit.noise_covariance[0, 0]))
+    sigma = float(np.sqrt(fit.noise_covariance.item()))
     residuals = fit.residuals
     changes = []
     for segment in segments:

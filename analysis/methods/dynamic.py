@@ -21,7 +21,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.curve import Polar
+from analysis.curve import POLAR, Polar, polar_part
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Convergence, Fit
 from analysis.estimation.model import Model, NamedValues, Parameter
@@ -46,8 +46,6 @@ from flight.arrays import Array
 from flight.errors import InputError
 from flight.propeller import Propeller
 from flight.units import GRAVITY_MPS2
-
-POLAR = ("A0", "A1", "A2")
 
 
 def _drag(_: NamedValues, u: NamedValues, p: NamedValues) -> Sequence[Any]:
@@ -213,7 +211,7 @@ def estimate_polar(
             " were left out."
         )
     return DynamicEstimate(
-        polar=Polar(values[:3], total[:3, :3]),
+        polar=Polar(polar_part(values), polar_part(total)),
         parameters=parameter_list(values, total, trajectory),
         status=_status(fit, trajectory),
         verdict=fit.verdict.text if trajectory.converged else TRAJECTORY_DID_NOT_CONVERGE,
@@ -224,7 +222,7 @@ def estimate_polar(
         systematic=systematic,
         joint=joint,
         convergence=fit.convergence,
-        shares=_run_shares(fit, noise[:3, :3]),
+        shares=_run_shares(fit, polar_part(noise)),
     )
 
 

@@ -15,11 +15,11 @@ from math import comb
 
 import numpy as np
 
-from analysis.curve import Condition, lift_coefficient
+from analysis.curve import POLAR, Condition, lift_coefficient, polar_part
 from analysis.methods import consider as covariance
 from analysis.methods.assumed_values import ASSUMED_VALUES
 from analysis.methods.consider import JointEstimate
-from analysis.methods.dynamic import POLAR, DynamicEstimate
+from analysis.methods.dynamic import DynamicEstimate
 from analysis.methods.rejected_assumptions import Assumption
 from flight.aircraft import Aircraft
 from flight.arrays import Array
@@ -68,9 +68,9 @@ def variance_by_source(
         0.5 * condition.rho * condition.wing_area_m2 * (V**3)[:, None] * np.stack([np.ones_like(V), CL, CL**2], 1)
     )
     if estimate.joint is None:
-        n = len(POLAR)
         noise, shared = (
-            np.einsum("ni,ij,nj->n", gradient, part[:n, :n], gradient) for part in (estimate.noise, estimate.systematic)
+            np.einsum("ni,ij,nj->n", gradient, polar_part(part), gradient)
+            for part in (estimate.noise, estimate.systematic)
         )
         return {Source.NOISE: noise, Source.SHARED: shared}
     joint = estimate.joint

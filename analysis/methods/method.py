@@ -276,7 +276,8 @@ def _missing_term(CL: Array, A: Array) -> Array:
 
     (3.36): CL_minD adds -2 K CL_minD CL to C_D; the fit takes it for a change of A0 and A2, and lacks it in A1.
     """
-    A1 = -2 * A[2] * REGRESSION.CL_minD_sigma
+    _, _, K = A
+    A1 = -2 * K * REGRESSION.CL_minD_sigma
     X = np.stack([np.ones_like(CL), CL**2], axis=1)
     (A0, A2), *_ = np.linalg.lstsq(X, A1 * CL, rcond=None)
     return _outer(np.array([A0, -A1, A2]))
@@ -284,7 +285,8 @@ def _missing_term(CL: Array, A: Array) -> Array:
 
 def _notes(A: Array, table: pd.DataFrame, runs: list[Maneuver]) -> tuple[str, ...]:
     notes = []
-    if A[2] <= 0:
+    _, _, A2 = A
+    if A2 <= 0:
         notes.append("the drag polar curves downward in this fit: the range of lift coefficients flown is too narrow")
     covered = pd.concat([table.loc[run.start_s : run.end_s, "covered"] for run in runs])
     outside = 1 - float(covered.mean())

@@ -4,6 +4,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from analysis.curve import Condition, Polar, unphysical
 from analysis.estimation.noise import NORMAL_95
@@ -186,17 +187,14 @@ def fallback(estimates: list[MethodEstimate], trajectory: Trajectory, aircraft: 
         flown = any(one.name == ENERGY.name and one.reason is not WhyNot.NOT_FLOWN for one in reasons)
         without = "" if flown else "no acceleration or deceleration to analyze, and "
         raise InputError(f"{log}: {without}no method gives a curve: {listed}")
-    noise, systematic = np.zeros((5, 5)), np.zeros((5, 5))
-    noise[:3, :3], systematic[:3, :3] = best.noise, best.systematic
     # The method's own covariance is that of independent errors of the table.
     prior = thrust_prior(aircraft)
     sensitivity = np.stack([best.sensitivities[name] for name in THRUST], axis=1)
     independent = np.diag([aircraft.uncertainty.thrust_scale_fraction**2, aircraft.uncertainty.thrust_slope**2])
     by_stand = sensitivity @ (prior.covariance - independent) @ sensitivity.T
-    systematic[:3, :3] += by_stand
-    systematic[3:, 3:] = prior.covariance
-    systematic[:3, 3:] = sensitivity @ prior.covariance
-    systematic[3:, :3] = systematic[:3, 3:].T
+    with_thrust = sensitivity @ prior.covariance
+    noise = block_diag(best.noise, np.zeros_like(prior.covariance))
+    systematic = np.block([[best.systematic + by_stand, with_thrust], [with_thrust.T, prior.covariance]])
     polar = Polar(best.polar.A + sensitivity @ prior.mean, best.polar.covariance + by_stand)
     values = np.concatenate([polar.A, prior.mean])
     warning = f"The curve is from another method, {best.method.title}; it is not pooled with those of other flights."

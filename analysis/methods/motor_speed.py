@@ -29,7 +29,7 @@ def suspect(fit: Fit, flight_forces: FlightForces) -> MotorSpeedError | None:
     forces = flight_forces.nominal
     rows = np.concatenate([np.searchsorted(forces.index, one.segment.t_s) for one in fit.segment_fits])
     n, by_speed = (np.nan_to_num(x)[rows] for x in (forces["n"].to_numpy(), flight_forces.by_motor_speed(forces)))
-    sigma = float(np.sqrt(fit.noise_covariance[0, 0]))
+    sigma = float(np.sqrt(fit.noise_covariance.item()))
     residuals = np.concatenate([fit.residuals[one.segment.name][:, 0] for one in fit.segment_fits]) / sigma
     others, first = np.zeros((len(residuals), len(fit.names))), 0
     for one in fit.segment_fits:

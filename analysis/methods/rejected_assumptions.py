@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from analysis.curve import polar_part
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Fit
 from analysis.estimation.model import Model, NamedValues, Parameter
@@ -101,9 +102,10 @@ def _shape_rejected(fit: Fit) -> list[RejectedAssumption]:
     CL = np.array([low, (low + high) / 2, high])
     powers = np.vander(CL, 3, increasing=True)
     values = np.delete(with_quartic.values, i)
-    values[:3] += np.linalg.solve(powers, quartic * CL**4)
+    A = polar_part(values)
+    A += np.linalg.solve(powers, quartic * CL**4)
     significant = with_quartic.verdict.ok and abs(quartic) > STATISTICS.sigmas * error
-    if not significant or np.max(np.abs(powers @ values[:3] / (powers @ fit.values[:3]) - 1)) < EVIDENCE.negligible:
+    if not significant or np.max(np.abs(powers @ A / (powers @ polar_part(fit.values)) - 1)) < EVIDENCE.negligible:
         return []
     return [
         RejectedAssumption(

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.curve import drag_coefficient
 from analysis.methods.whole_flight.settings import PRIOR
 from analysis.missions.plan_settings import MANEUVERS, MARGINS, TRAINER
 from flight.aircraft import Aircraft
@@ -206,7 +207,7 @@ MOTOR = ("motor_kv_rpm_per_volt", "motor_resistance", "motor_no_load_current", "
 def _drag_N(aircraft: Aircraft, rho: float, A: Array, V: Array | float, load_factor: Array | float = 1.0) -> Array:
     qS = rho * V**2 / 2 * aircraft.geometry.wing_area_m2
     CL = load_factor * aircraft.mass.weight_N / qS
-    return np.asarray(qS * (A[0] + A[1] * CL + A[2] * CL**2))
+    return np.asarray(qS * drag_coefficient(A, CL))
 
 
 def _motor_thrust(aircraft: Aircraft, propeller: Propeller, V: Array, rho: float) -> Array:

@@ -17,7 +17,16 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from analysis.curve import Condition, Polar, best_range_lift, minimum_power_lift, power_required, speed_at
+from analysis.curve import (
+    POLAR,
+    Condition,
+    Polar,
+    best_range_lift,
+    minimum_power_lift,
+    polar_part,
+    power_required,
+    speed_at,
+)
 from analysis.estimation.noise import NORMAL_95
 from analysis.maneuvers.find_level import find_runs
 from analysis.maneuvers.kinds import Maneuver
@@ -299,13 +308,13 @@ def expected(
         gradient[inside, i] = (moved_z - X @ fit - z + S @ fit)[:, None] * S / STATE_STEP
     by_states = D @ trajectory.states_given_errors.covariance_of(gradient) @ D
     by_rest = D @ (NOISE.rest_share**2 * S.T @ S + prior) @ D
-    noise = (by_states + by_rest)[:3, :3]
-    shared = np.empty((3, len(SENSOR_ERRORS)))
+    noise = polar_part(by_states + by_rest)
+    shared = np.empty((len(POLAR), len(SENSOR_ERRORS)))
     for j, sigma in enumerate(np.sqrt(np.diag(trajectory.covariance))):
         error = np.zeros(len(SENSOR_ERRORS))
         error[j] = sigma
         moved = values(states + trajectory.state_sensitivity @ error, errors + error)
-        shared[:, j] = (moved - fit)[:3] / sigma
+        shared[:, j] = polar_part(moved - fit) / sigma
     systematic = shared @ trajectory.covariance @ shared.T
     for change in (
         covariance.at_nominal_weight(
@@ -317,5 +326,5 @@ def expected(
         )
         - fit,
     ):
-        systematic += np.outer(change[:3], change[:3])
+        systematic += np.outer(polar_part(change), polar_part(change))
     return Expected(trajectory.covariance, np.asarray(noise), systematic, shared, runs)

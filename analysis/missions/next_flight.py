@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.curve import Condition, Polar, power_required, speed_at
+from analysis.curve import Condition, Polar, polar_part, power_required, speed_at
 from analysis.estimation.noise import NORMAL_95
 from analysis.methods.dynamic import DynamicEstimate
 from analysis.records.flight import NextFlightLowers
@@ -59,8 +59,8 @@ def lacking(
     if not (np.isfinite(sigma).all() and (power > 0).all()):
         return None
     i = int(np.argmax(sigma / power))
-    _, noise = power_required(V[i : i + 1], Polar(estimate.polar.A, estimate.noise[:3, :3]), condition)
-    variances = {NextFlightLowers.NOISE: float(noise[0] ** 2)}
+    _, (noise,) = power_required(V[i : i + 1], Polar(estimate.polar.A, polar_part(estimate.noise)), condition)
+    variances = {NextFlightLowers.NOISE: float(noise**2)}
     effect, which = _effects_W(trajectory, estimate.polar.A, condition, float(V[i]))
     covariance = trajectory.covariance[np.ix_(which, which)]
     whole = float(effect @ covariance @ effect)

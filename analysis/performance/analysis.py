@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.curve import Condition, speed_at
-from analysis.methods.dynamic import POLAR, DynamicEstimate
+from analysis.curve import POLAR, Condition, speed_at
+from analysis.methods.dynamic import DynamicEstimate
 from analysis.methods.forces import FlightForces
 from analysis.methods.ladder import Estimated
 from analysis.methods.thrust_prior import THRUST

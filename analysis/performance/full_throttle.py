@@ -75,9 +75,10 @@ def fit_full_throttle(data: pd.DataFrame, propulsion: CompletePropulsion, propel
         ),
         segments,
     )
+    unloaded_revps, revps_per_Nm = fit.values
     basis = (
-        f"From {seconds:.0f} s of full throttle: the motor would turn {60 * fit.values[0]:.0f} rpm unloaded and loses"
-        f" {60 * fit.values[1]:.0f} rpm for each N m, with the battery as charged as it was then."
+        f"From {seconds:.0f} s of full throttle: the motor would turn {60 * unloaded_revps:.0f} rpm unloaded and loses"
+        f" {60 * revps_per_Nm:.0f} rpm for each N m, with the battery as charged as it was then."
     )
     return FullThrottle(ParameterVector(fit.names, fit.values, covariance.of_noise(fit)), basis=basis)
 

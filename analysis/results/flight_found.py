@@ -6,8 +6,8 @@ from types import MappingProxyType
 import numpy as np
 import pandas as pd
 
-from analysis.curve import Condition
-from analysis.methods.dynamic import POLAR, DynamicEstimate
+from analysis.curve import POLAR, Condition
+from analysis.methods.dynamic import DynamicEstimate
 from analysis.methods.thrust_prior import J_REFERENCE, THRUST
 from analysis.performance.request import density_altitude_m
 from analysis.records.flight import AirFound, Correlation, ParameterResult, PathResult, RunResidual, Track

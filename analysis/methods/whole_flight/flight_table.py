@@ -191,7 +191,8 @@ def _first_wind(columns: dict[str, Array], moving: BoolArray, least_Pa: float) -
         if rows.sum() < READABLE.fewest_samples:
             break
         wind = circle_center(north[rows], east[rows], FLIGHT.step_s)
-        through_air = np.square([north - wind[0], east - wind[1], down]).sum(axis=0)
+        wind_north, wind_east = wind
+        through_air = np.square([north - wind_north, east - wind_east, down]).sum(axis=0)
         columns["pressure_Pa"] = columns["rho"] / 2 * through_air
         flying = moving & (columns["pressure_Pa"] > least_Pa)
     return wind, flying

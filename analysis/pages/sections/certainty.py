@@ -218,9 +218,10 @@ def thrust_share(results: Results) -> float | None:
     at, test = reference_point(results).point, results.test
     CL = test.weight_N / (test.air_density_kgpm3 / 2 * at.speed_mps**2 * results.aircraft.wing_area_m2)
     powers = np.array([1.0, CL, CL**2])
-    with_thrust = powers @ covariance[:3, 3:]
-    explained = with_thrust @ np.linalg.pinv(covariance[3:, 3:]) @ with_thrust
-    return float(np.clip(explained / (powers @ covariance[:3, :3] @ powers), 0, 1))
+    n = len(powers)
+    with_thrust = powers @ covariance[:n, n:]
+    explained = with_thrust @ np.linalg.pinv(covariance[n:, n:]) @ with_thrust
+    return float(np.clip(explained / (powers @ covariance[:n, :n] @ powers), 0, 1))
 
 
 def stall_margin(results: Results) -> str:

@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.flights.flight_statistics import INSTALLATION_ERRORS, POLAR, POOLED, FlightStatistics, M
+from analysis.curve import POLAR
+from analysis.flights.flight_statistics import INSTALLATION_ERRORS, POOLED, FlightStatistics, M
 from analysis.flights.joint import OWN_CHANGES
 from analysis.methods import consider as covariance
 

@@ -5,21 +5,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from analysis.polar import Polar, power_required
-from analysis.report.figures import power
-from analysis.report.predicted_polar import (
+
+from analysis.curve import Polar, power_required
+from analysis.pages.charts import power
+from analysis.pages.predicted_polar import (
     PredictedPolar,
     check_of_aircraft,
     comparison,
     flown_at,
     read_predicted_polar,
 )
-from analysis.report.write import write_report
-from analysis.schema import Results
-
-from analysis.curve import Polar, power_required
-from analysis.pages.charts import power
-from analysis.pages.predicted_polar import comparison, flown_at, read_predicted_polar
+from analysis.pages.write import write_report
 from analysis.records.flight import Results
 from flight.errors import InputError
 
