@@ -20,7 +20,7 @@ from analysis.flights.agreement import (
 )
 from analysis.flights.comparison import plans_to_see
 from analysis.flights.evidence import cause_text, installations_text, polars_text, undated_text
-from analysis.flights.flight_statistics import POLAR, POOLED, FlightStatistics, check_one_aircraft, read_statistics
+from analysis.flights.flight_statistics import POOLED, FlightStatistics, check_one_aircraft, read_statistics
 from analysis.flights.joint import pooled_estimate, shared_prior, stacked
 from analysis.flights.joint_pool import JointPool, mean_condition, pooled_polar
 from analysis.flights.pool_settings import POOLING

@@ -41,6 +41,7 @@ from analysis.sources.grid_settings import STATISTICS
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.observability import SENSOR_ERROR_KINDS
 from analysis.trajectory.reconstruction import Trajectory
+from analysis.uncertain import Uncertain
 from flight.aircraft import Aircraft
 from flight.arrays import Array
 from flight.errors import InputError
@@ -186,8 +187,7 @@ def estimate_polar(
     joint = joint_estimate(fit, noise, prior_sigma, np.stack(by_sensor_errors, axis=1), trajectory)
     if balance is not None:
         joint = joint._replace(
-            values=np.concatenate([values, sensor_errors]),
-            covariance=balance.covariance,
+            parameters=Uncertain(np.concatenate([values, sensor_errors]), balance.covariance, joint.parameters.shared),
             weighting_covariance=balance.given_sensor_errors,
         )
     joint = joint.with_changes(changes)._replace(prior_measurements=model.prior_measurements)
