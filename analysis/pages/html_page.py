@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from functools import cache
-from importlib import resources
 from typing import Any, NamedTuple
 
 import msgspec
@@ -10,8 +9,7 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from analysis.pages.charts.figure import Figure
-from analysis.pages.charts.style import ON_DARK
-from analysis.pages.charts.svg import chart, color_variable
+from analysis.pages.charts.svg import chart, chart_script, chart_style
 
 
 class HtmlTable(NamedTuple):
@@ -34,19 +32,6 @@ def html_figure(drawn: Figure | Sequence[Figure], name: str, run: str = "") -> H
     if isinstance(drawn, Figure):
         return HtmlFigure([(name, drawn)], run)
     return HtmlFigure([(f"{name}-{i}", figure) for i, figure in enumerate(drawn, start=1)], run)
-
-
-def chart_style() -> str:
-    """Style of the charts, with their colors on white paper and on a dark screen."""
-    light = " ".join(f"{color_variable(white)}: {white};" for white in ON_DARK)
-    dark = " ".join(f"{color_variable(white)}: {black};" for white, black in ON_DARK.items())
-    rules = resources.files("analysis.pages.charts").joinpath("chart.css").read_text("utf-8")
-    return f":root {{ {light} }}\n@media screen and (prefers-color-scheme: dark) {{ :root {{ {dark} }} }}\n{rules}"
-
-
-def chart_script() -> str:
-    """What reads, zooms and hides in the charts."""
-    return resources.files("analysis.pages.charts").joinpath("chart.js").read_text("utf-8")
 
 
 def render_page(template: str, **context: object) -> str:

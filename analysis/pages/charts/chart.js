@@ -278,6 +278,12 @@ class Chart {
     for (const panel of this.panels) panel.home = panel === this.panels[0] ? [left, top, right - left, UNITS - top] : [left, 0, right - left, UNITS];
     if (!zoomed) for (const panel of this.panels) this.look(panel, panel.home);
   }
+  // A dot that stays where it is put, until it is put elsewhere.
+  here(x, y) {
+    const {element, view} = this.panels[0], dot = element.querySelector(".here") || svgElement("circle", {class: "here", r: 6}, element);
+    dot.setAttribute("cx", `${100 * (this.xUnits(x) - view[0]) / view[2]}%`);
+    dot.setAttribute("cy", `${100 * (this.yUnits(y) - view[1]) / view[3]}%`);
+  }
   get legend() { return this.plot.querySelector(".legend"); }
   entries() { return [...this.plot.querySelectorAll("[data-entry]")].map(button => button.dataset.entry); }
 

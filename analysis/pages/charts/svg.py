@@ -7,12 +7,13 @@ that one drawing fits every width. Colors are variables of the page's style, whi
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
+from importlib import resources
 from typing import NamedTuple
 
 import numpy as np
 
 from analysis.pages.charts.figure import Axis, Band, Bars, Figure, Line, Mark, Points, Shade, Symbol
-from analysis.pages.charts.style import PAPER
+from analysis.pages.charts.style import ON_DARK, PAPER
 from flight.arrays import Array
 
 UNITS = 10_000  # of an axis, in a drawing that stretches
@@ -427,3 +428,16 @@ def _entry(figure: Figure, name: str) -> str:
         f'<button type="button" data-entry="{escape(name)}" aria-pressed="{"false" if hidden else "true"}">'
         f'<svg class="swatch" width="28" height="14" aria-hidden="true">{drawn}</svg>{escape(name)}</button>'
     )
+
+
+def chart_style() -> str:
+    """Style of the charts, with their colors on white paper and on a dark screen."""
+    light = " ".join(f"{color_variable(white)}: {white};" for white in ON_DARK)
+    dark = " ".join(f"{color_variable(white)}: {black};" for white, black in ON_DARK.items())
+    rules = resources.files("analysis.pages.charts").joinpath("chart.css").read_text("utf-8")
+    return f":root {{ {light} }}\n@media screen and (prefers-color-scheme: dark) {{ :root {{ {dark} }} }}\n{rules}"
+
+
+def chart_script() -> str:
+    """What reads, zooms and hides in the charts."""
+    return resources.files("analysis.pages.charts").joinpath("chart.js").read_text("utf-8")

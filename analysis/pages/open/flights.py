@@ -29,8 +29,12 @@ from analysis.flight import FlightPath, Measured, flight_path, reconstructed, re
 from analysis.maneuvers.kinds import KINDS, Maneuvers
 from analysis.maneuvers.runs_file import NoCurve, head
 from analysis.options import Options
-from analysis.pages.charts.style import rounded, thinned
+from analysis.pages.charts.figure import Axis, Figure
+from analysis.pages.charts.flight import ground_track, over_time
+from analysis.pages.charts.style import BLUE, band, curve_arrays, curve_lines, true_airspeed
+from analysis.pages.charts.svg import chart
 from analysis.pages.one_log import Report
+from analysis.pipeline.whole_flight import lacks_drag_topics
 from analysis.records.flight import PowerPoint, SpeedInterval
 from analysis.sources.daemon_log import lacks_drag_topics
 from analysis.sources.recognize import autopilot_of
@@ -87,12 +91,13 @@ class Values(msgspec.Struct, forbid_unknown_fields=True):
 
 class Limits(NamedTuple):
     """Of what the page may ask: bytes of a dropped log, and of a request or a polar; runs and keys in it; points of a
-    strip; curves that are kept of a flight, for who goes back to what was there before."""
+    strip and its height; curves that are kept of a flight, for who goes back to what was there before."""
 
     log_bytes: int = 500_000_000
     request_bytes: int = 200_000
     entries: int = 500
     points: int = 1500
+    strip_px: int = 96
     curves: int = 10
 
 
@@ -281,6 +286,8 @@ class OpenedFlight:
         at = points[len(points) // 2].speed_mps
         variances = variance_by_source(main, flight.aircraft, condition, np.array([at]))
         whole = sum(float(variance[0]) for variance in variances.values())
+        path_flown = track(flight.trajectory)
+        from_above = ground_track(path_flown, flight.maneuvers.maneuvers, None) if path_flown else None
         other = method_curve(flight, values.method, condition, flown_CL[1]) if values.method else None
         return {
             "curve": _columns(points),
@@ -300,7 +307,8 @@ class OpenedFlight:
             "sources_at_mps": at,
             "predicted": self._predicted(values, condition, points, flight.aircraft.aspect_ratio),
             "runs": _runs(flight.maneuvers),
-            "track": msgspec.to_builtins(track(flight.trajectory)),
+            "track": msgspec.to_builtins(path_flown),
+            "figures": {"curve": _curve_chart(points), "track": from_above and chart(from_above, "track")},
             "notes": [*flight.notes, *main.warnings],
             "command": self.command(values),
             "seconds": time.process_time() - began,
@@ -475,20 +483,31 @@ def _meaning(key: str) -> str:
     return f"{entry.meaning} {entry.measure}" + (f" Without it: {entry.without}." if entry.without else "")
 
 
-def _strips(table: pd.DataFrame) -> Json:
-    """Time histories by title with unit; without those of which the log has nothing."""
+def _strips(table: pd.DataFrame) -> str:
+    """Time histories one above the other, without those of which the log has nothing."""
     t_s = table.index.to_numpy()
-    rows = {
-        "speed, m/s": table["V_mps"],
-        "height, m": table["height_m"],
-        "motor, rpm": 60 * table["n_revps"],
-        "throttle, %": 100 * table["throttle"],
-        "angle of attack, deg": np.degrees(table["alpha_rad"]),
-        "bank, deg": np.degrees(table["bank_rad"]),
-    }
-    known = {title: column.to_numpy() for title, column in rows.items() if column.notna().any()}
-    drawn = {title: thinned(t_s, values, LIMITS.points) for title, values in known.items()}
-    return {title: {"t_s": rounded(t), "value": rounded(value)} for title, (t, value) in drawn.items()}
+    rows = (
+        (table["V_mps"], Axis("speed", "m/s")),
+        (table["height_m"], Axis("height", "m")),
+        (60 * table["n_revps"], Axis("motor", "rpm")),
+        (100 * table["throttle"], Axis("throttle", "%")),
+        (np.degrees(table["alpha_rad"]), Axis("angle of attack", "deg")),
+        (np.degrees(table["bank_rad"]), Axis("bank", "deg")),
+    )
+    known = [(t_s, column.to_numpy(), axis) for column, axis in rows if column.notna().any()]
+    figure = over_time(known, LIMITS.points)
+    figure.height_px = LIMITS.strip_px * len(known) + 60
+    return chart(figure, "strips", "The flight over time, with its runs")
+
+
+def _curve_chart(points: list[PowerPoint]) -> str:
+    """Power required with its interval; the page adds the curves beside it."""
+    V, _, lo, hi = curve_arrays(points)
+    name = "power required"
+    figure = Figure(height_px=380, x=true_airspeed())
+    figure.y = Axis(name, "W", limits=(0, 1.08 * float(np.max(hi))))
+    figure.add(band(V, (lo, hi), BLUE, 0.3, name=name), *curve_lines(points, name, BLUE, width=4))
+    return chart(figure, "curve", "Power required against airspeed, with its 95 % interval")
 
 
 def _runs(maneuvers: Maneuvers) -> list[Json]:

@@ -21,6 +21,7 @@ from typing import IO, Any, NamedTuple
 import msgspec
 import numpy as np
 
+from analysis.pages.charts.svg import chart_script, chart_style
 from analysis.pages.open.flights import LIMITS, POLARS, Folder, Values
 from analysis.pages.predicted_polar import read_predicted_polar
 from analysis.sources.recognize import autopilot_of
@@ -108,6 +109,10 @@ class LocalPage:
             case "GET", [name] if name in FILES:
                 file, kind = FILES[name]
                 return Answer(kind, _template(file))
+            case "GET", ["chart.js"]:
+                return Answer("text/javascript", chart_script().encode())
+            case "GET", ["chart.css"]:
+                return Answer("text/css", chart_style().encode())
             case "GET", ["report", name]:
                 return Answer(HTML, self.folder.report(name), REPORT_POLICY)
             case "GET", ["logs"]:

@@ -11,7 +11,8 @@ from motor_data import POLAR, model_of
 
 from analysis.curve import Condition
 from analysis.estimation.noise import NORMAL_95
-from analysis.pages.html_page import chart_script, to_json
+from analysis.pages.charts.svg import chart_script
+from analysis.pages.html_page import to_json
 from analysis.pages.other_conditions import embedded_grid
 from analysis.performance.analysis import ConditionPerformance, performance_at
 from analysis.performance.level_flight import PerformanceModel

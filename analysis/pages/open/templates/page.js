@@ -1,8 +1,7 @@
 "use strict";
 // The page of `flightpower open`: the flight, its runs and values, and the curve that follows from them.
 
-const SVG = "http://www.w3.org/2000/svg", at = id => document.getElementById(id);
-const HIDDEN = ["standing", "flying"];
+const at = id => document.getElementById(id);
 const NOT_IN_CURVE = {standing: "not in the curve: at rest on the ground", flying: "not in the curve: from take-off to landing"};
 const KEYS = {a: "acceleration", d: "deceleration", s: "steady"};
 let flight = null;  // what the server says of the opened log
@@ -36,11 +35,18 @@ async function working(text, action) {
 }
 
 function put(parent, name, attributes = {}, text = "") {
-  const element = parent instanceof SVGElement ? document.createElementNS(SVG, name) : document.createElement(name);
+  if (parent instanceof SVGElement) return svgElement(name, attributes, parent);
+  const element = document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
   element.textContent = text;
   parent.append(element);
   return element;
+}
+
+// A chart that the server has drawn, in place of the one that was there.
+function draw(id, text) {
+  at(id).innerHTML = text || "";
+  startCharts(at(id));
 }
 
 // ---- logs
@@ -75,14 +81,14 @@ function open(file) {
     at("flight").hidden = flight.kind !== "drag";
     at("values").hidden = at("done").hidden = false;
     at("command").textContent = flight.command;
-    at("curve").replaceChildren();
-    at("track").replaceChildren();
+    draw("over-speed", "");
+    draw("from-above", "");
     at("sources").replaceChildren();
     at("number").textContent = "";
     showForm();
     const listed = (await list()).find(log => log.name === file);
     showReport(listed && listed.report);
-    if (flight.kind === "drag") { draw(); showRuns(); await compute(); }
+    if (flight.kind === "drag") { draw("over-time", flight.strips); drawBands(); showRuns(); await compute(); }
   });
 }
 
@@ -126,7 +132,7 @@ async function compute() {
   showRuns();
   showMethods();
   drawCurve();
-  drawTrack();
+  draw("from-above", found.figures.track);
   const ul = at("notes").querySelector("ul");
   ul.replaceChildren();
   for (const note of found.notes) put(ul, "li", {}, note);
@@ -186,65 +192,22 @@ function recompute() {
   waiting = setTimeout(() => working("computing the curve …", compute), 120);
 }
 
-function scale([lo, hi], [from, to]) {
-  const scaled = value => from + (value - lo) / (hi - lo || 1) * (to - from);
-  scaled.back = px => lo + (px - from) / (to - from) * (hi - lo);
-  return scaled;
-}
-
-function ticks(lo, hi, count) {
-  const raw = (hi - lo || 1) / count, power = 10 ** Math.floor(Math.log10(raw));
-  const step = [1, 2, 5, 10].map(nice => nice * power).find(nice => nice >= raw);
-  const found = [];
-  for (let tick = Math.ceil(lo / step) * step; tick <= hi + 1e-9 * step; tick += step) found.push(Number(tick.toPrecision(10)));
-  return found;
-}
-
-const extent = list => list.reduce(([lo, hi], value) => value === null || Number.isNaN(value) ? [lo, hi] : [Math.min(lo, value), Math.max(hi, value)], [Infinity, -Infinity]);
-const path = (x, y, xs, ys) => xs.map((value, i) => ys[i] === null ? "" : `${i === 0 || ys[i - 1] === null ? "M" : "L"}${x(value).toFixed(1)} ${y(ys[i]).toFixed(1)}`).join("");
-
-function axes(svg, x, y, [xRange, yRange], [left, right, top, bottom], [xTitle, yTitle]) {
-  for (const tick of ticks(...xRange, Math.max(2, (right - left) / 90))) {
-    put(svg, "path", {class: "grid", d: `M${x(tick)} ${top}V${bottom}`});
-    if (xTitle) put(svg, "text", {x: x(tick), y: bottom + 17, "text-anchor": "middle"}, String(tick));
-  }
-  for (const tick of ticks(...yRange, Math.max(3, (bottom - top) / 40))) {
-    put(svg, "path", {class: "grid", d: `M${left} ${y(tick)}H${right}`});
-    put(svg, "text", {x: left - 6, y: y(tick) + 4, "text-anchor": "end"}, String(tick));
-  }
-  put(svg, "path", {class: "axis", d: `M${left} ${top}V${bottom}H${right}`});
-  if (xTitle) put(svg, "text", {x: (left + right) / 2, y: bottom + 36, "text-anchor": "middle"}, xTitle);
-  put(svg, "text", {transform: `translate(13 ${(top + bottom) / 2}) rotate(-90)`, "text-anchor": "middle"}, yTitle);
-}
-
-function emptied(id) {
-  const svg = at(id);
-  svg.replaceChildren();
-  const {width, height} = svg.getBoundingClientRect();
-  svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
-  return [svg, width, height];
-}
-
 function drawCurve() {
-  const [svg, width, height] = emptied("curve"), {speed_mps: V, power_W: P, power_lo_W: lo, power_hi_W: hi} = last.curve;
-  const beside = [[other && other.curve, "other"], [last.method && last.method.curve, "method"]].filter(([curve]) => curve && curve.power_W.length), predicted = last.predicted;
-  const xRange = extent([...V, ...first.speed_mps, ...(predicted ? predicted.speed_mps : []), ...beside.flatMap(([curve]) => curve.speed_mps)]);
-  const yRange = [0, 1.08 * extent([...hi, ...first.power_W, ...(predicted ? predicted.power_W : []), ...beside.flatMap(([curve]) => curve.power_hi_W)])[1]];
-  const box = [56, width - 8, 10, height - 44], x = scale(xRange, box.slice(0, 2)), y = scale(yRange, [box[3], box[2]]);
-  axes(svg, x, y, [xRange, yRange], box, ["true airspeed, m/s", "power required, W"]);
-  const band = (speeds, upper, lower) => path(x, y, speeds, upper) + path(x, y, [...speeds].reverse(), [...lower].reverse()).replace("M", "L") + "Z";
-  put(svg, "path", {class: "area", d: band(V, hi, lo)});
-  for (const [{speed_mps, power_W, power_lo_W, power_hi_W}, name] of beside) {
-    put(svg, "path", {class: `area ${name}`, d: band(speed_mps, power_hi_W, power_lo_W)});
-    put(svg, "path", {class: `line ${name}`, d: path(x, y, speed_mps, power_W)});
-  }
-  if (predicted) put(svg, "path", {class: "line predicted", d: path(x, y, predicted.speed_mps, predicted.power_W)});
+  const {speed_mps: V, power_W: P, power_lo_W: lo, power_hi_W: hi} = last.curve, {predicted} = last;
+  const moved = String(first.power_W) !== String(P);
+  draw("over-speed", last.figures.curve);
+  const half = curve => curve.power_hi_W.map((value, k) => (value - curve.power_lo_W[k]) / 2);
+  const beside = (name, curve, color, look) => curve && curve.power_W.length
+    ? [{name, x: curve.speed_mps, y: curve.power_W, color, ...look, half: look.band ? half(curve) : null}] : [];
+  charts.curve.add("beside", [
+    ...beside("as opened", moved ? first : null, "#5b6b78", {dash: "9 6", width: 2}),
+    ...beside(other && other.file, other && other.curve, "#d95f02", {dash: "3 4", band: true}),
+    ...beside(last.method && last.method.title, last.method && last.method.curve, "#1b9e77", {dash: "12 6", band: true}),
+    ...beside(predicted && `predicted by ${predicted.name}`, predicted, "#8a2f8f", {width: 2}),
+  ]);
   at("by-polar").textContent = predicted ? `Thin: predicted by ${predicted.name}.` : "Drop a file of XFLR5, AVL or AeroSandbox on this page.";
   at("compared").textContent = other ? comparison() : "";
   at("by-method").textContent = byMethod();
-  const moved = String(first.power_W) !== String(P);
-  if (moved) put(svg, "path", {class: "line before", d: path(x, y, first.speed_mps, first.power_W)});
-  put(svg, "path", {class: "line now", d: path(x, y, V, P)});
   const k = last.least_power === null ? 0 : V.reduce((best, v, i) => Math.abs(v - last.least_power) < Math.abs(V[best] - last.least_power) ? i : best, 0);
   const where = last.least_power === null ? "the slowest flown; power still decreases there" : "the speed of least power";
   at("number").textContent = `${P[k].toFixed(1)} W (95 % interval ${lo[k].toFixed(1)} to ${hi[k].toFixed(1)}) at ${V[k].toFixed(1)} m/s, ${where}, `
@@ -264,100 +227,59 @@ function drawCurve() {
 
 // ---- the flight over time and from above
 
-let time = null;  // scale of the time axis
-function draw() {
-  const strips = Object.entries(flight.strips), n = strips.length;
-  at("strips").style.height = `calc(${n} * 5.6rem + 40px)`;
-  const [svg, width, height] = emptied("strips");
-  const tRange = extent(strips.flatMap(([, {t_s}]) => [t_s[0], t_s[t_s.length - 1]]));
-  const left = 56, right = width - 8, bottom = height - 40, each = bottom / n;
-  time = scale(tRange, [left, right]);
-  strips.forEach(([title, {t_s, value}], i) => {
-    const box = [left, right, i * each + 8, (i + 1) * each - 6], range = extent(value), y = scale(range, [box[3], box[2]]);
-    axes(svg, time, y, [tRange, range], box, [i === n - 1 ? "time since the start of the log, s" : "", ""]);
-    put(svg, "path", {class: "line", d: path(time, y, t_s, value)});
-    put(svg, "text", {class: "over-line", x: left + 6, y: box[2] + 10}, title);
-  });
-  put(svg, "g", {id: "bands"});
-  put(svg, "path", {class: "cursor", id: "line"});
-  drawBands();
-}
-
 const kindClass = run => `${run.kind.replace(/[^a-z]+/g, "-")}${run.keep ? "" : " left-out"}`;
 
+// Where a time is, in px from the left of the strips.
+const time = t => charts.strips.place(t, 0)[0] - at("strips").getBoundingClientRect().left;
+const last_s = () => charts.strips.panels[0].x[1];
+
 function drawBands() {
-  const bands = document.getElementById("bands");
-  if (!bands) return;
+  if (!charts.strips) return;
+  const {svg, panels: [{view: [left, , width]}]} = charts.strips, share = t => 100 * (charts.strips.xUnits(t) - left) / width;
   const focused = document.activeElement && document.activeElement.dataset && document.activeElement.dataset.end;
-  const bottom = at("strips").getBoundingClientRect().height - 40;
+  const bands = svg.querySelector(".bands") || put(svg, "svg", {class: "bands"});
   bands.replaceChildren();
   runs.forEach((run, i) => {
-    const from = time(run.start_s), to = time(run.end_s), chosen = i === selected;
-    const band = put(bands, "rect", {class: `run ${kindClass(run)}${chosen ? " selected" : ""}`, x: from, y: 4, width: Math.max(1, to - from), height: bottom - 4, "data-run": i});
-    put(band, "title", {}, `${run.kind}, ${run.start_s.toFixed(1)} to ${run.end_s.toFixed(1)} s${run.why ? ": " + run.why : ""}`);
+    const chosen = i === selected, from = share(run.start_s), to = share(run.end_s);
+    const band = put(bands, "rect", {class: `run ${kindClass(run)}${chosen ? " selected" : ""}`, x: `${from}%`, width: `${Math.max(0.1, to - from)}%`, height: "100%", "data-run": i});
+    put(band, "title").textContent = `${run.kind}, ${run.start_s.toFixed(1)} to ${run.end_s.toFixed(1)} s${run.why ? ": " + run.why : ""}`;
     if (!chosen) return;
-    for (const end of ["start_s", "end_s"]) {
-      const x = time(run[end]);
-      put(bands, "rect", {class: "end", x: x - 10, y: 4, width: 20, height: bottom - 4, tabindex: 0, role: "slider", "data-end": end, "aria-orientation": "horizontal",
-                          "aria-label": `${end === "start_s" ? "start" : "end"} of the ${run.kind}`, "aria-valuemin": 0,
-                          "aria-valuemax": Math.ceil(last_s()), "aria-valuenow": run[end].toFixed(2), "aria-valuetext": `${run[end].toFixed(2)} s`});
-      put(bands, "path", {d: `M${x} 4V${bottom}`});
+    for (const [end, place] of [["start_s", from], ["end_s", to]]) {
+      const handle = put(bands, "svg", {x: `${place}%`});
+      put(handle, "rect", {class: "end", x: -10, width: 20, height: "100%", tabindex: 0, role: "slider", "data-end": end, "aria-orientation": "horizontal",
+                           "aria-label": `${end === "start_s" ? "start" : "end"} of the ${run.kind}`, "aria-valuemin": 0,
+                           "aria-valuemax": Math.ceil(last_s()), "aria-valuenow": run[end].toFixed(2), "aria-valuetext": `${run[end].toFixed(2)} s`});
+      put(handle, "line", {y2: "100%"});
     }
   });
   if (focused) { const again = bands.querySelector(`[data-end=${focused}]`); if (again) again.focus(); }
 }
 
-function last_s() { return Math.max(...Object.values(flight.strips).map(({t_s}) => t_s[t_s.length - 1])); }
-
-function drawTrack() {
-  const track = last && last.track, [svg, width, height] = emptied("track");
-  if (!track || !track.t_s) return;
-  const [e, n] = [extent(track.east_m), extent(track.north_m)], span = Math.max((e[1] - e[0]) / (width - 30), (n[1] - n[0]) / (height - 30)) || 1;
-  const x = value => width / 2 + (value - (e[0] + e[1]) / 2) / span, y = value => height / 2 - (value - (n[0] + n[1]) / 2) / span;
-  put(svg, "path", {class: "line", d: path(x, y, track.east_m, track.north_m)});
-  runs.forEach(run => {
-    if (!run.keep || HIDDEN.includes(run.kind)) return;
-    const inside = track.t_s.map((t, i) => i).filter(i => track.t_s[i] >= run.start_s && track.t_s[i] <= run.end_s);
-    put(svg, "path", {class: `over ${kindClass(run)}`, d: path(x, y, inside.map(i => track.east_m[i]), inside.map(i => track.north_m[i]))});
-  });
-  put(svg, "text", {x: 4, y: 14}, "north ↑");
-  const dot = put(svg, "circle", {class: "dot", id: "here", r: 6, cx: -20, cy: -20});
-  svg.place = t => {
-    const i = Math.min(track.t_s.length - 1, Math.max(0, track.t_s.findIndex(one => one >= t)));
-    dot.setAttribute("cx", x(track.east_m[i]));
-    dot.setAttribute("cy", y(track.north_m[i]));
-  };
-}
-
+// The time under the pointer, and the place then.
 function point(t) {
+  if (Number.isNaN(t)) return;
   pointed = t;
-  const bottom = at("strips").getBoundingClientRect().height - 40;
-  at("line").setAttribute("d", `M${time(t)} 4V${bottom}`);
-  const said = Object.entries(flight.strips).map(([title, {t_s, value}]) => {
-    const i = t_s.findIndex(one => one >= t), number = value[i];
-    const [name, unit] = title.split(", ");
-    return number === undefined || number === null ? "" : `${name} ${number.toFixed(unit === "rpm" ? 0 : 1)} ${unit}`;
-  });
-  at("cursor").textContent = `${t.toFixed(1)} s: ${said.filter(Boolean).join(", ")}`;
-  if (at("track").place) at("track").place(t);
+  const track = last && last.track;
+  if (!track || !charts.track) return;
+  const i = Math.min(track.t_s.length - 1, Math.max(0, track.t_s.findIndex(one => one >= t)));
+  charts.track.here(track.east_m[i], track.north_m[i]);
 }
-
-const timeAt = event => time.back(event.clientX - at("strips").getBoundingClientRect().left);
 
 function listen() {
-  const strips = at("strips");
-  let moving = "";
+  const strips = at("over-time");
+  let moving = "", pressed;
+  document.addEventListener("chart-cursor", ({detail: {name, x}}) => { if (name === "strips") point(x); });
+  document.addEventListener("chart-view", ({detail: {name}}) => { if (name === "strips") drawBands(); });
+  document.addEventListener("chart-click", ({detail: {name}}) => { if (name === "strips" && pressed !== undefined) select(Number(pressed)); });
   strips.addEventListener("pointermove", event => {
-    if (!time) return;
-    const t = Math.min(last_s(), Math.max(0, timeAt(event)));
-    point(t);
-    if (moving) { move(moving, t - runs[selected][moving], false); }
+    if (moving) move(moving, Math.min(last_s(), Math.max(0, charts.strips.timeAt(event))) - runs[selected][moving], false);
   });
+  // Before the chart hears it, which would zoom.
   strips.addEventListener("pointerdown", event => {
-    const {end, run} = event.target.dataset;
+    const {end} = event.target.dataset;
+    pressed = event.target.dataset.run;
     if (end) { moving = end; event.target.focus(); strips.setPointerCapture(event.pointerId); event.preventDefault(); }
-    else if (run !== undefined) select(Number(run));
-  });
+  }, true);
   const dropped = () => { if (moving) { moving = ""; changedRuns(); } };
   strips.addEventListener("pointerup", dropped);
   strips.addEventListener("pointercancel", dropped);
@@ -401,8 +323,6 @@ function listen() {
     document.body.classList.remove("dropping");
     if (event.dataTransfer.files[0]) drop(event.dataTransfer.files[0]);
   });
-  let resizing = 0;
-  addEventListener("resize", () => { clearTimeout(resizing); resizing = setTimeout(() => { if (flight && flight.kind === "drag") { draw(); if (last) { drawCurve(); drawTrack(); } } }, 150); });
 }
 
 // ---- runs
@@ -425,7 +345,6 @@ function add() {
 function changedRuns(byHand = true) {
   edited = byHand;
   drawBands();
-  drawTrack();
   showRuns();
   recompute();
 }

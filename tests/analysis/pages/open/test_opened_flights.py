@@ -1,6 +1,7 @@
 """What the local page computes is what the command writes, and only what changed is computed again."""
 
 import json
+import re
 import shlex
 from collections.abc import Callable
 from pathlib import Path
@@ -42,11 +43,9 @@ def without_the_acceleration(log: OpenedFlight) -> Values:
 
 def test_a_flight_is_shown_with_its_runs_and_the_reasons_of_those_left_out(log: OpenedFlight) -> None:
     shown = log.shown
-    assert shown["kind"] is Kind.DRAG and [*shown["strips"]][2:5] == [
-        "motor, rpm",
-        "throttle, %",
-        "angle of attack, deg",
-    ]
+    assert shown["kind"] is Kind.DRAG
+    titles = re.findall(r'class="title"><text[^>]*>([^<]*)', shown["strips"])
+    assert titles[2:5] == ["motor, rpm", "throttle, %", "angle of attack, deg"]
     used = [one["kind"] for one in shown["runs"] if one["keep"]]
     assert used.count("acceleration") == used.count("deceleration") == 1
     assert all(one["why"] for one in shown["runs"] if not one["keep"])
