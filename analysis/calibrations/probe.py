@@ -497,7 +497,7 @@ def polynomial_orders(calibration: ProbeCalibration) -> Figure:
         chosen = np.array([surface.order]), tried[surface.order - 1 : surface.order]
         value = f"{{y:.3f}} {axis.unit}"
         figure.add(
-            Line(x=np.arange(1, len(tried) + 1), y=tried, name=name, color=color, value=value),
+            Line(x=np.arange(1.0, len(tried) + 1), y=tried, name=name, color=color, value=value),
             Points(x=chosen[0], y=chosen[1], name=name, color=color, size=13, symbol=Symbol.DIAMOND, value=""),
         )
     return figure

@@ -173,7 +173,7 @@ def _node(model: PerformanceModel, condition: Condition) -> Json:
         if (held & np.isfinite(flight.battery.value)).any():
             sustained = held
     node: Json = {
-        "efficiency": _short(flight.required.value / flight.battery.value, 6),
+        "efficiency": _short(flight.required.value / flight.battery.value, 5),
         "battery_error": _short(flight.battery.standard_error / flight.battery.value, 3),
         "inside": "".join("1" if inside else "0" for inside in flight.inside),
         "endurance_speed_error": _error(longest_endurance(flight, 1.0, sustained).speed_mps.standard_error),
@@ -184,7 +184,7 @@ def _node(model: PerformanceModel, condition: Condition) -> Json:
         thrust_N = full_throttle_thrust(model, full.V, condition.rho)
         node |= {
             "along": _short(along_N / thrust_N, 5),
-            "drag_over_weight": _short(along_N / condition.weight_N - sine, 6),
+            "drag_over_weight": _short(along_N / condition.weight_N - sine, 5),
             "maximum_speed_error": _error(full.maximum_speed.standard_error),
             "best_climb_error": _error(full.best_climb.standard_error),
         }

@@ -52,7 +52,7 @@ class Axis:
     """Name and unit of what is measured along an axis.
 
     limits : values at its ends, if not those of what is drawn     from_zero : zero is among the values drawn
-    ticks : labels by value, in place of round values     step : between ticks
+    ticks : labels by value, in place of round values     step : between ticks     most_ticks : of round values
     grid : lines across the panel     logarithmic : powers of ten at equal distances
     """
 
@@ -63,6 +63,7 @@ class Axis:
     logarithmic: bool = False
     ticks: Mapping[float, str] | None = None
     step: float | None = None
+    most_ticks: int = 9
     grid: bool = True
 
     @property
@@ -176,7 +177,7 @@ class Figure:
     legend_reversed: bool = False
     heading: str = ""
     rows: bool = False
-    left_px: int = 64
+    left_px: int = 74
     x: Axis = field(default_factory=Axis)
     marks: list[Mark] = field(default_factory=list)
     shades: list[Shade] = field(default_factory=list)

@@ -82,17 +82,17 @@ def consistency(agreement: Consistency, overlaid: int = 600) -> Figure:
 def run_fit(run: str, t_s: Array, measured: dict[str, Array], modeled: dict[str, Array]) -> list[Figure]:
     """One run: measurement and fitted model, and their difference beside them."""
     height_px = 130 * len(measured) + 60
-    both = Figure(len(measured), height_px=height_px, x=Axis(f"time, s ({run})"))
-    differences = Figure(len(measured), height_px=height_px, x=Axis("time", "s"))
+    both = Figure(len(measured), height_px=height_px, x=Axis(f"time, s ({run})", most_ticks=5))
+    differences = Figure(len(measured), height_px=height_px, x=Axis("time", "s", most_ticks=5))
     for panel, quantity in enumerate(measured, start=1):
         model = modeled[quantity]
         difference = measured[quantity] - model
         both.add(Points(x=t_s, y=measured[quantity], panel=panel, color=GRAY, size=6, name="measured", run=run))
         both.add(Line(x=t_s, y=model, panel=panel, color=ORANGE, width=3, name="model"))
-        both.ys[panel - 1] = Axis(quantity)
+        both.ys[panel - 1] = Axis(quantity, most_ticks=4)
         differences.add(Points(x=t_s, y=difference, panel=panel, color=GRAY, size=6, run=run))
         differences.zero_lines.add(panel)
-        differences.ys[panel - 1] = Axis("difference")
+        differences.ys[panel - 1] = Axis("difference", most_ticks=4)
     return [both, differences]
 
 
@@ -202,7 +202,7 @@ def convergence(histories: Mapping[str, Convergence]) -> Figure:
     for (name, history), (color, symbol) in zip(histories.items(), LINES, strict=False):
         costs = np.array(history.costs)
         for panel, first, values in ((1, 0, costs[:-1] - costs[-1]), (2, 1, np.array(history.steps))):
-            iteration = np.arange(first, first + len(values))
+            iteration = np.arange(first, first + len(values), dtype=float)
             positive = np.where(values > 0, values, np.nan)  # the others have no logarithm
             figure.add(
                 Line(x=iteration, y=positive, panel=panel, name=name, color=color, symbol=symbol, value="{y:.2e}")
@@ -220,7 +220,8 @@ def correlation(correlation: Correlation) -> Figure:
     figure = Figure(height_px=80 + 54 * n, rows=True, left_px=96, cursor=Cursor.NEAREST)
     figure.add(
         Bars(
-            x=columns, base=n - 0.97 - rows, y=np.full(n * n, 0.94), width=0.96, color=GRID, value="",
+            x=columns.astype(float), base=n - 0.97 - rows.astype(float), y=np.full(n * n, 0.94), width=0.96, color=GRID,
+            value="",
             colors=[GRID if r == c else BLUE if v > 0 else RED for r, c, v in zip(rows, columns, values, strict=True)],
             opacities=[1.0 if r == c else round(abs(v) / 2, 3) for r, c, v in zip(rows, columns, values, strict=True)],
             texts=[f"{value:+.2f}".replace("-", "−") if abs(value) < 1 else "1" for value in values],

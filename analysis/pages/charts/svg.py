@@ -21,11 +21,14 @@ RATIOS = (0.9, 1.2, 1.6, 2.4)  # width over height of a figure with equal scales
 
 
 class Sheet(NamedTuple):
-    """Heights in px, of the style in chart.css: of the space below and above the panels, and between two."""
+    """Sizes in px, of the style in chart.css: the space below and above the panels, and between two; a letter of a
+    label, and a title beside the labels."""
 
     below: int = 52
     above: int = 8
     gap: int = 14
+    letter: float = 8.0
+    title: int = 26
 
 
 SHEET = Sheet()
@@ -51,8 +54,8 @@ class Scale:
             values = np.log10(np.where(values > 0, values, np.nan))
         return np.asarray((values - self.lo) / (self.hi - self.lo))
 
-    def ticks(self, count: int = 6) -> list[tuple[float, str]]:
-        """Shares and labels: round values, about `count`, or those that the axis names."""
+    def ticks(self, most: int) -> list[tuple[float, str]]:
+        """Shares and labels: round values, at most so many, or those that the axis names."""
         if self.axis.ticks is not None:
             places = self.share(np.array(list(self.axis.ticks)))
             return list(zip(places.tolist(), self.axis.ticks.values(), strict=True))
@@ -60,7 +63,7 @@ class Scale:
             every = max(1, round((self.hi - self.lo) / 5))
             powers = range(int(np.ceil(self.lo)), int(np.floor(self.hi)) + 1, every)
             return [((power - self.lo) / (self.hi - self.lo), f"1e{power}") for power in powers]
-        step = self.axis.step or round_step(self.hi - self.lo, count)
+        step = self.axis.step or round_step(self.hi - self.lo, min(most, self.axis.most_ticks))
         values = step * np.arange(np.ceil(self.lo / step - 1e-9), np.floor(self.hi / step + 1e-9) + 1) + 0.0
         return [(float(self.share(value)), f"{float(f'{value:.10g}'):g}".replace("-", "−")) for value in values]
 
@@ -112,8 +115,7 @@ def svg(figure: Figure, title: str = "") -> str:
     if figure.left_px != Figure().left_px:
         attributes += f' style="padding-left:{figure.left_px}px"'
     usable = figure.height_px - SHEET.below - SHEET.above
-    gap = 100 * SHEET.gap / usable
-    high = (100 - gap * (figure.panels - 1)) / figure.panels
+    gap, high = 100 * SHEET.gap / usable, 100 * _panel_px(figure) / usable
     body = "".join(
         f'<svg class="panel" y="{i * (high + gap):.2f}%" height="{high:.2f}%" data-x="{x.lo:.7g} {x.hi:.7g}"'
         f' data-y="{y.lo:.7g} {y.hi:.7g}" data-digits="{x.digits()} {y.digits()}" data-names="{escape(x.axis.name)}|'
@@ -124,6 +126,12 @@ def svg(figure: Figure, title: str = "") -> str:
     about = f"<title>{escape(title or figure.heading or figure.y.title)}</title>"
     about += f"<desc>{escape(_described(figure, x, ys))}</desc>"
     return f"<svg {attributes}>{about}<g><title></title>{body}</g></svg>"
+
+
+def _panel_px(figure: Figure) -> float:
+    """Height of a panel."""
+    usable = figure.height_px - SHEET.below - SHEET.above
+    return (usable - SHEET.gap * (figure.panels - 1)) / figure.panels
 
 
 def _described(figure: Figure, x: Scale, ys: Sequence[Scale]) -> str:
@@ -176,7 +184,7 @@ def _panel(figure: Figure, number: int, x: Scale, y: Scale) -> Iterator[str]:
     last = number == figure.panels
     yield '<rect class="frame" width="100%" height="100%"/>'
     yield from _x_ticks(x, labels=last)
-    for share, label in y.ticks():
+    for share, label in y.ticks(6):
         line = '<line x2="100%"/>' if y.axis.grid else ""
         yield f'<svg class="tick y{_given(y)}" y="{100 * (1 - share):.2f}%">{line}{_text(label, -8, 5, "end")}</svg>'
     yield f'<svg class="drawn" viewBox="0 0 {UNITS} {UNITS}" preserveAspectRatio="none">'
@@ -192,8 +200,12 @@ def _panel(figure: Figure, number: int, x: Scale, y: Scale) -> Iterator[str]:
     for mark in marks:
         yield from _placed(mark, x, y)
     yield '</svg><line class="axis" y2="100%"/><line class="axis" y1="100%" y2="100%" x2="100%"/>'
-    title = f'<text transform="translate({14 - figure.left_px}) rotate(-90)" text-anchor="middle">'
-    yield f'<svg y="50%" class="title">{title}{escape(y.axis.title)}</text></svg>'
+    longest = max((len(label) for _, label in y.ticks(6)), default=0)
+    if SHEET.letter * len(y.axis.title) < _panel_px(figure) and SHEET.letter * longest < figure.left_px - SHEET.title:
+        place, turned = ' y="50%"', f'transform="translate({12 - figure.left_px}) rotate(-90)" text-anchor="middle"'
+    else:  # longer than the panel is high, or in the way of labels
+        place, turned = "", 'class="inside" x="6" y="15"'
+    yield f'<svg{place} class="title"><text {turned}>{escape(y.axis.title)}</text></svg>'
     if last:
         yield f'<text x="50%" y="100%" dy="44" text-anchor="middle">{escape(x.axis.title)}</text>'
 
@@ -405,7 +417,8 @@ def _entry(figure: Figure, name: str) -> str:
     """A button of the legend with a piece of the line."""
     marks = figure.named(name)
     lines = [mark for mark in marks if not isinstance(mark, Band)]
-    found: Mark | Shade = [*lines, *marks, *(shade for shade in figure.shades if shade.name == name)][0]
+    shades = [shade for shade in figure.shades if shade.name == name]
+    found: Mark | Shade = lines[0] if lines else marks[0] if marks else shades[0]
     ink, at = _ink(found.color), '<g transform="translate(14 7)">'
     area = f'<rect x="6" y="1" width="16" height="12" fill="{ink}"'
     match found:
