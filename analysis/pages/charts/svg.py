@@ -28,7 +28,7 @@ class Sheet(NamedTuple):
     above: int = 8
     gap: int = 14
     letter: float = 8.0
-    title: int = 26
+    title: int = 34
 
 
 SHEET = Sheet()
@@ -202,7 +202,7 @@ def _panel(figure: Figure, number: int, x: Scale, y: Scale) -> Iterator[str]:
     yield '</svg><line class="axis" y2="100%"/><line class="axis" y1="100%" y2="100%" x2="100%"/>'
     longest = max((len(label) for _, label in y.ticks(6)), default=0)
     if SHEET.letter * len(y.axis.title) < _panel_px(figure) and SHEET.letter * longest < figure.left_px - SHEET.title:
-        place, turned = ' y="50%"', f'transform="translate({12 - figure.left_px}) rotate(-90)" text-anchor="middle"'
+        place, turned = ' y="50%"', f'transform="translate({18 - figure.left_px}) rotate(-90)" text-anchor="middle"'
     else:  # longer than the panel is high, or in the way of labels
         place, turned = "", 'class="inside" x="6" y="15"'
     yield f'<svg{place} class="title"><text {turned}>{escape(y.axis.title)}</text></svg>'
