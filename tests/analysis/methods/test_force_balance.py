@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from analysis.drag.force_balance import Balance, ForceBalance, posterior, windows
 
 from analysis.maneuvers.kinds import Maneuver
 from analysis.methods.force_balance import Balance, posterior, windows
@@ -48,7 +49,7 @@ def at_speeds(values: np.ndarray, covariance: np.ndarray) -> tuple[np.ndarray, n
     return rows @ values[:3], np.sqrt(np.einsum("ij,jk,ik->i", rows, covariance[:3, :3], rows))
 
 
-def solved(one: Balance, *, considered: bool = False):
+def solved(one: Balance, *, considered: bool = False) -> ForceBalance:
     return posterior(one, np.zeros(1), np.array([[np.radians(0.2)]]), considered=considered)
 
 
