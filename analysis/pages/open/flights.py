@@ -34,7 +34,6 @@ from analysis.pages.charts.flight import ground_track, over_time
 from analysis.pages.charts.style import BLUE, band, curve_arrays, curve_lines, true_airspeed
 from analysis.pages.charts.svg import chart
 from analysis.pages.one_log import Report
-from analysis.pipeline.whole_flight import lacks_drag_topics
 from analysis.records.flight import PowerPoint, SpeedInterval
 from analysis.sources.daemon_log import lacks_drag_topics
 from analysis.sources.recognize import autopilot_of

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from analysis.drag.force_balance import Balance, ForceBalance, posterior, windows
 
 from analysis.maneuvers.kinds import Maneuver
-from analysis.methods.force_balance import Balance, posterior, windows
+from analysis.methods.force_balance import Balance, ForceBalance, posterior, windows
 
 G_MPS2, LOADING = 9.8, 81.0  # weight over mass; weight over rho S / 2 [m^2/s^2]
 A = np.array([0.045, -0.02, 0.065])
