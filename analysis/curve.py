@@ -1,14 +1,21 @@
-"""Power required from a drag polar, with its interval, and the speeds of least power and least drag.
+"""The curve of power over airspeed, with its interval and its best speeds: of power required, or of electrical power.
 
-Power is linear in the coefficients of C_D = A0 + A1 C_L + A2 C_L^2, so that its intervals need no linearization.
+Power required is linear in the coefficients of C_D = A0 + A1 C_L + A2 C_L^2, so that its intervals need no
+linearization.
 """
 
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from enum import Enum, StrEnum, auto
+from functools import cached_property
+from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from analysis.records.flight import ElectricalStatistics, Interval, PowerPoint, SpeedInterval, SpeedReason
+from analysis.settings import CURVES
+from analysis.uncertain import Uncertain
 from flight.arrays import Array
 
 
@@ -76,12 +83,16 @@ def unphysical(polar: Polar, flown_CL: tuple[float, float]) -> str:
 
 def power_required(V: ArrayLike, polar: Polar, condition: Condition) -> tuple[Array, Array]:
     """Power required in level flight (3.45) and its standard error [W], each (n,), at speeds V (n,) [m/s]."""
+    gradient = power_gradient(V, condition)
+    return gradient @ polar.A, np.sqrt(np.einsum("ni,ij,nj->n", gradient, polar.covariance, gradient))
+
+
+def power_gradient(V: ArrayLike, condition: Condition) -> Array:
+    """Derivative (n, 3) of power required at speeds V (n,) [m/s] by the coefficients of the polar."""
     V = np.asarray(V, dtype=float)
     CL = lift_coefficient(V, condition)
-    gradient = (condition.rho * V**3 * condition.wing_area_m2 / 2)[:, None] * np.stack(
-        [np.ones_like(CL), CL, CL**2], axis=1
-    )
-    return gradient @ polar.A, np.sqrt(np.einsum("ni,ij,nj->n", gradient, polar.covariance, gradient))
+    unit_W = condition.rho * V**3 * condition.wing_area_m2 / 2
+    return np.asarray(unit_W[:, None] * np.stack([np.ones_like(CL), CL, CL**2], axis=1))
 
 
 def minimum_power_lift(A: Array) -> float:
@@ -133,3 +144,166 @@ def maximum_lift_to_drag(A: Array) -> float:
     """C_L/C_D at the C_L of `best_range_lift`; NaN if none."""
     CL = best_range_lift(A)
     return float(CL / drag_coefficient(A, CL))
+
+
+class Kind(StrEnum):
+    """Which power a curve is of."""
+
+    POWER_REQUIRED = "power required"  # thrust times airspeed
+    ELECTRICAL = "electrical power"  # from the battery
+
+
+class Cost(Enum):
+    """What is least at a best speed."""
+
+    POWER = auto()  # the longest endurance
+    ENERGY_PER_METER = auto()  # the longest range
+
+
+def ratios(of: Condition, at: Condition, load_factor: Array | float = 1.0) -> tuple[Array, Array]:
+    """Speed and power, without that of the idling aircraft, over those at another condition and the same C_L (VIW and
+    PIW, 2.3 and 2.5): drag coefficient and efficiency are then the same. load_factor : there"""
+    heavier = at.weight_N * load_factor / of.weight_N
+    thinner = of.rho / at.rho * (of.wing_area_m2 / at.wing_area_m2)
+    return np.asarray(np.sqrt(heavier * thinner)), np.asarray(heavier**1.5 * np.sqrt(thinner))
+
+
+DRAWS = 400  # of a curve, for the intervals of its best speeds
+
+
+@dataclass(frozen=True, kw_only=True)
+class Curve:
+    """Power of level flight at one weight and density.
+
+    V_mps, power_W : (n,)     idle_W : contained in it, with the motor off; does not go with the weight
+    extrapolated : (n,) where less is known than the interval says; None where nowhere
+    """
+
+    kind: Kind
+    condition: Condition
+    V_mps: Array
+    power_W: Uncertain
+    idle_W: float = 0.0
+    extrapolated: NDArray[np.bool_] | None = None
+
+    def at(self, condition: Condition) -> Self:
+        """The same curve at another weight, density or wing area, at equal lift coefficients."""
+        faster, more = ratios(self.condition, condition)
+        value = self.idle_W + more * (self.power_W.value - self.idle_W)
+        power = self.power_W.through(more * np.eye(len(value)), value)
+        return replace(self, condition=condition, V_mps=faster * self.V_mps, power_W=power)
+
+    def points(self) -> list[PowerPoint]:
+        """As results have it; speeds of which power or interval is not known are left out."""
+        return power_points(self.V_mps, self.power_W.value, self.power_W.half_width, self.extrapolated)
+
+    def best(self, cost: Cost) -> SpeedInterval:
+        """The speed of least cost among those of the curve, with its 95 % interval."""
+        return speed_of_least(self.V_mps, *(self._costs(cost, power) for power in (self.power_W.value, self._draws)))
+
+    def longest(self, cost: Cost, energy_J: float) -> Interval:
+        """The longest endurance [s] or range [m] with so much energy, with its 95 % interval."""
+        least, of_draws = (np.min(self._costs(cost, power), axis=-1) for power in (self.power_W.value, self._draws))
+        low, high = np.percentile(energy_J / of_draws, [2.5, 97.5])
+        return Interval(value=energy_J / float(least), lo=float(low), hi=float(high))
+
+    @cached_property
+    def _draws(self) -> Array:
+        """Powers (DRAWS, n); none is below a tenth of the value."""
+        value = self.power_W.value
+        draws = np.random.default_rng(0).multivariate_normal(value, self.power_W.covariance, DRAWS, method="eigh")
+        return np.asarray(np.maximum(draws, 0.1 * value))
+
+    def _costs(self, cost: Cost, power_W: Array) -> Array:
+        return power_W if cost is Cost.POWER else power_W / self.V_mps
+
+
+def speed_of_least(V: Array, cost: Array, draws: Array) -> SpeedInterval:
+    """The speed of least cost (n,), with the interval of that of the draws (k, n)."""
+    at = int(np.argmin(cost))
+    low, high = np.percentile(V[np.argmin(draws, axis=1)], [2.5, 97.5])
+    return SpeedInterval(
+        speed_mps=float(V[at]),
+        lo_mps=float(low) if low > V[0] else None,
+        hi_mps=float(high),
+        inside_flown_range=0 < at < len(V) - 1,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class PolarCurve(Curve):
+    """Power required from a drag polar. flown_CL : smallest and largest lift coefficient of its speeds"""
+
+    polar: Polar
+    flown_CL: tuple[float, float]
+
+    def best(self, cost: Cost) -> SpeedInterval:
+        """The speed of least cost, exact from the polar.
+
+        No speed below the slowest of the curve is given: what it does there is not known, and the stall may be near.
+        """
+        lift_of = minimum_power_lift if cost is Cost.POWER else best_range_lift
+        smallest_CL, largest_CL = self.flown_CL
+        CL = lift_of(self.polar.A)
+        if not np.isfinite(CL):
+            return _unknown(SpeedReason.NO_OPTIMUM)
+        slowest = float(speed_at(largest_CL, self.condition))
+        speed, lo, hi = optimum_speed(lift_of, self.polar, self.condition)
+        if speed < slowest:
+            return _unknown(SpeedReason.BELOW_SLOWEST, hi if hi >= slowest else None)
+        return SpeedInterval(
+            speed_mps=speed,
+            lo_mps=lo if lo >= slowest else None,
+            hi_mps=hi,
+            inside_flown_range=bool(smallest_CL <= CL <= largest_CL),
+            reason=SpeedReason.NONE if lo >= slowest else SpeedReason.INTERVAL_BELOW_SLOWEST,
+        )
+
+
+def _unknown(reason: SpeedReason, hi_mps: float | None = None) -> SpeedInterval:
+    return SpeedInterval(speed_mps=None, lo_mps=None, hi_mps=hi_mps, inside_flown_range=False, reason=reason)
+
+
+def polar_curve(
+    polar: Polar,
+    condition: Condition,
+    flown_CL: tuple[float, float],
+    extrapolated: NDArray[np.bool_] | None = None,
+) -> PolarCurve:
+    """The curve of a drag polar over a range of lift coefficients, at CURVES.points even steps of speed."""
+    slowest, fastest = (float(speed_at(CL, condition)) for CL in reversed(flown_CL))
+    V = np.linspace(slowest, fastest, CURVES.points)
+    return PolarCurve(
+        kind=Kind.POWER_REQUIRED,
+        condition=condition,
+        V_mps=V,
+        power_W=Uncertain(polar.A, polar.covariance).through(power_gradient(V, condition)),
+        extrapolated=extrapolated,
+        polar=polar,
+        flown_CL=flown_CL,
+    )
+
+
+def stored_curve(statistics: ElectricalStatistics, condition: Condition, idle_W: float) -> Curve:
+    """The electrical curve that results have for pools and missions, with the errors that flights share."""
+    power = Uncertain(
+        np.array(statistics.power_W),
+        np.array(statistics.own_covariance),
+        {name: np.array(change) for name, change in statistics.shared.items()},
+    )
+    V = np.array(statistics.speed_mps)
+    return Curve(kind=Kind.ELECTRICAL, condition=condition, V_mps=V, power_W=power, idle_W=idle_W)
+
+
+def power_points(
+    V_mps: Array, power_W: Array, half_width_W: Array, extrapolated: Sequence[bool] | NDArray[np.bool_] | None = None
+) -> list[PowerPoint]:
+    """Points of a curve (n,); what is not known is left out. The interval of a power does not reach below zero."""
+    beyond = [False] * len(V_mps) if extrapolated is None else list(extrapolated)
+    return [
+        PowerPoint(
+            speed_mps=v, power_W=p, power_lo_W=max(p - h, min(p, 0.0)), power_hi_W=p + h, extrapolated=bool(outside)
+        )
+        for v, p, h, outside in zip(V_mps.tolist(), power_W.tolist(), half_width_W.tolist(), beyond, strict=True)
+        if np.isfinite(p + h)
+    ]

@@ -102,10 +102,10 @@ def one_campaign(setup: Setup, *, sizes: str = "1,3,10", changed: int = 0, blind
     flights, rows = [_pooled_flight(setup, aircraft, n, name) for n in range(max(pools))], []
     for size in pools:
         pool = electrical_pool([found for found, _, _ in flights[:size]])
-        at = np.linspace(0, len(pool.V_mps) - 1, SPEEDS).round().astype(int)
+        at = np.linspace(0, len(pool.curve.V_mps) - 1, SPEEDS).round().astype(int)
         _, flight, errors = flights[0]
-        truth = true_power(aircraft, flight, errors, pool.V_mps[at], pool.condition.air_density_kgpm3)
-        power = pool.power_W.at(at)
+        truth = true_power(aircraft, flight, errors, pool.curve.V_mps[at], pool.curve.condition.rho)
+        power = pool.curve.power_W.at(at)
         rows.append((f"pool of {size}", np.stack([100 * (power.value / truth - 1), 100 * power.half_width / truth])))
     if changed:
         drag = {part: (1 + MORE_DRAG) * aircraft.aerodynamics[part] for part in ("CD0", "K")}
@@ -179,7 +179,7 @@ def _errors(
         required, V = flight.power_required, found.V_mps[at]
         slower = V / np.sqrt(required["density_kgpm3"].iloc[0] / found.conditions.rho)
         truth = V * np.interp(slower, required["speed_mps"], required["drag_N"], left=np.nan)
-        return 100 * (drag.power_W[at] / truth - 1), 100 * drag.power.half_width[at] / truth
+        return 100 * (drag.power_W[at] / truth - 1), 100 * drag.curve.power_W.half_width[at] / truth
     power, half = found.power_W[at], NORMAL_95 * found.standard_error_W[at]
     truth = true_power(aircraft, flight, errors, found.V_mps[at], found.conditions.rho)
     return 100 * (power / truth - 1), 100 * half / truth

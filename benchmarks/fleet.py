@@ -235,7 +235,7 @@ def coverage_records(airframes_: int, flights: int, draws: int, seed: int) -> li
             fleet.append(airframe(f"{i:02d}", "", [read_statistics(one) for one in drawn], 1.0))
         curve = fleet_curve(fleet)
         at = fleet[0].pool
-        V, condition = at.curve_speeds_mps, at.condition
+        V, condition = at.curve.V_mps, at.condition
         told = [("each airframe", one.pool.polar, polar) for one, polar in zip(fleet, polars, strict=False)]
         told += [("mean of the fleet", curve.mean, POLAR), ("another airframe", curve.of_another, polars[-1])]
         for name, polar_told, polar in told:

@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-from scipy import special
-
 from flight.settings import Settings, setting
 
 
@@ -17,6 +15,8 @@ class Tests(Settings):
     @property
     def half_width(self) -> float:
         """Of the interval that a value lies in but for false alarms, in standard deviations: 95 %."""
+        from scipy import special  # not loaded by those who only name a curve
+
         return float(special.ndtri(1 - self.false_alarms / 2))
 
 
@@ -93,6 +93,8 @@ class VerdictLimits(Settings):
     @property
     def not_white(self) -> float:
         """Lag-one correlation, in standard deviations, that a white record exceeds once in a thousand."""
+        from scipy import special
+
         return float(special.ndtri(1 - TESTS.rare_false_alarms / 2))
 
 

@@ -13,7 +13,7 @@ from scipy.linalg import block_diag
 from scipy.optimize import brentq
 from scipy.stats import chi2, ncx2
 
-from analysis.curve import POLAR, Condition, Polar, power_required, speed_at
+from analysis.curve import POLAR, Condition, Polar, power_gradient, speed_at
 from analysis.estimation.noise import NORMAL_95
 from analysis.flights.agreement import INSTALLATION_PART, Test, homogeneity, quadratic_form
 from analysis.flights.evidence import SharedErrors, against_installation, installations_text
@@ -129,7 +129,7 @@ def compare(a: JointPool, b: JointPool) -> Comparison:
     V = _common_speeds(a, b, condition_b)
     polars = _joint_polars(a, b, same_installation, same_propeller)
     A, B = polars.A[:_N_POLAR], polars.A[_N_POLAR:]
-    gradients = [_gradient(V, a.condition), _gradient(V, condition_b)]
+    gradients = [power_gradient(V, a.condition), power_gradient(V, condition_b)]
     power_a, power_b = gradients[0] @ A, gradients[1] @ B
     J = 100 * np.hstack([-(power_b / power_a**2)[:, None] * gradients[0], gradients[1] / power_a[:, None]])
     difference = 100 * (power_b / power_a - 1)
@@ -283,11 +283,6 @@ def _prior_of_a(a: JointPool, b: JointPool, same_installation: bool, same_propel
         np.where(np.outer(shared, shared), of_both.information, np.where(shared, 0.0, a.prior.information)),
         np.where(shared, of_both.vector, a.prior.vector),
     )
-
-
-def _gradient(V: Array, condition: Condition) -> Array:
-    """Derivative (n, 3) of power required by the polar, in which it is linear."""
-    return np.stack([power_required(V, Polar(row, np.zeros((3, 3))), condition)[0] for row in np.eye(3)], axis=1)
 
 
 def _half_width(J: Array, C: Array) -> Array:

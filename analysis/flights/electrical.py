@@ -9,6 +9,7 @@ priors are from the truth. They do not average out in a pool, and cancel between
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import msgspec
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.special import chdtrc
 
-from analysis.curve import POLAR
+from analysis.curve import POLAR, Condition, Curve, stored_curve
 from analysis.flights.agreement import Test, quadratic_form
 from analysis.flights.evidence import (
     NOT_ONE_VEHICLE,
@@ -30,7 +31,7 @@ from analysis.flights.evidence import (
 )
 from analysis.flights.pool_settings import POOLING
 from analysis.flights.power_train import mean_air
-from analysis.records.flight import ConditionResult, ElectricalFlight, ElectricalStatistics, PowerPoint
+from analysis.records.flight import ConditionResult, ElectricalFlight, ElectricalStatistics
 from analysis.records.pool import (
     AgreementTest,
     ComparisonResults,
@@ -50,20 +51,12 @@ from flight.errors import InputError
 from flight.version import version
 
 
-class ElectricalCurve(NamedTuple):
-    """Electrical power of one flight at speeds V_mps (k,)."""
-
-    log: str
-    V_mps: Array
-    power_W: Uncertain
-
-
 class ElectricalPool(NamedTuple):
+    """Flights, the curve of each at the condition of the pool, and the curve of all."""
+
     flights: list[ElectricalFlight]
-    curves: list[ElectricalCurve]
-    condition: ConditionResult
-    V_mps: Array
-    power_W: Uncertain
+    curves: list[Curve]
+    curve: Curve
 
     @property
     def speeds_mps(self) -> Array:
@@ -80,7 +73,7 @@ class ElectricalPool(NamedTuple):
         return pooled_results(self, left_out, failures)
 
 
-def electrical_pool(flights: Sequence[ElectricalFlight], condition: ConditionResult | None = None) -> ElectricalPool:
+def electrical_pool(flights: Sequence[ElectricalFlight], condition: Condition | None = None) -> ElectricalPool:
     """At the flights' mean weight and density, or at another condition.
 
     Raises InputError for flights of two aircraft, for the same flight twice, and for results without statistics.
@@ -99,50 +92,38 @@ def electrical_pool(flights: Sequence[ElectricalFlight], condition: ConditionRes
         if key in seen:
             raise InputError(f"{one.log} and {seen[key]} are the same flight; give each flight once")
         seen[key] = one.log
-    condition = condition or ConditionResult(
-        weight_N=float(np.mean([one.test.weight_N for one in flights])),
-        air_density_kgpm3=float(np.mean([one.test.air_density_kgpm3 for one in flights])),
+    weight_N, rho = (
+        float(np.mean([getattr(one.test, name) for one in flights])) for name in ("weight_N", "air_density_kgpm3")
     )
-    curves = [_at(one, condition) for one in flights]
+    condition = condition or Condition(weight_N, rho, first.aircraft.wing_area_m2)
+    # Pools are compared at one weight and density, each with its own wing.
+    curves = [_curve(one).at(condition._replace(wing_area_m2=one.aircraft.wing_area_m2)) for one in flights]
     low, high = min(one.V_mps[0] for one in curves), max(one.V_mps[-1] for one in curves)
     V = np.linspace(low, high, CURVES.points)
     flown = np.any([_inside(one, V) for one in curves], axis=0)
-    return _together(list(flights), curves, condition, V[flown])
+    return _together(list(flights), curves, V[flown])
 
 
-def _at(flight: ElectricalFlight, condition: ConditionResult) -> ElectricalCurve:
-    """The curve of a flight at another weight and density, where each lift coefficient has its drag and efficiency."""
+def _curve(flight: ElectricalFlight) -> Curve:
+    """Of one flight, at its own weight and density."""
     assert flight.electrical is not None and flight.electrical.pooling is not None
-    found, test = flight.electrical.pooling, flight.test
-    heavier = condition.weight_N / test.weight_N
-    thinner = test.air_density_kgpm3 / condition.air_density_kgpm3
-    faster, more = np.sqrt(heavier * thinner), heavier**1.5 * np.sqrt(thinner)
-    idle_W = flight.electrical.idle_power_W
-    curve = Uncertain(np.array(found.power_W), np.array(found.own_covariance), _arrays(found.shared))
-    value = idle_W + more * (curve.value - idle_W)
-    return ElectricalCurve(
-        flight.log, faster * np.array(found.speed_mps), curve.through(more * np.eye(len(value)), value)
-    )
+    condition = Condition(flight.test.weight_N, flight.test.air_density_kgpm3, flight.aircraft.wing_area_m2)
+    return stored_curve(flight.electrical.pooling, condition, flight.electrical.idle_power_W)
 
 
-def _arrays(shared: Mapping[str, Sequence[float]]) -> dict[str, Array]:
-    return {name: np.array(change) for name, change in shared.items()}
-
-
-def _inside(curve: ElectricalCurve, V: Array) -> NDArray[np.bool_]:
+def _inside(curve: Curve, V: Array) -> NDArray[np.bool_]:
     return np.asarray((curve.V_mps[0] * (1 - 1e-9) <= V) & (curve.V_mps[-1] * (1 + 1e-9) >= V))
 
 
-def _together(
-    flights: list[ElectricalFlight], curves: list[ElectricalCurve], condition: ConditionResult, V: Array
-) -> ElectricalPool:
+def _together(flights: list[ElectricalFlight], curves: list[Curve], V: Array) -> ElectricalPool:
     """At each speed the mean of the curves that contain it, weighed by the inverse variance of their own errors."""
     at = [CubicSpline(one.V_mps, np.eye(len(one.V_mps)))(np.clip(V, one.V_mps[0], one.V_mps[-1])) for one in curves]
     variance = np.stack([np.einsum("vi,ij,vj->v", B, one.power_W.own, B) for B, one in zip(at, curves, strict=True)])
     weight = np.where([_inside(one, V) for one in curves], 1 / variance, 0.0)
     weight /= weight.sum(axis=0)
     parts = (one.power_W.through(w[:, None] * B) for w, B, one in zip(weight, at, curves, strict=True))
-    return ElectricalPool(flights, curves, condition, V, total(parts))
+    first, *_ = curves
+    return ElectricalPool(flights, curves, replace(first, V_mps=V, power_W=total(parts), idle_W=_idle_W(flights)))
 
 
 class ElectricalDifference(NamedTuple):
@@ -162,7 +143,7 @@ def _difference(one: ElectricalPool, other: ElectricalPool, shares_errors: bool)
         said = " and ".join(f"{slow:.1f} to {fast:.1f} m/s" for slow, fast in ends)
         raise InputError(f"no speeds in common, {said}; fly both over the same speeds")
     V = np.linspace(low, high, POOLING.compared_speeds)
-    a, b = (_together(pool.flights, pool.curves, pool.condition, V) for pool in (one, other))
+    a, b = (_together(pool.flights, pool.curves, V).curve for pool in (one, other))
     value = a.power_W.minus(b.power_W, shares_errors)
     other_W = b.power_W.value
     return ElectricalDifference(V, other_W, value, _test(value.value / other_W, value.covariance, other_W))
@@ -186,7 +167,6 @@ def pooled_results(
     pool: ElectricalPool, left_out: Sequence[str] = (), failures: Sequence[str] = ()
 ) -> ElectricalPooledResults:
     """The contents of the pool's results.json."""
-    half = pool.power_W.half_width
     differences = _against_others(pool)
     test = _homogeneity(differences)
     evidence = worst_first([*against_electrical(pool.flights), *against_polars(test)])
@@ -196,11 +176,8 @@ def pooled_results(
         evidence=evidence,
         software_version=version(),
         aircraft=pool.flights[0].aircraft,
-        test=pool.condition,
-        electrical_power=[
-            PowerPoint(speed_mps=v, power_W=p, power_lo_W=max(p - h, 0.0), power_hi_W=p + h)
-            for v, p, h in zip(pool.V_mps.tolist(), pool.power_W.value.tolist(), half.tolist(), strict=True)
-        ],
+        test=_condition_result(pool),
+        electrical_power=pool.curve.points(),
         homogeneity=AgreementTest(**test._asdict(), text=polars_text(test)) if test else None,
         flights=_flights(pool, differences),
         notes=vehicle_notes(pool.flights),
@@ -208,8 +185,13 @@ def pooled_results(
         failures=list(failures),
         air_temperature_K=temperature_K,
         air_pressure_Pa=pressure_Pa,
-        electrical=PooledElectrical(idle_power_W=_idle_W(pool.flights), pooling=_statistics(pool)),
+        electrical=PooledElectrical(idle_power_W=pool.curve.idle_W, pooling=_statistics(pool)),
     )
+
+
+def _condition_result(pool: ElectricalPool) -> ConditionResult:
+    condition = pool.curve.condition
+    return ConditionResult(weight_N=condition.weight_N, air_density_kgpm3=condition.rho)
 
 
 def _idle_W(flights: Sequence[ElectricalFlight]) -> float:
@@ -217,11 +199,12 @@ def _idle_W(flights: Sequence[ElectricalFlight]) -> float:
 
 
 def _statistics(pool: ElectricalPool) -> ElectricalStatistics:
+    power = pool.curve.power_W
     return ElectricalStatistics(
-        speed_mps=pool.V_mps.tolist(),
-        power_W=pool.power_W.value.tolist(),
-        own_covariance=pool.power_W.own.tolist(),
-        shared={name: change.tolist() for name, change in pool.power_W.shared.items()},
+        speed_mps=pool.curve.V_mps.tolist(),
+        power_W=power.value.tolist(),
+        own_covariance=power.own.tolist(),
+        shared={name: change.tolist() for name, change in power.shared.items()},
     )
 
 
@@ -232,10 +215,10 @@ def _against_others(pool: ElectricalPool) -> list[ElectricalDifference]:
         flights, curves = pool.flights[:i] + pool.flights[i + 1 :], pool.curves[:i] + pool.curves[i + 1 :]
         if not curves:
             return []
-        V = pool.V_mps[np.any([_inside(one, pool.V_mps) for one in curves], axis=0)]
-        alone = _together([flight], [curve], pool.condition, curve.V_mps)
+        V = pool.curve.V_mps[np.any([_inside(one, pool.curve.V_mps) for one in curves], axis=0)]
+        alone = _together([flight], [curve], curve.V_mps)
         try:
-            found.append(_difference(alone, _together(flights, curves, pool.condition, V), shares_errors=True))
+            found.append(_difference(alone, _together(flights, curves, V), shares_errors=True))
         except InputError:
             return []
     return found
@@ -251,8 +234,8 @@ def _flights(pool: ElectricalPool, differences: Sequence[ElectricalDifference]) 
     found = []
     for i, (flight, curve) in enumerate(zip(pool.flights, pool.curves, strict=True)):
         difference = differences[i] if differences else None
-        alone = _together([flight], [curve], pool.condition, curve.V_mps if difference is None else difference.V_mps)
-        half = 100 * alone.power_W.half_width / alone.power_W.value
+        alone = _together([flight], [curve], curve.V_mps if difference is None else difference.V_mps).curve.power_W
+        half = 100 * alone.half_width / alone.value
         found.append(
             ElectricalPooledFlight(
                 log=flight.log,
@@ -287,7 +270,7 @@ def compare_electrical(
     Raises InputError where one of the two cannot be pooled, and where they have no speeds in common.
     """
     pool_a = electrical_pool(a)
-    pool_b = electrical_pool(b, pool_a.condition)
+    pool_b = electrical_pool(b, pool_a.curve.condition)
     one_name, vehicle = a[0].aircraft.title == b[0].aircraft.title, one_vehicle(a, b)
     same = one_name and vehicle
     found = _difference(pool_b, pool_a, same)
@@ -308,7 +291,7 @@ def compare_electrical(
         software_version=version(),
         a=_configuration(pool_a, names[0]),
         b=_configuration(pool_b, names[1]),
-        test=pool_a.condition,
+        test=_condition_result(pool_a),
         same_installation=same,
         same_propeller=same,
         differences=[

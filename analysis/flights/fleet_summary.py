@@ -5,14 +5,13 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from itertools import pairwise
 
-from analysis.curve import Polar, power_required
+from analysis.curve import polar_curve
 from analysis.estimation.noise import NORMAL_95
 from analysis.flights.airframes import Airframe, fleet_curve
 from analysis.flights.changes import Change
 from analysis.flights.evidence import undated_text
 from analysis.flights.flight_statistics import FlightContent
 from analysis.flights.joint_pool import JointPool
-from analysis.flights.pool import power_points
 from analysis.records.fleet import (
     AirframeResult,
     ChangeResult,
@@ -23,7 +22,7 @@ from analysis.records.fleet import (
     Shape,
     What,
 )
-from analysis.records.flight import ConditionResult, PowerPoint
+from analysis.records.flight import ConditionResult
 from analysis.results.evidence import trust_by
 from flight.version import version
 
@@ -94,7 +93,7 @@ def _airframe(one: Airframe) -> AirframeResult:
         first_unix_s=first.pooling.start_unix_s,
         last_unix_s=last.pooling.start_unix_s,
         test=_condition(one.pool),
-        power_required=power_points(one.pool),
+        power_required=one.pool.curve.points(),
         trust=trust_by(one.pool.evidence),
         evidence=one.pool.evidence,
         changes=[_change(one, change) for change in one.changes],
@@ -105,16 +104,6 @@ def _condition(pool: JointPool) -> ConditionResult:
     return ConditionResult(weight_N=pool.condition.weight_N, air_density_kgpm3=pool.condition.rho)
 
 
-def _points(pool: JointPool, polar: Polar) -> list[PowerPoint]:
-    """Power of another polar at the speeds and the condition of a pool."""
-    power, error = power_required(pool.curve_speeds_mps, polar, pool.condition)
-    half = NORMAL_95 * error
-    return [
-        PowerPoint(speed_mps=v, power_W=p, power_lo_W=p - h, power_hi_W=p + h)
-        for v, p, h in zip(pool.curve_speeds_mps.tolist(), power.tolist(), half.tolist(), strict=True)
-    ]
-
-
 def _curve(airframes: Sequence[Airframe]) -> FleetCurveResult:
     """At weight and density of the airframe with the most flights."""
     curve = fleet_curve(airframes)
@@ -122,8 +111,8 @@ def _curve(airframes: Sequence[Airframe]) -> FleetCurveResult:
     return FleetCurveResult(
         airframes=[one.name for one in airframes],
         test=_condition(at),
-        mean=_points(at, curve.mean),
-        another=_points(at, curve.of_another),
+        mean=polar_curve(curve.mean, at.condition, at.flown_CL).points(),
+        another=polar_curve(curve.of_another, at.condition, at.flown_CL).points(),
     )
 
 

@@ -1,12 +1,13 @@
 """The pool of several flights: its curve, how the flights agree with it, what each contributed."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
-from analysis.curve import POLAR, Condition, Polar, power_required, speed_at
+from analysis.curve import POLAR, Condition, Polar, PolarCurve, lift_coefficient, polar_curve, power_required
 from analysis.estimation.noise import NORMAL_95
 from analysis.flights.agreement import INSTALLATION_PART, Difference, Test, differences_to_others, homogeneity, outliers
 from analysis.flights.evidence import (
@@ -25,7 +26,6 @@ from analysis.records.flight import Evidence, EvidenceKind
 from analysis.records.pool import Agreement
 from analysis.results.evidence import worst_first
 from analysis.results.settings import TRUST
-from analysis.settings import CURVES
 from flight.arrays import Array
 
 _N_POLAR = len(POLAR)
@@ -52,15 +52,15 @@ class JointPool:
     flown_CL: tuple[float, float]
 
     @cached_property
-    def curve_speeds_mps(self) -> Array:
-        """Speeds (`CURVES.points`,) of the curve [m/s]."""
-        low, high = self.flown_CL
-        return np.linspace(speed_at(high, self.condition), speed_at(low, self.condition), CURVES.points)
+    def curve(self) -> PolarCurve:
+        """At the flights' mean weight and density; extrapolated where no flight that reaches it knows the thrust."""
+        curve = polar_curve(self.polar, self.condition, self.flown_CL)
+        return replace(curve, extrapolated=~thrust_known(self.flights, lift_coefficient(curve.V_mps, self.condition)))
 
     @cached_property
     def speeds_mps(self) -> Array:
         """Speeds (`POOLING.compared_speeds`,) of comparisons [m/s]."""
-        return np.linspace(self.curve_speeds_mps[0], self.curve_speeds_mps[-1], POOLING.compared_speeds)
+        return np.linspace(self.curve.V_mps[0], self.curve.V_mps[-1], POOLING.compared_speeds)
 
     @cached_property
     def differences(self) -> list[Difference]:
@@ -153,6 +153,23 @@ class JointPool:
     def _half_width_percent(self, polar_covariance: Array, V: Array) -> Array:
         power, error = power_required(V, Polar(self.polar.A, polar_covariance), self.condition)
         return np.asarray(100 * NORMAL_95 * error / power)
+
+
+def thrust_known(flights: Sequence[FlightStatistics], CL: Array) -> NDArray[np.bool_]:
+    """Whether the propeller's table covers the thrust of at least one flight that covers this lift coefficient (n,)."""
+    known = np.zeros(len(CL), dtype=bool)
+    for flight in flights:
+        points = flight.content.power_required
+        low, high = flight.flown_CL
+        inside = (CL >= low * (1 - 1e-9)) & (CL <= high * (1 + 1e-9))
+        if not points:
+            known |= inside
+            continue
+        CL_of_points = lift_coefficient(np.array([point.speed_mps for point in points]), flight.condition)
+        nearest = np.abs(CL_of_points[:, None] / CL - 1).argmin(axis=0)
+        sure = np.array([not point.extrapolated for point in points])
+        known |= inside & sure[nearest]
+    return known
 
 
 def mean_condition(flights: Sequence[FlightStatistics]) -> Condition:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.curve import POLAR, Condition, Polar, lift_coefficient, power_required
+from analysis.curve import POLAR, Condition, power_gradient
 from analysis.estimation.noise import NORMAL_95
 from analysis.flights.agreement import (
     ErrorParts,
@@ -25,7 +25,7 @@ from analysis.flights.joint import pooled_estimate, shared_prior, stacked
 from analysis.flights.joint_pool import JointPool, mean_condition, pooled_polar
 from analysis.flights.pool_settings import POOLING
 from analysis.flights.power_train import mean_air, pooled_use, slowest_flown
-from analysis.records.flight import ConditionResult, PowerPoint
+from analysis.records.flight import ConditionResult
 from analysis.records.pool import (
     AgreementTest,
     Deviation,
@@ -74,7 +74,7 @@ class Pool(JointPool):
                 SharedParameter(name=name, value=float(x), standard_error=float(e), unit=_UNITS.get(name, ""))
                 for name, x, e in shared
             ],
-            power_required=power_points(self),
+            power_required=self.curve.points(),
             between_flights=_between_flights(self),
             agreement=self.agreement,
             homogeneity=_agreement(polars, polars_text(polars, self.outlying_curves)) if polars else None,
@@ -143,41 +143,10 @@ def _agreement(test: Test, text: str) -> AgreementTest:
     return AgreementTest(chi_square=test.chi_square, degrees_of_freedom=test.degrees_of_freedom, p=test.p, text=text)
 
 
-def power_points(pooled: JointPool) -> list[PowerPoint]:
-    """The pooled curve with its 95 % interval, at `curve_speeds_mps`."""
-    V = pooled.curve_speeds_mps
-    power, error = pooled.power(V)
-    half = NORMAL_95 * error
-    known = _thrust_known(pooled, lift_coefficient(V, pooled.condition))
-    return [
-        PowerPoint(speed_mps=v, power_W=p, power_lo_W=p - h, power_hi_W=p + h, extrapolated=not sure)
-        for v, p, h, sure in zip(V.tolist(), power.tolist(), half.tolist(), known, strict=True)
-    ]
-
-
-def _thrust_known(pooled: JointPool, CL: Array) -> list[bool]:
-    """Whether the propeller's table covers the thrust of at least one flight that covers this lift coefficient."""
-    known = np.zeros(len(CL), dtype=bool)
-    for flight in pooled.flights:
-        points = flight.content.power_required
-        low, high = flight.flown_CL
-        inside = (CL >= low * (1 - 1e-9)) & (CL <= high * (1 + 1e-9))
-        if not points:
-            known |= inside
-            continue
-        CL_of_points = lift_coefficient(np.array([point.speed_mps for point in points]), flight.condition)
-        nearest = np.abs(CL_of_points[:, None] / CL - 1).argmin(axis=0)
-        sure = np.array([not point.extrapolated for point in points])
-        known |= inside & sure[nearest]
-    return [bool(k) for k in known]
-
-
 def _percent(pooled: JointPool, V: Array) -> Array:
     """Derivative (n, 3) of the power at V by the polar, in percent of the pooled power."""
-    zero = np.zeros((3, 3))
     power, _ = pooled.power(V)
-    rows = [power_required(V, Polar(row, zero), pooled.condition)[0] for row in np.eye(3)]
-    return np.asarray(100 * np.stack(rows, axis=1) / power[:, None])
+    return np.asarray(100 * power_gradient(V, pooled.condition) / power[:, None])
 
 
 def _deviations(pooled: JointPool) -> list[tuple[Array, Array]]:

@@ -15,7 +15,7 @@ from math import comb
 
 import numpy as np
 
-from analysis.curve import POLAR, Condition, lift_coefficient, polar_part
+from analysis.curve import POLAR, Condition, polar_part, power_gradient
 from analysis.methods import consider as covariance
 from analysis.methods.assumed_values import ASSUMED_VALUES
 from analysis.methods.consider import JointEstimate
@@ -63,10 +63,7 @@ def variance_by_source(
 
     Of a curve by another method than the dynamic one only noise and what is common to all runs are told apart.
     """
-    CL = lift_coefficient(V, condition)
-    gradient = (
-        0.5 * condition.rho * condition.wing_area_m2 * (V**3)[:, None] * np.stack([np.ones_like(V), CL, CL**2], 1)
-    )
+    gradient = power_gradient(V, condition)
     if estimate.joint is None:
         noise, shared = (
             np.einsum("ni,ij,nj->n", gradient, polar_part(part), gradient)

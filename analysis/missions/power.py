@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from analysis.curve import Condition, lift_coefficient
+from analysis.curve import Condition, lift_coefficient, ratios, stored_curve
 from analysis.methods.whole_flight.settings import PRIOR
 from analysis.missions.inputs import RouteInput
 from analysis.performance.level_flight import Floats, PerformanceModel, climb_angle, steady_thrust
@@ -78,9 +78,8 @@ class ElectricalPower:
     idle_W: float
 
     def battery_W(self, V: Array, condition: Condition, sine: Floats, load_factor: Floats) -> Array:
-        weight = condition.weight_N * load_factor / self.reference.weight_N
-        density = condition.rho / self.reference.rho
-        level_W = (self._curve_W(V * np.sqrt(density / weight)) - self.idle_W) * np.sqrt(weight**3 / density)
+        faster, more = ratios(self.reference, condition, load_factor)
+        level_W = (self._curve_W(V / faster) - self.idle_W) * more
         climb_W = condition.weight_N * V * sine / self.efficiency
         return np.asarray(self.idle_W + np.maximum(level_W + climb_W, 0.0))
 
@@ -128,11 +127,8 @@ def source_of(results: RouteInput, idle_W: float | None, draws: int, rng: np.ran
             "these results know neither battery power at other weights and climbs nor electrical power;"
             " analyze the logs again with this version and the battery's energy, --battery-Wh"
         )
-    statistics = results.electrical.pooling
-    V, power = np.array(statistics.speed_mps), np.array(statistics.power_W)
-    effects = np.array([*statistics.shared.values()]).reshape(-1, len(V))
-    covariance = np.array(statistics.own_covariance) + effects.T @ effects
-    curve = ParameterVector(tuple(str(v) for v in V), power, covariance)
+    curve = stored_curve(results.electrical.pooling, reference, idle)
+    V, power = curve.V_mps, curve.power_W
     fine = np.linspace(V[0], V[-1], CURVES.fine_points)
     mean, sigma = PRIOR.efficiency.mean, PRIOR.efficiency.sigma
     if results.power_required and results.electrical_power:
@@ -148,8 +144,8 @@ def source_of(results: RouteInput, idle_W: float | None, draws: int, rng: np.ran
         reference,
         (flown[0], flown[1]),
         largest_CL or flown[1],
-        power_at(power[None], np.array([[mean]])),
-        power_at(_draw(curve, draws, rng), 1 / (1 + np.exp(-logit))),
+        power_at(power.value[None], np.array([[mean]])),
+        power_at(_draw(power.value, power.covariance, (draws, rng)), 1 / (1 + np.exp(-logit))),
     )
 
 
@@ -167,7 +163,7 @@ def aerodynamic_source(
     be larger than the wing ever carried: the former counts where it is known.
     """
     parameters = model.parameters
-    drawn = _draw(parameters, *draws)
+    drawn = _draw(parameters.values, parameters.covariance, draws)
     return Source(
         reference,
         model.flown_CL,
@@ -177,8 +173,9 @@ def aerodynamic_source(
     )
 
 
-def _draw(parameters: ParameterVector, draws: int, rng: np.random.Generator) -> Array:
-    return rng.multivariate_normal(parameters.values, parameters.covariance, draws, method="eigh")
+def _draw(values: Array, covariance: Array, draws: tuple[int, np.random.Generator]) -> Array:
+    count, rng = draws
+    return rng.multivariate_normal(values, covariance, count, method="eigh")
 
 
 def _as_columns(parameters: ParameterVector, values: Array) -> SigmaPoints:

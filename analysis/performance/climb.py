@@ -12,11 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.curve import Condition, speed_at
+from analysis.curve import Condition, power_points, speed_at
+from analysis.estimation.noise import NORMAL_95
 from analysis.performance.level_flight import PerformanceModel, climb_angle
 from analysis.performance.propagation import SigmaPoints, UncertainValue, from_sigma_points
 from analysis.performance.settings import PERFORMANCE
-from analysis.records.flight import AvailableResult, Interval, PowerPoint
+from analysis.records.flight import AvailableResult, Interval
 from analysis.settings import CURVES
 from flight.arrays import Array
 from flight.atmosphere import density, pressure_at, temperature_at
@@ -153,16 +154,12 @@ def available_result(
     return AvailableResult(
         reason="",
         basis=basis,
-        power_available=[
-            PowerPoint(
-                speed_mps=float(full.V[i]),
-                power_W=float(full.power.value[i]),
-                power_lo_W=float(full.power.lo[i]),
-                power_hi_W=float(full.power.hi[i]),
-                extrapolated=bool(full.V[i] > fastest_mps * (1 + 1e-9) or not full.covered[i]),
-            )
-            for i in drawn
-        ],
+        power_available=power_points(
+            full.V[drawn],
+            full.power.value[drawn],
+            NORMAL_95 * full.power.standard_error[drawn],
+            (full.V > fastest_mps * (1 + 1e-9))[drawn] | ~full.covered[drawn],
+        ),
         climb_mps=[float(full.climb.value[i]) for i in drawn],
         maximum_speed_mps=maximum,
         maximum_speed_extrapolated=maximum is not None and (maximum.value > fastest_mps or not full.covers_maximum()),

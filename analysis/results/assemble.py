@@ -8,7 +8,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.air.flight_data import Calibrations
-from analysis.curve import Condition, best_range_lift, minimum_power_lift, speed_at
+from analysis.curve import Condition, Cost, speed_at
 from analysis.estimation.noise import NORMAL_95
 from analysis.methods.dynamic import DynamicEstimate
 from analysis.methods.ladder import Estimated
@@ -32,7 +32,6 @@ from analysis.results import assemble as methods
 from analysis.results import curves as power_curves
 from analysis.results import flight_found
 from analysis.results.curves import power_curve
-from analysis.results.electrical import electrical_points
 from analysis.results.provenance import provenance
 from analysis.results.settings import RESULTS
 from analysis.trajectory.consistency import Consistency
@@ -63,7 +62,7 @@ def assemble(
     )
     polar, flown_CL = drag.main.polar, drag.flown_CL
     standard = Condition(aircraft.mass.standard_weight_N, SEA_LEVEL_DENSITY, aircraft.geometry.wing_area_m2)
-    power_required = power_curves.power_curve(polar, condition, flown_CL, (rows_flown, condition))
+    curve = power_curves.power_curve(polar, condition, flown_CL, (rows_flown, condition))
     check = drag.cross_check
     results = Results(
         software_version=version(),
@@ -84,14 +83,14 @@ def assemble(
         parameters=drag.main.parameters
         + ([flight_found.static_thrust(drag.main)] if aircraft.propulsion.static_thrust_ratio is not None else []),
         drag_polar=power_curves.drag_polar(polar, aircraft),
-        power_required=power_required,
-        power_required_standard=power_curves.power_curve(polar, standard, flown_CL, (rows_flown, condition)),
-        cross_check=power_curves.power_curve(check.polar, condition, flown_CL, (rows_flown, condition))
+        power_required=curve.points(),
+        power_required_standard=curve.at(standard).points(),
+        cross_check=power_curves.power_curve(check.polar, condition, flown_CL, (rows_flown, condition)).points()
         if check and check.converged
         else [],
         cross_check_differs=drag.cross_check_differs,
-        minimum_power_speed=power_curves.optimum(minimum_power_lift, polar, condition, flown_CL),
-        best_range_speed=power_curves.optimum(best_range_lift, polar, condition, flown_CL),
+        minimum_power_speed=curve.best(Cost.POWER),
+        best_range_speed=curve.best(Cost.ENERGY_PER_METER),
         slowest_flown=power_curves.slowest_flown(flight.table, flown_CL, condition),
         status=drag.main.status,
         verdict=drag.main.verdict,
@@ -102,9 +101,7 @@ def assemble(
         runs_against_others=drag.runs_against_others,
         accelerations_against_decelerations=drag.accelerations_against_decelerations or msgspec.UNSET,
         disagreements=drag.disagreements,
-        interval_parts=power_curves.interval_parts(
-            drag.main, aircraft, condition, np.array([point.speed_mps for point in power_required])
-        ),
+        interval_parts=power_curves.interval_parts(drag.main, aircraft, condition, curve.V_mps),
         path=flight_found.path_result(trajectory, agreement, flight.prior_conflict.beyond),
         speed_over_motor_constant=speed_over_motor_constant(flight.table, aircraft.propulsion),
         use=performance,
@@ -114,7 +111,7 @@ def assemble(
         run_residuals=flight_found.run_residuals(drag.main, {run.name: run.kind for run in maneuvers.level_runs}),
         parameter_correlation=flight_found.parameter_correlation(drag.main),
         track=flight_found.track(trajectory),
-        electrical_power=electrical_points(electrical) if electrical else [],
+        electrical_power=electrical.curve.points() if electrical else [],
         pitch_rate=drag.likelihood.pitch_rate,
     )
     parameters, withheld = of_power_required(results, *power_curves.two_term_polar(polar, flown_CL))
@@ -205,7 +202,9 @@ def method_result(estimate: MethodEstimate, condition: Condition, largest_CL: fl
         equations=estimate.method.equations,
         taken_as_measured=list(estimate.method.taken_as_measured),
         drag_polar=[] if polar is None else polar.A.tolist(),
-        power_required=power_curve(polar, condition, (smallest, largest)) if polar and smallest < largest else [],
+        power_required=power_curve(polar, condition, (smallest, largest)).points()
+        if polar and smallest < largest
+        else [],
         points=[_point(point, condition) for point in estimate.points],
         notes=list(estimate.notes),
         not_flown=list(estimate.not_flown),

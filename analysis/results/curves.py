@@ -1,6 +1,6 @@
 """Curves with their intervals, optimum speeds and the drag polar in the form of `results.json`."""
 
-from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -9,11 +9,11 @@ from analysis.air.flown import largest_lift, thrust_known
 from analysis.curve import (
     Condition,
     Polar,
+    PolarCurve,
     classic_form,
     lift_coefficient,
     maximum_lift_to_drag,
-    optimum_speed,
-    power_required,
+    polar_curve,
     speed_at,
 )
 from analysis.estimation.noise import NORMAL_95
@@ -23,10 +23,7 @@ from analysis.records.flight import (
     DragPolar,
     Interval,
     IntervalPart,
-    PowerPoint,
     SlowestFlown,
-    SpeedInterval,
-    SpeedReason,
 )
 from analysis.settings import CURVES
 from flight.aircraft import Aircraft
@@ -38,59 +35,17 @@ def power_curve(
     condition: Condition,
     flown_CL: tuple[float, float],
     flown: tuple[pd.DataFrame, Condition] | None = None,
-) -> list[PowerPoint]:
+) -> PolarCurve:
     """Power required over a range of lift coefficients.
 
     flown: rows of the runs and their condition; marks points that depend on the propeller table's linear extrapolation.
     """
-    V = np.linspace(speed_at(flown_CL[1], condition), speed_at(flown_CL[0], condition), CURVES.points)
-    power, error = power_required(V, polar, condition)
-    half = NORMAL_95 * error
-    known = np.ones(len(V), dtype=bool)
-    if flown:
-        rows, flown_condition = flown
-        known = thrust_known(rows, speed_at(lift_coefficient(V, condition), flown_condition))
-    return [
-        PowerPoint(
-            speed_mps=float(v),
-            power_W=float(p),
-            power_lo_W=float(p - h),
-            power_hi_W=float(p + h),
-            extrapolated=not sure,
-        )
-        for v, p, h, sure in zip(V, power, half, known.tolist(), strict=True)
-    ]
-
-
-def optimum(
-    lift_of: Callable[[Array], float], polar: Polar, condition: Condition, flown_CL: tuple[float, float]
-) -> SpeedInterval:
-    """The speed at the lift coefficient that `lift_of` computes from (A0, A1, A2): of least power, or of best range.
-
-    No speed below the slowest flown is given: what the curve does there is not known, and the stall may be near.
-    """
-    CL = lift_of(polar.A)
-    if not np.isfinite(CL):
-        return SpeedInterval(
-            speed_mps=None, lo_mps=None, hi_mps=None, inside_flown_range=False, reason=SpeedReason.NO_OPTIMUM
-        )
-    slowest = float(speed_at(flown_CL[1], condition))
-    speed, lo, hi = optimum_speed(lift_of, polar, condition)
-    if speed < slowest:
-        return SpeedInterval(
-            speed_mps=None,
-            lo_mps=None,
-            hi_mps=hi if hi >= slowest else None,
-            inside_flown_range=False,
-            reason=SpeedReason.BELOW_SLOWEST,
-        )
-    return SpeedInterval(
-        speed_mps=speed,
-        lo_mps=lo if lo >= slowest else None,
-        hi_mps=hi,
-        inside_flown_range=bool(flown_CL[0] <= CL <= flown_CL[1]),
-        reason=SpeedReason.NONE if lo >= slowest else SpeedReason.INTERVAL_BELOW_SLOWEST,
-    )
+    curve = polar_curve(polar, condition, flown_CL)
+    if flown is None:
+        return curve
+    rows, flown_condition = flown
+    known = thrust_known(rows, speed_at(lift_coefficient(curve.V_mps, condition), flown_condition))
+    return replace(curve, extrapolated=~known)
 
 
 def slowest_flown(table: pd.DataFrame, flown_CL: tuple[float, float], condition: Condition) -> SlowestFlown:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.curve import maximum_lift_to_drag
+from analysis.curve import Cost, maximum_lift_to_drag, power_points
 from analysis.estimation.noise import NORMAL_95
 from analysis.methods.whole_flight.curve import ElectricalEstimate, FlownAircraft
 from analysis.methods.whole_flight.drag import DragEstimate, DragWithheld
@@ -23,7 +23,6 @@ from analysis.records.flight import (
     ElectricalStatistics,
     Interval,
     IntervalPart,
-    PowerPoint,
     Provenance,
     Results,
     SpeedInterval,
@@ -31,8 +30,6 @@ from analysis.records.flight import (
 from analysis.results.evidence import with_trust
 from analysis.settings import CURVES
 from analysis.sources.grid_settings import FLIGHT
-from analysis.uncertain import Uncertain
-from flight.arrays import Array
 from flight.atmosphere import SEA_LEVEL_DENSITY
 from flight.version import version
 
@@ -100,7 +97,7 @@ def electrical_results(
         rejected=[],
         parameters=[],
         drag_polar=_polar(known, aircraft) if known else None,
-        power_required=_points(known.V_mps, known.power) if known else [],
+        power_required=known.curve.points() if known else [],
         power_required_standard=[],
         cross_check=[],
         minimum_power_speed=UNKNOWN,
@@ -108,25 +105,13 @@ def electrical_results(
         status=CurveStatus.CONVERGED,
         verdict="converged",
         warnings=[*flight.notes, *_warnings(estimate), *([simulated.sentence()] if simulated else [])],
-        electrical_power=electrical_points(estimate),
+        electrical_power=estimate.curve.points(),
         electrical=beside,
         autopilot_parameters=parameters,
         autopilot_parameters_withheld=withheld,
         provenance=provenance,
     )  # fmt: skip
     return with_trust(results)
-
-
-def electrical_points(estimate: ElectricalEstimate) -> list[PowerPoint]:
-    return _points(estimate.V_mps, estimate.power)
-
-
-def _points(V: Array, power: Uncertain) -> list[PowerPoint]:
-    return [
-        PowerPoint(speed_mps=float(v), power_W=float(p), power_lo_W=float(max(p - h, 0.0)), power_hi_W=float(p + h))
-        for v, p, h in zip(V, power.value, power.half_width, strict=True)
-        if np.isfinite(p + h)
-    ]
 
 
 def _polar(drag: DragEstimate, aircraft: FlownAircraft) -> DragPolar:
@@ -151,25 +136,18 @@ def _thrust_basis(drag: DragEstimate, propeller: str) -> str:
 
 def _beside_the_curve(found: ElectricalFindings) -> ElectricalResult:
     flight, estimate, drag, propeller, battery, *_ = found
-    V, power = estimate.V_mps, estimate.power_W
-    draws = np.random.default_rng(0).multivariate_normal(power, estimate.power.covariance, 400, method="eigh")
-    draws = np.maximum(draws, 0.1 * power)
-    endurance = range_m = None
-    if battery is not None:
-        battery_J = battery.usable_J
-        endurance = _interval(battery_J / float(np.min(power)), battery_J / np.min(draws, axis=1))
-        range_m = _interval(battery_J / float(np.min(power / V)), battery_J / np.min(draws / V, axis=1))
-    noise, systematic = (NORMAL_95 * np.sqrt(np.diag(part)) for part in (estimate.power.own, estimate.power.by_shared))
+    curve, power = estimate.curve, estimate.curve.power_W
+    noise, systematic = (NORMAL_95 * np.sqrt(np.diag(part)) for part in (power.own, power.by_shared))
     scale, half_scale = estimate.airspeed.scale, NORMAL_95 * float(np.sqrt(estimate.airspeed.scale_variance))
     return ElectricalResult(
-        least_power_speed=_best_speed(V, power, draws),
-        best_range_speed=_best_speed(V, power / V, draws / V),
-        endurance_s=endurance,
-        range_m=range_m,
+        least_power_speed=curve.best(Cost.POWER),
+        best_range_speed=curve.best(Cost.ENERGY_PER_METER),
+        endurance_s=curve.longest(Cost.POWER, battery.usable_J) if battery else None,
+        range_m=curve.longest(Cost.ENERGY_PER_METER, battery.usable_J) if battery else None,
         battery_energy_Wh=battery.energy_Wh if battery else None,
         interval_parts=[
             IntervalPart(speed_mps=float(v), noise_W=float(n), systematic_W=float(s))
-            for v, n, s in zip(V, noise, systematic, strict=True)
+            for v, n, s in zip(curve.V_mps, noise, systematic, strict=True)
         ],
         residual_W=float(np.sqrt(np.mean(estimate.residual_W**2))),
         idle_power_W=estimate.conditions.idle_power_W,
@@ -180,7 +158,9 @@ def _beside_the_curve(found: ElectricalFindings) -> ElectricalResult:
         wind_from_deg=estimate.airspeed.wind_from_deg,
         flown_s=float(flight.flown.sum() * FLIGHT.step_s),
         withheld=[drag.sentence(), WITHHELD_CLIMB] if isinstance(drag, DragWithheld) else [WITHHELD_CLIMB],
-        shaft_power=[] if isinstance(drag, DragWithheld) else _points(drag.V_mps, drag.shaft),
+        shaft_power=[]
+        if isinstance(drag, DragWithheld)
+        else power_points(drag.V_mps, drag.shaft.value, drag.shaft.half_width),
         thrust_basis="" if isinstance(drag, DragWithheld) else _thrust_basis(drag, propeller),
         pooling=_statistics(estimate),
         thrust_efficiency=None if found.simulated else _thrust_efficiency(estimate),
@@ -210,24 +190,6 @@ def _statistics(estimate: ElectricalEstimate) -> ElectricalStatistics:
         own_covariance=found.own.tolist(),
         shared={str(name): change.tolist() for name, change in found.shared.items()},
     )
-
-
-def _best_speed(V: Array, cost: Array, draws: Array) -> SpeedInterval:
-    """The speed of least cost (n,), with the interval of that of the draws (k, n)."""
-    at = int(np.argmin(cost))
-    low, high = np.percentile(V[np.argmin(draws, axis=1)], [2.5, 97.5])
-    inside = 0 < at < len(V) - 1
-    return SpeedInterval(
-        speed_mps=float(V[at]),
-        lo_mps=float(low) if low > V[0] else None,
-        hi_mps=float(high),
-        inside_flown_range=inside,
-    )
-
-
-def _interval(value: float, draws: Array) -> Interval:
-    low, high = np.percentile(draws, [2.5, 97.5])
-    return Interval(value=value, lo=float(low), hi=float(high))
 
 
 def _warnings(estimate: ElectricalEstimate) -> list[str]:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from analysis.curve import Condition, Curve, Kind
 from analysis.estimation.model import NamedValues
 from analysis.estimation.noise import NORMAL_95
 from analysis.methods.whole_flight.airspeed_gps import AirspeedErrors, airspeed_errors, by_wind
@@ -88,16 +89,15 @@ def flown_aircraft(
 class ElectricalEstimate(NamedTuple):
     """Electrical power of level flight at the flight's weight and density.
 
-    V_mps : (n,)     power : (n,) with noise as its own errors, and those that the whole flight shares by `Source`
-    among_flights : the same with the errors that another flight has anew as its own, and those of the aircraft by name
+    curve : with noise as its own errors, and those that the whole flight shares by `Source`
+    among_flights : its power with the errors that another flight has anew as its own, and those of the aircraft by name
     residual_W : (k,) of the windows of time_s (k,)
     measured_V_mps, measured_W : (k,) the windows reduced to level flight
     gust_mps, gust_s : standard deviation and correlation time of vertical air motion
     rho_sigma : standard deviation of the air density, relative
     """
 
-    V_mps: Array
-    power: Uncertain
+    curve: Curve
     among_flights: Uncertain
     parameters: Estimate
     airspeed: AirspeedErrors
@@ -110,12 +110,16 @@ class ElectricalEstimate(NamedTuple):
     rho_sigma: float
 
     @property
+    def V_mps(self) -> Array:
+        return self.curve.V_mps
+
+    @property
     def power_W(self) -> Array:
-        return self.power.value
+        return self.curve.power_W.value
 
     @property
     def standard_error_W(self) -> Array:
-        return self.power.standard_error
+        return self.curve.power_W.standard_error
 
     @property
     def conditions(self) -> FlightConditions:
@@ -192,9 +196,9 @@ def _estimate(
     gradient = parameters.gradient(partial(level_power, V))
     found = parameters.quantity(partial(level_power, V), gradient)
     level = level_power(balance.V_mps, p, conditions)
+    at = Condition(weight_N, rho, wing_area_m2)
     return ElectricalEstimate(
-        V,
-        found,
+        Curve(kind=Kind.ELECTRICAL, condition=at, V_mps=V, power_W=found, idle_W=conditions.idle_power_W),
         _among_flights(found, gradient, parameters, _prior(balance, span_m), airspeed),
         parameters,
         airspeed,

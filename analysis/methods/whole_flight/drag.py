@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from analysis.curve import Curve, Kind
 from analysis.estimation.model import NamedValues, PriorMeasurement
 from analysis.methods.whole_flight.curve import ElectricalEstimate, drag_prior, lift_prior
 from analysis.methods.whole_flight.energy_balance import FlightConditions, QuarticPolar, drag_power
@@ -71,22 +72,25 @@ class ThrustSource(NamedTuple):
 
 
 class DragEstimate(NamedTuple):
-    """Power required (n,) [W] at the speeds of the electrical curve, and what it is made of.
+    """Power required at the speeds of the electrical curve, and what it is made of.
 
     shaft : (n,) shaft power of level flight [W]; NaN where the table does not reach
     motor_efficiency : shaft power by the table over electrical power, mean of the flight under power
     """
 
-    V_mps: Array
-    power: Uncertain
+    curve: Curve
     shaft: Uncertain
     parameters: Estimate
     motor_efficiency: float
     measured_speed: bool
 
     @property
+    def V_mps(self) -> Array:
+        return self.curve.V_mps
+
+    @property
     def power_W(self) -> Array:
-        return self.power.value
+        return self.curve.power_W.value
 
 
 def drag_estimate(
@@ -141,4 +145,5 @@ def drag_estimate(
         return np.asarray(shaft_W)
 
     power, shaft_power = (parameters.quantity(of) for of in (required, shaft))
-    return DragEstimate(V, power, shaft_power, parameters, efficiency, measured)
+    curve = Curve(kind=Kind.POWER_REQUIRED, condition=electrical.curve.condition, V_mps=V, power_W=power)
+    return DragEstimate(curve, shaft_power, parameters, efficiency, measured)

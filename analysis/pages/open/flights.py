@@ -23,7 +23,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.air.contents import Replacements
-from analysis.curve import Condition, minimum_power_lift
+from analysis.curve import Condition, Cost
 from analysis.files import write_file, write_keeping_previous
 from analysis.flight import FlightPath, Measured, flight_path, reconstructed, recorded, synchronized, with_runs
 from analysis.maneuvers.kinds import KINDS, Maneuvers
@@ -267,7 +267,7 @@ class OpenedFlight:
         from analysis.methods.interval_sources import variance_by_source
         from analysis.methods.ladder import estimate, estimate_by_runs  # the first picture does not wait for these
         from analysis.pages.open.methods import listed, method_curve
-        from analysis.results.curves import optimum, power_curve
+        from analysis.results.curves import power_curve
         from analysis.results.flight_found import track
 
         began = time.process_time()
@@ -281,7 +281,8 @@ class OpenedFlight:
             drag = estimate(flight)
             main, flown_CL, headline = drag.main, drag.flown_CL, drag.ladder[-1]
         condition = _at(flight.condition, values.at)
-        points = power_curve(main.polar, condition, flown_CL, (flight.rows_flown, flight.condition))
+        curve = power_curve(main.polar, condition, flown_CL, (flight.rows_flown, flight.condition))
+        points = curve.points()
         at = points[len(points) // 2].speed_mps
         variances = variance_by_source(main, flight.aircraft, condition, np.array([at]))
         whole = sum(float(variance[0]) for variance in variances.values())
@@ -299,7 +300,7 @@ class OpenedFlight:
                 "curve": _columns(other.power_required),
                 "notes": other.notes,
             },
-            "least_power": _speed(optimum(minimum_power_lift, main.polar, condition, flown_CL)),
+            "least_power": _speed(curve.best(Cost.POWER)),
             "mass_kg": condition.weight_N / GRAVITY_MPS2,
             "density_kgpm3": condition.rho,
             "sources": [[source, float(variance[0]) / whole] for source, variance in variances.items()],

@@ -23,7 +23,8 @@ from analysis.flights.agreement import (
 )
 from analysis.flights.evidence import cause_text
 from analysis.flights.flight_statistics import POOLED, M
-from analysis.flights.pool import Pool, _thrust_known, pool_results
+from analysis.flights.joint_pool import thrust_known
+from analysis.flights.pool import Pool, pool_results
 from analysis.records.flight import EvidenceKind, Trust
 from analysis.records.pool import Agreement, TrendQuantity
 
@@ -229,8 +230,7 @@ def test_thrust_is_known_where_a_flight_that_was_there_had_it_within_the_table()
         return SimpleNamespace(content=SimpleNamespace(power_required=points), flown_CL=(0.3, 0.8), condition=at)
 
     flights = [one([0.35, 0.55, 0.75], [True, False, False])]
-    pool = SimpleNamespace(flights=flights)
-    assert _thrust_known(pool, CL) == [False, False, True, True, False]  # type: ignore[arg-type]
+    assert thrust_known(flights, CL).tolist() == [False, False, True, True, False]  # type: ignore[arg-type]
     flights.append(SimpleNamespace(content=SimpleNamespace(power_required=[]), flown_CL=(0.3, 0.4), condition=at))
-    assert _thrust_known(pool, CL) == [False, True, True, True, False]  # type: ignore[arg-type]
-    assert _thrust_known(pool, np.array([0.3, 0.8])) == [True, True]  # type: ignore[arg-type]
+    assert thrust_known(flights, CL).tolist() == [False, True, True, True, False]  # type: ignore[arg-type]
+    assert thrust_known(flights, np.array([0.3, 0.8])).tolist() == [True, True]  # type: ignore[arg-type]

@@ -71,12 +71,12 @@ def drawn(rng: np.random.Generator, count: int, common: float | None = None, **o
 
 def half_shares(flights: Sequence[ElectricalFlight]) -> np.ndarray:
     pool = electrical_pool(flights)
-    return np.sqrt(np.diag(pool.power_W.covariance)) / pool.power_W.value
+    return np.sqrt(np.diag(pool.curve.power_W.covariance)) / pool.curve.power_W.value
 
 
 def test_one_flight_is_its_own_pool() -> None:
     pool = electrical_pool([flight(error=0.1)])
-    assert pool.power_W.value == pytest.approx(1.1 * power_of(pool.V_mps), rel=1e-4)
+    assert pool.curve.power_W.value == pytest.approx(1.1 * power_of(pool.curve.V_mps), rel=1e-4)
     assert half_shares([flight()]) == pytest.approx(np.hypot(OWN, SHARED), rel=1e-3)
     found = pooled_results(pool)
     assert found.homogeneity is None and found.flights[0].p is None and not found.flights[0].outlier
@@ -92,8 +92,8 @@ def test_pools_contain_the_truth_as_often_as_they_say(count: int) -> None:
     rng, inside = np.random.default_rng(count), []
     for _ in range(300):
         pool = electrical_pool(drawn(rng, count))
-        half = NORMAL_95 * np.sqrt(np.diag(pool.power_W.covariance))
-        inside.append(np.abs(pool.power_W.value - power_of(pool.V_mps)) < half)
+        half = NORMAL_95 * np.sqrt(np.diag(pool.curve.power_W.covariance))
+        inside.append(np.abs(pool.curve.power_W.value - power_of(pool.curve.V_mps)) < half)
     assert 0.92 < np.mean(inside) < 0.98
 
 
@@ -103,8 +103,8 @@ def test_curves_meet_at_one_weight_and_density() -> None:
     flights = [flight("a", weight_N=0.9 * WEIGHT_N, rho=1.25, speeds=slow),
                flight("b", weight_N=1.1 * WEIGHT_N, rho=1.15, speeds=fast)]  # fmt: skip
     pool = electrical_pool(flights)
-    assert (pool.condition.weight_N, pool.condition.air_density_kgpm3) == pytest.approx((WEIGHT_N, 1.2))
-    assert pool.power_W.value == pytest.approx(power_of(pool.V_mps), rel=1e-4)
+    assert (pool.curve.condition.weight_N, pool.curve.condition.rho) == pytest.approx((WEIGHT_N, 1.2))
+    assert pool.curve.power_W.value == pytest.approx(power_of(pool.curve.V_mps), rel=1e-4)
 
 
 def test_a_change_of_drag_is_seen_because_shared_errors_cancel() -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 from msgspec.structs import replace
 
-from analysis.curve import Condition, Polar, minimum_power_lift
+from analysis.curve import Condition, Cost, Polar, polar_curve
 from analysis.pages import page
 from analysis.pages.answers import headline_answers, optimum_speed_text
 from analysis.pages.charts.figure import Dash, Figure, Line
@@ -11,7 +11,6 @@ from analysis.pages.charts.flight import run_fit
 from analysis.pages.charts.power import every_method, power_required
 from analysis.pages.wording import listed_methods
 from analysis.records.flight import ParameterResult, PathResult, RejectedResult, Results, SensorError
-from analysis.results.curves import optimum
 from analysis.results.files import to_csv
 
 T = np.linspace(0.0, 1.0, 5)
@@ -125,6 +124,6 @@ def test_a_speed_whose_interval_has_no_lower_end_says_so() -> None:
     """A curve may have its minimum anywhere below: no speed of 0 m/s is claimed."""
     polar = Polar(np.array([0.03, 0.0, 0.004]), np.diag([0.004, 0.01, 0.004]) ** 2)
     at = Condition(37.7, 1.2, 0.46)
-    lowest = optimum(minimum_power_lift, polar, at, (0.2, 10.0))
+    lowest = polar_curve(polar, at, (0.2, 10.0)).best(Cost.POWER)
     assert lowest.lo_mps is None and lowest.speed_mps and lowest.hi_mps
     assert optimum_speed_text(lowest) == f"{lowest.speed_mps:.1f} m/s (up to {lowest.hi_mps:.1f})"

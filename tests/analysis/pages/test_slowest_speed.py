@@ -3,7 +3,7 @@
 import numpy as np
 from msgspec.structs import replace
 
-from analysis.curve import Condition, Polar, best_range_lift, minimum_power_lift, speed_at
+from analysis.curve import Condition, Cost, Polar, speed_at
 from analysis.pages.answers import headline_answers
 from analysis.pages.sections.performance import to_markdown
 from analysis.performance.analysis import flight_performance
@@ -13,7 +13,7 @@ from analysis.performance.power_train import PowerTrainModel
 from analysis.performance.propagation import ParameterVector, combine_independent, exact
 from analysis.performance.request import Request, TitledCondition
 from analysis.records.flight import ConditionResult, MethodResult, Results, SlowestFlown, SpeedReason
-from analysis.results.curves import drag_polar, optimum, power_curve
+from analysis.results.curves import drag_polar, power_curve
 from tests.analysis.pages.named_speeds import below_slowest
 
 SEEDS = range(50)
@@ -33,7 +33,8 @@ def drawn(seed: int, template: Results, nexstar, propeller, performs: bool = Tru
     model = PerformanceModel(parameters, LOSSLESS, FullThrottle(None, reason="not flown"), propeller, flown_CL)
     heavier = TitledCondition("heavier", at._replace(weight_N=1.1 * at.weight_N, rho=0.9 * at.rho))
     performance = flight_performance(model, at, [heavier], Request(battery_Wh=50.0)) if performs else None
-    curve = power_curve(polar, at, flown_CL)
+    found = power_curve(polar, at, flown_CL)
+    curve = found.points()
     method = MethodResult(name="direct", title="direct", drag_polar=A.tolist(), power_required=curve)
     standard = at._replace(rho=1.225)
     return replace(
@@ -43,10 +44,10 @@ def drawn(seed: int, template: Results, nexstar, propeller, performs: bool = Tru
         aircraft=replace(template.aircraft, wing_area_m2=at.wing_area_m2),
         drag_polar=drag_polar(polar, nexstar),
         power_required=curve,
-        power_required_standard=power_curve(polar, standard, flown_CL),
+        power_required_standard=power_curve(polar, standard, flown_CL).points(),
         cross_check=curve,
-        minimum_power_speed=optimum(minimum_power_lift, polar, at, flown_CL),
-        best_range_speed=optimum(best_range_lift, polar, at, flown_CL),
+        minimum_power_speed=found.best(Cost.POWER),
+        best_range_speed=found.best(Cost.ENERGY_PER_METER),
         slowest_flown=SlowestFlown(
             speed_mps=float(speed_at(flown_CL[1], at)),
             lift_coefficient=flown_CL[1],

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from analysis.curve import maximum_lift_to_drag
+from analysis.curve import Condition, Curve, Kind, maximum_lift_to_drag, power_points, speed_of_least
 from analysis.estimation.noise import NORMAL_95
 from analysis.methods.whole_flight.airspeed_gps import AirspeedErrors
 from analysis.methods.whole_flight.drag import DragWithheld
@@ -18,8 +18,6 @@ from analysis.results.electrical import (
     ElectricalFindings,
     UsedBattery,
     _beside_the_curve,
-    _best_speed,
-    _points,
     _polar,
     _warnings,
 )
@@ -38,8 +36,9 @@ FLOWN = SimpleNamespace(flown=np.ones(3000, dtype=bool))
 def estimate(*, share: float = 0.03, noise_W: float = 1e-6, wind_mps: float | None = 3.0, scale: float = 0.02):
     """A curve whose error is one scale of all power, as large as this share, and noise."""
     power = Uncertain(POWER_W, noise_W**2 * np.eye(len(V)), {"current": share * POWER_W})
+    curve = Curve(kind=Kind.ELECTRICAL, condition=Condition(30.0, 1.2, 0.5), V_mps=V, power_W=power)
     return SimpleNamespace(
-        V_mps=V, power_W=POWER_W, power=power, residual_W=np.array([3.0, -4.0]),
+        V_mps=V, power_W=POWER_W, curve=curve, residual_W=np.array([3.0, -4.0]),
         standard_error_W=power.standard_error,
         conditions=SimpleNamespace(idle_power_W=4.0, idle_sigma_W=1.0),
         rho_sigma=0.0, among_flights=power,
@@ -93,16 +92,16 @@ def test_a_power_of_less_than_a_tenth_is_not_believed() -> None:
 
 def test_a_best_speed_at_the_slowest_flown_has_no_lower_end() -> None:
     rising = V.copy()
-    found = _best_speed(V, rising, np.stack([rising] * 10))
+    found = speed_of_least(V, rising, np.stack([rising] * 10))
     assert (found.speed_mps, found.lo_mps, found.inside_flown_range) == (10.0, None, False)
     # A twentieth of the draws at the slowest speed: more than the 2.5 % beyond the interval; of one in a hundred, less.
     mixed = np.stack([rising] * 5 + [(V - 14.0) ** 2] * 95)
-    assert _best_speed(V, (V - 14.0) ** 2, mixed).lo_mps is None
+    assert speed_of_least(V, (V - 14.0) ** 2, mixed).lo_mps is None
     few = np.stack([rising] + [(V - 14.0) ** 2] * 99)
-    assert _best_speed(V, (V - 14.0) ** 2, few).lo_mps == 14.0
+    assert speed_of_least(V, (V - 14.0) ** 2, few).lo_mps == 14.0
     falling = np.stack([-rising] * 5 + [(V - 14.0) ** 2] * 95)
-    assert _best_speed(V, (V - 14.0) ** 2, falling).hi_mps == 20.0
-    assert not _best_speed(V, -rising, falling).inside_flown_range
+    assert speed_of_least(V, (V - 14.0) ** 2, falling).hi_mps == 20.0
+    assert not speed_of_least(V, -rising, falling).inside_flown_range
 
 
 def test_what_is_beside_the_curve_has_intervals_of_95_per_cent() -> None:
@@ -115,7 +114,7 @@ def test_what_is_beside_the_curve_has_intervals_of_95_per_cent() -> None:
 
 
 def test_a_power_s_interval_ends_at_zero_and_what_is_not_known_is_left_out() -> None:
-    points = _points(np.array([10.0, 11.0, 12.0]), uncertain(np.full(3, 50.0), np.array([10.0, 60.0, np.inf])))
+    points = power_points(np.array([10.0, 11.0, 12.0]), np.full(3, 50.0), np.array([10.0, 60.0, np.inf]))
     assert [(p.power_lo_W, p.power_hi_W) for p in points] == [(40.0, 60.0), (0.0, 110.0)]
 
 

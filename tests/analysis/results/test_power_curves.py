@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from analysis.curve import Condition, Polar, best_range_lift, minimum_power_lift
+from analysis.curve import Condition, Cost, Polar, polar_curve
 from analysis.estimation.noise import NORMAL_95
 from analysis.methods.dynamic import DynamicEstimate
 from analysis.methods.method import SteadyPoint
@@ -23,7 +23,7 @@ POLAR = Polar(np.array([CD0, 0.0, K]), np.diag([0.001**2, 0.0, 0.0]))
 
 def test_the_curve_is_drag_times_speed_with_a_95_percent_interval() -> None:
     """An A0 known to 0.001 is power known to rho V^3 S / 2 times that."""
-    found = power_curves.power_curve(POLAR, AT, (0.3, 0.9))
+    found = power_curves.power_curve(POLAR, AT, (0.3, 0.9)).points()
     assert found[0].speed_mps < found[-1].speed_mps
     for point in found:
         qS_N = AT.rho * point.speed_mps**2 / 2 * AT.wing_area_m2
@@ -47,8 +47,8 @@ def test_a_point_of_a_method_keeps_its_coefficients_at_another_weight_and_densit
 
 def test_optimum_speeds_are_those_of_the_textbook_and_marked_outside_the_flown_range() -> None:
     """CDi = 3 CD0 at least power (1.6), CDi = CD0 at least drag (1.10)."""
-    slow = power_curves.optimum(minimum_power_lift, POLAR, AT, (0.3, 1.6))
-    far = power_curves.optimum(best_range_lift, POLAR, AT, (0.9, 1.6))
+    slow = polar_curve(POLAR, AT, (0.3, 1.6)).best(Cost.POWER)
+    far = polar_curve(POLAR, AT, (0.9, 1.6)).best(Cost.ENERGY_PER_METER)
     for found, CL, inside in ((slow, np.sqrt(3 * CD0 / K), True), (far, np.sqrt(CD0 / K), False)):
         V = np.sqrt(2 * AT.weight_N / (AT.rho * CL * AT.wing_area_m2))
         assert found.speed_mps == pytest.approx(V)
@@ -58,21 +58,17 @@ def test_optimum_speeds_are_those_of_the_textbook_and_marked_outside_the_flown_r
 
 def test_an_optimum_slower_than_was_flown_is_not_named() -> None:
     """Least drag at C_L = 0.82, flown up to 0.7; and one that is just inside, its interval is not."""
-    not_flown = power_curves.optimum(best_range_lift, POLAR, AT, (0.3, 0.7))
+    not_flown = polar_curve(POLAR, AT, (0.3, 0.7)).best(Cost.ENERGY_PER_METER)
     assert (not_flown.speed_mps, not_flown.lo_mps, not_flown.inside_flown_range) == (None, None, False)
     assert not_flown.reason == "It lies below the slowest speed flown."
-    at_end = power_curves.optimum(best_range_lift, POLAR, AT, (0.3, np.sqrt(CD0 / K) + 1e-4))
+    at_end = polar_curve(POLAR, AT, (0.3, np.sqrt(CD0 / K) + 1e-4)).best(Cost.ENERGY_PER_METER)
     assert at_end.speed_mps is not None and at_end.lo_mps is None and at_end.inside_flown_range
     assert at_end.reason == "The interval reaches below the slowest speed flown."
 
 
 def test_a_polar_without_an_optimum_has_none() -> None:
-    assert (
-        power_curves.optimum(
-            best_range_lift, Polar(np.array([-0.01, 0, K]), POLAR.covariance), AT, (0.3, 0.9)
-        ).speed_mps
-        is None
-    )
+    falling = Polar(np.array([-0.01, 0, K]), POLAR.covariance)
+    assert polar_curve(falling, AT, (0.3, 0.9)).best(Cost.ENERGY_PER_METER).speed_mps is None
 
 
 def test_csv_rows_hold_their_condition_speed_power_and_interval() -> None:

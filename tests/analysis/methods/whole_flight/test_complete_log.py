@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.curve import Condition, power_required
+from analysis.curve import Condition, Curve, Kind, power_required
 from analysis.methods.whole_flight.drag import DragEstimate
 from analysis.methods.whole_flight.energy_balance import FlightConditions, QuarticPolar, drag_power
 from analysis.methods.whole_flight.fit import Estimate, SharedError
@@ -25,6 +25,7 @@ PARAMETERS = np.array([np.log(0.04), np.log(0.06), 0.2, 0.0, 0.0, 0.0, 0.0, 0.0,
 
 
 def test_the_polar_has_the_power_and_the_interval_of_the_curve() -> None:
+    condition = Condition(CONDITIONS.mass_kg * GRAVITY_MPS2, CONDITIONS.rho, CONDITIONS.wing_area_m2)
     V, scaled = np.linspace(12.0, 22.0, 31), np.zeros(len(PARAMETERS))
     scaled[NAMES.index("ln_CD0")] = 0.03
     drag_W = drag_power(V, 1.0, 0.0, QuarticPolar.of(unpack(NAMES, PARAMETERS)), CONDITIONS)
@@ -32,9 +33,9 @@ def test_the_polar_has_the_power_and_the_interval_of_the_curve() -> None:
     shared = {Source.DENSITY: SharedError(scaled, CONDITIONS), Source.MASS: SharedError(0 * scaled, heavier)}
     parameters = Estimate(NAMES, PARAMETERS, np.diag(np.full(len(NAMES), 1e-12)), shared, CONDITIONS)
     power = Uncertain(drag_W, np.zeros((len(V), len(V))))
-    drag = DragEstimate(V, power, power, parameters, 0.8, True)
+    curve = Curve(kind=Kind.POWER_REQUIRED, condition=condition, V_mps=V, power_W=power)
+    drag = DragEstimate(curve, power, parameters, 0.8, True)
     found = method_estimate(drag)
-    condition = Condition(CONDITIONS.mass_kg * GRAVITY_MPS2, CONDITIONS.rho, CONDITIONS.wing_area_m2)
     assert found.polar is not None
     power, error = power_required(V, found.polar, condition)
     assert power == pytest.approx(drag_W, rel=1e-6)

@@ -1,5 +1,6 @@
 """A flight without noise, whose truth is known: each channel is what its sensor would have read."""
 
+import dataclasses
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -223,14 +224,14 @@ def test_power_required_and_shaft_power_are_found_by_the_propeller_s_table(
     assert isinstance(found, DragEstimate) and found.measured_speed is measured
     V = found.V_mps
     inside = (V > 13) & (V < 19)
-    V, rho = V[inside], found.parameters.conditions.rho
+    V, rho = V[inside], found.curve.condition.rho
     expected = drag_W(V, 1.0, rho)
     assert found.power_W[inside] == pytest.approx(expected, rel=0.01)
-    assert np.abs(found.power_W[inside] - expected).max() < 2 * found.power.standard_error[inside].max()
+    assert np.abs(found.power_W[inside] - expected).max() < 2 * found.curve.power_W.standard_error[inside].max()
     revps = revps_for_thrust(PROPELLER, V, expected / V, rho)
     assert found.shaft.value[inside] == pytest.approx(PROPELLER.thrust_and_power(V, revps, rho)[1], rel=0.04)
     assert 0.7 < found.motor_efficiency < 0.95
-    relative = found.power.standard_error[inside] / found.power_W[inside]
+    relative = found.curve.power_W.standard_error[inside] / found.power_W[inside]
     assert 0.01 < relative.min() and relative.max() < 0.06
 
 
@@ -373,5 +374,5 @@ def test_what_a_reader_must_know_is_said(electrical: ElectricalEstimate) -> None
     assert "GPS" in said(airspeed=electrical.airspeed._replace(wind_mps=None))
     assert "5 % too low by GPS" in said(airspeed=electrical.airspeed._replace(scale=-0.05))
     assert "2 % too high" not in said(airspeed=electrical.airspeed._replace(scale=0.02))
-    unsure = Uncertain(electrical.power_W, np.diag((0.2 * electrical.power_W) ** 2), electrical.power.shared)
-    assert "wider than ±30 % at 100 %" in said(power=unsure)
+    unsure = Uncertain(electrical.power_W, np.diag((0.2 * electrical.power_W) ** 2), electrical.curve.power_W.shared)
+    assert "wider than ±30 % at 100 %" in said(curve=dataclasses.replace(electrical.curve, power_W=unsure))
