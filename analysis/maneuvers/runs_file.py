@@ -1,7 +1,7 @@
 """The file of maneuvers, `runs.toml`: written with every analysis, edited by the user, read with `--runs`."""
 
 import tomllib
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -25,6 +25,7 @@ from analysis.maneuvers.kinds import (
 )
 from analysis.maneuvers.quality import smooth
 from analysis.maneuvers.settings import FLIGHT
+from analysis.records.flight import MethodTried
 from analysis.sources.daemon import COLUMNS, speed_scale_of
 from flight.errors import InputError
 from flight.files import read_text
@@ -43,11 +44,13 @@ LEFT_OUT = Rejection(Unsuitable.LEFT_OUT)
 
 
 class NoCurve(InputError):
-    """No maneuver of a log gives a curve. maneuvers: those found, and the candidates with their reasons."""
+    """No maneuver of a log gives a curve. maneuvers: those found, and the candidates with their reasons; tried: the
+    methods that were applied to them, the best first.
+    """
 
-    def __init__(self, text: str, maneuvers: Maneuvers):
+    def __init__(self, text: str, maneuvers: Maneuvers, tried: Sequence[MethodTried] = ()):
         super().__init__(text)
-        self.maneuvers = maneuvers
+        self.maneuvers, self.tried = maneuvers, tried
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,7 +21,7 @@ from analysis.methods.cross_check import CrossCheck
 from analysis.methods.dynamic import DynamicEstimate
 from analysis.methods.likelihood import LikelihoodEstimates
 from analysis.methods.method import MethodEstimate
-from analysis.methods.methods import energy_of_runs, every_method, fallback, narrower, tried, why_not
+from analysis.methods.methods import NoMethod, energy_of_runs, every_method, fallback, narrower, tried, why_not
 from analysis.methods.methods_from_runs import ENERGY
 from analysis.methods.rerun import EstimateRerun
 from analysis.methods.run_agreement import one_kind_against_another, runs_against_others
@@ -112,7 +112,9 @@ def estimate(flight: Reconstructed, *, by_likelihood: bool = False) -> DragEstim
         except InputError as error:
             by_dynamic = f"; {first.title}: {first.text}" if flight.maneuvers.level_runs else ""
             advice = "fly or keep more runs, longer, over more speeds; or weight, wing area, propeller table, a unit or"
-            raise NoCurve(f"{error}{by_dynamic}; {advice} delay in the log is wrong", flight.maneuvers) from None
+            lower = error.tried if isinstance(error, NoMethod) else ()
+            text = f"{error}{by_dynamic}; {advice} delay in the log is wrong"
+            raise NoCurve(text, flight.maneuvers, [first, *lower]) from None
     else:
         agreement = runs_against_others(others.one_by_one, flight.condition, aircraft.uncertainty)
         check, differs, notes = _cross_checked(flight, by_runs)

@@ -1,5 +1,6 @@
 """All methods on one flight, each run alone, and the pairs of methods that disagree; the curve without runs."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -155,6 +156,14 @@ def tried(name: str, title: str, reason: WhyNot, details: str = "") -> MethodTri
     return MethodTried(name=name, title=title, reason=reason, text=text)
 
 
+class NoMethod(InputError):
+    """No method of the ladder gives a curve. tried: all, with their reasons, the best first."""
+
+    def __init__(self, text: str, tried: Sequence[MethodTried]):
+        super().__init__(text)
+        self.tried = tried
+
+
 class Fallback(NamedTuple):
     """The power curve by another method, and the range of lift coefficients of its data.
 
@@ -170,7 +179,7 @@ def fallback(estimates: list[MethodEstimate], trajectory: Trajectory, aircraft: 
     """The power curve of a flight by the best of the LADDER that gives one.
 
     It has the form of the dynamic method's estimate; the corrections of thrust are those of their prior.
-    Raises InputError, beginning with `log`, with the reasons when none gives a polar.
+    Raises NoMethod, beginning with `log`, with the reasons when none gives a polar.
     """
     by_method = {estimate.method.name: estimate for estimate in estimates}
     candidates = [by_method[name] for name in LADDER if name in by_method]
@@ -186,7 +195,7 @@ def fallback(estimates: list[MethodEstimate], trajectory: Trajectory, aircraft: 
         listed = "; ".join(f"{one.title}: {one.text}" for one in reasons)
         flown = any(one.name == ENERGY.name and one.reason is not WhyNot.NOT_FLOWN for one in reasons)
         without = "" if flown else "no acceleration or deceleration to analyze, and "
-        raise InputError(f"{log}: {without}no method gives a curve: {listed}")
+        raise NoMethod(f"{log}: {without}no method gives a curve: {listed}", reasons)
     # The method's own covariance is that of independent errors of the table.
     prior = thrust_prior(aircraft)
     sensitivity = np.stack([best.sensitivities[name] for name in THRUST], axis=1)

@@ -1,7 +1,7 @@
 """From whatever holds a flight to its results: `analyze`. Which method gives the curve of a log is decided here."""
 
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from analysis.options import Options, refuse_autopilot_options, refuse_drag_options
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from analysis.maneuvers.runs_file import NoCurve
     from analysis.pipeline.runs import Analysis
     from analysis.pipeline.whole_flight import WholeFlightAnalysis
+    from analysis.records.flight import MethodTried
     from analysis.sources.recording import FlightRecording
 
 Progress = Callable[[str], None]
@@ -67,16 +68,21 @@ def analyze(
         if not options.runs and gives_electrical_power(source):
             with contextlib.suppress(InputError):  # what was said of the runs is the cause
                 reason = f"No drag: {cause.removeprefix(f'{source.path}: ')}."
-                return _by_energy(source, options, progress, command_line, reason)
+                return _by_energy(source, options, progress, command_line, reason, error.tried)
         raise InputError(cause) from None
 
 
 def _by_energy(
-    log: Log, options: Options, progress: Progress, command_line: str, reason: str = ""
+    log: Log,
+    options: Options,
+    progress: Progress,
+    command_line: str,
+    reason: str = "",
+    tried: "Sequence[MethodTried]" = (),
 ) -> "WholeFlightAnalysis":
     from analysis.pipeline.whole_flight import analyze_daemon_log  # loads pandas
 
-    return analyze_daemon_log(log, options, progress, reason=reason, command_line=command_line)
+    return analyze_daemon_log(log, options, progress, reason=reason, tried=tried, command_line=command_line)
 
 
 def _why_power_only(log: Log, options: Options) -> str:

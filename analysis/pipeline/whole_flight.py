@@ -1,6 +1,7 @@
 """The energy balance of a whole flight, to results: electrical power, and drag where thrust is known."""
 
 import contextlib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from analysis.methods.whole_flight.method import recording_of
 from analysis.methods.whole_flight.simulated_truth import compared
 from analysis.methods.whole_flight.thrust_balance import motor_constants
 from analysis.options import Options
-from analysis.records.flight import Results
+from analysis.records.flight import MethodTried, Results
 from analysis.results.electrical import ElectricalFindings, UsedBattery, electrical_results
 from analysis.results.provenance import provenance_of_file
 from analysis.sources.daemon_log import SPEED
@@ -38,9 +39,16 @@ class WholeFlightAnalysis:
 
 
 def analyze_daemon_log(
-    log: Log, options: Options, progress: Progress, *, reason: str = "", command_line: str = ""
+    log: Log,
+    options: Options,
+    progress: Progress,
+    *,
+    reason: str = "",
+    tried: Sequence[MethodTried] = (),
+    command_line: str = "",
 ) -> WholeFlightAnalysis:
     """The energy balance of a log of the daemon. reason: why it gives no drag, where no sensor is missing.
+    tried: methods that its runs allow, and that give no curve.
 
     Raises InputError.
     """
@@ -57,7 +65,7 @@ def analyze_daemon_log(
     if reason:
         recording = replace(recording, notes=(reason, *recording.notes))
     try:
-        found = analyze_recording(recording, options, progress, given, table, command_line=command_line)
+        found = analyze_recording(recording, options, progress, given, table, tried=tried, command_line=command_line)
         return replace(found, log=log)
     except InputError as error:
         if log.entries.get(SPEED[0]):
@@ -72,10 +80,12 @@ def analyze_recording(
     given: Aircraft | None = None,
     table: Propeller | None = None,
     *,
+    tried: Sequence[MethodTried] = (),
     command_line: str = "",
 ) -> WholeFlightAnalysis:
     """The energy balance of a recording.
 
+    tried : as of `analyze_daemon_log`
     given : the aircraft file, where the log has one; else that of the options     table : of the propeller in the log
     Raises InputError.
     """
@@ -109,6 +119,7 @@ def analyze_recording(
         recording.parameters,
         compared(recording, flight, found),
         recording.vehicle,
+        tried,
     )
     provenance = provenance_of_file(path, weighed, options.aircraft, command_line)
     results = electrical_results(path, flown, known, provenance)

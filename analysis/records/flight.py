@@ -100,6 +100,7 @@ class EvidenceKind(StrEnum):
 
     NOT_CONVERGED = "not converged"
     TRAJECTORY_NOT_CONVERGED = "trajectory not converged"
+    METHOD_FAILED = "method that the log allows"
     COUNTED_SPEED = "counted motor speed against the runs"
     THRUST_TABLE = "thrust against the propeller's table"
     MOTOR_SPEED = "motor speed against the motor's constant"
@@ -619,6 +620,9 @@ class ElectricalResult(msgspec.Struct, frozen=True, kw_only=True):
     # Drag times airspeed over the motor's electrical power in level flight, where it is known best; null where that is
     # not known, in the log of a simulation, whose current no meter measured, and in results of earlier versions.
     thrust_efficiency: Interval | None = None
+    # Shaft power by the propeller's table over the motor's electrical power, mean of the flight under power; null where
+    # thrust is not known, and in results of earlier versions.
+    shaft_over_electrical: float | None = None
 
 
 class PriorMeasurementStatistics(msgspec.Struct, frozen=True, kw_only=True):
@@ -682,7 +686,7 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     status: CurveStatus | None = None
     verdict: str  # the same in words, with what was wrong
     warnings: list[str]
-    methods_tried: list[MethodTried] = []  # the best first, down to the one that gives the curve
+    methods_tried: list[MethodTried] = []  # the best first, down to the one that gives the curve of drag
     methods: list[MethodResult] = []
     one_by_one: list[MethodResult] = []  # each acceleration and deceleration alone, named by `title`
     runs_against_others: list[RunAgainstOthers] = []

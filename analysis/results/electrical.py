@@ -1,6 +1,6 @@
 """The electrical power of level flight in the form of `results.json`."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -23,6 +23,7 @@ from analysis.records.flight import (
     ElectricalStatistics,
     Interval,
     IntervalPart,
+    MethodTried,
     Provenance,
     Results,
     SpeedInterval,
@@ -59,7 +60,7 @@ class ElectricalFindings(NamedTuple):
 
     propeller : name of the table that drag follows from          battery : None where its energy is not known
     logged : the autopilot's parameters          simulated : the comparison with a simulation's truth
-    vehicle : of the recording
+    vehicle : of the recording          tried : methods that its runs allow, and that give no curve
     """
 
     flight: FlightTable
@@ -70,13 +71,14 @@ class ElectricalFindings(NamedTuple):
     logged: Mapping[str, float] = {}
     simulated: SimulatedTruth | None = None
     vehicle: str = ""
+    tried: Sequence[MethodTried] = ()
 
 
 def electrical_results(
     log: Path, aircraft: FlownAircraft, found: ElectricalFindings, provenance: Provenance
 ) -> Results:
     """The contents of `results.json`."""
-    flight, estimate, drag, propeller, _, logged, simulated, vehicle = found
+    flight, estimate, drag, propeller, _, logged, simulated, vehicle, tried = found
     beside, known = _beside_the_curve(found), None if isinstance(drag, DragWithheld) else drag
     parameters, withheld = typed_in(flight_values(estimate, beside.best_range_speed, logged, known))
     rows = flight.table[flight.flown]
@@ -104,6 +106,7 @@ def electrical_results(
         best_range_speed=UNKNOWN,
         status=CurveStatus.CONVERGED,
         verdict="converged",
+        methods_tried=list(tried),
         warnings=[*flight.notes, *_warnings(estimate), *([simulated.sentence()] if simulated else [])],
         electrical_power=estimate.curve.points(),
         electrical=beside,
@@ -163,6 +166,7 @@ def _beside_the_curve(found: ElectricalFindings) -> ElectricalResult:
         else power_points(drag.V_mps, drag.shaft.value, drag.shaft.half_width),
         thrust_basis="" if isinstance(drag, DragWithheld) else _thrust_basis(drag, propeller),
         pooling=_statistics(estimate),
+        shaft_over_electrical=drag.motor_efficiency,
         thrust_efficiency=None if found.simulated else _thrust_efficiency(estimate),
     )
 

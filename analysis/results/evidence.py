@@ -16,6 +16,7 @@ from analysis.methods.motor_speed import PARAMETER as MOTOR_SPEED_PARAMETER
 from analysis.methods.rejected_assumptions import THRUST_TITLES
 from analysis.methods.settings import MOTOR_SPEED
 from analysis.methods.thrust_prior import STAND
+from analysis.methods.whole_flight.settings import THRUST
 from analysis.records.flight import (
     CurveStatus,
     Evidence,
@@ -27,6 +28,7 @@ from analysis.records.flight import (
     Results,
     RunAgainstOthers,
     Trust,
+    WhyNot,
 )
 from analysis.results.settings import TRUST
 from analysis.settings import FLOWN
@@ -63,11 +65,13 @@ def evidence_against(results: Results) -> list[Evidence]:
     """The worst first, causes before their consequences; empty for a result that can be used within its interval."""
     found = [
         *_estimation(results),
+        *_failed_methods(results),
         *_counted_speed(results.pooling),
         *_thrust(results.pooling),
         *_kinds_of_runs(results.accelerations_against_decelerations),
         *_motor_speed(results),
         *_efficiencies(results),
+        *_shaft(results),
         *_thrust_efficiency(results),
         *_implausible(results),
         *_sensor_errors(results),
@@ -140,6 +144,26 @@ def _estimation(results: Results) -> Iterator[Evidence]:
             part=PartOfResult.CURVE,
             text="The trajectory did not converge.",
         )
+
+
+def _failed_methods(results: Results) -> Iterator[Evidence]:
+    """Where the runs allow drag, and no method finds any that can be: aircraft file and sensors are those of the energy
+    balance, too."""
+    tried = results.methods_tried
+    failed = [one for one in tried if one.reason not in (WhyNot.NONE, WhyNot.NOT_FLOWN)]
+    if not failed or tried[-1].reason is WhyNot.NONE:
+        return
+    yield Evidence(
+        kind=EvidenceKind.METHOD_FAILED,
+        level=Trust.DOUBTFUL,
+        part=PartOfResult.CURVE,
+        subject=failed[0].name,
+        text=(
+            f"The runs give no drag ({failed[0].title}: {failed[0].text}); the curve is that of the energy balance"
+            " instead, with the same weight and wing area. Check these, the propeller and its table,"
+            " `propulsion.pole_pairs`, and units and delays of the log."
+        ),
+    )
 
 
 def noise_limit(tests: int) -> float:
@@ -295,6 +319,26 @@ def _efficiency(kind: EvidenceKind, values: list[Interval], best: float) -> Iter
         figure=figure,
         limit=1.0 if figure > 1 else best,
         text=_CHECK_EFFICIENCY[kind].format(figure),
+    )
+
+
+def _shaft(results: Results) -> Iterator[Evidence]:
+    """Of the energy balance: drag by the propeller's table is then withheld."""
+    share = results.electrical.shaft_over_electrical if results.electrical else None
+    least, greatest = THRUST.motor_efficiency
+    if share is None or least < share < greatest:
+        return
+    yield Evidence(
+        kind=EvidenceKind.MOTOR_EFFICIENCY,
+        level=Trust.DOUBTFUL,
+        part=PartOfResult.CURVE,
+        figure=share,
+        limit=least if share <= least else greatest,
+        text=(
+            f"By the propeller's table and motor speed the shaft takes {100 * share:.0f} % of the electrical power;"
+            f" motors with their controllers have {100 * least:.0f} to {100 * greatest:.0f} %. Check the propeller and"
+            " its table, the pole pairs that the speed was counted with, and the scale of the current sensor."
+        ),
     )
 
 

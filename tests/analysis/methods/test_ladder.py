@@ -16,7 +16,7 @@ from analysis.methods import ladder as estimate_module
 from analysis.methods.comparison import DYNAMIC
 from analysis.methods.ladder import by_simpler_method, estimate
 from analysis.methods.method import MethodEstimate
-from analysis.methods.methods import DIRECT, LADDER, fallback, informative, narrower, why_not
+from analysis.methods.methods import DIRECT, LADDER, NoMethod, fallback, informative, narrower, why_not
 from analysis.methods.methods_from_runs import ENERGY, VARIED_LIFT
 from analysis.methods.steady_points import PIW_VIW_THREE
 from analysis.methods.thrust_prior import THRUST
@@ -80,8 +80,9 @@ def test_the_first_method_of_the_ladder_that_informs_gives_the_curve(path, estim
 
 
 def test_where_no_method_gives_a_curve_each_has_a_reason(path) -> None:
-    with pytest.raises(InputError) as refused:
+    with pytest.raises(NoMethod) as refused:
         fallback([found(ENERGY, sigma=0.2), MethodEstimate(PIW_VIW_THREE, notes=("few",))], path, AIRCRAFT, "flight")
+    assert [one.reason for one in refused.value.tried] == [WhyNot.NO_INFORMATION, WhyNot.NO_ESTIMATE]
     text = str(refused.value)
     assert WhyNot.NO_INFORMATION in text and WhyNot.NO_ESTIMATE in text and not text.endswith(": ")
 

@@ -21,6 +21,7 @@ from analysis.records.flight import (
     ImplausibleReadings,
     Interval,
     LevelEfficiencyPoint,
+    MethodTried,
     PartOfResult,
     PathResult,
     PoolingStatistics,
@@ -29,6 +30,7 @@ from analysis.records.flight import (
     RunAgainstOthers,
     SpeedInterval,
     Trust,
+    WhyNot,
 )
 from analysis.results.evidence import (
     evidence_against,
@@ -227,6 +229,37 @@ def test_a_power_train_of_impossible_efficiency_tells_a_wrong_current(
         [(EvidenceKind.THRUST_EFFICIENCY, level, value)] if level else []
     )
     assert all(f"{value:.2f} ({lo:.2f} to {hi:.2f})" in one.text and "current sensor" in one.text for one in told)
+
+
+@pytest.mark.parametrize(
+    ("reasons", "told"),
+    [
+        ([WhyNot.UNPHYSICAL, WhyNot.NOT_FLOWN], True), ([WhyNot.NOT_FLOWN, WhyNot.NO_ESTIMATE], True),
+        ([WhyNot.NOT_FLOWN, WhyNot.NOT_FLOWN], False), ([WhyNot.UNPHYSICAL, WhyNot.NONE], False), ([], False),
+    ],
+)  # fmt: skip
+def test_a_method_that_the_runs_allow_and_that_fails_is_told_first(
+    results: Results, reasons: list[WhyNot], told: bool
+) -> None:
+    """Not one that was not flown, and not where another one of them gives the curve."""
+    tried = [
+        MethodTried(name=f"m{i}", title=f"Method {i}", reason=reason, text=reason) for i, reason in enumerate(reasons)
+    ]
+    of_low = Interval(value=0.17, lo=0.15, hi=0.19)
+    found = evidence_against(replace(balanced(results, thrust_efficiency=of_low), methods_tried=tried))
+    kinds = [EvidenceKind.METHOD_FAILED, EvidenceKind.THRUST_EFFICIENCY]
+    assert [one.kind for one in found] == kinds[not told :] and trust_by(found) is Trust.DOUBTFUL
+    if told:
+        failed = next(one for one in tried if one.reason is not WhyNot.NOT_FLOWN)
+        assert found[0].subject == failed.name and f"{failed.title}: {failed.text}" in found[0].text
+
+
+@pytest.mark.parametrize(("share", "doubtful"), [(0.15, True), (0.46, False), (0.9, False), (1.03, True)])
+def test_a_shaft_that_takes_what_no_motor_gives_is_told(results: Results, share: float, doubtful: bool) -> None:
+    found = evidence_against(balanced(results, shaft_over_electrical=share))
+    assert [(one.kind, one.level, one.figure) for one in found] == (
+        [(EvidenceKind.MOTOR_EFFICIENCY, Trust.DOUBTFUL, share)] if doubtful else []
+    )
 
 
 def balanced(results: Results, **more: Any) -> Results:

@@ -256,6 +256,14 @@ def test_a_wrong_number_of_poles_is_found_by_the_efficiency(table: FlightTable, 
         "by twice the speed, at the same airspeed: four times the power at least"
     )
     assert drag_estimate(table, electrical, SPAN_M, ThrustSource()) == DragWithheld(DragLacks.PROPELLER)
+    aircraft = FlownAircraft("test", MASS_KG * g, AREA_M2, SPAN_M)
+    results = electrical_results(
+        Path("log"), aircraft, ElectricalFindings(table, electrical, said), cast(Provenance, None)
+    )
+    assert [(one.kind, one.figure) for one in results.evidence] == [
+        (EvidenceKind.MOTOR_EFFICIENCY, said.motor_efficiency)
+    ]
+    assert results.trust is Trust.DOUBTFUL
 
 
 def test_standard_errors_add_what_the_flight_shares() -> None:
