@@ -46,7 +46,8 @@ class TelemetryLog:
         for time_us, message in _messages(data):
             if message.get_type() == "BATTERY_STATUS":
                 cells = [x for x in message.voltages if x != 65535]  # UINT16_MAX: no such cell
-                rows["BAT"].append([time_us, message.id, 1e-3 * sum(cells), 0.01 * message.current_battery])
+                volt = 1e-3 * sum(cells) if cells else np.nan
+                rows["BAT"].append([time_us, message.id, volt, 0.01 * message.current_battery])
             else:
                 rows[message.get_type()].append([time_us, *(getattr(message, name) for name in message.fieldnames)])
         self._columns = _as_dataflash({name: _table(name, many) for name, many in rows.items()})
@@ -113,6 +114,10 @@ def _as_dataflash(tables: dict[str, Columns]) -> dict[str, Columns]:
     status = tables.get("SYS_STATUS")
     if "BAT" in tables:
         out["BAT"] = tables["BAT"]
+        if status is not None:  # the voltage of the first battery is there, too
+            unknown = np.isnan(out["BAT"]["Volt"]) & (out["BAT"]["Inst"] == 0)
+            volt = np.interp(out["BAT"]["TimeUS"], status["TimeUS"], 1e-3 * status["voltage_battery"])
+            out["BAT"]["Volt"] = np.where(unknown, volt, out["BAT"]["Volt"])
     elif status is not None:
         volt, current = 1e-3 * status["voltage_battery"], 0.01 * status["current_battery"]
         out["BAT"] = {"TimeUS": status["TimeUS"], "Volt": volt, "Curr": current}

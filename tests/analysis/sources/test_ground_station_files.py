@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from analysis.sources import recording
 from analysis.sources.ardupilot import read_ardupilot
@@ -120,3 +121,32 @@ def test_a_damaged_frame_costs_one_message(tmp_path: Path) -> None:
     data[at + 12] ^= 0xFF
     log = TelemetryLog(bytes(data))
     assert whole == 600 and whole - len(log.columns("IMU")["TimeUS"]) in (0, 1)
+
+
+@pytest.mark.parametrize("cells_V", [None, 3.7])
+def test_a_voltage_that_only_the_system_s_status_tells_is_taken_from_it(cells_V: float | None) -> None:
+    """Every second, a second battery that has no voltage, and the first, with four cells or none."""
+    encoder = mavlink.MAVLink(None)
+    encoder.srcComponent = mavlink.MAV_COMP_ID_AUTOPILOT1
+    frames = []
+    for second in range(30):
+        messages = [
+            mavlink.MAVLink_heartbeat_message(
+                mavlink.MAV_TYPE_FIXED_WING, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
+            ),
+            mavlink.MAVLink_sys_status_message(0, 0, 0, 500, 15_000 - 10 * second, 1234, -1, 0, 0, 0, 0, 0, 0),
+            *(
+                mavlink.MAVLink_battery_status_message(
+                    i, 0, 0, 32767, [round(1e3 * cells_V)] * 4 + [65535] * 6 if cells_V and i == 0 else [65535] * 10,
+                    1200, -1, -1, -1,
+                )
+                for i in (0, 1)
+            ),
+        ]  # fmt: skip
+        at_us = (1_700_000_000_000_000 + 1_000_000 * second).to_bytes(8, "big")
+        frames += [at_us + message.pack(encoder) for message in messages]
+    battery = TelemetryLog(b"".join(frames)).columns("BAT")
+    first = battery["Inst"] == 0
+    expected = np.full(30, 14.8) if cells_V else 15.0 - 0.01 * np.arange(30)
+    assert battery["Volt"][first] == pytest.approx(expected) and np.all(battery["Curr"] == pytest.approx(12.0))
+    assert np.isnan(battery["Volt"][~first]).all()
