@@ -61,12 +61,12 @@ class ElectricalPool(NamedTuple):
     @property
     def speeds_mps(self) -> Array:
         """Speeds (n,) of the curve [m/s]."""
-        return self.V_mps
+        return self.curve.V_mps
 
     def power(self, V: Array) -> tuple[Array, Array]:
         """Electrical power and its standard error [W], each (k,), at speeds V (k,) [m/s] within those flown."""
-        power_W = self.power_W
-        return np.interp(V, self.V_mps, power_W.value), np.interp(V, self.V_mps, power_W.standard_error)
+        at, power_W = self.curve.V_mps, self.curve.power_W
+        return np.interp(V, at, power_W.value), np.interp(V, at, power_W.standard_error)
 
     def results(self, left_out: Sequence[str] = (), failures: Sequence[str] = ()) -> ElectricalPooledResults:
         """The contents of the pooled results.json; left_out, failures: as of a pool of drag."""
