@@ -1,5 +1,6 @@
 """What a reader does with the report in a browser: with mouse and keyboard, on a laptop and on a phone."""
 
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from pathlib import Path
@@ -167,6 +168,20 @@ def test_the_cursor_reads_every_line_at_its_speed(report: Browser, flown: Path) 
     assert at < further < at + 0.5, "a hundredth of the axis"
     report.value_of("charts.power.svg.blur()")
     assert report.value_of("document.querySelector('#power .readout').hidden")
+
+
+def test_over_the_ground_the_cursor_names_the_run_beneath_it(report: Browser, flown: Path) -> None:
+    results = msgspec.json.decode((flown / "log.report" / "results.json").read_bytes(), type=Results)
+    run = results.runs[number_of_the_deceleration(flown)]
+    assert results.track is not None
+    at = int(np.argmin(np.abs(np.array(results.track.t_s) - (run.start_s + run.end_s) / 2)))
+    east, north = results.track.east_m[at], results.track.north_m[at]
+    x, y = place(report, "track", east, north)
+    report.command("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
+    name, said = report.value_of(READ.format("track")).strip().split(": ")
+    assert name == run.name
+    numbers = [float(number.replace("−", "-")) for number in re.findall(r"[−\d]+", said)]
+    assert numbers == pytest.approx([east, north], abs=40)
 
 
 def test_a_figure_is_zoomed_by_dragging_and_by_key_and_shown_whole_again(report: Browser) -> None:

@@ -39,7 +39,7 @@ class Chart {
     this.nearest = this.svg.dataset.cursor === "nearest";
     this.panels = [...this.svg.querySelectorAll(".panel")].map(element => ({
       element, x: numbers(element.dataset.x), y: numbers(element.dataset.y), digits: numbers(element.dataset.digits),
-      logarithmic: "log" in element.dataset, drawn: element.querySelector(".drawn"), placed: element.querySelector(".placed"),
+      logarithmic: element.dataset.log === "1", drawn: element.querySelector(".drawn"), placed: element.querySelector(".placed"),
       view: [0, 0, UNITS, UNITS], home: [0, 0, UNITS, UNITS], cursor: svgElement("svg", {class: "cursor"}, element),
       ticks: [...element.querySelectorAll(".tick")]}));
     this.readout = document.createElement("div");

@@ -119,7 +119,7 @@ def svg(figure: Figure, title: str = "") -> str:
     body = "".join(
         f'<svg class="panel" y="{i * (high + gap):.2f}%" height="{high:.2f}%" data-x="{x.lo:.7g} {x.hi:.7g}"'
         f' data-y="{y.lo:.7g} {y.hi:.7g}" data-digits="{x.digits()} {y.digits()}" data-names="{escape(x.axis.name)}|'
-        f'{escape(x.axis.unit)}"{" data-log" if y.axis.logarithmic else ""}>'
+        f'{escape(x.axis.unit)}" data-log="{int(y.axis.logarithmic)}">'
         f"{''.join(_panel(figure, i + 1, x, y))}</svg>"
         for i, y in enumerate(ys)
     )

@@ -145,3 +145,35 @@ def test_the_curve_of_the_report_has_all_its_parts(with_battery: Results) -> Non
     assert svg(figure).count("fill-opacity") == 1, "the band"
     colors = set(re.findall(r"var\(--c(\w+)\)", text))
     assert {f"#{color}" for color in colors} <= {color.lower() for color in ON_DARK}, "each has one on a dark page"
+
+
+def ends_of(axis: Axis, y: list[float]) -> tuple[float, float]:
+    figure = Figure()
+    figure.y = axis
+    figure.add(Line(x=np.arange(len(y)), y=np.array(y), color=BLUE))
+    (panel,) = [one for one in parts(figure).iter("svg") if one.get("class") == "panel"]
+    lo, hi = (panel.get("data-y") or "").split()
+    return float(lo), float(hi)
+
+
+def test_an_axis_shows_what_is_drawn_zero_where_asked_and_powers_of_ten_by_their_logarithm() -> None:
+    lo, hi = ends_of(Axis("y"), [50.0, 100.0])
+    assert 45 < lo < 50 and 100 < hi < 105
+    lo, hi = ends_of(Axis("y", from_zero=True), [50.0, 100.0])
+    assert lo == 0 and hi > 100
+    assert ends_of(Axis("y", limits=(10, 20)), [50.0, 100.0]) == (10, 20)
+    lo, hi = ends_of(Axis("y", logarithmic=True), [1e-6, 1.0, np.nan])
+    assert -6.5 < lo < -6 and 0 < hi < 0.5
+    figure = Figure()
+    figure.y = Axis("y", logarithmic=True)
+    figure.add(Line(x=np.arange(3), y=np.array([1e-4, 1e-2, 1.0]), color=BLUE, width=5))
+    ((_, lower), (_, middle), (_, upper)) = corners(drawn(parts(figure))[0])[0]
+    assert middle == pytest.approx((lower + upper) / 2, abs=1), "equal factors are equal distances"
+
+
+def test_a_title_longer_than_its_panel_stands_inside_it() -> None:
+    for name, inside in (("V", False), ("a quantity with a name that is long", True)):
+        figure = Figure(4, height_px=400)
+        figure.ys = [Axis(name, limits=(0, 1)) for _ in range(4)]
+        figure.add(Line(x=np.arange(2.0), y=np.arange(2.0), color=BLUE))
+        assert ('class="inside"' in svg(figure)) == inside
