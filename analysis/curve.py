@@ -168,9 +168,6 @@ def ratios(of: Condition, at: Condition, load_factor: Array | float = 1.0) -> tu
     return np.asarray(np.sqrt(heavier * thinner)), np.asarray(heavier**1.5 * np.sqrt(thinner))
 
 
-DRAWS = 400  # of a curve, for the intervals of its best speeds
-
-
 @dataclass(frozen=True, kw_only=True)
 class Curve:
     """Power of level flight at one weight and density.
@@ -209,9 +206,9 @@ class Curve:
 
     @cached_property
     def _draws(self) -> Array:
-        """Powers (DRAWS, n); none is below a tenth of the value."""
+        """400 draws of the powers, (400, n), for intervals of best speeds; none is below a tenth of the value."""
         value = self.power_W.value
-        draws = np.random.default_rng(0).multivariate_normal(value, self.power_W.covariance, DRAWS, method="eigh")
+        draws = np.random.default_rng(0).multivariate_normal(value, self.power_W.covariance, 400, method="eigh")
         return np.asarray(np.maximum(draws, 0.1 * value))
 
     def _costs(self, cost: Cost, power_W: Array) -> Array:

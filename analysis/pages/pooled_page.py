@@ -382,9 +382,6 @@ def _parameters(rows: Sequence[SharedParameter]) -> HtmlTable:
     return HtmlTable(("quantity", "estimate", "standard error", "unit"), shown, numbers=True)
 
 
-ROW_PX = 24
-
-
 def column(rows: Sequence[Struct], name: str) -> Array:
     return np.array([getattr(row, name) for row in rows], dtype=float)
 
@@ -487,7 +484,7 @@ def _rows(names: list[str], x: Axis) -> Figure:
     """A row for each name, the first at the top."""
     longest = max(map(len, names), default=0)
     figure = Figure(
-        height_px=110 + ROW_PX * max(3, len(names)), left_px=min(24 + 8 * longest, 280), rows=True,
+        height_px=110 + 24 * max(3, len(names)), left_px=min(24 + 8 * longest, 280), rows=True,
         cursor=Cursor.NEAREST, x=x,
     )  # fmt: skip
     ticks = dict(zip(_heights(names), names, strict=True))

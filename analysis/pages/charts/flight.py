@@ -89,10 +89,10 @@ def run_fit(run: str, t_s: Array, measured: dict[str, Array], modeled: dict[str,
         difference = measured[quantity] - model
         both.add(Points(x=t_s, y=measured[quantity], panel=panel, color=GRAY, size=6, name="measured", run=run))
         both.add(Line(x=t_s, y=model, panel=panel, color=ORANGE, width=3, name="model"))
-        both.ys[panel - 1] = Axis(quantity, most_ticks=4)
+        both.ys[panel - 1] = Axis(quantity, most_ticks=5)
         differences.add(Points(x=t_s, y=difference, panel=panel, color=GRAY, size=6, run=run))
         differences.zero_lines.add(panel)
-        differences.ys[panel - 1] = Axis("difference", most_ticks=4)
+        differences.ys[panel - 1] = Axis("difference", most_ticks=5)
     return [both, differences]
 
 
