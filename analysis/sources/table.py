@@ -186,16 +186,16 @@ def _battery(known: Mapping[Quantity, Channel]) -> Fields:
 
 
 def _entries(topic: str, fields: Fields, start_s: float) -> Entries:
-    """At the times of the first field; the others interpolated."""
-    first = next(iter(fields.values()))
+    """At the times of the field that has most of them; the others interpolated."""
+    densest = max(fields.values(), key=lambda one: len(one.t_s))
     entries = Entries(TYPE_OF_TOPIC[topic])
-    n = len(first.t_s)
-    entries.time_ns = array("Q", np.round((first.t_s - start_s) * 1e9).astype(np.uint64).tolist())
+    n = len(densest.t_s)
+    entries.time_ns = array("Q", np.round((densest.t_s - start_s) * 1e9).astype(np.uint64).tolist())
     entries.tick = array("L", range(n))
     entries.status = array("B", [STATUS_CODE[Status.OK]]) * n
     for name, column in entries.columns.items():
         one = fields.get(name)
-        column.extend([None] * n if one is None else np.interp(first.t_s, *one).tolist())
+        column.extend([None] * n if one is None else np.interp(densest.t_s, *one).tolist())
     return entries
 
 

@@ -118,6 +118,15 @@ def test_a_delay_in_the_map_is_taken_out(tmp_path: Path) -> None:
         log_of_table(written(tmp_path, late))
 
 
+def test_current_keeps_its_own_times_where_voltage_is_slower(tmp_path: Path) -> None:
+    """Voltage in every hundredth row, every 10 s, and current in each."""
+    slow = TRUE.assign(voltage_V=TRUE["voltage_V"].where(TRUE.index % 100 == 0))
+    found = recording_of(log_of_table(written(tmp_path, slow))).channels["battery_A"]
+    assert np.interp(TRUE["t_s"], found.t_s + TRUE["t_s"].iloc[0] - found.t_s[0], found.value) == pytest.approx(
+        TRUE["current_A"].to_numpy(), abs=1e-6
+    )
+
+
 def test_one_of_two_motors_counts_twice(tmp_path: Path) -> None:
     half = written(tmp_path, TRUE.assign(current_A=TRUE["current_A"] / 2), map_text(battery_current="factor = 2"))
     current = recording_of(log_of_table(half)).channels["battery_A"].value
