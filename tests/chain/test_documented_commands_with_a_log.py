@@ -74,7 +74,7 @@ TABLE = "python -m flight.propeller_files apce_10x5_kt0821_5000.txt > mine.csv"
 RUN_HERE = {PX4_LOG, *OF_A_FLIGHT, *OF_RESULTS, *OF_A_COLUMN, *OF_A_RUN_UP, *OF_A_BOOM, PLAN, TABLE}
 # Patterns of commands that a test runs with files of other names, shorter input or one option less; and that test.
 RUN_ELSEWHERE = {
-    "flightpower open.*": "analysis/local_page/test_open_command.py",
+    "flightpower open.*": "analysis/pages/open/test_open_command.py",
     "daq run --config tray.toml( .*)?": "chain/test_documented_daemon_commands.py",
     "daq (check|zero) --config .*": "chain/test_documented_daemon_commands.py",
     "daq list": "daq/test_daemon.py",
