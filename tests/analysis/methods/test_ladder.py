@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from methods import drawn, fly
 
-from analysis import flight, pipeline
+from analysis import flight
 from analysis.air.flown import flown_lift
 from analysis.curve import Polar, power_required, speed_at
 from analysis.maneuvers.find import find
@@ -20,6 +20,7 @@ from analysis.methods.methods import DIRECT, LADDER, NoMethod, fallback, informa
 from analysis.methods.methods_from_runs import ENERGY, VARIED_LIFT
 from analysis.methods.steady_points import PIW_VIW_THREE
 from analysis.methods.thrust_prior import THRUST
+from analysis.pipeline import runs as pipeline
 from analysis.records.flight import CurveStatus, Trust, WhyNot
 from analysis.results.evidence import noise_limit
 from analysis.trajectory.as_measured import path_as_measured
@@ -167,7 +168,7 @@ def test_only_a_curve_not_to_be_trusted_on_a_path_in_misfit_gives_way(
         lambda one, *_: SimpleNamespace(method=one.method, results=SimpleNamespace(trust=given[one.method])),
     )  # fmt: skip
     nothing: Any = None
-    assert pipeline.analyze(nothing).method == chosen  # type: ignore[attr-defined]
+    assert pipeline.analyze_runs(nothing).method == chosen  # type: ignore[attr-defined]
 
 
 def test_an_interval_is_compared_over_the_lift_coefficients_of_both_curves() -> None:
