@@ -47,6 +47,7 @@ FIRST_TICK = 50
 I2C_BYTE_NS = 22_500  # nine bits at 400 kHz
 SECOND_NS = 1_000_000_000
 # The MPU-9250 samples at 200 Hz from when its settings are written, in the fourth tick.
+IMU_TICK, AUDIT_TICKS = 5, 50  # the first tick with samples; of so many, two audit other registers
 IMU_SINCE_NS, IMU_RATE_HZ = 120_225_000, 200.0
 
 
@@ -77,8 +78,11 @@ class ReadTimes:
         done = np.maximum(self.tick_ns - IMU_SINCE_NS, 0) / self.imu_period_ns
         self.imu_done: Ints = done.astype(np.int64)  # samples so far
         taken = np.diff(self.imu_done, prepend=0)
+        # The driver's audit: ranges and filters; on one tick in AUDIT_TICKS up to FIFO_EN, on another the bypass alone.
+        in_turn = (np.arange(len(self.tick_ns)) - IMU_TICK + 1) % AUDIT_TICKS
+        audited = np.where(in_turn == 0, 1, np.where(in_turn == AUDIT_TICKS // 2, 11, 5))
         # Status, count and identity registers; the samples; the count again; each with addresses and register.
-        self.mag = self.tick_ns + (13 + 3 + 14 * taken + 5) * I2C_BYTE_NS
+        self.mag = self.tick_ns + (13 + 3 + 14 * taken + 5 + 3 + audited) * I2C_BYTE_NS
         self.baro = self.mag + 12 * I2C_BYTE_NS
         self.static = self.baro + 8 * I2C_BYTE_NS
         self.alpha = self.static + 8 * I2C_BYTE_NS
@@ -86,10 +90,23 @@ class ReadTimes:
         self.airspeed = self.beta + 5 * I2C_BYTE_NS
         self.serial = self.airspeed + 5 * I2C_BYTE_NS
 
+        self.twice = {name: np.zeros(len(self.tick_ns), dtype=bool) for name in BRIDGES}
+
+    def read_twice(self, sensor_truth: SensorTruth) -> None:
+        """A transducer whose pressure jumps is read a second time, so that what follows on the bus is later."""
+        for i, name in enumerate(BRIDGES):
+            part = BRIDGES[name]
+            pressure, _ = _bridge_counts(sensor_truth, getattr(self, name), name)
+            most = BRIDGE_JUMP_PA * (part.high_counts - part.low_counts) / (2 * part.range_Pa)
+            self.twice[name] = np.abs(np.diff(pressure.astype(np.int64), prepend=pressure[0])) > most
+            for later in (*[*BRIDGES][i + 1 :], "serial"):
+                setattr(self, later, getattr(self, later) + 5 * I2C_BYTE_NS * self.twice[name])
+
     def ticks(self) -> range:
         return range(FIRST_TICK, len(self.tick_ns))
 
 
+BRIDGE_JUMP_PA = 10.0  # between two ticks, of which the driver reads a transducer again
 IMU_CHUNK = 6000  # samples at once
 # As the driver sets it: gyroscope 20 Hz and +-500 deg/s, accelerometer 41 Hz and +-8 g, 200 Hz of the internal 1 kHz.
 IMU = mpu9250.Sampling(
@@ -128,6 +145,7 @@ def write_direct_log(
     time at the start; the true time is that of the tray.
     """
     read_times = ReadTimes(sensor_truth.duration_s, tray.imu.clock_error)
+    read_times.read_twice(sensor_truth)
     solutions = list(gps_messages(sensor_truth, read_times, int(tray.utc_at_start.timestamp() * 1e9)))
     streams = [_imu(sensor_truth, read_times), _mag(sensor_truth, read_times, tray.magnetometer.adjustment)]
     for name, part in (("baro", tray.baro), ("static", tray.static)):
@@ -218,15 +236,23 @@ def _barometer(
             yield TimedMessage(tick, time_ns, f"/{name}", message)
 
 
+def _bridge_counts(sensor_truth: SensorTruth, read_ns: Ints, name: str) -> tuple[Ints, Ints]:
+    """Pressure and temperature (n,) [counts] of a transducer that is read at times read_ns (n,)."""
+    t_s = seconds(read_ns // bridge.UPDATE_NS * bridge.UPDATE_NS)
+    return bridge.counts(
+        BRIDGES[name],
+        sensor_truth.differential_pressure_Pa(name, t_s),
+        sensor_truth.transducer_temperature_K(name, t_s),
+    )
+
+
 def _bridge(sensor_truth: SensorTruth, read_times: ReadTimes, name: str) -> Iterator[TimedMessage]:
     ticks = np.array(read_times.ticks())
     part = BRIDGES[name]
     turn = getattr(read_times, name)[ticks]
-    t_s = seconds(turn // bridge.UPDATE_NS * bridge.UPDATE_NS)
     per_count = 2 * part.range_Pa / (part.high_counts - part.low_counts)
-    pressure, kelvin = bridge.counts(
-        part, sensor_truth.differential_pressure_Pa(name, t_s), sensor_truth.transducer_temperature_K(name, t_s)
-    )
+    last_ns = turn + 5 * I2C_BYTE_NS * read_times.twice[name][ticks]
+    pressure, kelvin = _bridge_counts(sensor_truth, last_ns, name)
     for tick, time_ns, p, T in zip(ticks.tolist(), turn.tolist(), pressure.tolist(), kelvin.tolist(), strict=True):
         message = DifferentialPressure(
             status=Status.SATURATED if p in (0, bridge.FULL_COUNT) else Status.OK,
@@ -243,6 +269,8 @@ GPS_PERIOD_NS, GPS_ARRIVES_NS = 100_000_000, round(100 * 10e9 / 38400)
 GPS_EPOCH_UNIX_S = round(GPS_EPOCH.timestamp())
 # Pulse counter: frames of four bytes; the driver takes periods of up to 1 s, and silence for 0.5 s as no data.
 RPM_ARRIVES_NS, RPM_SILENCE_NS, RPM_LONGEST_US = round(4 * 10e9 / BAUD), 500_000_000, 1_000_000
+# The driver withholds a period that jumps until the next one agrees.
+RPM_STEP, RPM_RATIO, RPM_FORGOTTEN_NS = 0.05, 1.25, 300_000_000
 # Autopilot at 57600 baud: attitude and servos each tick, sent 20 ms before it, and battery each 0.5 s, since the daemon
 # asked for them at the first heartbeat; some 90 bytes of others come before the battery's.
 AUTOPILOT_SINCE_NS, AUTOPILOT_EARLIER_NS = 1_060_000_000, 20_000_000
@@ -298,8 +326,19 @@ def rpm_messages(counter: FakeEscCounter, read_times: ReadTimes, pole_pairs: int
     sent = [(at_ns, period_us) for at_ns, period_us in frames if period_us <= RPM_LONGEST_US]
     newest: dict[int, int] = {}
     arrived = np.array([at_ns + RPM_ARRIVES_NS for at_ns, _ in sent], dtype=np.int64)
+    before_us, odd_us, framed_ns = 0, 0, 0
     for tick, (_, period_us) in zip(_arrivals(read_times, arrived).tolist(), sent, strict=True):
-        newest[tick] = period_us
+        if tick >= len(read_times.serial):
+            break
+        now_ns = int(read_times.serial[tick])
+        if now_ns - framed_ns > RPM_FORGOTTEN_NS:
+            before_us = odd_us = 0
+        framed_ns = now_ns
+        follows = before_us == 0 or abs(period_us / before_us - 1) <= RPM_STEP
+        if follows or (odd_us and max(period_us, odd_us) <= RPM_RATIO * min(period_us, odd_us)):
+            newest[tick], before_us, odd_us = period_us, period_us, 0
+        else:  # the driver withholds a period that jumps until the next one agrees
+            odd_us = period_us
     last_ns = 0
     for tick in read_times.ticks():
         now_ns = int(read_times.serial[tick])

@@ -30,9 +30,8 @@ from analysis.maneuvers.kinds import Maneuver
 from analysis.methods import consider as covariance
 from analysis.methods import motor_speed
 from analysis.methods.consider import JointEstimate, joint_estimate, noise_covariance
-from analysis.methods.force_balance import ForceBalance, force_balance
 from analysis.methods.forces import THRUST_BY_MOTOR_SPEED, FlightForces, MotorSpeedError
-from analysis.methods.rejected_assumptions import Assumption, rejected_assumptions, thrust_beyond_prior
+from analysis.methods.rejected_assumptions import rejected_assumptions
 from analysis.methods.settings import MOTOR_SPEED, REGRESSION
 from analysis.methods.thrust_prior import J_REFERENCE, THRUST, stand_measurements
 from analysis.records.flight import CurveStatus, ParameterResult
@@ -41,10 +40,8 @@ from analysis.sources.grid_settings import STATISTICS
 from analysis.trajectory.equations import SENSOR_ERRORS
 from analysis.trajectory.observability import SENSOR_ERROR_KINDS
 from analysis.trajectory.reconstruction import Trajectory
-from analysis.uncertain import Uncertain
 from flight.aircraft import Aircraft
 from flight.arrays import Array
-from flight.errors import InputError
 from flight.propeller import Propeller
 from flight.units import GRAVITY_MPS2
 
@@ -172,24 +169,13 @@ def estimate_polar(
     changes = covariance.changes(values_of, fit.values, flight_forces)
     by_density = covariance.by_density(values_of, fit.values, flight_forces)
     changes[covariance.DENSITY] = covariance.at_nominal_density(fit.values + by_density, aircraft) - fit.values
-    rejected, balance = rejected_assumptions(fit), _balance(nominal, runs)
-    if balance is not None:
-        rejected = [one for one in rejected if one.assumption is not Assumption.THRUST_TABLE]
+    rejected = rejected_assumptions(fit)
     changes |= {str(one.assumption): one.change for one in rejected}
     values = fit.values
-    if balance is not None:
-        k = len(balance.values)
-        values, noise = balance.values, balance.given_sensor_errors
-        systematic = balance.covariance[:k, :k] - noise
     for by_error in changes.values():
         systematic += np.outer(by_error, by_error)
     prior_sigma = np.array([parameter.prior_sigma for parameter in model.parameters])
     joint = joint_estimate(fit, noise, prior_sigma, np.stack(by_sensor_errors, axis=1), trajectory)
-    if balance is not None:
-        joint = joint._replace(
-            parameters=Uncertain(np.concatenate([values, sensor_errors]), balance.covariance, joint.parameters.shared),
-            weighting_covariance=balance.given_sensor_errors,
-        )
     joint = joint.with_changes(changes)._replace(prior_measurements=model.prior_measurements)
     # Several flights are compared at one density.
     joint = joint.with_density_error(by_density, covariance.airspeed_scale_by_density(aircraft))
@@ -257,8 +243,7 @@ def _status(fit: Fit, trajectory: Trajectory) -> CurveStatus:
 def estimate_values(trajectory: Trajectory, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller) -> Array:
     """The `values` (5,) of `estimate_polar`, without the work for their covariance."""
     nominal = _nominal(FlightForces(trajectory, aircraft, propeller), runs)
-    balance = _balance(nominal, runs)
-    return (nominal.fit.values if balance is None else balance.values)[:KEPT]
+    return nominal.fit.values[:KEPT]
 
 
 class _Nominal(NamedTuple):
@@ -290,25 +275,6 @@ def _nominal(counted: FlightForces, runs: list[Maneuver]) -> _Nominal:
             return as_counted
         error = error._replace(share=total)
     return _Nominal(forces, level, fit, total / standard_error)
-
-
-def _balance(nominal: _Nominal, runs: list[Maneuver]) -> ForceBalance | None:
-    """The balance of forces, which gives the polar where it explains a thrust that the regression rejects.
-
-    The regression has the weights of white noise. Where residuals are correlated over a run, as by slow air, it knows
-    polar and thrust too well, and asks for a thrust that contradicts what is known before the flight: on a Citation by
-    5.7 standard deviations, where the balance, with the noise that the runs show, is content with 2.3. None where the
-    regression contradicts nothing, and where the balance does so as well: then the table is wrong.
-    """
-    flight_forces, level, fit, _ = nominal
-    if not thrust_beyond_prior(fit.model, dict(zip(fit.names, fit.values, strict=True))):
-        return None
-    try:
-        balance = force_balance(flight_forces, runs, level, considered=True)
-    except (InputError, np.linalg.LinAlgError):
-        return None
-    by_name = dict(zip(balance.names, balance.values, strict=True))
-    return None if thrust_beyond_prior(fit.model, by_name) else balance
 
 
 def _fitted(model: Model, forces: pd.DataFrame, level: NDArray[np.bool_], runs: list[Maneuver]) -> Fit:

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.air.air import _ground, _stuck, air_data, bank_angle, specific_force_at_cg
+from analysis.air.air import _stuck, _where_it_began, air_data, bank_angle, specific_force_at_cg
 from analysis.air.probe import FittedMap, ProbeCalibration
 from analysis.sources.daemon import COLUMNS, speed_scale
 from flight.aircraft import Aircraft, ProbeInstallation
@@ -232,7 +232,7 @@ def test_the_air_on_the_ground_is_that_of_the_first_two_seconds() -> None:
     late = np.where(t > 2.01, 10.0, 0.0)
     table = pd.DataFrame({"static_Pa": 1e5 - 100 * late, "static_temperature_K": 288.0 + t + late}, index=t + 50)
     table.iloc[:3] = np.nan
-    pressure_Pa, temperature_K = _ground(table)
+    pressure_Pa, temperature_K = _where_it_began(table)
     assert pressure_Pa == pytest.approx(1e5 - 1000 * 3 / 21) and temperature_K == pytest.approx(289.3 + 10 * 3 / 21)
 
 

@@ -8,15 +8,13 @@ import pytest
 from constructed import AIRCRAFT, BLOCK, PROPELLER, STEP_S, W, accelerations_and_decelerations, measured, polar
 
 from analysis.curve import Condition, Polar, power_required
-from analysis.maneuvers.kinds import Maneuver
 from analysis.methods import consider as covariance
 from analysis.methods.causes import CAUSES, error_prior_sigma, estimate_errors
 from analysis.methods.consider import DENSITY
-from analysis.methods.dynamic import POLAR, _nominal, estimate_polar, estimate_values
+from analysis.methods.dynamic import estimate_polar
 from analysis.methods.forces import FlightForces
 from analysis.methods.method import MethodInputs, estimate_with, input_table, method_inputs
 from analysis.methods.methods import ALL_METHODS
-from analysis.methods.rejected_assumptions import thrust_beyond_prior
 from analysis.trajectory.block_means import BlockMeans
 from analysis.trajectory.dryden import GaussMarkov
 from analysis.trajectory.equations import SENSOR_ERRORS
@@ -400,45 +398,3 @@ def test_twice_the_stated_error_of_thrust_widens_the_interval(key: str, name: st
     assert after > 1.3 * before
     assert [one.joint.prior_sigma[i] for one in found] == pytest.approx(getattr(Uncertainty(), key) * np.array([1, 2]))
     assert np.all(power_required(V, found[1].polar, AT)[1] > power_required(V, found[0].polar, AT)[1])
-
-
-def disturbed(f: pd.DataFrame, runs: list[Maneuver], seed: int) -> Trajectory:
-    """The path with errors of the forward force of some 0.1 m/s^2 that change slowly within each run, as of eddies."""
-    trajectory, t, rng = measured(f), f.index.to_numpy(), np.random.default_rng(seed)
-    for run in runs:
-        rows = (t >= run.start_s) & (t <= run.end_s)
-        half_turns = np.pi * (t[rows] - run.start_s) / (run.end_s - run.start_s)
-        slow = rng.normal() + rng.normal() * np.cos(half_turns) + 0.5 * rng.normal() * np.cos(2 * half_turns)
-        trajectory.block_means.means["ax_mps2"][rows] += 0.1 * slow
-    return trajectory
-
-
-def test_slow_disturbances_of_the_runs_are_not_taken_for_a_wrong_propeller() -> None:
-    """The regression, for which every block is an observation of its own, asks for 5 to 10 standard deviations of
-    thrust, and its power is wrong by 7 % (rms). The balance of forces knows how long the residuals last."""
-    f, runs = accelerations_and_decelerations()
-    errors, regressed, inside = [], [], []
-    for seed in (0, 1, 2, 5, 6, 7, 8):
-        trajectory = disturbed(f, runs, seed)
-        found = estimate_polar(trajectory, runs, AIRCRAFT, PROPELLER)
-        fit = _nominal(FlightForces(trajectory, AIRCRAFT, PROPELLER), runs).fit
-        assert thrust_beyond_prior(fit.model, dict(zip(fit.names, fit.values, strict=True))), seed
-        assert abs(found.values[3]) < 2.5 * AIRCRAFT.uncertainty.thrust_scale_fraction, seed
-        assert not any("thrust differs" in warning for warning in found.warnings), seed
-        assert found.joint is not None and found.joint.values[: len(POLAR)] == pytest.approx(found.polar.A)
-        assert estimate_values(trajectory, runs, AIRCRAFT, PROPELLER) == pytest.approx(found.values)
-        watts, sigma_W = power_required(V, found.polar, AT)
-        true_W = power(polar())
-        errors.append(watts / true_W - 1)
-        regressed.append(power(fit.values[:3]) / true_W - 1)
-        inside.append(np.abs(watts - true_W) < 1.96 * sigma_W)
-    assert np.mean(inside) > 0.9
-    assert np.sqrt(np.mean(np.square(errors))) < 0.7 * np.sqrt(np.mean(np.square(regressed)))
-
-
-def test_a_propeller_that_is_wrong_beyond_its_prior_stays_rejected() -> None:
-    """Twelve percent of thrust in every run: the balance asks for it as well, and the table is doubted."""
-    f, runs = accelerations_and_decelerations()
-    found = estimate_polar(measured(f, 0.12), runs, AIRCRAFT, PROPELLER)
-    assert found.values[3] == pytest.approx(0.12, abs=0.01)
-    assert any("thrust differs" in warning for warning in found.warnings)

@@ -146,7 +146,7 @@ def test_a_flight_of_a_pool_lies_off_the_pool_by_its_difference() -> None:
     assert -1 < low < -0.5 and 1.5 < high < 2, "all rows are seen, the first flight on top"
     assert against.y.ticks == {1.0: "1970-01-02 b", 0.0: "1970-01-03 a"}
     many = pooled_page.against_pool(flights * 10)
-    assert many.height_px - against.height_px == 17 * pooled_page.ROW_PX, "a row each, three at least"
+    assert many.height_px - against.height_px == 17 * 24, "a row each, three at least"
 
 
 def test_the_battery_s_power_and_the_flight_are_drawn_whole(results: Results) -> None:

@@ -302,7 +302,7 @@ def test_an_export_of_such_a_result_is_written_and_ends_with_exit_code_1(
     written: list[Path] = []
     analyzed = SimpleNamespace(results=with_trust(NOT_TRUSTED[EvidenceKind.POLAR_CURVES_DOWNWARD](results)))
     monkeypatch.setattr("analysis.cli.export.open_source", lambda path, columns: None)
-    monkeypatch.setattr("analysis.pipeline.runs.analyze_runs", lambda *_, **__: analyzed)
+    monkeypatch.setattr("analysis.pipeline.analyze", lambda *_, **__: analyzed)
     monkeypatch.setattr("analysis.pages.exports.tables.tables_of", lambda flight: {})
     monkeypatch.setattr(
         "analysis.pages.exports.tables.export_tables", lambda tables, log, to, path: written.append(path)

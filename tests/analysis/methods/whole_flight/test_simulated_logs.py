@@ -180,11 +180,11 @@ def test_drag_by_propeller_table_and_motor_speed_or_constants(
     assert isinstance(found, DragEstimate) and found.measured_speed != without_speed
     truth = flown[0].power_required
     faster = np.sqrt(truth["density_kgpm3"].iloc[0] / electrical.conditions.rho)
-    V = found.V_mps[::15]
+    V, error_W = found.V_mps[::15], found.curve.power_W.standard_error
     true_W = V * np.interp(V / faster, truth["speed_mps"], truth["drag_N"])
-    assert (np.abs(found.power_W[::15] - true_W) < NORMAL_95 * found.error_W[::15]).all()
-    assert (found.error_W[::15] < 0.09 * true_W).all()
-    assert (found.shaft_W > found.power_W).all() and (found.shaft_W < electrical.power_W).all()
+    assert (np.abs(found.power_W[::15] - true_W) < NORMAL_95 * error_W[::15]).all()
+    assert (error_W[::15] < 0.09 * true_W).all()
+    assert (found.shaft.value > found.power_W).all() and (found.shaft.value < electrical.power_W).all()
 
 
 def test_what_drag_would_take(px4: FlightRecording) -> None:
