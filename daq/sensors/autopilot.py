@@ -63,7 +63,7 @@ class AutopilotDriver:
         self._first_ns: int | None = None
         self._requested_ns: int | None = None
         self._requests = 0  # in a row, with which the rates were still too low
-        self._received: dict[str, int] = {}  # messages by topic since a second after the latest judgement or request
+        self._received: dict[str, int] = {}  # messages by topic since a second after the latest judgment or request
         self._judged_from_ns = 0
         self._slow = False
         self._complaint_ns = 0

@@ -26,7 +26,7 @@ def named(figure: Figure, name: str) -> list[Mark]:
     return [mark for mark in figure.named(name) if not isinstance(mark, Band)]
 
 
-def labelled(figure: Figure, label: str) -> Mark:
+def labeled(figure: Figure, label: str) -> Mark:
     (found,) = [mark for mark in figure.marks if mark.label == label]
     return found
 
@@ -159,7 +159,7 @@ def test_the_battery_s_power_and_the_flight_are_drawn_whole(results: Results) ->
     table = pd.DataFrame({"height_m": 2 * t, "power_W": 30 + t}, index=t)
     flown = SimpleNamespace(table=table, airborne=[slice(4, 12)])
     figure = electrical_page.flight_figure(flown, 15 + 0 * t)  # type: ignore[arg-type]
-    assert labelled(figure, "height").y == pytest.approx(2 * t)
+    assert labeled(figure, "height").y == pytest.approx(2 * t)
     (shade,) = figure.shades
     assert (shade.start, shade.end) == (2.0, 5.5)
 
@@ -171,8 +171,8 @@ def test_the_time_line_shows_revolutions_a_minute_and_shades_the_runs() -> None:
     parked = SimpleNamespace(kind=STANDING, start_s=0.0, end_s=1.0)
     rejected = SimpleNamespace(start_s=6.0, end_s=7.0)
     figure = flight.timeline(table, [run, parked], [rejected])  # type: ignore[list-item]
-    assert labelled(figure, "motor").y == pytest.approx(60 * (100 + t))
-    assert labelled(figure, "height").y == pytest.approx(40 + t)
+    assert labeled(figure, "motor").y == pytest.approx(60 * (100 + t))
+    assert labeled(figure, "height").y == pytest.approx(40 + t)
     assert [(shade.start, shade.end) for shade in figure.shades] == [(2.0, 5.0), (6.0, 7.0)]
 
 
