@@ -53,7 +53,7 @@ ROOT = Path(__file__).parents[1]
 PLAN, SEEDS_A_CAMPAIGN = "full-test-flight", 100
 FIRST_SEED = {"A": 0, "B": 50, "C": 75}  # of each configuration in a campaign
 OF_AIRCRAFT = ("thrust_scale", "thrust_slope_J", "thrust_bow", "windmilling", "weight_scale")  # not of the installation
-FOLDERS = ("analysis/airdata", "analysis/drag", "analysis/estimation", "analysis/maneuvers", "analysis/signals",
+FOLDERS = ("analysis/air", "analysis/methods", "analysis/estimation", "analysis/maneuvers", "analysis/sources",
            "analysis/trajectory", "flight", "sim")  # fmt: skip
 
 

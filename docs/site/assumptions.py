@@ -18,11 +18,9 @@ sys.path.insert(0, str(ROOT))
 from flight.settings import Settings  # noqa: E402
 
 FOLDERS = (
-    "flight", "analysis/signals", "analysis/airdata", "analysis/log_checks", "analysis/maneuvers",
-    "analysis/trajectory", "analysis/drag", "analysis/estimation", "analysis/performance", "analysis/results",
-    "analysis/report", "analysis/pooling", "analysis/campaign", "analysis/planning",
-    "analysis/electrical", "analysis/autopilot_logs", "analysis/ground", "analysis/exports", "analysis/cli",
-    "analysis", "daq",
+    "flight", "analysis/sources", "analysis/air", "analysis/trajectory", "analysis/maneuvers", "analysis/methods",
+    "analysis/estimation", "analysis/performance", "analysis/results", "analysis/missions", "analysis/flights",
+    "analysis/pages", "analysis/calibrations", "analysis/cli", "analysis", "daq",
 )  # fmt: skip
 HEAD = """\
 # Assumed values and limits

@@ -20,8 +20,8 @@ ADDED = (
 )  # fmt: skip
 REFERENCE = {
     "From Python": "flightpower.interface",
-    "The results": "analysis.schema",
-    "Trust": "analysis.results.trust",
+    "The results": "analysis.records.flight",
+    "Trust": "analysis.results.evidence",
     "Reading a log": "flight.log_reader",
     "Messages of a log": "flight.messages",
     "Aircraft file": "flight.aircraft",
