@@ -92,7 +92,7 @@ class Measured(Recorded):
 
     @property
     def table(self) -> pd.DataFrame:
-        """Of `airdata.air.air_data`, the whole flight."""
+        """Of `air.air.air_data`, the whole flight."""
         return self.data.table
 
 

@@ -62,7 +62,7 @@ def counter(tmp_path_factory):
         done = subprocess.run(command, input=text, capture_output=True, text=True, check=True)
         lines = [line.split() for line in done.stdout.splitlines() if line[:1].isdigit()]
         port = Bytes()
-        driver = EscCounterDriver(port, pole_pairs=7, framed=True)
+        driver = EscCounterDriver(port, pole_pairs=14, framed=True)
         at_us, samples = [], []
         for time_us, byte in lines:
             port.waiting = bytes([int(byte)])
@@ -86,7 +86,7 @@ def test_ten_periods_within_a_thousandth(counter, ten_periods_us):
     assert len(sent.periods_us) >= 2
     assert sent.periods_us == pytest.approx(ten_periods_us, rel=1e-3, abs=1.0)
     assert (sent.rejected, sent.lost) == (0, 0)
-    assert sent.samples[0].message.motor_speed_revps == pytest.approx(1e7 / ten_periods_us / 7, rel=4e-3)
+    assert sent.samples[0].message.motor_speed_revps == pytest.approx(1e7 / ten_periods_us / 14, rel=4e-3)
 
 
 def test_frames_come_at_most_every_10_ms(counter):
