@@ -4,10 +4,10 @@
     synchronized ▶ Measured    air data at the center of gravity
     with_runs ▶ Flown    maneuvers, weight and density, range of lift coefficients
     reconstructed ▶ Reconstructed    trajectory, sensor errors
-    `drag.estimate.estimated` ▶ Estimated    drag by all methods
+    `methods.ladder.estimated` ▶ Estimated    drag by all methods
     `pipeline.analyze` ▶ Analysis    results
 
-Part of the analysis is run again with other assumptions: `drag.rerun`, on the same record; and the trajectory, where
+Part of the analysis is run again with other assumptions: `methods.rerun`, on the same record; and the trajectory, where
 the flight rejects the priors of its sensor errors (`reconstructed`).
 """
 

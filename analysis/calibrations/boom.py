@@ -47,7 +47,7 @@ class BoomBending(NamedTuple):
 
 
 def hanging_weights(table: pd.DataFrame, source: str) -> list[HangingWeight]:
-    """The stretches at rest, in order of time. table: of `signals.channels.synchronize`.
+    """The stretches at rest, in order of time. table: of `sources.daemon.synchronize`.
 
     Raises InputError where there are too few for a straight line.
     """

@@ -67,7 +67,7 @@ class Battery(NamedTuple):
 
 
 def held_speeds(table: pd.DataFrame, source: str) -> list[HeldSpeed]:
-    """Stretches of held motor speed, in order of time. table: of `signals.channels.synchronize`.
+    """Stretches of held motor speed, in order of time. table: of `sources.daemon.synchronize`.
 
     Raises InputError where the log does not begin and end with a motor that stands, or has too few speeds.
     """
