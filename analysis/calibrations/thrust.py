@@ -279,8 +279,6 @@ def thrust(
 
 def summary(found: "ThrustStand") -> list[str]:
     """The result in lines."""
-    from analysis.estimation.noise import NORMAL_95
-
     parts = ((found.scatter_error, "scatter"), (found.scale_error, "scale"), (found.speed_error, "motor speed"))
     by = ", ".join(f"{100 * error:.1f} % {name}" for error, name in parts if error)
     return [

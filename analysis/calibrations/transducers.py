@@ -197,8 +197,6 @@ def _unit_Pa(unit: str, text: str) -> float:
 
 def summary(found: "TransducerCalibration") -> list[str]:
     """The result in lines."""
-    from analysis.estimation.noise import NORMAL_95
-
     lines = [
         f"/probe/{name}: slope {line.slope:.4f} ± {NORMAL_95 * line.slope_error:.4f} (95 % interval), offset"
         f" {line.offset_Pa:+.1f} Pa, {line.largest_residual_Pa:.1f} Pa at most off the line"

@@ -11,7 +11,6 @@ from flight.log_reader import Log, read_log
 if TYPE_CHECKING:
     from analysis.sources.recording import FlightRecording
 
-Source = "Log | FlightRecording"
 # Readable files by their suffix. What a file is, its first bytes tell; the suffix is for lists and dialogs.
 SUFFIXES = (".mcap", ".ulg", ".bin", ".log", ".tlog")
 

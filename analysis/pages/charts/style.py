@@ -55,15 +55,6 @@ def thinned(x: Array, y: Array, points: int = 1000) -> tuple[Array, Array]:
     return x[chosen], y[chosen]
 
 
-def rounded(values: Array, digits: int = 5) -> Array:
-    """Values to that many significant digits of their range; five are enough to zoom a little. NaN stays."""
-    finite = values[np.isfinite(values)]
-    span = float(np.ptp(finite)) if len(finite) else 0.0
-    largest = float(np.max(np.abs(finite), initial=0.0))
-    decimals = digits - 1 - int(np.floor(np.log10(span or largest or 1.0)))
-    return np.asarray(np.round(values.astype(float), max(decimals, 0)))
-
-
 def curve_arrays(points: Sequence[PowerPoint]) -> tuple[Array, Array, Array, Array]:
     """Speed [m/s], power [W], lower and upper end of its interval [W] of a curve."""
     V, P, lo, hi = np.array([(p.speed_mps, p.power_W, p.power_lo_W, p.power_hi_W) for p in points]).T

@@ -36,6 +36,7 @@ from analysis.pages.charts.svg import chart
 from analysis.pages.one_log import Report
 from analysis.records.flight import PowerPoint, SpeedInterval
 from analysis.sources.daemon_log import lacks_drag_topics
+from analysis.sources.open import SUFFIXES
 from analysis.sources.recognize import autopilot_of
 from flight.aircraft import parse_aircraft
 from flight.aircraft_keys import KEYS
@@ -47,7 +48,6 @@ from flight.shipped_propellers import shipped_propellers
 from flight.units import GRAVITY_MPS2
 
 Json = dict[str, Any]
-LOGS = (".mcap", ".ulg", ".bin", ".log", ".tlog")
 POLARS = (".txt", ".csv", ".dat")
 
 
@@ -119,7 +119,7 @@ class Folder:
 
     def logs(self) -> dict[str, Path]:
         """The logs in the folder by name; links that lead out of it are left out."""
-        return _files(self.path, LOGS)
+        return _files(self.path, SUFFIXES)
 
     def polars(self) -> list[str]:
         """Names of the files in the folder that hold a predicted polar."""
@@ -157,9 +157,9 @@ class Folder:
 
     def new_file(self, name: str) -> Path:
         """Where a dropped file goes. Raises InputError for a name in use, or of neither a log nor a polar."""
-        if not NAME.fullmatch(name) or Path(name).suffix.lower() not in (*LOGS, *POLARS):
+        if not NAME.fullmatch(name) or Path(name).suffix.lower() not in (*SUFFIXES, *POLARS):
             raise InputError(
-                f"{name[:80]!r}: is not the name of a log ({', '.join(LOGS)}) or of a polar ({', '.join(POLARS)})"
+                f"{name[:80]!r}: is not the name of a log ({', '.join(SUFFIXES)}) or of a polar ({', '.join(POLARS)})"
             )
         if (self.path / name).exists():
             raise InputError(f"{name}: is in the folder already; rename the file that you drop")
