@@ -104,13 +104,18 @@ def _lags(windows: Windows) -> Array:
 
 
 def _at_lags(lags: Array, windows: Windows, weight: Array, time_s: float) -> Array:
-    """Covariance of two weighted means of first-order noise of variance 1, whose windows are `lags` apart."""
+    """Covariance of two weighted means of first-order noise of variance 1, whose windows are `lags` apart.
+
+    It is that of a process at every lag: cut off at a long one, it would be the covariance of nothing, with eigenvalues
+    far below zero. Where windows no longer overlap it falls by exp(-lag / time_s).
+    """
     step = float(windows.offsets_s[1] - windows.offsets_s[0])
     overlap = np.convolve(weight, weight[::-1])  # sum over the pairs of offsets with one difference
     differences = step * (np.arange(len(overlap)) - len(weight) + 1)
-    beyond = np.arange(0.0, windows.offsets_s[-1] * 2 + 6 * time_s + step, step)
-    values = np.exp(-np.abs(beyond[:, None] + differences) / time_s) @ overlap
-    return np.asarray(np.interp(lags, beyond, values, right=0.0))
+    apart = step * np.arange(len(weight))  # up to windows that only touch
+    values = np.exp(-np.abs(apart[:, None] + differences) / time_s) @ overlap
+    beyond_s = np.maximum(lags - apart[-1], 0.0)
+    return np.asarray(np.interp(lags, apart, values) * np.exp(-beyond_s / time_s))
 
 
 class PowerLaw(NamedTuple):
