@@ -22,6 +22,7 @@ from analysis.sources.grid_settings import FLIGHT
 from flight.arrays import Array
 
 TOLERANCE = 1e-6  # of the cost and of the parameters, relative
+ROOT_EPS = float(np.sqrt(np.finfo(float).eps))  # step of a derivative by differences, relative
 
 
 def correlation(apart_s: Array, time_s: float) -> Array:
@@ -31,7 +32,7 @@ def correlation(apart_s: Array, time_s: float) -> Array:
 
 def most_probable(
     residual: Callable[[Array], Array],
-    whiten: Array,
+    factor: Array,
     mean: Array,
     sigma: Array,
     start: Array,
@@ -40,18 +41,34 @@ def most_probable(
 ) -> tuple[Array, Array]:
     """Maximum a posteriori parameters (m,), and the derivative (n + m + k, m) of whitened residuals and priors there.
 
-    residual: of (m,), (n,). whiten: (n, n), the inverse of a root of its covariance. mean, sigma: (m,) of the prior.
-    measured: rows (k, m) and values (k,) of combinations that were measured before, in units of their errors.
+    residual: of (m,), (n,). factor: (n, n), the lower Cholesky factor of its covariance. mean, sigma: (m,) of the
+    prior. measured: rows (k, m) and values (k,) of combinations that were measured before, in units of their errors.
     """
     rows, values = measured or (np.zeros((0, len(mean))), np.zeros(0))
 
     from scipy.optimize import least_squares  # takes 0.2 s to import, which other analyses do not need
 
     def cost(x: Array) -> Array:
-        return np.concatenate([whiten @ residual(x), (x - mean) / sigma, rows @ x - values])
+        return np.concatenate([whitened(factor, residual(x)), (x - mean) / sigma, rows @ x - values])
 
-    found = least_squares(cost, start, x_scale=sigma, ftol=TOLERANCE, xtol=TOLERANCE)
+    def derivative(x: Array) -> Array:
+        """Numerical, of the residuals before they are whitened, which is then done to all columns at once."""
+        at, columns = residual(x), []
+        for i in range(len(x)):
+            moved = x.copy()
+            moved[i] += ROOT_EPS * max(1.0, abs(x[i])) * (1.0 if x[i] >= 0 else -1.0)
+            columns.append((residual(moved) - at) / (moved[i] - x[i]))
+        return np.concatenate([whitened(factor, np.stack(columns, axis=1)), np.diag(1 / sigma), rows])
+
+    found = least_squares(cost, start, derivative, x_scale=sigma, ftol=TOLERANCE, xtol=TOLERANCE)
     return found.x, np.asarray(found.jac)
+
+
+def whitened(factor: Array, values: Array) -> Array:
+    """Residuals (n,), or columns (n, k), in units of their errors; factor: the lower Cholesky factor (n, n) of their
+    covariance.
+    """
+    return np.asarray(solve_triangular(factor, values, lower=True, check_finite=False))
 
 
 def most_likely_noise(residual: Array, apart_s: Array, times_s: Sequence[float]) -> tuple[float, float]:
@@ -59,7 +76,7 @@ def most_likely_noise(residual: Array, apart_s: Array, times_s: Sequence[float])
     best = (np.inf, 1.0, times_s[0])
     for time_s in times_s:
         factor = np.linalg.cholesky(correlation(apart_s, time_s))
-        white = solve_triangular(factor, residual, lower=True, check_finite=False)
+        white = whitened(factor, residual)
         variance = float(np.mean(white**2))
         cost = len(residual) * np.log(variance) + 2 * float(np.sum(np.log(np.diag(factor))))
         best = min(best, (cost, float(np.sqrt(variance)), time_s))
@@ -172,7 +189,7 @@ def _solved(residual: Callable[[Array], Array], sigma_of: Array, start: Array, a
     """Most probable parameters (6,), and the covariance (2, 2) of scale and zero, with the most likely noise."""
     x, sigma, time_s = start, 1.0, GPS.correlation_s[0]
     for _ in range(3):
-        whiten = np.linalg.inv(np.linalg.cholesky(sigma**2 * correlation(apart_s, time_s)))
-        x, jacobian = most_probable(residual, whiten, np.zeros(len(sigma_of)), sigma_of, x)
+        factor = np.linalg.cholesky(sigma**2 * correlation(apart_s, time_s))
+        x, jacobian = most_probable(residual, factor, np.zeros(len(sigma_of)), sigma_of, x)
         sigma, time_s = most_likely_noise(residual(x), apart_s, GPS.correlation_s)
     return x, block((*AIRSPEED, *WIND), np.linalg.inv(jacobian.T @ jacobian), AIRSPEED)

@@ -4,9 +4,10 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import lapack, solve_triangular
 
 from analysis.estimation.model import NamedValues
-from analysis.methods.whole_flight.airspeed_gps import AirspeedErrors, most_probable, true_airspeed
+from analysis.methods.whole_flight.airspeed_gps import AirspeedErrors, most_probable, true_airspeed, whitened
 from analysis.methods.whole_flight.energy_balance import (
     EnergyBalance,
     FlightConditions,
@@ -40,6 +41,7 @@ from flight.arrays import Array
 SIGMAS_MPS = tuple(0.02 * 1.25**i for i in range(26))  # 0.02 to 5
 ANGLES_RAD = tuple(0.0005 * 1.25**i for i in range(22))  # to 0.05: of the angle of attack
 SHARES = tuple(0.002 * 1.25**i for i in range(20))  # to 0.14
+BLOCK = 64  # columns that LAPACK takes at once
 STEP = 0.2  # of numerical derivatives, in standard deviations
 
 
@@ -136,8 +138,8 @@ def most_probable_fit(
         if balance.samples.ground is not None:
             horizontal = balance.by_wind(parameters)
         noise = noise + of_gusts(lambda both: both, gust_mps, gust_s)
-        whiten = np.linalg.inv(np.linalg.cholesky(noise))
-        parameters, jacobian = most_probable(balance.residual, whiten, mean, sigma, parameters, measured=measured)
+        factor = np.linalg.cholesky(noise)
+        parameters, jacobian = most_probable(balance.residual, factor, mean, sigma, parameters, measured=measured)
         residual = balance.residual(parameters)
         of_drag = by_efficiency(windows, balance.useful_W(parameters), share) + white
         airs = [one + of_gusts(first, 1.0, time_s) for one, time_s in zip(vertical, WINDOWS.times_s, strict=True)]
@@ -163,10 +165,11 @@ def most_probable_fit(
             angle_rad, angle_s = max(_size_and_time(*one, angles, ANGLES_RAD, equal) for one in shown)
     information = jacobian.T @ jacobian
     estimate_covariance = np.asarray(np.linalg.inv(information), dtype=float)
-    gain = -estimate_covariance @ jacobian[: len(residual)].T @ whiten
+    by_residual = jacobian[: len(residual)]
+    gain = -estimate_covariance @ solve_triangular(factor, by_residual, lower=True, trans="T", check_finite=False).T
     evidence = (
-        float(np.sum((whiten @ residual) ** 2) + np.sum(((parameters - mean) / sigma) ** 2))
-        - 2 * float(np.sum(np.log(np.diag(whiten))))
+        float(np.sum(whitened(factor, residual) ** 2) + np.sum(((parameters - mean) / sigma) ** 2))
+        + 2 * float(np.sum(np.log(np.diag(factor))))
         + float(np.linalg.slogdet(information * np.outer(sigma, sigma))[1])
     )
     return Fit(parameters, estimate_covariance, gain, residual[:n], gust_mps, gust_s, evidence)
@@ -183,18 +186,28 @@ def _size_and_time(
     cost, as chi squared.
     """
     found = []
-    factor = np.linalg.inv(np.linalg.cholesky(fixed))
+    factor = np.linalg.cholesky(fixed)
+    white = whitened(factor, residual)
     for one, cost_of_time in zip(by_time, unlikely, strict=True):
-        # In the eigenvectors of one matrix relative to the other both are diagonal for every size.
-        values, vectors = np.linalg.eigh(factor @ one @ factor.T)
-        white = (vectors.T @ factor @ residual) ** 2
-        variance = 1 + np.square(sizes)[:, None] * np.maximum(values, 0.0)
-        found.append(np.sum(white / variance + np.log(variance), axis=1) + cost_of_time)
+        # Relative to the rest, and turned so that only three diagonals are left: of any size it stays so, with the rest.
+        relative, _ = lapack.dsygst(one, factor, lower=1)
+        reflectors, diagonal, beside, scale, _ = lapack.dsytrd(relative, lower=1, lwork=BLOCK * len(one))
+        turned = white[:, None].copy()
+        turned[1:] = lapack.dormqr("L", "T", reflectors[1:, :-1], scale, turned[1:], BLOCK)[0]
+        found.append(np.array([_misfit(size**2 * diagonal, size**2 * beside, turned) for size in sizes]) + cost_of_time)
     costs = np.concatenate(found)
     sigmas, times_s = np.tile(sizes, len(by_time)), np.repeat(WINDOWS.times_s[: len(by_time)], len(sizes))
     weight = np.exp((costs.min() - costs) / 2)
     weight /= weight.sum()
     return float(np.sqrt(weight @ sigmas**2)), float(np.exp(weight @ np.log(times_s)))
+
+
+def _misfit(diagonal: Array, beside: Array, residual: Array) -> float:
+    """Chi squared of residuals (n, 1) whose covariance is the unit matrix and three diagonals, and its logarithm of the
+    determinant.
+    """
+    pivots, _, solved, _ = lapack.dptsv(1 + diagonal, beside, residual)
+    return float(residual[:, 0] @ solved[:, 0] + np.sum(np.log(pivots)))
 
 
 class SharedError(NamedTuple):

@@ -21,7 +21,7 @@ from analysis.methods.whole_flight.energy_balance import (
     of_both,
     uncorrelated,
 )
-from analysis.methods.whole_flight.fit import Fit, estimate_of, samples_of
+from analysis.methods.whole_flight.fit import Fit, _size_and_time, estimate_of, samples_of
 from analysis.methods.whole_flight.flight_table import (
     _air_temperature_K,
     _airborne,
@@ -31,6 +31,7 @@ from analysis.methods.whole_flight.flight_table import (
     _zero,
 )
 from analysis.methods.whole_flight.parameters import DRAG, LIFT, OF_AIRCRAFT, OF_AIRSPEED, PROPELLER, Source, unpack
+from analysis.methods.whole_flight.settings import WINDOWS
 from analysis.methods.whole_flight.thrust_balance import MotorConstants, ThrustBalance
 from analysis.sources import recording
 from analysis.sources.grid import resampled
@@ -170,6 +171,41 @@ def test_a_gust_along_the_path_changes_kinetic_energy() -> None:
     found = np.var(3.0 * V_MPS * sigma * u @ windows.slope)
     along = by_air(windows, 3.0, V_MPS, sigma, time_s) - by_air(windows, 3.0, 0.0, sigma, time_s)
     assert along[0, 0] == pytest.approx(found, rel=0.05)
+
+
+@pytest.mark.parametrize("time_s", [1.0, 16.0])
+def test_the_covariance_of_the_air_is_that_of_a_process(time_s: float) -> None:
+    """No combination of windows has a variance below zero: not even of a long flight in slow gusts."""
+    windows = EnergyBalance(samples_of(climbing(400.0), 0.0, 0.0), CONDITIONS).windows  # type: ignore[arg-type]
+    V = np.full(len(windows.centers_s), V_MPS)
+    for found in (by_air(windows, 3.0, V_MPS, 1.0, time_s), by_angle(windows, 3.0, V, 1.0, time_s)):
+        assert np.linalg.eigvalsh(found)[0] > -1e-12 * found.max()
+        # Windows that do not overlap: exp(-lag / T), over as much more as both means have it.
+        assert found[0, 150] / found[0, 100] == pytest.approx(np.exp(-100.0 / time_s), rel=1e-9)
+
+
+def test_the_size_of_an_error_is_that_which_its_residuals_have() -> None:
+    """By the likelihood over sizes and times, in full, and near the truth of the residuals drawn."""
+    windows = EnergyBalance(samples_of(climbing(400.0), 0.0, 0.0), CONDITIONS).windows  # type: ignore[arg-type]
+    white, sizes = 30.0 * uncorrelated(windows), (0.1, 0.2, 0.3, 0.5, 1.0)
+    gusts = [by_air(windows, 3.0, V_MPS, 1.0, time_s) for time_s in WINDOWS.times_s]
+    drawn = np.random.default_rng(2).multivariate_normal(np.zeros(len(white)), white + 0.3**2 * gusts[2])
+    unlikely = [0.0, 1.0, 2.0, 3.0, 4.0]
+    size, time_s = _size_and_time(drawn, white, gusts, sizes, unlikely)
+    costs = np.array(
+        [
+            [
+                drawn @ np.linalg.solve(white + s**2 * one, drawn) + np.linalg.slogdet(white + s**2 * one)[1] + cost
+                for s in sizes
+            ]
+            for one, cost in zip(gusts, unlikely, strict=True)
+        ]
+    )
+    weight = np.exp((costs.min() - costs) / 2)
+    weight /= weight.sum()
+    assert size == pytest.approx(np.sqrt(weight.sum(axis=0) @ np.square(sizes)), rel=1e-9)
+    assert time_s == pytest.approx(np.exp(weight.sum(axis=1) @ np.log(WINDOWS.times_s)), rel=1e-9)
+    assert size == pytest.approx(0.3, rel=0.2)
 
 
 def test_priors_are_those_of_wing_theory() -> None:
