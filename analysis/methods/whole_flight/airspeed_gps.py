@@ -64,6 +64,11 @@ def most_probable(
     return found.x, np.asarray(found.jac)
 
 
+def root(covariance: Array) -> Array:
+    """The lower Cholesky factor (n, n). Raises LinAlgError where it is not positive definite."""
+    return np.asarray(np.linalg.cholesky(covariance), dtype=float)
+
+
 def whitened(factor: Array, values: Array) -> Array:
     """Residuals (n,), or columns (n, k), in units of their errors; factor: the lower Cholesky factor (n, n) of their
     covariance.
@@ -75,7 +80,7 @@ def most_likely_noise(residual: Array, apart_s: Array, times_s: Sequence[float])
     """Standard deviation and correlation time of greatest likelihood, the latter out of `times_s`."""
     best = (np.inf, 1.0, times_s[0])
     for time_s in times_s:
-        factor = np.linalg.cholesky(correlation(apart_s, time_s))
+        factor = root(correlation(apart_s, time_s))
         white = whitened(factor, residual)
         variance = float(np.mean(white**2))
         cost = len(residual) * np.log(variance) + 2 * float(np.sum(np.log(np.diag(factor))))
@@ -189,7 +194,7 @@ def _solved(residual: Callable[[Array], Array], sigma_of: Array, start: Array, a
     """Most probable parameters (6,), and the covariance (2, 2) of scale and zero, with the most likely noise."""
     x, sigma, time_s = start, 1.0, GPS.correlation_s[0]
     for _ in range(3):
-        factor = np.linalg.cholesky(sigma**2 * correlation(apart_s, time_s))
+        factor = root(sigma**2 * correlation(apart_s, time_s))
         x, jacobian = most_probable(residual, factor, np.zeros(len(sigma_of)), sigma_of, x)
         sigma, time_s = most_likely_noise(residual(x), apart_s, GPS.correlation_s)
     return x, block((*AIRSPEED, *WIND), np.linalg.inv(jacobian.T @ jacobian), AIRSPEED)

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.linalg import lapack, solve_triangular
 
 from analysis.estimation.model import NamedValues
-from analysis.methods.whole_flight.airspeed_gps import AirspeedErrors, most_probable, true_airspeed, whitened
+from analysis.methods.whole_flight.airspeed_gps import AirspeedErrors, most_probable, root, true_airspeed, whitened
 from analysis.methods.whole_flight.energy_balance import (
     EnergyBalance,
     FlightConditions,
@@ -41,7 +41,6 @@ from flight.arrays import Array
 SIGMAS_MPS = tuple(0.02 * 1.25**i for i in range(26))  # 0.02 to 5
 ANGLES_RAD = tuple(0.0005 * 1.25**i for i in range(22))  # to 0.05: of the angle of attack
 SHARES = tuple(0.002 * 1.25**i for i in range(20))  # to 0.14
-BLOCK = 64  # columns that LAPACK takes at once
 STEP = 0.2  # of numerical derivatives, in standard deviations
 
 
@@ -138,7 +137,7 @@ def most_probable_fit(
         if balance.samples.ground is not None:
             horizontal = balance.by_wind(parameters)
         noise = noise + of_gusts(lambda both: both, gust_mps, gust_s)
-        factor = np.linalg.cholesky(noise)
+        factor = root(noise)
         parameters, jacobian = most_probable(balance.residual, factor, mean, sigma, parameters, measured=measured)
         residual = balance.residual(parameters)
         of_drag = by_efficiency(windows, balance.useful_W(parameters), share) + white
@@ -185,15 +184,15 @@ def _size_and_time(
     fixed: covariance of the rest. by_time: of the part at size 1, for each of WINDOWS.times_s. unlikely: their
     cost, as chi squared.
     """
-    found = []
-    factor = np.linalg.cholesky(fixed)
+    found, block = [], 64  # columns that LAPACK takes at once
+    factor = root(fixed)
     white = whitened(factor, residual)
     for one, cost_of_time in zip(by_time, unlikely, strict=True):
-        # Relative to the rest, and turned so that only three diagonals are left: of any size it stays so, with the rest.
+        # Relative to the rest, and turned so that three diagonals are left, whatever its size, with the rest added.
         relative, _ = lapack.dsygst(one, factor, lower=1)
-        reflectors, diagonal, beside, scale, _ = lapack.dsytrd(relative, lower=1, lwork=BLOCK * len(one))
+        reflectors, diagonal, beside, scale, _ = lapack.dsytrd(relative, lower=1, lwork=block * len(one))
         turned = white[:, None].copy()
-        turned[1:] = lapack.dormqr("L", "T", reflectors[1:, :-1], scale, turned[1:], BLOCK)[0]
+        turned[1:] = lapack.dormqr("L", "T", reflectors[1:, :-1], scale, turned[1:], block)[0]
         found.append(np.array([_misfit(size**2 * diagonal, size**2 * beside, turned) for size in sizes]) + cost_of_time)
     costs = np.concatenate(found)
     sigmas, times_s = np.tile(sizes, len(by_time)), np.repeat(WINDOWS.times_s[: len(by_time)], len(sizes))
