@@ -22,7 +22,7 @@ IN_NAMESPACE = $(shell [ "$$(id -u)" = 0 ] || { unshare -Urm true 2>/dev/null &&
 WORKERS := $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo picture test bench site evidence study dissertation soak fuzz crash-points vm packages deb lint types check constraints clean
+.PHONY: help demo picture test near bench site evidence study dissertation soak fuzz crash-points vm packages deb lint types check constraints clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -59,6 +59,9 @@ picture: demo $(VENV)/.dev ## renew the pictures of README and pages: curve, rep
 
 test: $(VENV)/.dev ## the whole test suite
 	$(IN_NAMESPACE) $(BIN)/pytest -n $(WORKERS) --dist loadgroup
+
+near: $(VENV)/.dev ## the five test files nearest to a file, by imports: make near FILE=analysis/curve.py
+	@tests=$$($(BIN)/python -m tests.near $(FILE)) && $(BIN)/pytest $$tests
 
 bench: $(VENV)/.dev ## measure drivers, simulator, parameter estimation and daemon
 	$(BIN)/python benchmarks/drivers.py

@@ -1,0 +1,105 @@
+"""The tests nearest to a file, by the graph of imports: `python -m tests.near FILE [COUNT]`, or `make near FILE=…`.
+
+Near is a test that imports the file itself, then one that imports what imports it. Among tests as far away, those
+come first that mirror the file's folder and name, then those that import little else.
+"""
+
+import re
+import sys
+from collections import deque
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+FOLDERS = ("analysis", "daq", "flight", "flightpower", "hw_fakes", "sim", "tests", "benchmarks")
+COUNT = 5
+STATEMENT = re.compile(r"^[ \t]*(?:from ([\w.]+) import (\([^)]*\)|[^\n(]+)|import ([^\n]+))", re.MULTILINE)
+
+
+def files_of(root: Path) -> list[Path]:
+    """Every Python file of the project, from its root."""
+    return [path.relative_to(root) for folder in FOLDERS for path in sorted((root / folder).rglob("*.py"))]
+
+
+def imports(root: Path) -> dict[Path, set[Path]]:
+    """Which file imports which. Tests import what lies beside them, and benchmarks, by their bare names."""
+    files = files_of(root)
+    by_name = {".".join(path.with_suffix("").parts).removesuffix(".__init__"): path for path in files}
+    graph: dict[Path, set[Path]] = {}
+    for path in files:
+        beside = [".".join(folder.parts) + "." for folder in path.parents if folder.parts] + ["benchmarks."]
+        prefixes = ["", *(beside if path.parts[0] in ("tests", "benchmarks") else [])]
+        found = set()
+        for name in _names_imported((root / path).read_text("utf-8")):
+            found |= {by_name[prefix + name] for prefix in prefixes if prefix + name in by_name}
+        graph[path] = found - {path}
+    return graph
+
+
+def _names_imported(text: str) -> set[str]:
+    """Dotted names of modules, and of what is taken from them, which may be modules, too.
+
+    By the statements' look: to parse every file takes twenty times as long.
+    """
+    names = set()
+    for module, taken, modules in STATEMENT.findall(text):
+        listed = [one.split(" as ")[0].strip() for one in re.sub(r"#.*|[()]", "", taken or modules).split(",")]
+        names |= {f"{module}.{one}" for one in listed} | {module} if module else set(listed)
+    return names
+
+
+def _naming(root: Path, file: Path, graph: dict[Path, set[Path]]) -> list[Path]:
+    """Python files that name a page, a script or another file that nothing can import."""
+    return [path for path in graph if file.name in (root / path).read_text("utf-8")]
+
+
+def nearest(file: Path, graph: dict[Path, set[Path]], begin: list[Path], count: int = COUNT) -> list[Path]:
+    """The nearest test files, the nearest first.
+
+    begin : the file itself, or what stands for it in the graph
+    """
+    importers: dict[Path, set[Path]] = {path: set() for path in graph}
+    for path, found in graph.items():
+        for other in found:
+            importers[other].add(path)
+    steps = dict.fromkeys(begin, 0)
+    waiting = deque(begin)
+    while waiting:
+        path = waiting.popleft()
+        for other in importers[path] - steps.keys():
+            steps[other] = steps[path] + 1
+            waiting.append(other)
+    tests = [path for path in steps if path.name.startswith("test_") and path.parts[0] == "tests"]
+    return sorted(tests, key=lambda test: (steps[test], -_likeness(test, file), len(graph[test]), test))[:count]
+
+
+def _likeness(test: Path, file: Path) -> int:
+    """In how many folders, and words of the name, a test mirrors a file."""
+    words = set(test.stem.split("_")) & set(file.stem.split("_"))
+    return len(set(test.parts[1:-1]) & set(file.parts[:-1])) + 2 * len(words)
+
+
+def tests_near(root: Path, file: Path, count: int = COUNT) -> list[Path]:
+    """The nearest test files of a file of the project.
+
+    Raises LookupError where no test reaches it.
+    """
+    graph = imports(root)
+    begin = [file] if file in graph else _naming(root, file, graph)
+    found = nearest(file, graph, begin, count)
+    if not found:
+        raise LookupError(f"{file}: no test imports it, nor a file that does; give a file of {', '.join(FOLDERS)}")
+    return found
+
+
+def main() -> None:
+    file = Path(sys.argv[1])
+    if not (ROOT / file).is_file():
+        sys.exit(f"{file}: no such file below {ROOT}")
+    try:
+        print(*tests_near(ROOT, file, int(sys.argv[2]) if len(sys.argv) > 2 else COUNT), sep="\n")
+    except LookupError as error:
+        sys.exit(str(error))
+
+
+if __name__ == "__main__":
+    main()
