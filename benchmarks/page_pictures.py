@@ -36,7 +36,8 @@ def main(
         results = ("--results", str(report / "results.json"), "--wind", "5 m/s from 270 deg")
         subprocess.run([*PROGRAM, "route", "--legs", LEGS, *results, "--map", str(folder / "route.svg")], check=False)
         take(browser, folder / "route.svg", (0, 700, 660), output / "route.webp")
-        subprocess.run([*PROGRAM, "plan", "nexstar", "--wind-kt", "8", "-o", str(folder / "plan")], check=True)
+        wind = ("--heading", "250", "--wind-kt", "8", "--wind-from", "280")
+        subprocess.run([*PROGRAM, "plan", "nexstar", *wind, "-o", str(folder / "plan")], check=True)
         take(browser, folder / "plan" / "card.html", (0, 794, 900), output / "card.webp")
         served = subprocess.Popen(
             [*PROGRAM, "open", "--no-browser", str(log)],

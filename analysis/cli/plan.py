@@ -130,13 +130,23 @@ class PlanOptions:
         typer.Option("--home", metavar="LAT,LON", help="Middle of the legs [deg]; with it a mission is written."),
     ] = None
     heading_deg: Annotated[
-        float,
+        float | None,
         typer.Option(
             "--heading",
             parser=quantity("--heading", "deg", '"1.2 rad"', least=-360, most=360),
-            help="Of the legs [deg].",
+            metavar="DIRECTION",
+            help="Of the legs [deg]; with it the card has a map. A mission without it has them to the north.",
         ),
-    ] = 0.0
+    ] = None
+    wind_from_deg: Annotated[
+        float | None,
+        typer.Option(
+            "--wind-from",
+            parser=quantity("--wind-from", "deg", '"4.7 rad"', least=0, most=360),
+            metavar="DIRECTION",
+            help="Where the wind comes from [deg], with --heading; default: 50 degrees to the left of the first leg.",
+        ),
+    ] = None
     firmware: Annotated[Firmware, typer.Option("--firmware", help="Of the mission.")] = Firmware.PX4
 
     def __post_init__(self) -> None:
@@ -146,6 +156,18 @@ class PlanOptions:
             if value not in set(kind):
                 raise InputError(f"{name}: {value!r} is none of {', '.join(kind)}")
             object.__setattr__(self, name, kind(value))
+        if self.wind_from_deg is not None and self.heading_deg is None:
+            raise InputError(
+                f"--wind-from {self.wind_from_deg:g}: without --heading of the legs it says nothing; give both"
+            )
+
+    @property
+    def first_leg_deg(self) -> float | None:
+        """Heading of the first leg, where given: of the two directions of the legs the one into the wind."""
+        if self.heading_deg is None or self.wind_from_deg is None:
+            return self.heading_deg
+        with_wind = abs((self.wind_from_deg - self.heading_deg + 180) % 360 - 180) > 90
+        return (self.heading_deg + 180 * with_wind) % 360
 
     @property
     def longest_leg_m(self) -> float:
@@ -197,7 +219,7 @@ def plan(
         "card.toml": runs_to_tick_off(made),
     }
     if place is not None:
-        where = Home(*place, radians(options.heading_deg))
+        where = Home(*place, radians(options.first_leg_deg or 0.0))
         files["mission.plan"] = qgroundcontrol_plan(made, where, options.firmware)
         files["mission.waypoints"] = waypoint_file(made, where)
     folder.mkdir(parents=True, exist_ok=True)
@@ -237,6 +259,8 @@ def flight_plan(aircraft: str, options: PlanOptions) -> "FlightPlan":
         Pilot(options.pilot is PilotKind.AUTOPILOT, options.load_factor - 1),
         options.question,
         information.information(results),
+        heading_deg=options.first_leg_deg,
+        wind_from_deg=options.wind_from_deg,
     )
     return plan_flight(expected, request)
 

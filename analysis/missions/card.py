@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from html import escape
 from itertools import groupby
-from math import degrees, pi
+from math import cos, degrees, pi, radians, sin
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +11,20 @@ import pandas as pd
 
 from analysis.air.flown import thrust_known
 from analysis.methods.whole_flight.settings import PRIOR
-from analysis.missions.pieces import Hold, Land, Maneuver, Porpoise, Run, Stand, TakeOff, Turn, before, slowest_mps
+from analysis.missions.mission import course_text
+from analysis.missions.pieces import (
+    Hold,
+    Land,
+    Maneuver,
+    Porpoise,
+    Run,
+    Stand,
+    TakeOff,
+    Turn,
+    after,
+    before,
+    slowest_mps,
+)
 from analysis.missions.plan_settings import MARGINS, PATH
 from analysis.missions.search import FlightPlan
 from analysis.performance.settings import ASKED
@@ -32,17 +45,14 @@ class Row(NamedTuple):
 
 def rows(plan: FlightPlan) -> list[Row]:
     """The flight in order: pieces that follow each other unchanged are one row."""
-    place, starts = len(before(plan.aircraft)), plan.history.starts_s
-    found = [Row("", "on the ground, then take off", _steps(plan.maneuvers[:place]), float(starts[place]))]
-    for piece, same in groupby(plan.pieces):
-        times = len(list(same))
-        end = place + times * len(piece.maneuvers)
-        found.append(Row(f"{times} ×", piece.title, _steps(piece.maneuvers), float(starts[end] - starts[place])))
-        place = end
-    return [
-        *found,
-        Row("", "land, then on the ground", _steps(plan.maneuvers[place:]), float(starts[-1] - starts[place])),
-    ]
+    first, last = len(before(plan.aircraft)), len(after(plan.aircraft))
+    starts_s = plan.history.starts_s
+    found = [Row("", "on the ground, then take off", _steps(plan.maneuvers[:first]), float(starts_s[first]))]
+    for piece, same in groupby(zip(plan.pieces, plan.piece_seconds, strict=True), key=lambda one: one[0]):
+        seconds = [taken_s for _, taken_s in same]
+        found.append(Row(f"{len(seconds)} ×", piece.title, _steps(piece.maneuvers), sum(seconds)))
+    landing_s = float(starts_s[-1] - starts_s[-1 - last])
+    return [*found, Row("", "land, then on the ground", _steps(plan.maneuvers[-last:]), landing_s)]
 
 
 def _steps(maneuvers: Sequence[Maneuver]) -> str:
@@ -63,7 +73,7 @@ def _words(maneuver: Maneuver) -> str:
             return f"{size} at {speed_mps:.1f} m/s, bank {degrees(bank_rad):.0f}°"
         case Run(throttle, ramp_s, until_mps, longest_s):
             return (
-                f"throttle to {100 * throttle:.0f} % over {ramp_s:.0f} s until {until_mps:.1f} m/s"
+                f"throttle to {100 * throttle:.0f} % over {ramp_s:g} s until {until_mps:.1f} m/s"
                 f" (at most {longest_s:.0f} s)"
             )
         case Porpoise():
@@ -219,10 +229,10 @@ td.t { font-size: 13pt; font-weight: 800; white-space: nowrap; text-align: right
 .steps { font-size: 10pt; font-weight: 500; }
 .stall { border: 2.5pt solid #000; padding: 1.2mm 2mm; font-weight: 700; }
 .widths td, .widths th { text-align: center; }
-.sketch { float: right; width: 52mm; height: 52mm; margin: 0 0 2mm 3mm; border: 1.2pt solid #000; }
-.sketch polyline { fill: none; stroke: #000; stroke-width: 0.5; }
-.sketch .wind { fill: none; stroke: #000; stroke-width: 1.6; }
-.sketch text { font-size: 5px; }
+.map { float: right; width: 52mm; height: 52mm; margin: 0 0 2mm 3mm; border: 1.2pt solid #000; }
+.map polyline { fill: none; stroke: #000; stroke-width: 0.5; }
+.map .wind { fill: none; stroke: #000; stroke-width: 1.6; }
+.map text { font-size: 5px; }
 @media screen { body { padding: 3mm; } }
 ul { margin: 0; padding-left: 5mm; font-size: 9pt; font-weight: 500; }
 """.strip()
@@ -230,13 +240,13 @@ ul { margin: 0; padding-left: 5mm; font-size: 9pt; font-weight: 500; }
 
 def card(plan: FlightPlan, name: str) -> str:
     """The HTML page, without anything from a network."""
-    request, space = plan.request, plan.request.space
+    space = plan.request.space
     minutes, seconds = divmod(round(plan.seconds), 60)
     head = (
-        f"For {plan.question.title}. Wind and turbulence of {request.wind_kt:g} kt. {space.height_m:.0f} m high, legs"
+        f"For {plan.question.title}. {_air(plan)} {space.height_m:.0f} m high, legs{_headings(plan)}"
         f" of at most {space.leg_m:.0f} m, and {side_m(plan):.0f} m to their side for the turns; at most"
-        f" {farthest_m(plan):.0f} m from the take-off. Turn left as often as right, into the wind. Against the wind"
-        " hold on until the leg ends. Runs: wings level, height within a few meters."
+        f" {farthest_m(plan):.0f} m from the take-off. Turn left as often as right"
+        f"{', into the wind' if plan.request.wind_kt else ''}. Runs: wings level, height within a few meters."
     )
     lines = "".join(
         f'<tr><td class="n">{_boxes(row.times)}</td><td><span class="title">{escape(row.title)}</span><br>'
@@ -253,7 +263,7 @@ def card(plan: FlightPlan, name: str) -> str:
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<title>{escape(name)}: flying card</title><style>{STYLE}</style></head><body>\n"
         f"<h1>{escape(name)}: {minutes} min {seconds:02d} s</h1>\n"
-        f"{_sketch(plan)}<p>{_to_fill_in(plan)}</p>\n"
+        f"{_map(plan)}<p>{_to_fill_in(plan)}</p>\n"
         f'<p>{escape(head)}</p>\n<p class="stall">{escape(warned)}</p>\n<table>{lines}</table>\n'
         f'<table class="widths"><tr><th>speed</th>{speeds}</tr><tr><th>power, 95 %</th>{halves}</tr></table>\n'
         f"<p>At the worst speed:</p>\n<ul>{lost}</ul>\n</body></html>\n"
@@ -263,6 +273,30 @@ def card(plan: FlightPlan, name: str) -> str:
 def _boxes(times: str) -> str:
     """One to tick for each time."""
     return f"{escape(times)}<br>{'☐' * int(times.split()[0])}" if times else "☐"
+
+
+def _air(plan: FlightPlan) -> str:
+    """The wind that the plan is made for, with its direction where that was given, and what that means for times."""
+    request = plan.request
+    if not request.wind_kt:
+        return "In still air."
+    from_deg = request.wind_from_deg
+    if from_deg is None:
+        where = f", taken to come from {-PATH.wind_from_deg:.0f}° to the left of the first leg"
+    else:
+        where = f" from {course_text(radians(from_deg))}"
+    return (
+        f"Wind of {request.wind_kt:g} kt{where}; times at the right are in this wind. Between take-off and landing a"
+        " step's seconds are those of still air: against the wind hold on until the leg ends."
+    )
+
+
+def _headings(plan: FlightPlan) -> str:
+    heading_deg = plan.request.heading_deg
+    if heading_deg is None:
+        return ""
+    there, back = (course_text(radians(one)) for one in (heading_deg, heading_deg + 180))
+    return f" {there} (first) and {back},"
 
 
 def _to_fill_in(plan: FlightPlan) -> str:
@@ -276,24 +310,34 @@ def _to_fill_in(plan: FlightPlan) -> str:
     )
 
 
-def _sketch(plan: FlightPlan) -> str:
-    """The way over the ground, first leg upward, with the place of take-off and the wind."""
-    north, east = plan.history.position_m[:: round(0.5 / PATH.step_s)].T
-    reach_m = 1.15 * max(farthest_m(plan), plan.request.space.leg_m / 2)
+def _map(plan: FlightPlan) -> str:
+    """The way over the ground, north up, with the place of take-off and a scale; nothing where no heading was given.
+
+    The wind is drawn where its direction was given.
+    """
+    request = plan.request
+    if request.heading_deg is None:
+        return ""
+    along, right = plan.history.position_m[:: round(0.5 / PATH.step_s)].T
+    heading = radians(request.heading_deg)
+    north, east = along * cos(heading) - right * sin(heading), along * sin(heading) + right * cos(heading)
+    reach_m = 1.15 * max(farthest_m(plan), request.space.leg_m / 2)
     x, y = 50 * (1 + east / reach_m), 50 * (1 - north / reach_m)
     track = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
     arrow = ""
-    if plan.request.wind_kt:
+    if request.wind_kt and request.wind_from_deg is not None:
         arrow = (
-            f'<g transform="translate(14 14) rotate({PATH.wind_from_deg:.0f})"><path d="M0-11V9M-4 3 0 10 4 3"'
-            f' class="wind"/></g><text x="26" y="10">{plan.request.wind_kt:g} kt</text>'
+            f'<g transform="translate(12 12) rotate({request.wind_from_deg:.0f})"><path d="M0-9V8M-4 2 0 9 4 2"'
+            f' class="wind"/></g><text x="23" y="9">{request.wind_kt:g} kt</text>'
         )
     scale_m = 100 * max(1, round(reach_m / 300))
     width = 50 * scale_m / reach_m
     return (
-        '<svg class="sketch" viewBox="0 0 100 100">'
-        f'<polyline points="{track}"/><circle cx="50" cy="50" r="2"/>{arrow}<path class="wind" d="M{96 - width:.1f} 95h'
-        f'{width:.1f}"/><text x="{96 - width:.1f}" y="92">{scale_m} m</text></svg>'
+        '<svg class="map" viewBox="0 0 100 100" role="img" aria-label="Map of the flight, north up">'
+        f'<polyline points="{track}"/><circle cx="50" cy="50" r="2"/>{arrow}'
+        '<path class="wind" d="M93 16V5M90 9 93 4 96 9"/><text x="91" y="22">N</text>'
+        f'<path class="wind" d="M{96 - width:.1f} 95h{width:.1f}"/>'
+        f'<text x="{96 - width:.1f}" y="92">{scale_m} m</text></svg>'
     )
 
 

@@ -50,10 +50,18 @@ class _Part:
 
 
 def kept_in_place(
-    plan: Sequence[Maneuver], expected: ExpectedAircraft, space: Space, wind_mps: float
+    plan: Sequence[Maneuver],
+    expected: ExpectedAircraft,
+    space: Space,
+    wind_mps: float,
+    wind_from_deg: float = PATH.wind_from_deg,
 ) -> list[Maneuver]:
-    """The same maneuvers, with other angles of turns and other durations of what is held or porpoised."""
-    flown, wind, found = paths(plan, expected, space.height_m), wind_vector(wind_mps), list(plan)
+    """The same maneuvers, with other angles of turns and other durations of what is held or porpoised.
+
+    wind_from_deg : clockwise from the first leg
+    """
+    flown, found = paths(plan, expected, space.height_m), list(plan)
+    wind = wind_vector(wind_mps, wind_from_deg)
     parts = list(_parts(plan, flown))
     place, heading, way, before = np.zeros(2), 0.0, 1.0, None  # of x, the turn before
     turned = place  # where the part begins, if the turn before is flown as planned first
@@ -71,7 +79,8 @@ def kept_in_place(
             found[part.held] = replace(held, duration_s=held.duration_s + longer_s)
             part = replace(part, air_m=part.air_m + longer_s * held.speed_mps, seconds=part.seconds + longer_s)
         if before is None:
-            place = fly(found[: part.turn], expected, space.height_m, wind_mps).position_m[-1]
+            until_turn = fly(found[: part.turn], expected, space.height_m, wind_mps, wind_from_deg=wind_from_deg)
+            place = until_turn.position_m[-1]
         else:
             turn, begun_mps = found[before], float(flown[before].V[0])
             assert isinstance(turn, Turn)

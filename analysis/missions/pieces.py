@@ -250,9 +250,14 @@ def _with_room(piece: Piece, narrowest_mps: float, side_m: float) -> Piece | Non
     return replace(piece, maneuvers=tuple(maneuvers))
 
 
-def sequence(pieces: Sequence[Piece], expected: ExpectedAircraft) -> list[Maneuver]:
-    """The whole plan, from standing to standing; turns to the right and to the left alternate, all into the wind."""
-    side, plan = copysign(1.0, PATH.wind_from_deg), list[Maneuver]()
+def sequence(
+    pieces: Sequence[Piece], expected: ExpectedAircraft, wind_from_deg: float = PATH.wind_from_deg
+) -> list[Maneuver]:
+    """The whole plan, from standing to standing; turns to the right and to the left alternate, all into the wind.
+
+    wind_from_deg : clockwise from the first leg
+    """
+    side, plan = copysign(1.0, wind_from_deg), list[Maneuver]()
     of_pieces = [maneuver for piece in pieces for maneuver in piece.maneuvers]
     for maneuver in [*before(expected), *of_pieces, *after(expected)]:
         if isinstance(maneuver, Turn):

@@ -7,7 +7,7 @@ cost. The result is computed once more as a whole.
 """
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf, isfinite
 from typing import NamedTuple
@@ -26,6 +26,7 @@ from analysis.missions.pieces import (
     Pilot,
     Run,
     Space,
+    before,
     catalog,
     full_throttle,
     sequence,
@@ -42,7 +43,10 @@ from flight.units import FOOT_M, KNOT_MPS
 
 @dataclass(frozen=True)
 class Request:
-    """minutes: from standing to standing. wind_kt: W20, the wind at 20 ft. earlier: of flights before."""
+    """minutes: from standing to standing. wind_kt: W20, the wind at 20 ft. earlier: of flights before.
+
+    heading_deg : of the first leg; None where nobody said     wind_from_deg : clockwise from north; None likewise
+    """
 
     minutes: float
     wind_kt: float
@@ -51,6 +55,15 @@ class Request:
     question: str = "curve"
     earlier: Array | None = None  # (m, m) information of earlier flights about the sensor errors of the installation
     alpha_scale_sigma: float = COMPARISON.installation_sigma["alpha_scale"]
+    heading_deg: float | None = None
+    wind_from_deg: float | None = None
+
+    @property
+    def wind_from_leg_deg(self) -> float:
+        """Clockwise from the first leg, from -180 to 180; the usual one where heading or wind are not known."""
+        if self.heading_deg is None or self.wind_from_deg is None:
+            return PATH.wind_from_deg
+        return (self.wind_from_deg - self.heading_deg + 180) % 360 - 180
 
     @property
     def gust_mps(self) -> float:
@@ -64,7 +77,7 @@ class Request:
 
 
 class Contribution(NamedTuple):
-    """One kind of piece in a plan: how often, its time, and the worst half width without it [%]."""
+    """One kind of piece in a plan: how often, its time in the plan, and the worst half width without it [%]."""
 
     title: str
     times: int
@@ -90,6 +103,17 @@ class FlightPlan:
     @property
     def seconds(self) -> float:
         return float(self.history.starts_s[-1])
+
+    @property
+    def piece_seconds(self) -> list[float]:
+        """How long each of the pieces takes in the plan, in its wind."""
+        return seconds_by_piece(self.pieces, self.history, self.aircraft)
+
+
+def seconds_by_piece(pieces: Sequence[Piece], history: TimeHistory, aircraft: ExpectedAircraft) -> list[float]:
+    """How long each piece takes in the history of a whole plan."""
+    ends = np.cumsum([len(before(aircraft)), *(len(piece.maneuvers) for piece in pieces)])
+    return [float(seconds) for seconds in np.diff(history.starts_s[ends])]
 
 
 class _Increment(NamedTuple):
@@ -156,7 +180,8 @@ def plan_flight(aircraft: ExpectedAircraft, request: Request) -> FlightPlan:
         by_hand = float(np.max(asked.half_widths(_with(start, every, _exchanged(every, left, start, asked)))))
     whole = expected(history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma)
     covariances = _covariances(whole, request)
-    contributions = _contributions(chosen, pieces, increments, covariances, asked)
+    seconds = seconds_by_piece(chosen, history, aircraft)
+    contributions = _contributions(chosen, seconds, dict(zip(pieces, increments, strict=True)), covariances, asked)
     return FlightPlan(
         request=request,
         aircraft=aircraft,
@@ -173,7 +198,7 @@ def plan_flight(aircraft: ExpectedAircraft, request: Request) -> FlightPlan:
 
 def predicted(maneuvers: Sequence[Maneuver], aircraft: ExpectedAircraft, request: Request) -> Covariances:
     """The covariances after any sequence of maneuvers."""
-    history = fly(maneuvers, aircraft, request.space.height_m, request.wind_mps)
+    history = _flown(maneuvers, aircraft, request)
     found = expected(history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma)
     return _covariances(found, request)
 
@@ -186,7 +211,7 @@ def _without_gentle_runs(found: list[Piece], aircraft: ExpectedAircraft, request
 
 
 def _taken_for_runs(piece: Piece, aircraft: ExpectedAircraft, request: Request) -> bool:
-    history = fly(piece.maneuvers, aircraft, request.space.height_m, request.wind_mps, airborne=True)
+    history = _flown(piece.maneuvers, aircraft, request, airborne=True)
     runs, _ = find_runs(history.table, noise_mps=inf)
     middles_s = [
         (start_s + end_s) / 2
@@ -197,13 +222,20 @@ def _taken_for_runs(piece: Piece, aircraft: ExpectedAircraft, request: Request) 
 
 
 def _history(pieces: Sequence[Piece], aircraft: ExpectedAircraft, request: Request) -> TimeHistory:
-    plan = _placed(pieces, aircraft, request)
-    return fly(plan, aircraft, request.space.height_m, request.wind_mps)
+    return _flown(_placed(pieces, aircraft, request), aircraft, request)
+
+
+def _flown(
+    maneuvers: Sequence[Maneuver], aircraft: ExpectedAircraft, request: Request, *, airborne: bool = False
+) -> TimeHistory:
+    height_m, from_deg = request.space.height_m, request.wind_from_leg_deg
+    return fly(maneuvers, aircraft, height_m, request.wind_mps, wind_from_deg=from_deg, airborne=airborne)
 
 
 def _placed(pieces: Sequence[Piece], aircraft: ExpectedAircraft, request: Request) -> list[Maneuver]:
     """The maneuvers as they are flown in the wind of the request."""
-    return kept_in_place(sequence(pieces, aircraft), aircraft, request.space, request.wind_mps)
+    from_deg = request.wind_from_leg_deg
+    return kept_in_place(sequence(pieces, aircraft, from_deg), aircraft, request.space, request.wind_mps, from_deg)
 
 
 def _seconds_of(history: TimeHistory) -> float:
@@ -212,7 +244,7 @@ def _seconds_of(history: TimeHistory) -> float:
 
 def _by_itself(pieces: Sequence[Piece], aircraft: ExpectedAircraft, request: Request) -> TimeHistory:
     """Not kept in place: what a piece tells must not depend on where it begins."""
-    return fly(sequence(pieces, aircraft), aircraft, request.space.height_m, request.wind_mps)
+    return _flown(sequence(pieces, aircraft, request.wind_from_leg_deg), aircraft, request)
 
 
 def _evaluated(pieces: Sequence[Piece], aircraft: ExpectedAircraft, request: Request) -> tuple[Expected, float]:
@@ -241,19 +273,19 @@ def _increment(
     """What one piece adds to the information of the base: a difference of two flights. base: that of one and its time
     [s].
     """
-    before, before_s = base
+    alone, alone_s = base
     repeated = 2  # of a piece in the flight that its information is computed from
     planned = [*[pair] * SEARCH.fewest_run_pairs, *[piece] * repeated, *last]
     if piece.kind is PieceKind.RUNS:
         found, seconds = _evaluated(planned, aircraft, request)
-        errors, polar = found.errors, _gain(found.noise, before.noise) / repeated
+        errors, polar = found.errors, _gain(found.noise, alone.noise) / repeated
     else:
         history = _by_itself(planned, aircraft, request)
         errors = sensor_error_covariance(
             history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma
         )
         seconds, polar = _seconds_of(history), np.zeros((3, 3))
-    return _Increment((seconds - before_s) / repeated, _gain(errors, before.errors) / repeated, polar)
+    return _Increment((seconds - alone_s) / repeated, _gain(errors, alone.errors) / repeated, polar)
 
 
 def _gain(after: Array, before: Array) -> Array:
@@ -322,22 +354,23 @@ def _ordered(pieces: Sequence[Piece]) -> list[Piece]:
 
 def _contributions(
     chosen: Sequence[Piece],
-    pieces: Sequence[Piece],
-    increments: Sequence[_Increment],
+    seconds: Sequence[float],
+    increments: Mapping[Piece, _Increment],
     whole: Covariances,
     asked: Question,
 ) -> tuple[Contribution, ...]:
-    """Each kind of piece, and the worst half width of the plan without it."""
+    """Each kind of piece, and the worst half width of the plan without it. seconds: of each piece chosen"""
     listed = []
     for piece, n in Counter(chosen).items():
-        if piece not in pieces:
+        increment = increments.get(piece)
+        if increment is None:
             continue
-        increment = increments[pieces.index(piece)]
+        taken_s = sum(one_s for one, one_s in zip(chosen, seconds, strict=True) if one == piece)
         without = whole._replace(
             errors=_less(whole.errors, n * increment.errors), noise=_less(whole.noise, n * increment.polar)
         )
         worst = float(np.max(asked.half_widths(without)))
-        listed.append(Contribution(piece.title, n, n * increment.seconds, worst))
+        listed.append(Contribution(piece.title, n, taken_s, worst))
     return tuple(listed)
 
 

@@ -6,7 +6,6 @@ from math import degrees
 from analysis.missions.expected_aircraft import ExpectedAircraft
 from analysis.missions.information import QUESTION_TITLES
 from analysis.missions.pieces import Hold, Land, Maneuver, Porpoise, Run, Stand, TakeOff, Turn
-from analysis.missions.plan_settings import PATH
 from analysis.missions.search import Request
 from analysis.missions.time_history import climb_rate_mps
 from flight.runs import AIRCRAFT_SIZE
@@ -21,7 +20,7 @@ def simulator_plan(maneuvers: Sequence[Maneuver], aircraft: ExpectedAircraft, re
         "",
         "[air]",
         f'wind = "{kt * KNOT_MPS:.2f} m/s"',
-        f'wind_from = "{PATH.wind_from_deg % 360:.0f} deg"',
+        f'wind_from = "{request.wind_from_leg_deg % 360:.0f} deg"',
         f'turbulence = "{kt * KNOT_MPS:.3f} m/s"',
     ]
     for maneuver in maneuvers:

@@ -45,13 +45,20 @@ class TimeHistory(NamedTuple):
 
 
 def fly(
-    plan: Sequence[Maneuver], expected: ExpectedAircraft, height_m: float, wind_mps: float, *, airborne: bool = False
+    plan: Sequence[Maneuver],
+    expected: ExpectedAircraft,
+    height_m: float,
+    wind_mps: float,
+    *,
+    wind_from_deg: float = PATH.wind_from_deg,
+    airborne: bool = False,
 ) -> TimeHistory:
-    """The time history of a plan. airborne: of a part of a plan, at its beginning."""
+    """The time history of a plan. airborne: it begins in the air. wind_from_deg: clockwise from the first leg."""
     flown = paths(plan, expected, height_m, airborne=airborne)
     V_path, bank, climb = (np.concatenate(parts) for parts in zip(*flown, strict=True))
     starts_s = np.cumsum([0, *(len(path.V) for path in flown)]) * PATH.step_s
-    return _history(Path(V_path, bank, climb), expected, height_m, wind_mps, airborne=airborne, starts_s=starts_s)
+    blown_mps = wind_vector(wind_mps, wind_from_deg)
+    return _history(Path(V_path, bank, climb), expected, height_m, blown_mps, airborne=airborne, starts_s=starts_s)
 
 
 def paths(
@@ -68,9 +75,9 @@ def paths(
     return found
 
 
-def wind_vector(wind_mps: float) -> Array:
-    """Where the wind blows to (2,), north and east of a first leg to the north [m/s]."""
-    return -wind_mps * np.array([np.cos(np.radians(PATH.wind_from_deg)), np.sin(np.radians(PATH.wind_from_deg))])
+def wind_vector(wind_mps: float, wind_from_deg: float = PATH.wind_from_deg) -> Array:
+    """Where the wind blows to (2,), along the first leg and to its right [m/s]; wind_from_deg: clockwise from it."""
+    return -wind_mps * np.array([np.cos(np.radians(wind_from_deg)), np.sin(np.radians(wind_from_deg))])
 
 
 def turn_rate(bank: Array | float, V: Array) -> Array:
@@ -200,7 +207,7 @@ def _landing(expected: ExpectedAircraft, V: float, speed_mps: float, height_m: f
 
 
 def _history(
-    path: Path, expected: ExpectedAircraft, height_m: float, wind_mps: float, *, airborne: bool, starts_s: Array
+    path: Path, expected: ExpectedAircraft, height_m: float, blown_mps: Array, *, airborne: bool, starts_s: Array
 ) -> TimeHistory:
     V, bank, climb = path
     n = len(V)
@@ -219,7 +226,7 @@ def _history(
     height = np.maximum(height, 0.0)
     profile = dryden.mean_wind_profile(height) / dryden.mean_wind_profile(height_m)
     # The wind's component on the heading changes in turns; on the ground the aircraft stands.
-    wind = profile[:, None] * wind_vector(wind_mps)
+    wind = profile[:, None] * blown_mps
     moved = np.clip(V / expected.stall_mps, 0.0, 1.0)[:, None]
     velocity = air + np.column_stack([wind * moved, np.zeros(n)])
     phi_rate, theta_rate, psi_rate = (np.gradient(x, PATH.step_s) for x in (bank, theta, heading))

@@ -17,7 +17,7 @@ from daq.__main__ import check, zero
     ("command", "assumed"),
     [
         # Twenty minutes and the last of the landing; a light breeze, 131 ft, porpoising from 0 to 2 g.
-        (plan, {"minutes": 21.0, "wind_kt": 5.0, "height_m": 40.0, "load_factor": 2.0, "heading_deg": 0.0}),
+        (plan, {"minutes": 21.0, "wind_kt": 5.0, "height_m": 40.0, "load_factor": 2.0, "heading_deg": None}),
         (probe, {"angle_scale": 0.5}),  # percent
         (transducers, {"reference_error": 0.5}),  # percent, of a column of water
         (weight_and_balance, {"reading_error": 0.005, "gain_error": 0.1, "position_error": 0.002}),  # kg, %, m

@@ -71,15 +71,39 @@ def test_a_wind_that_the_flight_hardly_advances_against_is_warned_of(nexstar: Ex
     assert f"the speed between maneuvers {slow.cruise_mps:.1f} m/s" in warning
 
 
-def test_the_sketch_holds_the_way_and_the_wind(nexstar: ExpectedAircraft) -> None:
-    drawn = card._sketch(plan(nexstar))
-    points = np.array(
-        [[float(x) for x in pair.split(",")] for pair in drawn.split('points="')[1].split('"')[0].split()]
-    )
-    assert card.farthest_m(plan(nexstar)) == pytest.approx(400.0, rel=1e-3)
+def test_without_a_heading_there_is_no_map_and_without_a_direction_no_wind_in_it(nexstar: ExpectedAircraft) -> None:
+    def drawn(**given: float) -> str:
+        found = plan(nexstar)
+        found.request = replace(found.request, **given)
+        return card._map(found)
+
+    assert drawn() == "" == drawn(wind_from_deg=270.0)
+    assert "N</text>" in drawn(heading_deg=0.0) and "kt" not in drawn(heading_deg=0.0)
+    assert "rotate(270)" in drawn(heading_deg=0.0, wind_from_deg=270.0)
+
+
+@pytest.mark.parametrize(("heading_deg", "axis", "side"), [(0.0, 0, 1), (90.0, 1, 1), (180.0, 0, -1), (270.0, 1, -1)])
+def test_the_map_has_north_up(nexstar: ExpectedAircraft, heading_deg: float, axis: int, side: int) -> None:
+    """A circle to the right of the take-off lies east of it when the first leg is to the north, south when it is to the
+    east, where y points down."""
+    flown = plan(nexstar)
+    flown.request = replace(flown.request, heading_deg=heading_deg)
+    pairs = card._map(flown).split('points="')[1].split('"')[0].split()
+    points = np.array([[float(x) for x in pair.split(",")] for pair in pairs])
+    assert card.farthest_m(flown) == pytest.approx(400.0, rel=1e-3)
     assert points[0] == pytest.approx([50.0, 50.0]) and points.min() > 0 and points.max() < 100
-    assert points[:, 0].max() == pytest.approx(50 * (1 + 1 / 1.15), abs=0.1) and points[:, 0].min() > 49.9
-    assert "rotate(-50)" in drawn and "8 kt" in drawn
+    reached = side * (points[:, axis] - 50)
+    assert reached.max() == pytest.approx(50 / 1.15, abs=0.1) and reached.min() > -0.1
+
+
+def test_headings_and_wind_are_told_as_they_were_given(nexstar: ExpectedAircraft) -> None:
+    flown = plan(nexstar)
+    assert card._headings(flown) == "" and "50° to the left of the first leg" in card._air(flown)
+    flown.request = replace(flown.request, heading_deg=250.0, wind_from_deg=200.0)
+    assert card._headings(flown) == " 250 (first) and 070,"
+    assert card._air(flown).startswith("Wind of 8 kt from 200; ")
+    flown.request = replace(flown.request, wind_kt=0.0)
+    assert card._air(flown) == "In still air."
 
 
 def test_there_is_a_box_to_tick_for_each_time() -> None:

@@ -68,6 +68,22 @@ def test_the_landing_is_into_the_wind(nexstar: ExpectedAircraft, pieces_flown: l
     assert np.cos(history.attitude[touching, 2] - np.radians(PATH.wind_from_deg)) > 0.3
 
 
+@pytest.mark.parametrize("wind_from_deg", [20.0, 80.0, -80.0])
+def test_a_wind_from_elsewhere_keeps_the_flight_in_sight(
+    nexstar, pieces_flown: list[Piece], wind_from_deg: float
+) -> None:
+    """Computed for another direction than it is flown in, it drifts off by more than a leg."""
+    plan = sequence(pieces_flown, nexstar, wind_from_deg)
+    kept = kept_in_place(plan, nexstar, Space(LEG_M, HEIGHT_M), 4.0, wind_from_deg)
+
+    def reached_m(from_deg: float) -> float:
+        position_m = fly(kept, nexstar, HEIGHT_M, 4.0, wind_from_deg=from_deg).position_m
+        return float(np.hypot(*position_m.T).max())
+
+    assert reached_m(wind_from_deg) < 1.15 * LEG_M
+    assert reached_m(wind_from_deg + 120) > 2 * LEG_M
+
+
 def test_without_a_turn_nothing_changes_and_no_wind_makes_a_plan_endless(nexstar: ExpectedAircraft) -> None:
     straight: list[Maneuver] = [Hold(10.0, 15.0), Run(0.87, 8.0, 20.0), Land(16.0)]
     assert kept_in_place(straight, nexstar, Space(LEG_M, HEIGHT_M), 8.0) == straight

@@ -6,6 +6,7 @@ from dataclasses import fields, replace
 from itertools import groupby
 from math import pi, tan
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -206,9 +207,9 @@ def test_a_plan_uses_its_time_and_keeps_off_the_stall(plan: FlightPlan):
 def test_a_knot_is_a_nautical_mile_an_hour(plan: FlightPlan, monkeypatch):
     winds_mps = []
 
-    def watched(maneuvers, aircraft, height_m: float, wind_mps: float) -> TimeHistory:
+    def watched(maneuvers, aircraft, height_m: float, wind_mps: float, **how: Any) -> TimeHistory:
         winds_mps.append(wind_mps)
-        return fly(maneuvers, aircraft, height_m, wind_mps)
+        return fly(maneuvers, aircraft, height_m, wind_mps, **how)
 
     monkeypatch.setattr(search, "fly", watched)
     windy = replace(plan.request, wind_kt=15.0)
@@ -385,6 +386,13 @@ def test_the_rows_of_the_card_are_the_flight_in_order(plan: FlightPlan):
         seconds.append(plan.history.starts_s[i + len(piece.maneuvers)] - plan.history.starts_s[i])
         i += len(piece.maneuvers)
     assert sum(row.seconds for row in rows[1:-1]) == pytest.approx(sum(seconds))
+
+
+def test_a_maneuver_has_one_duration_in_the_rows_and_in_what_it_contributes(plan: FlightPlan):
+    rows = {row.title: round(row.seconds) for row in card.rows(plan)}
+    told = {part.title: round(part.seconds) for part in plan.contributions}
+    assert told and told == {title: rows[title] for title in told}
+    assert any(f"({seconds} s): without it" in line for seconds in told.values() for line in card.losses(plan))
 
 
 def test_the_card_says_what_each_maneuver_is():
