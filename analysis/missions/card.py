@@ -224,6 +224,7 @@ p { margin: 0 0 1.5mm; }
 table { border-collapse: collapse; width: 100%; margin: 0 0 2mm; }
 td, th { border: 1.6pt solid #000; padding: 0.8mm 1.6mm; text-align: left; vertical-align: top; }
 td.n { font-size: 14pt; font-weight: 800; white-space: nowrap; text-align: center; }
+td.n .boxes { display: inline-block; max-width: 5.5em; white-space: normal; overflow-wrap: anywhere; }
 td.t { font-size: 13pt; font-weight: 800; white-space: nowrap; text-align: right; }
 .title { font-size: 12pt; font-weight: 800; }
 .steps { font-size: 10pt; font-weight: 500; }
@@ -234,6 +235,7 @@ td.t { font-size: 13pt; font-weight: 800; white-space: nowrap; text-align: right
 .map .wind { fill: none; stroke: #000; stroke-width: 1.6; }
 .map text { font-size: 5px; }
 @media screen { body { padding: 3mm; } }
+@media (max-width: 600px) { .map { float: none; display: block; margin: 0 auto 2mm; } }
 ul { margin: 0; padding-left: 5mm; font-size: 9pt; font-weight: 500; }
 """.strip()
 
@@ -272,7 +274,7 @@ def card(plan: FlightPlan, name: str) -> str:
 
 def _boxes(times: str) -> str:
     """One to tick for each time."""
-    return f"{escape(times)}<br>{'☐' * int(times.split()[0])}" if times else "☐"
+    return f'{escape(times)}<br><span class="boxes">{"☐" * int(times.split()[0])}</span>' if times else "☐"
 
 
 def _air(plan: FlightPlan) -> str:
