@@ -1,83 +1,176 @@
-"""Draws docs/figures/wiring.svg, the wiring diagram of docs/use/hardware.md: `python docs/figures/wiring.py`."""
+"""Draws docs/figures/wiring.svg and plumbing.svg of docs/use/hardware.md: `python docs/figures/wiring.py`.
+
+Both are narrow and their letters large, to be read on a phone and on paper.
+"""
 
 from pathlib import Path
 
-WIDTH, HEIGHT = 1000, 800
-COLOR = {"5V": "#c0392b", "3.3V": "#d68910", "GND": "#222222", "SDA": "#1f618d", "SCL": "#1e8449", "UART": "#6c3483"}
+WIDTH = 480
+COLOR = {"3.3 V": "#d68910", "5 V": "#c0392b", "GND": "#222222", "SDA": "#1f618d", "SCL": "#1e8449", "data": "#6c3483"}
+HOSE = "#5d6d7e"
 
-PROBE = ["upper, lower: alpha", "left, right: beta", "center: total", "static ring", "tubes of equal length"]
+BOARDS = (
+    ("MPU-9250, AK8963", "0x68, 0x0C", "screwed to the airframe"),
+    ("MS5611, no hose", "0x77: pin CSB low", "in the fuselage, shaded"),
+    ("static: one barb", "MS5805", "0x76"),
+    ("alpha: two barbs", "MS4515DO-DS3AJ002DP", "0x36"),
+    ("beta: two barbs", "MS4515DO-DS3AK002DP", "0x46"),
+    ("airspeed: two barbs", "SSCDRRN005ND2A3", "0x28"),
+)
+HIGH, LOW = "P1 +", "P2 −"
+# From each port of the probe to the barb of a transducer, whose sign is that of the pressure there.
+HOSES = (
+    ("lower", "alpha", HIGH),
+    ("upper", "alpha", LOW),
+    ("right", "beta", HIGH),
+    ("left", "beta", LOW),
+    ("center", "airspeed", HIGH),
+    ("static ring", "airspeed", LOW),
+)
+RECEIVER = (("3.3 V", 17, "3.3 V"), ("GND", 14, "GND"), ("TX", 10, "data"), ("RX", 8, "data"))
 
 
-def box(x: float, y: float, w: float, h: float, title: str, lines: list[str], fill: str = "#f7f9fb") -> str:
-    out = [f'<rect x="{x}" y="{y}" width="{w}" height="{h}" rx="6" fill="{fill}" stroke="#444"/>']
-    out.append(f'<text x="{x + 10}" y="{y + 20}" font-weight="bold">{title}</text>')
-    out += [f'<text x="{x + 10}" y="{y + 38 + 16 * i}" font-size="12">{line}</text>' for i, line in enumerate(lines)]
-    return "\n".join(out)
+def box(x: float, y: float, w: float, h: float, fill: str = "#f7f9fb") -> str:
+    return f'<rect x="{x}" y="{y}" width="{w}" height="{h}" rx="5" fill="{fill}" stroke="#444"/>'
 
 
-def wire(kind: str, *points: tuple[float, float]) -> str:
-    path = " ".join(f"{x},{y}" for x, y in points)
-    ends = "".join(f'<circle cx="{x}" cy="{y}" r="3" fill="{COLOR[kind]}"/>' for x, y in (points[0], points[-1]))
-    return f'<polyline points="{path}" fill="none" stroke="{COLOR[kind]}" stroke-width="2"/>{ends}'
+def text(
+    x: float, y: float, words: str, *, size: float = 13, fill: str = "#222", anchor: str = "start", bold: int = 400
+) -> str:
+    how = f'font-size="{size}" fill="{fill}" text-anchor="{anchor}" font-weight="{bold}"'
+    return f'<text x="{x}" y="{y}" {how}>{words}</text>'
 
 
-def label(x: float, y: float, text: str, kind: str | None = None, anchor: str = "start") -> str:
-    fill = COLOR[kind] if kind else "#222"
-    return f'<text x="{x}" y="{y}" font-size="12" fill="{fill}" text-anchor="{anchor}">{text}</text>'
+def lines(x: float, y: float, title: str, *more: str) -> list[str]:
+    """A title, and lines under it."""
+    return [text(x, y, title, bold=700), *(text(x, y + 17 * (i + 1), one) for i, one in enumerate(more))]
 
 
-def drawing() -> str:
-    parts = [
-        box(30, 60, 190, 560, "Raspberry Pi", ["header pin"], "#eaf4ea"),
-        box(420, 60, 290, 78, "MPU-9250 (0x68, AK8963 0x0C)", ["3.3 V; screwed to the airframe", "near its center"]),
-        box(420, 150, 290, 60, "MS5611 (0x77)", ["3.3 V; in the fuselage, shaded"]),
-        box(420, 222, 290, 60, "MS5805 (0x76)", ["3.3 V; hose to the static line"]),
-        box(420, 300, 290, 60, "MS4515DO-DS3AJ002DP (0x36)", ["3.3 V; alpha ports"], "#fdf6e3"),
-        box(420, 372, 290, 60, "MS4515DO-DS3AK002DP (0x46)", ["3.3 V; beta ports"], "#fdf6e3"),
-        box(420, 444, 290, 60, "SSCDRRN005ND2A3 (0x28)", ["3.3 V; total and static"], "#fdf6e3"),
-        box(420, 524, 290, 60, "u-blox M8", ["3.3 or 5 V; antenna with a clear sky"]),
-        box(420, 604, 290, 60, "ATmega328P (Arduino Nano)", ["5 V by USB; firmware/esc_counter"]),
-        box(420, 684, 290, 60, "Autopilot (MAVLink)", ["telemetry port, USB adapter, 57600 baud"]),
-        box(760, 604, 210, 60, "RPM sensor", ["on one phase of the motor:", "a pulse an electrical period"]),
-        box(760, 300, 210, 204, "Five-port probe", PROBE),
-        box(30, 660, 190, 84, "Supply", ["5 V, 3 A, from a converter", "of its own, not from the", "speed controller"]),
-    ]  # fmt: skip
-    pins = {
-        "1: 3.3 V": ("3.3V", 110), "3: SDA": ("SDA", 180), "5: SCL": ("SCL", 250), "6: GND": ("GND", 320),
-        "8: TXD": ("UART", 540), "10: RXD": ("UART", 570),
-    }  # fmt: skip
-    for name, (kind, y) in pins.items():
-        parts.append(label(210, y + 4, name, kind, "end"))
-        parts.append(f'<circle cx="220" cy="{y}" r="4" fill="{COLOR[kind]}"/>')
-    parts += [label(210, 605, "USB", None, "end"), label(125, 652, "2, 4: 5 V; 6: GND", "5V", "middle")]
-    rails = {"3.3V": (280, 110), "SDA": (305, 180), "SCL": (330, 250), "GND": (355, 320)}
-    drops = {"3.3V": 12, "SDA": 24, "SCL": 36, "GND": 48}
-    for kind, (x, y) in rails.items():
-        parts.append(wire(kind, (220, y), (x, y)))
-        parts.append(wire(kind, (x, 60 + drops[kind]), (x, 444 + drops[kind])))
-        for top in (60, 150, 222, 300, 372, 444):
-            parts.append(wire(kind, (x, top + drops[kind]), (420, top + drops[kind])))
-    parts.append(wire("UART", (220, 540), (390, 540), (390, 545), (420, 545)))
-    parts.append(wire("UART", (220, 570), (420, 570)))
-    parts.append(wire("GND", (220, 605), (260, 605), (260, 635), (420, 635)))
-    parts.append(wire("GND", (220, 605), (250, 605), (250, 715), (420, 715)))
-    parts.append(wire("5V", (125, 660), (125, 620)))
-    parts.append(wire("UART", (710, 625), (760, 625)))
-    parts.append(label(718, 619, "D8"))
-    parts.append(wire("GND", (710, 650), (760, 650)))
-    for y in (330, 402, 474):
-        parts.append(
-            f'<path d="M710 {y} C 730 {y - 14}, 740 {y + 14}, 760 {y}" fill="none" stroke="#999" stroke-width="5"/>'
-        )
-    parts.append('<path d="M710 252 C 745 252, 730 300, 762 310" fill="none" stroke="#999" stroke-width="5"/>')
-    legend = [label(640 + 62 * i, 34, kind, kind) for i, kind in enumerate(COLOR)]
-    parts += [label(30, 34, "Tray of the example configuration, all on I2C bus 1 (/dev/i2c-1) at 400 kHz"), *legend]
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" font-family="sans-serif"'
-        ' font-size="14">\n'
-        f'<rect width="{WIDTH}" height="{HEIGHT}" fill="white"/>\n' + "\n".join(parts) + "\n</svg>\n"
-    )
+def path(kind: str, *points: tuple[float, float], width: float = 2, ends: bool = True) -> str:
+    color = COLOR.get(kind, HOSE)
+    dots = "".join(f'<circle cx="{x}" cy="{y}" r="3.5" fill="{color}"/>' for x, y in (points[0], points[-1]) if ends)
+    drawn = " ".join(f"{x},{y}" for x, y in points)
+    return f'<polyline points="{drawn}" fill="none" stroke="{color}" stroke-width="{width}"/>{dots}'
+
+
+def pin(x: float, y: float, number: str, name: str, kind: str) -> str:
+    """A pin at the right edge of the computer, its label inside."""
+    return text(x - 8, y + 4.5, f"{number}: {name}" if number else name, anchor="end", fill=COLOR[kind])
+
+
+def page(height: float, parts: list[str], title: str) -> str:
+    size, style = f'width="{WIDTH}" height="{height}"', 'font-family="sans-serif" role="img"'
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" {size} viewBox="0 0 {WIDTH} {height}" {style}>'
+    return "\n".join([head, f"<title>{title}</title>", f'<rect {size} fill="white"/>', *parts, "</svg>", ""])
+
+
+def barb_at(y: float) -> str:
+    """The barb of a transducer's box."""
+    return f'<rect x="286" y="{y - 5}" width="14" height="10" fill="#bbb" stroke="#444"/>'
+
+
+def wiring() -> str:
+    """Each wire ends at two pins; where wires cross without a dot they are not joined."""
+    edge, left, top, step = 120, 232, 34, 88
+    kinds = ("3.3 V", "SDA", "SCL", "GND")
+    rails = {"3.3 V": 150, "SDA": 170, "SCL": 190, "GND": 210}
+    pins = {"3.3 V": ("1", 66), "SDA": ("3", 100), "SCL": ("5", 118), "GND": ("9", 203)}
+    parts = [text(10, 20, "I2C bus 1 of the example tray: /dev/i2c-1, 400 kHz", bold=700)]
+    parts.append(box(10, top, edge - 10, 920, "#eaf4ea"))
+    parts.append(text(18, top + 18, "Raspberry Pi", bold=700))
+    for i, board in enumerate(BOARDS):
+        y = top + i * step
+        parts += [box(left, y, WIDTH - left - 8, step - 12), *lines(left + 54, y + 24, *board)]
+        for k, kind in enumerate(kinds):
+            at = y + 13 + 17 * k
+            parts += [
+                path(kind, (rails[kind], at), (left, at)),
+                text(left + 8, at + 4.5, kind, size=12, fill=COLOR[kind]),
+            ]
+    last = top + (len(BOARDS) - 1) * step
+    for k, kind in enumerate(kinds):
+        number, y = pins[kind]
+        parts += [pin(edge, y, number, kind, kind), path(kind, (edge, y), (rails[kind], y))]
+        parts.append(path(kind, (rails[kind], top + 13 + 17 * k), (rails[kind], last + 13 + 17 * k), ends=False))
+    y = top + len(BOARDS) * step
+    parts += [
+        box(left, y, WIDTH - left - 8, step),
+        *lines(left + 54, y + 24, "GPS, u-blox", "pin VCC: 3.3 V (a board", "with a regulator: 5 V)"),
+    ]
+    for k, (name, number, kind) in enumerate(RECEIVER):
+        at = y + 16 + 18 * k
+        pi_name = {"TX": "RXD", "RX": "TXD"}.get(name, name)
+        parts += [pin(edge, at, str(number), pi_name, kind), path(kind, (edge, at), (left, at))]
+        parts.append(text(left + 8, at + 4.5, {"3.3 V": "VCC"}.get(name, name), size=12, fill=COLOR[kind]))
+    y += step + 12
+    parts += [
+        box(left, y, WIDTH - left - 8, 64),
+        *lines(left + 12, y + 20, "Pulse counter", "Arduino Nano, ATmega328P"),
+    ]
+    parts += [text(left + 12, y + 54, "D8, GND: to the RPM sensor")]
+    parts += [pin(edge, y + 32, "", "USB", "data"), path("data", (edge, y + 32), (left, y + 32))]
+    y += 76
+    parts += [
+        box(left, y, WIDTH - left - 8, 64),
+        *lines(left + 12, y + 20, "RPM sensor", "on one phase of the motor:", "output D8, ground GND"),
+    ]
+    parts += [path("data", (left + 120, y - 12), (left + 120, y), ends=False)]
+    y += 76
+    parts += [
+        box(left, y, WIDTH - left - 8, 64),
+        *lines(left + 12, y + 20, "Autopilot, if any", "telemetry port, 57600 baud,", "by a USB serial adapter"),
+    ]
+    parts += [pin(edge, y + 32, "", "USB", "data"), path("data", (edge, y + 32), (left, y + 32))]
+    y += 76
+    parts += [
+        box(left, y, WIDTH - left - 8, 64),
+        *lines(left + 54, y + 20, "Supply: 5 V, 3 A", "converter of its own", "on the flight battery"),
+    ]
+    for at, number, kind in ((y + 20, "2, 4", "5 V"), (y + 44, "6", "GND")):
+        parts += [pin(edge, at, number, kind, kind), path(kind, (edge, at), (left, at))]
+        parts.append(text(left + 8, at + 4.5, kind, size=12, fill=COLOR[kind]))
+    return page(y + 76, parts, "Wiring: which pin of the Raspberry Pi goes where")
+
+
+def plumbing() -> str:
+    """Each hose is a horizontal line from a port of the probe to a barb; the static line has a T."""
+    parts = [text(10, 20, "Hoses, all of equal length and diameter", bold=700)]
+    x, y, radius = 70, 92, 46
+    parts += [
+        text(10, 40, "The tip, seen from behind:"),
+        f'<circle cx="{x}" cy="{y}" r="{radius}" fill="#eef1f4" stroke="#444"/>',
+    ]
+    holes = {"upper": (0, -28), "lower": (0, 28), "left": (-28, 0), "right": (28, 0), "center": (0, 0)}
+    parts += [f'<circle cx="{x + dx}" cy="{y + dy}" r="5" fill="#222"/>' for dx, dy in holes.values()]
+    parts += [
+        text(130, 76, "five ports, and the static ring", fill="#222"),
+        text(130, 96, "behind it. Left and right are those"),
+    ]
+    parts += [text(130, 116, "of the aircraft, flying away from you.")]
+    parts += [box(10, 152, 108, 300, "#eef1f4"), text(18, 444, "probe", bold=700)]
+    transducers = {
+        "alpha": ("MS4515DO", "0x36", 152),
+        "beta": ("MS4515DO", "0x46", 238),
+        "airspeed": ("SSCDRRN", "0x28", 324),
+    }
+    for name, (part, address, top) in transducers.items():
+        parts += [box(300, top, 172, 76, "#fdf6e3"), *lines(362, top + 24, name, part, address)]
+    for port, name, barb in HOSES:
+        at = transducers[name][2] + (24 if barb == HIGH else 52)
+        parts += [text(110, at + 4.5, port, anchor="end"), path("hose", (118, at), (286, at), width=5, ends=False)]
+        parts += [barb_at(at), text(308, at + 4.5, barb, bold=700)]
+    tee = 200
+    parts.append(path("hose", (tee, 376), (tee, 432), (286, 432), width=5, ends=False))
+    parts += [f'<circle cx="{tee}" cy="376" r="7" fill="{HOSE}"/>', text(tee + 12, 398, "T", bold=700)]
+    parts += [box(300, 410, 172, 56, "#fdf6e3"), barb_at(432), *lines(362, 432, "static", "MS5805, 0x76")]
+    parts += [
+        text(10, 496, "P1: the barb at which more pressure counts positive, marked so in"),
+        text(10, 514, "the drawing of the part's data sheet. Blow across, never into."),
+    ]
+    parts += [text(10, 536, "MS5611 has no hose: it measures inside the fuselage.")]
+    return page(550, parts, "Plumbing: which port of the probe goes to which barb")
 
 
 if __name__ == "__main__":
-    Path(__file__).with_name("wiring.svg").write_text(drawing(), encoding="utf-8")
+    for name, drawing in (("wiring", wiring()), ("plumbing", plumbing())):
+        Path(__file__).with_name(f"{name}.svg").write_text(drawing, encoding="utf-8")

@@ -1,12 +1,15 @@
 """docs/use/hardware.md describes the tray of the example configuration."""
 
 import re
+import runpy
 import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "use" / "hardware.md").read_text("utf-8").replace("*", "")
-DIAGRAM = (ROOT / "docs" / "figures" / "wiring.svg").read_text("utf-8")
+FIGURES = ROOT / "docs" / "figures"
+DIAGRAM = (FIGURES / "wiring.svg").read_text("utf-8")
+DRAWN = runpy.run_path(str(FIGURES / "wiring.py"))
 SENSORS = tomllib.loads((ROOT / "daq" / "tray.example.toml").read_text("utf-8"))["sensors"]
 
 
@@ -24,8 +27,40 @@ def test_the_example_has_transducers_for_the_supply_that_a_pi_stands():
     assert all(re.search(r"-DS3|A3$", part) for part in parts)
 
 
-def test_the_diagram_is_what_its_source_draws(tmp_path):
-    import runpy
+def test_the_drawings_are_what_their_source_draws():
+    assert DRAWN["wiring"]() == DIAGRAM
+    assert DRAWN["plumbing"]() == (FIGURES / "plumbing.svg").read_text("utf-8")
 
-    drawing = runpy.run_path(str(ROOT / "docs" / "figures" / "wiring.py"))["drawing"]
-    assert drawing() == DIAGRAM
+
+def test_the_hoses_are_those_of_the_table():
+    """ "lower minus upper port": the first goes to the high barb; every barb has one hose."""
+    for name in ("alpha", "beta", "airspeed"):
+        high, low = re.search(rf"^\| {name} \| .*?\| (\w+) (?:port )?minus (\w+)", PAGE, flags=re.MULTILINE).groups()
+        hoses = {barb: port for port, transducer, barb in DRAWN["HOSES"] if transducer == name}
+        assert hoses[DRAWN["HIGH"]] == high and hoses[DRAWN["LOW"]].split()[0] == low and len(hoses) == 2
+
+
+def test_no_wire_passes_through_a_label_of_a_pin():
+    """Labels lie inside the boxes, whose edges wires do not pass."""
+    boxes = [tuple(float(one) for one in found) for found in re.findall(
+        r'<rect x="([\d.]+)" y="([\d.]+)" width="([\d.]+)" height="([\d.]+)" rx', DIAGRAM)]  # fmt: skip
+    wires = [
+        [tuple(map(float, point.split(","))) for point in points.split()]
+        for points in re.findall(r'<polyline points="([^"]+)"', DIAGRAM)
+    ]
+    assert len(boxes) == 12 and len(wires) > 30
+    for (x1, y1), (x2, y2) in wires:
+        assert x1 == x2 or y1 == y2, "straight"
+        for x, y, width, height in boxes:
+            across = x < (x1 + x2) / 2 < x + width and y < (y1 + y2) / 2 < y + height
+            assert not across
+
+
+def test_each_pin_of_the_computer_is_used_once_and_is_what_the_header_has():
+    header = {
+        1: "3.3 V", 2: "5 V", 3: "SDA", 4: "5 V", 5: "SCL", 6: "GND", 8: "TXD", 9: "GND", 10: "RXD", 14: "GND",
+        17: "3.3 V",
+    }  # fmt: skip
+    pins = re.findall(r">([\d, ]+): ([^<]+)</text>", DIAGRAM)
+    named = [(int(number), name) for numbers, name in pins for number in numbers.split(",")]
+    assert dict(named) == header and len(named) == len(header)
