@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 HEADER, FORMAT_TYPE, FIRST_TYPE = b"\xa3\x95", 0x80, 0x81
 KNOWN_TYPES = {"CTUN": 0}  # as ArduPlane numbers it
 CODES = {"Q": "<u8", "I": "<u4", "H": "<u2", "h": "<i2", "B": "<u1", "M": "<u1", "b": "<i1", "f": "<f4", "d": "<f8",
-         "c": "<i2", "e": "<i4", "E": "<u4", "N": "S16", "Z": "S64"}  # fmt: skip
+         "c": "<i2", "e": "<i4", "E": "<u4", "L": "<i4", "N": "S16", "Z": "S64"}  # fmt: skip
 CLOCKS = {"TimeUS": 1, "T": 1000, "TimeMS": 1000}  # [us]; messages without one are those of the beginning
 MULTIPLIERS = {"F": 1e-6, "C": 1e-3, "B": 1e-2, "-": 0.0}  # by the letter that FMTU names; 0: none
 
@@ -111,7 +111,7 @@ def write_text(path: Path, kinds: Sequence[DataflashMessages]) -> None:
 def _text(value: float | bytes, code: str) -> str:
     if isinstance(value, bytes):
         return value.decode()
-    return f"{int(value)}" if code in "QIHhBMb" else f"{value:.7g}"
+    return f"{int(value)}" if code in "QIHhBMb" else f"{value:.7f}" if code == "L" else f"{value:.7g}"
 
 
 def _format(number: int, length: int, name: str, codes: str, columns: tuple[str, ...]) -> bytes:
@@ -123,5 +123,6 @@ def _rows(kind: DataflashMessages) -> NDArray[np.void]:
     dtype = np.dtype([(name, CODES[code]) for name, code in zip(kind.columns, kind.codes, strict=True)])
     rows = np.zeros(len(kind.time_us), dtype=dtype)
     for (name, values), code in zip(kind.columns.items(), kind.codes, strict=True):
-        rows[name] = np.round(100 * values.astype(float)) if code in "ceE" else values
+        factor = 100 if code in "ceE" else 1e7 if code == "L" else None
+        rows[name] = values if factor is None else np.round(factor * values.astype(float))
     return rows

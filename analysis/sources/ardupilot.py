@@ -23,12 +23,17 @@ from analysis.sources.ardupilot_messages import (
     read_messages,
 )
 from analysis.sources.autopilot_settings import READABLE
+from analysis.sources.position import places
 from analysis.sources.recording import (
     Battery,
     Channel,
+    Event,
+    EventKind,
     FlightRecording,
     channel,
+    in_order,
     measuring_battery,
+    modes,
     most_varying,
     turning_motor,
     without_hover,
@@ -43,9 +48,24 @@ ENABLED_BY = {
 }
 
 
-class LiftedMode(IntEnum):
-    """Numbers of MODE in which a QuadPlane is on its lifting motors."""
+class FlightMode(IntEnum):
+    """Numbers of MODE; in those that begin with Q a QuadPlane is on its lifting motors."""
 
+    MANUAL = 0
+    CIRCLE = 1
+    STABILIZE = 2
+    TRAINING = 3
+    ACRO = 4
+    FBWA = 5
+    FBWB = 6
+    CRUISE = 7
+    AUTOTUNE = 8
+    AUTO = 10
+    RTL = 11
+    LOITER = 12
+    TAKEOFF = 13
+    AVOID_ADSB = 14
+    GUIDED = 15
     QSTABILIZE = 17
     QHOVER = 18
     QLOITER = 19
@@ -53,6 +73,10 @@ class LiftedMode(IntEnum):
     QRTL = 21
     QAUTOTUNE = 22
     QACRO = 23
+    THERMAL = 24
+
+
+LIFTED = tuple(mode for mode in FlightMode if FlightMode.QSTABILIZE <= mode <= FlightMode.QACRO)
 
 
 class BatteryMonitor(IntEnum):
@@ -86,8 +110,11 @@ def read_ardupilot(path: Path) -> FlightRecording:
     ):
         for table in _working(log.of(kinds))[:1]:
             channels[name] = channel(table["t_s"], table[field])
+    place: dict[str, Channel] = {}
     for table in sorted(log.of(GPS), key=lambda one: -np.mean(one["Status"] >= 3))[:1]:
         channels |= _gps(table)
+        fixed = table["Status"] >= 3
+        place = places(table["t_s"][fixed], table["Lat"][fixed], table["Lng"][fixed])
     batteries = _with_sums(_batteries(tables, BATTERY), parameters)
     controllers = list(_batteries(tables, CONTROLLERS).values())
     battery, battery_notes = measuring_battery(batteries, controllers)
@@ -98,7 +125,7 @@ def read_ardupilot(path: Path) -> FlightRecording:
         channels[recording.MOTOR] = motor
     if (throttle := _throttle(log)) is not None:
         channels[recording.THROTTLE] = throttle
-    (channels, thermometers, truth), jumps = without_jumps(channels, _thermometers(log), _truth(log))
+    (channels, thermometers, truth, place), jumps = without_jumps(channels, _thermometers(log), _truth(log), place)
     hover_notes: list[str] = []
     if recording.AIRSPEED_PRESSURE in channels:
         wing = channels[recording.AIRSPEED_PRESSURE]
@@ -114,6 +141,8 @@ def read_ardupilot(path: Path) -> FlightRecording:
         | _without_current(batteries),
         truth=truth,
         vehicle=log.vehicle,
+        place=place,
+        events=in_order([*_modes(log), *(Event(t_s, EventKind.MESSAGE, text) for t_s, text in log.texts)]),
     )
 
 
@@ -164,10 +193,19 @@ def _lifting_s(log: Messages, t_s: Array) -> list[Array]:
     """Times at which the lifting motors run: by their throttle, and those of t_s (n,) in whose mode they run."""
     found = [table["t_s"][table["ThO"] > 0] for table in log.of(LIFT)]
     for table in log.of(("MODE",)):
-        numbers = np.where(np.isfinite(table["ModeNum"]), table["ModeNum"], table["Mode"])
+        numbers = _mode_numbers(table)
         latest = np.searchsorted(table["t_s"], t_s, side="right") - 1
-        found.append(t_s[(latest >= 0) & np.isin(numbers[np.clip(latest, 0, None)], [*LiftedMode])])
+        found.append(t_s[(latest >= 0) & np.isin(numbers[np.clip(latest, 0, None)], LIFTED)])
     return found
+
+
+def _mode_numbers(table: Table) -> Array:
+    return np.where(np.isfinite(table["ModeNum"]), table["ModeNum"], table["Mode"])
+
+
+def _modes(log: Messages) -> list[Event]:
+    names = {int(mode): mode.name for mode in FlightMode}
+    return [event for table in log.of(("MODE",))[:1] for event in modes(table["t_s"], _mode_numbers(table), names)]
 
 
 def _truth(log: Messages) -> dict[str, Channel]:
@@ -255,7 +293,7 @@ def _airspeed_pressure(table: Table) -> Channel:
 
 
 def _gps(table: Table) -> dict[str, Channel]:
-    status, speed, course, down = (np.asarray(table[field]) for field in FIELDS["GPS"])
+    status, speed, course, down = (np.asarray(table[field]) for field in ("Status", "Spd", "GCrs", "VZ"))
     fixed = status >= 3
     t_s, course = np.asarray(table["t_s"])[fixed], np.radians(course[fixed])
     values = (speed[fixed] * np.cos(course), speed[fixed] * np.sin(course), down[fixed])

@@ -1,8 +1,8 @@
 """The messages of an ArduPilot log that are read, by kind and instance, in SI units or those of their fields."""
 
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +32,7 @@ FIELDS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(CONTROLLERS, ("RPM", "Volt", "Curr")),
     **dict.fromkeys(RPM, ("RPM", "rpm1")),
     **dict.fromkeys(LIFT, ("ThO",)),
-    **dict.fromkeys(GPS, ("Status", "Spd", "GCrs", "VZ")),
+    **dict.fromkeys(GPS, ("Status", "Spd", "GCrs", "VZ", "Lat", "Lng")),
     "CTUN": ("ThO", "ThrOut"),
     "AETR": ("Thr",),
     "RCOU": (),
@@ -55,12 +55,14 @@ Table = dict[str, NDArray[np.float64]]  # by field
 class Messages:
     """tables : by kind and instance, t_s and FIELDS, each (n,)          parameters : the autopilot's, by name
     notes : on the log, in sentences          vehicle : of `recording.vehicle_of`; empty where it is not known
+    texts : times [s], NaN where the log has none, and texts for the pilot
     """
 
     tables: dict[tuple[str, int], Table]
     parameters: dict[str, float]
     notes: list[str]
     vehicle: str = ""
+    texts: list[tuple[float, str]] = field(default_factory=list)
 
     def of(self, kinds: tuple[str, ...]) -> list[Table]:
         return [table for (kind, _), table in self.tables.items() if kind in kinds]
@@ -82,7 +84,8 @@ def _opened(path: Path) -> DataflashLog | TelemetryLog | TextLog:
 def read_messages(path: Path) -> Messages:
     """The messages of a log. Raises InputError where it cannot be read, or is that of a vehicle without wings."""
     log = _opened(path)
-    texts = [_text(text) for text in log.columns("MSG").get("Message", ())]
+    said = log.columns("MSG")
+    texts = [_text(text) for text in said.get("Message", ())]
     for text in texts:
         _refuse_wingless(path, text)
     boards = (found[1] for text in texts if (found := SERIAL_NUMBER.match(text)))
@@ -101,7 +104,9 @@ def read_messages(path: Path) -> Messages:
     known = dropped[np.isfinite(dropped)] if dropped.dtype.kind == "f" else np.zeros(0)
     lost = int(np.max(known, initial=0.0))
     notes = [*log.notes, *([f"The autopilot dropped {lost} messages."] if lost else [])]
-    return Messages(tables, {_text(name): float(x) for name, x in pairs if isinstance(x, float)}, notes, vehicle)
+    parameters = {_text(name): float(x) for name, x in pairs if isinstance(x, float)}
+    timed = list(zip(_times_s("MSG", said, len(texts)), texts, strict=True))
+    return Messages(tables, parameters, notes, vehicle, timed)
 
 
 def _units(form: Form | None, told: dict[str, NDArray[Any]], multipliers: dict[str, NDArray[Any]]) -> dict[str, float]:
@@ -127,10 +132,22 @@ def _text(packed: Any) -> str:
     return packed.decode("ascii", "replace") if isinstance(packed, bytes) else str(packed)
 
 
+def _clock(kind: str, columns: Mapping[str, NDArray[Any]]) -> tuple[str, float] | None:
+    """The field of the time of a kind of message, and its unit [s]."""
+    return next(((name, unit) for name, unit in CLOCKS[kind == "GPS"] if name in columns), None)
+
+
+def _times_s(kind: str, columns: Mapping[str, NDArray[Any]], count: int) -> list[float]:
+    clock = _clock(kind, columns)
+    if clock is None or columns[clock[0]].dtype.kind != "f":
+        return [np.nan] * count
+    return [float(t) for t in columns[clock[0]] * clock[1]]
+
+
 def _instances(kind: str, columns: dict[str, NDArray[Any]]) -> Iterator[tuple[tuple[str, int], Table]]:
     """The times [s] and FIELDS of each instance of a kind of message."""
     numbers = {name: values for name, values in columns.items() if values.dtype.kind == "f"}
-    clock = next(((name, unit) for name, unit in CLOCKS[kind == "GPS"] if name in numbers), None)
+    clock = _clock(kind, numbers)
     fields = FIELDS[kind] or tuple(numbers)
     if clock is None or not set(fields) & set(numbers):
         return

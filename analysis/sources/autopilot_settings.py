@@ -27,12 +27,13 @@ class Readable(Settings):
             "temperature_K": (150.0, 450.0, 50.0),
             "throttle": (-1.5, 1.5, 3.0),
             "height_m": (-1000.0, 100_000.0, 1000.0),
+            "place_m": (-500_000.0, 500_000.0, 1000.0),
         },
         "by name",
         "least, greatest, and greatest difference from a median of five samples, beyond which a byte is damaged: air"
         " data to 180 m/s and 12 km, steps of 25 m; 30 g, beyond the range of common accelerometers; above any battery"
         " of a UAV; 120 000 rpm; velocities of GPS; temperatures at which a sensor is broken; throttle with reverse;"
-        " the height of a simulation",
+        " the height of a simulation; the distance of a receiver from the first position",
     )
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from analysis.sources.grid import on_grid
 from analysis.sources.grid_settings import CHANNELS, STATISTICS
+from analysis.sources.recording import Event, EventKind
 from flight import runs
 from flight.aircraft import Aircraft
 from flight.arrays import Array
@@ -50,6 +51,13 @@ def field_of(log: Log, topic: str, field: str) -> tuple[Array, Array]:
     good = is_good(entries) & ~np.isnan(value)
     taken_ns = times_ns(entries)[good]
     return (taken_ns - taken_ns[:1]) / 1e9, value[good]
+
+
+def events(log: Log, start_ns: int) -> list[Event]:
+    """What the daemon reported, on the clock that starts at `start_ns`."""
+    entries = log.entries.get("/daq/event", NO_ENTRIES)
+    reported = zip(times_ns(entries), entries.columns["text"][:], strict=True) if len(entries) else ()
+    return [Event((int(t) - start_ns) / 1e9, EventKind.MESSAGE, str(text)) for t, text in reported]
 
 
 def samples(entries: Entries, field: str, start_ns: int) -> tuple[Array, Array]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from analysis.sources import recording
 from analysis.sources.recognize import GZIP_MAGIC
-from analysis.sources.recording import Channel, FlightRecording, channel, without_jumps
+from analysis.sources.recording import Channel, FlightRecording, channel, in_order, modes, without_jumps
 from flight.arrays import Array
 from flight.atmosphere import pressure_at
 from flight.errors import InputError
@@ -30,7 +30,9 @@ FIELDS: dict[str, tuple[str, ...]] = {
     "GPS": ("mode", "east_cm", "north_cm", "course_decideg", "height_mm", "speed_cmps", "climb_cmps"),
     "IMU_ACCEL": ("x_mps2", "y_mps2", "z_mps2"),
     "IMU_ACCEL_SCALED": ("x_raw", "y_raw", "z_raw"),
+    "PPRZ_MODE": ("mode",),
 }
+MODES = ("MANUAL", "AUTO1", "AUTO2", "HOME", "NOGPS", "FAILSAFE")  # of PPRZ_MODE, in the order of their numbers
 IMUS = ("IMU_ACCEL", "IMU_ACCEL_SCALED")
 NOTE = "The log is telemetry: its times are those of reception, and what the radio lost is missing."
 FROM_GPS = "No barometer in the telemetry: static pressure is that of the standard atmosphere at the height by GPS."
@@ -68,8 +70,13 @@ def read_paparazzi(path: Path) -> FlightRecording:
     air = tables.get("AIR_DATA")
     if air is not None and np.any(air["temperature_degC"] > -1.0):  # -1 throughout: no thermometer
         thermometers["AIR_DATA"] = channel(air["t_s"], air["temperature_degC"] + 273.15)
-    (channels, thermometers), jumps = without_jumps(channels, thermometers)
-    return FlightRecording(path, channels, thermometers, (NOTE, *jumps, *notes, *static_notes), by_radio=True)
+    (channels, thermometers, place), jumps = without_jumps(channels, thermometers, {} if gps is None else _place(gps))
+    notes = [NOTE, *jumps, *notes, *static_notes]
+    flown = tables.get("PPRZ_MODE")
+    events = [] if flown is None else modes(flown["t_s"], flown["mode"], dict(enumerate(MODES)))
+    return FlightRecording(
+        path, channels, thermometers, tuple(notes), by_radio=True, place=place, events=in_order(events)
+    )
 
 
 def _lines(path: Path) -> Iterator[list[bytes]]:
@@ -163,6 +170,14 @@ def _gps(gps: Table) -> dict[str, Channel]:
     speed, down = 1e-2 * gps["speed_cmps"][fixed], -1e-2 * gps["climb_cmps"][fixed]
     values = (speed * np.cos(course), speed * np.sin(course), down)
     return {axis: channel(t_s, value) for axis, value in zip(recording.GPS, values, strict=True)}
+
+
+def _place(gps: Table) -> dict[str, Channel]:
+    fixed = _fixed(gps)
+    if not fixed.any():
+        return {}
+    found = (1e-2 * gps[field][fixed] for field in ("north_cm", "east_cm"))
+    return {name: channel(gps["t_s"][fixed], x - x[0]) for name, x in zip(recording.PLACE, found, strict=True)}
 
 
 def _fixed(gps: Table) -> NDArray[np.bool_]:

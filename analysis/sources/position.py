@@ -1,11 +1,26 @@
-"""Ground velocity by the position of a receiver, in a table without velocity."""
+"""Places over the ground by the position of a receiver, and in a table without velocity the velocity."""
 
 import numpy as np
 
 from analysis.sources.grid_settings import RECEIVER
-from analysis.sources.recording import Channel
+from analysis.sources.recording import PLACE, Channel, channel
 from flight.arrays import Array
 from flight.units import EARTH_RADIUS_M
+
+
+def places(t_s: Array, latitude: Array, longitude: Array) -> dict[str, Channel]:
+    """Distances north and east of the first position [m], by PLACE; empty where no position is known.
+
+    latitude, longitude : (n,) in degrees, or in units of 1e-7 degrees, as autopilots pack them
+    """
+    known = np.isfinite(t_s + latitude + longitude) & ((latitude != 0) | (longitude != 0))
+    if not known.any():
+        return {}
+    packed = max(float(np.max(np.abs(x[known]))) for x in (latitude, longitude)) > 360
+    lat, lon = (np.radians((1e-7 if packed else 1.0) * x[known]) for x in (latitude, longitude))
+    north = EARTH_RADIUS_M * (lat - lat[0])
+    east = EARTH_RADIUS_M * np.cos(lat[0]) * (np.unwrap(lon) - lon[0])
+    return {name: channel(t_s[known], x) for name, x in zip(PLACE, (north, east), strict=True)}
 
 
 def velocity_by_position(latitude: Channel, longitude: Channel) -> tuple[Channel, Channel]:

@@ -13,12 +13,17 @@ from pyulog import ULog
 
 from analysis.sources import recording
 from analysis.sources.autopilot_settings import READABLE
+from analysis.sources.position import places
 from analysis.sources.recording import (
     Battery,
     Channel,
+    Event,
+    EventKind,
     FlightRecording,
     channel,
+    in_order,
     measuring_battery,
+    modes,
     most_varying,
     turning_motor,
     vehicle_of,
@@ -72,7 +77,7 @@ def read_px4(path: Path) -> FlightRecording:
 
     Raises InputError, in one line, when the file is not a readable ULog file, and for aircraft without wings.
     """
-    topics, parameters, notes, vehicle = _topics(path)
+    topics, parameters, notes, vehicle, messages = _topics(path)
     _refuse_wingless(path, topics)
     airspeed, zeroed = _airspeed(topics)
     channels = airspeed | _static(topics) | _force(topics) | _gps(topics)
@@ -88,7 +93,7 @@ def read_px4(path: Path) -> FlightRecording:
         channels[recording.MOTOR] = motor
     if (throttle := most_varying(_throttles(topics))) is not None:
         channels[recording.THROTTLE] = throttle
-    (channels, thermometers), jumps = without_jumps(channels, _thermometers(topics))
+    (channels, thermometers, place), jumps = without_jumps(channels, _thermometers(topics), _place(topics))
     notes += jumps
     hover_notes: list[str] = []
     if recording.AIRSPEED_PRESSURE in channels:  # only now: a long hover is no jump of the clock
@@ -104,6 +109,8 @@ def read_px4(path: Path) -> FlightRecording:
         inside=frozenset(f"{name} {one.instance}" for name in BAROMETERS for one in topics.get(name, [])),
         enabled_by=ENABLED_BY,
         vehicle=vehicle,
+        place=place,
+        events=in_order([*_modes(topics), *messages]),
     )
 
 
@@ -123,8 +130,8 @@ class _Advancing:
         return place
 
 
-def _topics(path: Path) -> tuple[dict[str, list[_Topic]], dict[str, float], list[str], str]:
-    """The topics by name, the autopilot's parameters, notes, and the vehicle."""
+def _topics(path: Path) -> tuple[dict[str, list[_Topic]], dict[str, float], list[str], str, list[Event]]:
+    """The topics by name, the autopilot's parameters, notes, the vehicle, and the messages to its pilot."""
     try:
         with path.open("rb") as stream, contextlib.redirect_stdout(io.StringIO()):
             log = ULog(_Advancing(stream), list(TOPICS))
@@ -144,11 +151,34 @@ def _topics(path: Path) -> tuple[dict[str, list[_Topic]], dict[str, float], list
         str(name): float(value) for name, value in log.initial_parameters.items() if isinstance(value, int | float)
     }
     uuid = log.msg_info_dict.get("sys_uuid")
-    return topics, parameters, notes, vehicle_of(uuid) if isinstance(uuid, str) and uuid else ""
+    messages = [Event(1e-6 * one.timestamp, EventKind.MESSAGE, str(one.message)) for one in log.logged_messages]
+    return topics, parameters, notes, vehicle_of(uuid) if isinstance(uuid, str) and uuid else "", messages
 
 
 def _line(error: Exception) -> str:
     return " ".join(str(error).split())[:120]
+
+
+class FlightMode(IntEnum):
+    """vehicle_status.nav_state"""
+
+    MANUAL = 0
+    ALTITUDE = 1
+    POSITION = 2
+    MISSION = 3
+    LOITER = 4
+    RETURN = 5
+    ACRO = 10
+    DESCEND = 12
+    TERMINATION = 13
+    OFFBOARD = 14
+    STABILIZED = 15
+    TAKEOFF = 17
+    LAND = 18
+    FOLLOW = 19
+    PRECISION_LAND = 20
+    ORBIT = 21
+    VTOL_TAKEOFF = 22
 
 
 class VehicleType(IntEnum):
@@ -245,6 +275,22 @@ def _gps(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
                     for axis, field in zip(recording.GPS, fields, strict=True)
                 }
     return {}
+
+
+def _place(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
+    names = (("latitude_deg", "longitude_deg"), ("lat", "lon"))  # since 1.14, and before
+    for one in (one for name in ("vehicle_gps_position", "sensor_gps") for one in topics.get(name, [])):
+        for latitude, longitude in names:
+            if one.has(latitude) and one.has(longitude):
+                fixed = one.values("fix_type") >= 3 if one.has("fix_type") else np.ones(len(one.t_s), dtype=bool)
+                return places(one.t_s[fixed], one.values(latitude)[fixed], one.values(longitude)[fixed])
+    return {}
+
+
+def _modes(topics: dict[str, list[_Topic]]) -> list[Event]:
+    names = {int(mode): mode.name.replace("_", " ").capitalize() for mode in FlightMode}
+    found = [one for one in topics.get("vehicle_status", []) if one.has("nav_state")]
+    return modes(found[0].t_s, found[0].values("nav_state"), names) if found else []
 
 
 def _throttles(topics: dict[str, list[_Topic]]) -> list[Channel]:

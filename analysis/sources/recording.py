@@ -1,8 +1,9 @@
 """The channels of an ordinary flight, each with its own times; of several sensors, the one that is used."""
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from enum import StrEnum
 from functools import reduce
 from itertools import combinations
 from pathlib import Path
@@ -23,6 +24,7 @@ TRUE_AIRSPEED, TRUE_HEIGHT = "true_airspeed_mps", "true_height_m"  # of a simula
 OF_AIRSPEED, OF_BAROMETER = frozenset({AIRSPEED_PRESSURE}), frozenset({STATIC})
 OF_BATTERY = frozenset({VOLTAGE, CURRENT})
 GPS = ("gps_north_mps", "gps_east_mps", "gps_down_mps")
+PLACE = ("north_m", "east_m")  # by a receiver
 
 
 # By channel: the least and greatest possible value, and the greatest difference from the median of five samples.
@@ -38,6 +40,7 @@ POSSIBLE = {
     THROTTLE: READABLE.possible["throttle"],
     **dict.fromkeys((*GPS, TRUE_AIRSPEED), READABLE.possible["ground_mps"]),
     TRUE_HEIGHT: READABLE.possible["height_m"],
+    **dict.fromkeys(PLACE, READABLE.possible["place_m"]),
 }
 
 
@@ -46,6 +49,21 @@ class Channel(NamedTuple):
 
     t_s: Array
     value: Array
+
+
+class EventKind(StrEnum):
+    """What an autopilot or the daemon reports besides its measurements."""
+
+    MODE = "mode"  # lasts until the next one
+    MESSAGE = "message"
+
+
+class Event(NamedTuple):
+    """A change of mode, or a message. t_s : on the clock of the channels"""
+
+    t_s: float
+    kind: EventKind
+    text: str
 
 
 @dataclass(frozen=True)
@@ -62,6 +80,8 @@ class FlightRecording:
     enabled_by : by a sensor's channels, which parameters of the autopilot switch it on
     by_radio : received as telemetry, of which much may be lost
     truth : of a simulation by the firmware, TRUE_AIRSPEED and TRUE_HEIGHT; compared, never used
+    place : by PLACE, the distance from the first position of the receiver [m]; empty where it shows none
+    events : modes and messages, in order of time
     vehicle : of `vehicle_of`; empty where the log does not say which board wrote it
     """
 
@@ -77,6 +97,8 @@ class FlightRecording:
     truth: Mapping[str, Channel] = field(default_factory=dict)
     by_radio: bool = False
     vehicle: str = ""
+    place: Mapping[str, Channel] = field(default_factory=dict)
+    events: tuple[Event, ...] = ()
 
 
 def vehicle_of(serial_number: str) -> str:
@@ -93,6 +115,20 @@ def channel(t_s: ArrayLike, value: ArrayLike) -> Channel:
     t, x = np.asarray(t_s, dtype=float), np.asarray(value, dtype=float)
     known = np.isfinite(t) & np.isfinite(x)
     return Channel(t[known], x[known])
+
+
+def modes(t_s: ArrayLike, numbers: ArrayLike, names: Mapping[int, str]) -> list[Event]:
+    """The changes of a mode that is logged as a number (n,) at times (n,); one without a name keeps its number."""
+    t, number = np.asarray(t_s, dtype=float), np.asarray(numbers, dtype=float)
+    known = np.isfinite(t) & np.isfinite(number)
+    t, number = t[known], number[known].astype(int)
+    changed = np.flatnonzero(np.append(True, number[1:] != number[:-1])[: len(number)])
+    return [Event(float(t[i]), EventKind.MODE, names.get(int(number[i]), f"mode {number[i]}")) for i in changed]
+
+
+def in_order(events: Iterable[Event]) -> tuple[Event, ...]:
+    """Events in order of time, without those whose time or text is missing."""
+    return tuple(sorted(one for one in events if np.isfinite(one.t_s) and one.text.strip()))
 
 
 def pressure_of_indicated_airspeed(speed_mps: ArrayLike) -> Array:

@@ -16,7 +16,7 @@ from analysis.sources.recognize import is_telemetry
 from flight.units import GRAVITY_MPS2 as g
 
 USED = ("VFR_HUD", "SCALED_PRESSURE", "BATTERY_STATUS", "SYS_STATUS", "RAW_IMU", "GPS_RAW_INT", "GLOBAL_POSITION_INT",
-        "RPM", "PARAM_VALUE", "HEARTBEAT")  # fmt: skip
+        "RPM", "PARAM_VALUE", "HEARTBEAT", "STATUSTEXT")  # fmt: skip
 USED_IDS = frozenset(number for number, kind in mavlink.mavlink_map.items() if kind.msgname in USED)
 # As dataflash logs name the firmware, of MAV_TYPE.
 FIRMWARE = {
@@ -127,7 +127,8 @@ def _as_dataflash(tables: dict[str, Columns]) -> dict[str, Columns]:
     if (gps := tables.get("GPS_RAW_INT")) is not None and (motion := tables.get("GLOBAL_POSITION_INT")) is not None:
         out["GPS"] = {"TimeUS": gps["TimeUS"], "Status": gps["fix_type"], "Spd": 0.01 * gps["vel"],
                       "GCrs": 0.01 * gps["cog"],
-                      "VZ": np.interp(gps["TimeUS"], motion["TimeUS"], 0.01 * motion["vz"])}  # fmt: skip
+                      "VZ": np.interp(gps["TimeUS"], motion["TimeUS"], 0.01 * motion["vz"]),
+                      "Lat": gps["lat"], "Lng": gps["lon"]}  # fmt: skip
     if (rpm := tables.get("RPM")) is not None:
         out["RPM"] = {"TimeUS": rpm["TimeUS"], "rpm1": rpm["rpm1"]}
     if (parameters := tables.get("PARAM_VALUE")) is not None:
@@ -137,7 +138,11 @@ def _as_dataflash(tables: dict[str, Columns]) -> dict[str, Columns]:
     if (beats := tables.get("HEARTBEAT")) is not None:
         out["MODE"] = {"TimeUS": beats["TimeUS"], "ModeNum": beats["custom_mode"]}
     kinds = tables.get("HEARTBEAT", {}).get("type", np.zeros(0))
-    out["MSG"] = {"Message": np.array([FIRMWARE[kind] for kind in np.unique(kinds).tolist() if kind in FIRMWARE])}
+    firmware = [FIRMWARE[kind] for kind in np.unique(kinds).tolist() if kind in FIRMWARE]
+    said = tables.get("STATUSTEXT", {"TimeUS": np.zeros(0), "text": np.zeros(0, dtype=str)})
+    times_us = np.concatenate([np.full(len(firmware), np.nan), said["TimeUS"]])
+    texts = [str(text).encode("ascii", "replace") for text in said["text"]]
+    out["MSG"] = {"TimeUS": times_us, "Message": np.array([*firmware, *texts], dtype="S64")}
     return {name: _as_numbers(columns) for name, columns in out.items()}
 
 

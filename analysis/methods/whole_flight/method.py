@@ -23,8 +23,9 @@ from analysis.methods.whole_flight.flight_table import flight_table
 from analysis.methods.whole_flight.settings import BESIDE_A_COMPLETE_LOG
 from analysis.sources import recording
 from analysis.sources.autopilot_settings import READABLE
-from analysis.sources.daemon import samples
-from analysis.sources.recording import Channel, FlightRecording
+from analysis.sources.daemon import events, samples
+from analysis.sources.position import places
+from analysis.sources.recording import Channel, FlightRecording, in_order
 from analysis.sources.rest import ZERO_FILE
 from flight.aircraft import Aircraft
 from flight.arrays import Array
@@ -70,7 +71,25 @@ def recording_of(log: Log) -> FlightRecording:
     missing = ", ".join(topic for topic in TOPICS_FOR_DRAG if not log.entries.get(topic))
     lacks = f"The log lacks {missing}, which drag needs: the electrical power of level flight is given instead."
     notes = (lacks, NOTE) if missing else (NOTE,)
-    return FlightRecording(log.path, channels, {"/static": air}, notes, zeroed=zero_Pa is not None)
+    return FlightRecording(
+        log.path,
+        channels,
+        {"/static": air},
+        notes,
+        zeroed=zero_Pa is not None,
+        place=_place(log, start_ns),
+        events=in_order(events(log, start_ns)),
+    )
+
+
+def _place(log: Log, start_ns: int) -> dict[str, Channel]:
+    latitude, longitude = (
+        Channel(*samples(log.entries.get("/gps", NO_ENTRIES), field, start_ns))
+        for field in ("latitude_deg", "longitude_deg")
+    )
+    if not len(latitude.t_s) or not len(longitude.t_s):
+        return {}
+    return places(latitude.t_s, latitude.value, np.interp(latitude.t_s, *longitude))
 
 
 WHOLE_FLIGHT = MethodDescription(

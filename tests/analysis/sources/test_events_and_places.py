@@ -1,0 +1,117 @@
+"""Modes and messages of an autopilot stand at their times, and a receiver's position becomes a distance in meters."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from analysis.sources import recording
+from analysis.sources.autopilot import read_autopilot_log
+from analysis.sources.position import places
+from analysis.sources.recognize import autopilot_of
+from analysis.sources.recording import EventKind, FlightRecording, modes
+from sim.dataflash_writer import DataflashMessages, write_dataflash, write_text
+from sim.telemetry_writer import BOOTED_US, write_telemetry
+from sim.ulog_writer import UlogContents, UlogTopic, write_ulog
+
+T_S = np.arange(10.0, 70.0, 0.2)
+TIME_US = (1e6 * T_S).astype(np.uint64)
+RADIUS_M = 6_371_000.0
+NORTH_MPS, EAST_MPS, LATITUDE, LONGITUDE = 3.0, -12.0, 48.1, 179.9995  # across the date line
+LAT = LATITUDE + np.degrees(NORTH_MPS * (T_S - T_S[0]) / RADIUS_M)
+LNG = LONGITUDE - np.degrees(EAST_MPS * (T_S - T_S[0]) / RADIUS_M / np.cos(np.radians(LATITUDE)))
+LNG = (LNG + 180) % 360 - 180
+MESSAGE = "Airspeed sensor 1 failed"
+
+
+def read(path: Path) -> FlightRecording:
+    autopilot = autopilot_of(path)
+    assert autopilot is not None
+    return read_autopilot_log(path, autopilot)
+
+
+def dataflash(path: Path) -> FlightRecording:
+    def kind(name: str, codes: str, **columns: np.ndarray) -> DataflashMessages:
+        return DataflashMessages(name, codes, {"TimeUS": TIME_US, **columns})
+
+    mode = np.array([0, 5, 19])
+    switched = (1e6 * np.array([10.0, 30.0, 50.0])).astype(np.uint64)
+    kinds = [
+        DataflashMessages("MSG", "QZ", {"TimeUS": TIME_US[100:101], "Message": np.array([MESSAGE.encode()])}),
+        kind("ARSP", "Qff", Airspeed=15 + np.sin(T_S), DiffPress=100 + 0 * T_S),
+        kind("BARO", "Qf", Press=1e5 + 0 * T_S),
+        kind("GPS", "QBfffLL", Status=0 * T_S + 3, Spd=0 * T_S + 12, GCrs=0 * T_S, VZ=0 * T_S,
+             Lat=LAT, Lng=LNG),
+        DataflashMessages("MODE", "QMBB", {"TimeUS": switched, "Mode": mode, "ModeNum": mode, "Rsn": 0 * mode}),
+    ]  # fmt: skip
+    (write_text if path.suffix == ".log" else write_dataflash)(path, kinds)
+    return read(path)
+
+
+def ulog(path: Path) -> FlightRecording:
+    topics = [
+        UlogTopic("airspeed", TIME_US, {"indicated_airspeed_m_s": (15 + np.sin(T_S)).astype(np.float32)}),
+        UlogTopic("vehicle_gps_position", TIME_US, {
+            "fix_type": np.full(len(T_S), 3, np.uint8), "lat": np.round(1e7 * LAT).astype(np.int32),
+            "lon": np.round(1e7 * LNG).astype(np.int32), "vel_n_m_s": np.full(len(T_S), 3, np.float32),
+            "vel_e_m_s": np.full(len(T_S), -12, np.float32), "vel_d_m_s": np.zeros(len(T_S), np.float32),
+        }),
+        UlogTopic("vehicle_status", TIME_US, {"nav_state": np.select([T_S < 30, T_S < 50], [0, 15], 4).astype(np.uint8)}),
+    ]  # fmt: skip
+    write_ulog(path, UlogContents(topics, appended=[MESSAGE]))
+    return read(path)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "names"), [(".BIN", ["MANUAL", "FBWA", "QLOITER"]), (".ulg", ["Manual", "Stabilized", "Loiter"])]
+)
+def test_modes_and_messages_stand_at_their_times(tmp_path: Path, suffix: str, names: list[str]) -> None:
+    found = (ulog if suffix == ".ulg" else dataflash)(tmp_path / f"flight{suffix}")
+    switched = [one for one in found.events if one.kind is EventKind.MODE]
+    assert [one.text for one in switched] == names
+    assert [one.t_s for one in switched] == pytest.approx([10.0, 30.0, 50.0], abs=0.21)
+    (message,) = (one for one in found.events if one.kind is EventKind.MESSAGE)
+    assert message.text == MESSAGE
+    assert message.t_s == pytest.approx(T_S[-1] if suffix == ".ulg" else T_S[100], abs=1e-6)
+    assert list(found.events) == sorted(found.events)
+
+
+@pytest.mark.parametrize("suffix", [".BIN", ".log", ".ulg"])
+def test_positions_are_distances_from_the_first(tmp_path: Path, suffix: str) -> None:
+    """Also across the date line, and by a text log's degrees as by the packed integers of the others."""
+    found = (ulog if suffix == ".ulg" else dataflash)(tmp_path / f"flight{suffix}")
+    north, east = (found.place[name] for name in recording.PLACE)
+    assert north.value == pytest.approx(NORTH_MPS * (north.t_s - T_S[0]), abs=0.05)
+    assert east.value == pytest.approx(-EAST_MPS * (east.t_s - T_S[0]), abs=0.05)
+
+
+def test_no_position_is_no_place() -> None:
+    nothing = np.zeros(50)
+    assert places(np.arange(50.0), nothing, nothing) == {}
+
+
+def test_a_ground_station_s_recording_has_modes_and_messages(tmp_path: Path) -> None:
+    path = tmp_path / "flight.tlog"
+    write_telemetry(path, [
+        DataflashMessages("BARO", "Qfc", {"TimeUS": TIME_US, "Press": 1e5 + 0 * T_S, "Temp": 0 * T_S + 20}),
+        DataflashMessages("ARSP", "Qffc", {"TimeUS": TIME_US, "Airspeed": 15 + np.sin(T_S), "DiffPress": 0 * T_S + 100,
+                                           "Temp": 0 * T_S}),
+    ])  # fmt: skip
+    plane = mavlink.MAVLink(None, 1, 1)
+    frames = [
+        (40.0, mavlink.MAVLink_statustext_message(4, MESSAGE.encode())),
+        (45.0, mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_FIXED_WING, 3, 0, 11, 0, 3)),
+    ]
+    with path.open("ab") as stream:
+        for t_s, frame in frames:
+            stream.write((BOOTED_US + int(1e6 * t_s)).to_bytes(8, "big") + bytes(frame.pack(plane)))
+    events = read(path).events
+    assert [one.text for one in events] == ["MANUAL", MESSAGE, "RTL"]
+    assert events[1].t_s - events[0].t_s == pytest.approx(30.0)
+
+
+def test_a_mode_is_one_event_until_it_changes_and_an_unknown_one_keeps_its_number() -> None:
+    found = modes([0.0, 1.0, 2.0, np.nan, 3.0, 4.0], [10, 10, 99, 5, 99, 10], {10: "AUTO"})
+    assert [(one.t_s, one.text) for one in found] == [(0.0, "AUTO"), (2.0, "mode 99"), (4.0, "AUTO")]
+    assert modes([], [], {}) == []
