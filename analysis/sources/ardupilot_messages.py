@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -62,7 +62,7 @@ class Messages:
     parameters: dict[str, float]
     notes: list[str]
     vehicle: str = ""
-    texts: list[tuple[float, str]] = field(default_factory=list)
+    texts: tuple[tuple[float, str], ...] = ()
 
     def of(self, kinds: tuple[str, ...]) -> list[Table]:
         return [table for (kind, _), table in self.tables.items() if kind in kinds]
@@ -105,7 +105,7 @@ def read_messages(path: Path) -> Messages:
     lost = int(np.max(known, initial=0.0))
     notes = [*log.notes, *([f"The autopilot dropped {lost} messages."] if lost else [])]
     parameters = {_text(name): float(x) for name, x in pairs if isinstance(x, float)}
-    timed = list(zip(_times_s("MSG", said, len(texts)), texts, strict=True))
+    timed = tuple(zip(_times_s("MSG", said, len(texts)), texts, strict=True))
     return Messages(tables, parameters, notes, vehicle, timed)
 
 

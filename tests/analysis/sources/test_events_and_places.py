@@ -50,6 +50,7 @@ def dataflash(path: Path) -> FlightRecording:
 
 
 def ulog(path: Path) -> FlightRecording:
+    state = np.select([T_S < 30, T_S < 50], [0, 15], 4)
     topics = [
         UlogTopic("airspeed", TIME_US, {"indicated_airspeed_m_s": (15 + np.sin(T_S)).astype(np.float32)}),
         UlogTopic("vehicle_gps_position", TIME_US, {
@@ -57,7 +58,7 @@ def ulog(path: Path) -> FlightRecording:
             "lon": np.round(1e7 * LNG).astype(np.int32), "vel_n_m_s": np.full(len(T_S), 3, np.float32),
             "vel_e_m_s": np.full(len(T_S), -12, np.float32), "vel_d_m_s": np.zeros(len(T_S), np.float32),
         }),
-        UlogTopic("vehicle_status", TIME_US, {"nav_state": np.select([T_S < 30, T_S < 50], [0, 15], 4).astype(np.uint8)}),
+        UlogTopic("vehicle_status", TIME_US, {"nav_state": state.astype(np.uint8)}),
     ]  # fmt: skip
     write_ulog(path, UlogContents(topics, appended=[MESSAGE]))
     return read(path)
