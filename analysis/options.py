@@ -1,5 +1,7 @@
 """Options that several commands share."""
 
+import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -65,6 +67,32 @@ ATTACHMENTS = {
     "thrust_stand": "thrust_stand.json",
     "zero": "zero.json",
 }
+
+
+STRETCH = re.compile(r"\s*([\d.]+)\s*(?:s\s*)?(?:to|-|–)\s*([\d.]+)\s*s?\s*")
+
+
+def parse_stretches(text: str, name: str) -> tuple[tuple[float, float], ...]:
+    """Start and end [s] of each stretch of a list such as "120 to 180 s, 300 to 320 s", in order of time.
+
+    Raises InputError, beginning with `name`, for anything else.
+    """
+    found = []
+    for part in text.split(","):
+        stretch = STRETCH.fullmatch(part)
+        try:
+            start_s, end_s = (float(word) for word in stretch.groups()) if stretch else (1.0, 0.0)
+        except ValueError:
+            start_s, end_s = 1.0, 0.0
+        if not start_s < end_s:
+            raise InputError(f'{name}: {part.strip()[:40]!r} is no stretch of time; write "120 to 180 s, 300 to 320 s"')
+        found.append((start_s, end_s))
+    return tuple(sorted(found))
+
+
+def stretches_text(stretches_s: Iterable[tuple[float, float]]) -> str:
+    """The list that `parse_stretches` reads, to a tenth of a second."""
+    return ", ".join(f"{start:.1f} to {end:.1f} s" for start, end in sorted(stretches_s))
 
 
 @dataclass(frozen=True)
@@ -240,13 +268,29 @@ class Options(LogOptions):
         ),
     ] = None
 
+    leave_out: Annotated[
+        str | None,
+        typer.Option(
+            "--leave-out",
+            metavar="LIST",
+            help='Stretches to leave out of the energy balance of a whole flight, such as "120 to 180 s, 300 to 320 s",'
+            " counted from the start of the log as in the report's figures.",
+        ),
+    ] = None
+
     def __post_init__(self) -> None:
+        self.left_out_s  # noqa: B018
         self.request  # noqa: B018  # a wrong text is refused at once
 
     @cached_property
     def request(self) -> Request:
         """Battery, weights and density altitudes to compute performance for."""
         return parse_request(self.battery_Wh, self.usable, self.weights, self.density_altitudes)
+
+    @cached_property
+    def left_out_s(self) -> tuple[tuple[float, float], ...]:
+        """Start and end [s] of each stretch of --leave-out, in order of time."""
+        return parse_stretches(self.leave_out, "--leave-out") if self.leave_out is not None else ()
 
     @property
     def flown_weight_N(self) -> float | None:

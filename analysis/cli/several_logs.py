@@ -74,6 +74,8 @@ def analyze_logs(
             f"--runs {options.runs}: belongs to one log; with several, edit runs.toml in the folder of a flight and run"
             " the same command again"
         )
+    if options.leave_out is not None:
+        raise InputError(f"--leave-out {options.leave_out!r}: belongs to one log; analyze that log alone")
     options.replacements()  # a wrong file is refused once, not for each log
     modules = {type(file_system(log.address)[0]).__module__ for log in found.logs if isinstance(log, RemoteLog)}
     preload = (*PRELOAD, *sorted(modules))

@@ -47,6 +47,10 @@ def analyze(
         return _by_energy(source, options, progress, command_line)
     if reason := _why_power_only(source, options):
         return _by_energy(source, options, progress, command_line, reason)
+    if options.leave_out is not None:
+        raise InputError(
+            f"{source.path}: --leave-out: has no effect, since the curve is by runs; leave runs out with --runs FILE"
+        )
     refuse_autopilot_options(
         source.path,
         mass=options.mass_kg,

@@ -94,7 +94,7 @@ def analyze_recording(
     flown = flown_aircraft(given, options.flown_weight_N, options.wing_area_m2, options.span_m, str(path))
     recording = replace(recording, air_temperature_K=options.air_temperature_K)
     progress("finding the flight")
-    flight = flight_table(recording, flown.weight_N, flown.wing_area_m2)
+    flight = flight_table(recording, flown.weight_N, flown.wing_area_m2, options.left_out_s)
     progress("balancing energy")
     found = estimate(flight, flown.weight_N, flown.wing_area_m2, flown.span_m, str(path))
     progress("balancing thrust")

@@ -6,7 +6,7 @@
 shows the air, and finds the flight by airspeed, GPS and height.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import NamedTuple
@@ -55,6 +55,7 @@ class FlightTable(NamedTuple):
     zero_sigma_Pa : standard deviation of the pitot's zero          rho_sigma : of density, relative
     idle_power_W, idle_sigma_W : drawn from the battery with the motor off, and its standard deviation
     first_wind_mps : (2,), north and east, where no sensor measures the airspeed
+    start_s : time of the first row on the clock of the recording
     """
 
     table: pd.DataFrame
@@ -67,6 +68,7 @@ class FlightTable(NamedTuple):
     idle_sigma_W: float
     notes: list[str]
     first_wind_mps: Array | None = None
+    start_s: float = 0.0
 
     def thinned(self, every: int) -> "FlightTable":
         """One sample of so many."""
@@ -74,8 +76,16 @@ class FlightTable(NamedTuple):
         return self._replace(table=self.table.iloc[::every], airborne=airborne, flown=self.flown[::every])
 
 
-def flight_table(flight: FlightRecording, weight_N: float, wing_area_m2: float) -> FlightTable:
-    """The flight of a recording. Raises InputError, in one line, where it lacks a channel or a flight."""
+Stretch = tuple[float, float]  # start and end [s], from the first row of the table
+
+
+def flight_table(
+    flight: FlightRecording, weight_N: float, wing_area_m2: float, left_out_s: Sequence[Stretch] = ()
+) -> FlightTable:
+    """The flight of a recording. left_out_s : stretches that the user leaves out of the airborne ones
+
+    Raises InputError, in one line, where it lacks a channel or a flight.
+    """
     t_s = _grid(flight)
     columns = _columns(flight, t_s)
     least_Pa = weight_N / wing_area_m2 / FLIGHT.highest_CL
@@ -100,10 +110,10 @@ def flight_table(flight: FlightRecording, weight_N: float, wing_area_m2: float) 
         ground_m = _ground_height(columns["height_m"], standing)
         columns["wind_factor"] = height_factor(columns["height_m"], ground_m, moving)
         first_wind, moving = _first_wind(columns, moving, least_Pa)
-    airborne = _airborne(columns, standing, moving, least_Pa)
+    airborne = _airborne(columns, standing, moving, least_Pa, _left_out(t_s - t_s[0], left_out_s))
     _refuse_meter(flight.path, columns, moving, weight_N)
     if sum(rows.stop - rows.start for rows in airborne) * FLIGHT.step_s < FLIGHT.shortest_flight_s:
-        raise InputError(f"{flight.path}: {_why_too_short(columns, moving)}")
+        raise InputError(f"{flight.path}: {_why_too_short(columns, moving, left_out_s)}")
     flown = np.zeros(len(t_s), dtype=bool)
     for rows in airborne:
         flown[rows] = True
@@ -112,6 +122,9 @@ def flight_table(flight: FlightRecording, weight_N: float, wing_area_m2: float) 
     idle_W, idle_sigma_W = _idle_power_W(columns["power_W"], standing, flown, off)
     columns["power_W"] = np.where(off & np.isfinite(columns["power_W"]), idle_W, columns["power_W"])
     table = pd.DataFrame(columns, index=pd.Index(t_s - t_s[0], name="t_s"))
+    if left_out_s:
+        listed = ", ".join(f"{start:.1f} to {end:.1f} s" for start, end in left_out_s)
+        notes = [f"Left out by hand: {listed}.", *notes]
     return FlightTable(
         table,
         airborne,
@@ -123,14 +136,25 @@ def flight_table(flight: FlightRecording, weight_N: float, wing_area_m2: float) 
         idle_sigma_W,
         [*flight.notes, *notes, *throttle_notes, temperature_note],
         first_wind,
+        float(t_s[0]),
     )
 
 
-def _why_too_short(columns: Mapping[str, Array], moving: BoolArray) -> str:
+def _left_out(t_s: Array, left_out_s: Sequence[Stretch]) -> BoolArray:
+    """Rows (n,) at times (n,) that lie in one of the stretches."""
+    rows = np.zeros(len(t_s), dtype=bool)
+    for start_s, end_s in left_out_s:
+        rows |= (t_s >= start_s) & (t_s <= end_s)
+    return rows
+
+
+def _why_too_short(columns: Mapping[str, Array], moving: BoolArray, left_out_s: Sequence[Stretch]) -> str:
     known = np.isfinite(columns["pressure_Pa"] + columns["height_m"] + columns["power_W"])
     in_air_s, known_s = (float(rows.sum()) * FLIGHT.step_s for rows in (moving, moving & known))
     lasting_s = max(((rows.stop - rows.start) * FLIGHT.step_s for rows in stretches(moving & known)), default=0.0)
-    if known_s < FLIGHT.shortest_flight_s or lasting_s > 0.9 * in_air_s:
+    if left_out_s:
+        cause = f"what is left of {in_air_s:.0f} s in the air, without the stretches left out by hand, is too short"
+    elif known_s < FLIGHT.shortest_flight_s or lasting_s > 0.9 * in_air_s:
         cause = f"airspeed, height and battery for {known_s:.0f} s in the air"
     else:
         cause = (
@@ -325,10 +349,16 @@ def _air_temperature_K(flight: FlightRecording, moving: BoolArray, t_s: Array) -
     )
 
 
-def _airborne(columns: Mapping[str, Array], standing: BoolArray, moving: BoolArray, least_Pa: float) -> list[slice]:
-    """Stretches clear of the ground in which everything needed was measured."""
+def _airborne(
+    columns: Mapping[str, Array],
+    standing: BoolArray,
+    moving: BoolArray,
+    least_Pa: float,
+    left_out: BoolArray | bool = False,
+) -> list[slice]:
+    """Stretches clear of the ground in which everything needed was measured. left_out : rows (n,), by hand"""
     known = np.isfinite(columns["pressure_Pa"] + columns["height_m"] + columns["power_W"])
-    flying = moving & known & (columns["pressure_Pa"] > least_Pa)
+    flying = moving & ~np.asarray(left_out) & known & (columns["pressure_Pa"] > least_Pa)
     ground = _ground_height(columns["height_m"], standing)
     if ground is not None:
         flying &= columns["height_m"] - ground > FLIGHT.clear_of_ground_m

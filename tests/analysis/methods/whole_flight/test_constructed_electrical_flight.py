@@ -384,3 +384,35 @@ def test_what_a_reader_must_know_is_said(electrical: ElectricalEstimate) -> None
     assert "2 % too high" not in said(airspeed=electrical.airspeed._replace(scale=0.02))
     unsure = Uncertain(electrical.power_W, np.diag((0.2 * electrical.power_W) ** 2), electrical.curve.power_W.shared)
     assert "wider than ±30 % at 100 %" in said(curve=dataclasses.replace(electrical.curve, power_W=unsure))
+
+
+def test_a_stretch_that_the_user_leaves_out_does_not_count(truth: Truth, electrical: ElectricalEstimate) -> None:
+    """The meter reads 30 % too much from 200 to 260 s: with these the curve is higher, without them as it was."""
+    wrong = flown(truth)
+    current = wrong.channels[recording.CURRENT]
+    bad = (current.t_s > 200) & (current.t_s < 260)
+    channels = {**wrong.channels, recording.CURRENT: Channel(current.t_s, current.value * np.where(bad, 1.3, 1.0))}
+    wrong = replace(wrong, channels=channels)
+
+    def power_at_15(left_out_s: list[tuple[float, float]]) -> float:
+        table = flight_table(wrong, MASS_KG * g, AREA_M2, left_out_s)
+        found = estimate(table, MASS_KG * g, AREA_M2, SPAN_M)
+        return float(np.interp(15.0, found.V_mps, found.power_W))
+
+    true = float(np.interp(15.0, electrical.V_mps, electrical.power_W))
+    assert power_at_15([]) > 1.03 * true
+    assert power_at_15([(195.0, 265.0)]) == pytest.approx(true, rel=0.01)
+
+
+def test_left_out_stretches_cut_the_airborne_ones_and_are_said(table: FlightTable, truth: Truth) -> None:
+    left_out = [(0.0, 100.0), (200.0, 260.0)]
+    cut = flight_table(flown(truth), MASS_KG * g, AREA_M2, left_out)
+    seconds = cut.table.index.to_numpy()
+    flown_s = seconds[cut.flown]
+    assert len(cut.airborne) == 2 and cut.start_s == 0.0
+    assert not any(((flown_s >= start) & (flown_s <= end)).any() for start, end in left_out)
+    kept = table.flown & ~((seconds <= 100) | ((seconds >= 200) & (seconds <= 260)))
+    assert np.array_equal(cut.flown, kept), "nothing else is trimmed"
+    assert cut.notes[-1] == table.notes[-1] and "Left out by hand: 0.0 to 100.0 s, 200.0 to 260.0 s." in cut.notes
+    with pytest.raises(InputError, match="left out by hand"):
+        flight_table(flown(truth), MASS_KG * g, AREA_M2, [(0.0, 500.0)])
