@@ -300,14 +300,15 @@ KEYS: dict[str, Key] = {
         "Standard deviation of the scale of thrust in the propeller's table.",
         "Repetitions in the tunnel, propellers of one make, disturbance by the body behind it.",
         "analysis",
-        "1.8 %: 3 % at most, for repetitions in one tunnel; intervals contain what the flight does not determine",
+        "1.8 %: 3 % at most, for repetitions in one tunnel; 17 % of a computed table; intervals contain what the flight"
+        " does not determine",
     ),
     "uncertainty.thrust_slope": Key(
         "0.15",
         "Standard deviation of the slope of relative error of thrust over advance ratio.",
         "Relative difference of tables of one propeller at two advance ratios, over the difference of these.",
         "analysis",
-        "0.15: 0.25 at most; intervals contain what the flight does not determine",
+        "0.15: 0.25 at most; 0.58 of a computed table; intervals contain what the flight does not determine",
     ),
     "uncertainty.static_thrust_ratio": Key(
         '"1.2 %"',

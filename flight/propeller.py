@@ -6,6 +6,7 @@ The functions accept floats, arrays and CasADi symbols. `flight.propeller_files`
 import io
 from bisect import bisect_right
 from dataclasses import dataclass
+from enum import StrEnum
 from itertools import pairwise
 from typing import Any
 
@@ -30,6 +31,15 @@ STANDING_DRAG_AREA = 2 * 0.07 * 0.5 * 0.5 * 1.2
 # static thrust, by 5 % (rms) in 0.05, 10 % in 0.2 and 12 % in 0.3. Beyond zero thrust the blades stall: an element at
 # 3/4 of the radius departs from the line by 10 % in 0.2, 19 % in 0.3 and 35 % in 0.5.
 CONTINUATION_SLOPE_ERROR, CONTINUATION_ERROR_PER_J = 0.05, 0.4
+
+
+class Origin(StrEnum):
+    """Where a table comes from, as the line `# origin = …` of its head says."""
+
+    MEASURED = "measured"
+    COMPUTED = "computed"
+    ASSUMED = "assumed"  # for simulated aircraft: nobody's propeller
+    UNKNOWN = "not stated"
 
 
 @dataclass(frozen=True)
@@ -115,6 +125,17 @@ class Propeller(PropellerModel):
         self._slope_changes = [(_slope_changes(row.J, row.cT), _slope_changes(row.J, row.cP)) for row in self.rows]
         self._below = np.array([self._knots[0], *self._knots])
         self._lines = np.stack([_lines(row, self._knots) for row in self.rows], axis=1).reshape(4, -1)
+
+    @property
+    def head(self) -> dict[str, str]:
+        """What the lines `key = value` of the table's source say."""
+        return dict(line.split(" = ", 1) for line in self.source.splitlines() if " = " in line)
+
+    @property
+    def origin(self) -> Origin:
+        """Where the table comes from; UNKNOWN, too, where its head has a word that is none of them."""
+        said = self.head.get("origin", "")
+        return Origin(said) if said in set(Origin) else Origin.UNKNOWN
 
     @property
     def is_thrust_column(self) -> bool:

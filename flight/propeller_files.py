@@ -148,7 +148,7 @@ def _apc_table(text: str, name: str) -> tuple[float, tuple[Row, ...], str]:
                 ) from None
             if np.isfinite(point).all():  # NaN where the computation did not converge
                 points.setdefault(rpm, []).append(point)
-    return float(size[1]) * INCH_M, _rows(points), f"APC {text.split()[0]} computed performance data"
+    return float(size[1]) * INCH_M, _rows(points), f"APC {text.split()[0]} computed performance data\norigin = computed"
 
 
 def parse_uiuc(texts: dict[float, str], name: str, diameter_m: float, static: str | None = None) -> Propeller:
@@ -174,7 +174,9 @@ def parse_uiuc(texts: dict[float, str], name: str, diameter_m: float, static: st
             speeds, cT, cP = zip(*static_points, strict=True)
             row.append((0.0, float(np.interp(rpm_mean, speeds, cT)), float(np.interp(rpm_mean, speeds, cP))))
         points[rpm_mean] = row
-    return Propeller(name, diameter_m, _rows(points), "UIUC Propeller Database, wind-tunnel measurement")
+    return Propeller(
+        name, diameter_m, _rows(points), "UIUC Propeller Database, wind-tunnel measurement\norigin = measured"
+    )
 
 
 def _columns(text: str, header: tuple[str, str, str], name: str) -> list[tuple[float, float, float]]:

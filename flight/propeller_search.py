@@ -7,9 +7,8 @@ airspeed and speed of rotation.
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from functools import cache
 from itertools import permutations
 from pathlib import Path
@@ -20,7 +19,7 @@ import numpy as np
 from flight.aircraft import Uncertainty
 from flight.arrays import Array
 from flight.errors import InputError
-from flight.propeller import J_REFERENCE, Propeller
+from flight.propeller import J_REFERENCE, Origin, Propeller
 from flight.propeller_files import INCH_M, LARGEST_INCHES, UIUC_NAME, load_propeller
 from flight.shipped_propellers import shipped_propellers
 
@@ -37,13 +36,6 @@ SIZE = re.compile(r"(\d+(?:\.\d+)?)x(\d+(?:\.\d+)?)(.*)", re.IGNORECASE)
 # 10x5E, 13x8E-3 (three blades), 4.1x4.1E-B4, 10x5(F2B), 15x11(WCAR-T6): what is in brackets says nothing of blades.
 APC_SIZE = re.compile(r"\s*(\d+(?:\.\d+)?)x(\d+(?:\.\d+)?)((?:\([^)\n]*\)|[^\s(])*)")
 APC_BLADES = re.compile(r"-B?([2-6])$", re.IGNORECASE)
-
-
-class Origin(StrEnum):
-    MEASURED = "measured"
-    COMPUTED = "computed"
-    ASSUMED = "assumed"  # for simulated aircraft: nobody's propeller
-    UNKNOWN = "not stated"
 
 
 @dataclass(frozen=True)
@@ -149,7 +141,7 @@ def shipped_tables() -> list[Table]:
 
 def described(name: str, propeller: Propeller) -> Table:
     """A table with what the lines `key = value` of its head say. Raises InputError for one that is not understood."""
-    head = dict(line.split(" = ", 1) for line in propeller.source.splitlines() if " = " in line)
+    head = propeller.head
     try:
         return Table(
             name,
@@ -286,6 +278,40 @@ def cost_of(base: Table, query: Query, tables: Sequence[Table], J: tuple[float, 
         math.hypot(usual.thrust_scale_fraction, *(one.thrust_scale for one in costs)),
         math.hypot(usual.thrust_slope, *(one.thrust_slope for one in costs)),
         costs[0].per_inch if costs else None,
+    )
+
+
+@cache
+def computed_table_error() -> tuple[float, float]:
+    """Standard deviations of scale and slope of thrust over that of a computed table, by the shipped tables of
+    propellers that were measured and computed; with what a table of the very propeller is off by."""
+    tables, usual = shipped_tables(), Uncertainty()
+    computed = _cost_of_computed(next(one for one in tables if one.origin is Origin.COMPUTED), tables, None)
+    return (
+        math.hypot(usual.thrust_scale_fraction, computed.thrust_scale),
+        math.hypot(usual.thrust_slope, computed.thrust_slope),
+    )
+
+
+def with_table_error(stated: Uncertainty, keys: Collection[str], propeller: Propeller) -> tuple[Uncertainty, str]:
+    """What is known of the thrust of a table before a flight, and a sentence where it is not what is assumed of every
+    table: one that was computed is less certain, unless the aircraft file says otherwise.
+
+    stated : of the aircraft file     keys : that this file has ("uncertainty.thrust_scale")
+    """
+    silent = [key for key in ("thrust_scale", "thrust_slope") if f"uncertainty.{key}" not in keys]
+    if propeller.origin is not Origin.COMPUTED or not silent:
+        return stated, ""
+    scale, slope = computed_table_error()
+    if "thrust_scale" in silent:
+        stated = replace(stated, thrust_scale_fraction=scale)
+    if "thrust_slope" in silent:
+        stated = replace(stated, thrust_slope=slope)
+    return stated, (
+        f"The table of the propeller {propeller.name} was computed, not measured: its thrust is taken to be uncertain"
+        f" by {100 * stated.thrust_scale_fraction:.0f} % and its slope by {stated.thrust_slope:.2f}, as of propellers"
+        " that were computed and measured. A measured table, or `calibrate thrust`, narrows the interval; or state"
+        " [uncertainty] thrust_scale and thrust_slope."
     )
 
 

@@ -11,9 +11,9 @@ import typer
 from flight.command_line import ExitCode, application
 from flight.errors import InputError
 from flight.files import check_new_file
+from flight.propeller import Origin
 from flight.propeller_search import (
     Cost,
-    Origin,
     Query,
     Table,
     cost_of,

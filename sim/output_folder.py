@@ -73,10 +73,8 @@ def write_flight(
 
 def _aircraft(output: Path, flight: "Flight", world: "World", name: str) -> str:
     """What the tray calls the aircraft; its file and the propeller table are written where they are not shipped."""
-    text, said = flight.aircraft.text, world.uncertainty_section()
+    text = world.aircraft_text(flight.aircraft.text)
     table = world.table(flight.aircraft.propulsion)
-    if said and not flight.aircraft.has("uncertainty"):
-        text += f"\n{said}"
     if table is not None:
         (output / PROPELLER).write_text(table.to_csv(), "utf-8")
         named = f'propeller = "{flight.aircraft.propulsion.propeller}"'

@@ -74,6 +74,18 @@ class World:
                 lines.append(f"{key} = {_in_a_file(value, unit)}")
         return "\n".join(lines) + "\n"
 
+    def aircraft_text(self, text: str) -> str:
+        """The text of an aircraft file in which the user says this; what the file says of other errors stays."""
+        said = self.uncertainty_section()
+        head, *lines = said.splitlines() or [""]
+        if not said or head not in text.splitlines():
+            return f"{text}\n{said}" if said else text
+        keys = tuple(line.partition(" = ")[0] for line in lines)
+        before, _, after = text.partition(f"{head}\n")
+        section, bracket, rest = after.partition("\n[")
+        own = [line for line in section.splitlines() if line.partition(" = ")[0] not in keys]
+        return "\n".join([f"{before}{head}", *lines, *own]) + f"\n{bracket}{rest}"
+
 
 def _in_a_file(value: float, unit: str | None) -> str:
     """The text in a file for a value in an SI unit, as a user would write it."""

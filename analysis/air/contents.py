@@ -18,6 +18,7 @@ from flight.errors import InputError
 from flight.log_reader import Log
 from flight.propeller import Propeller
 from flight.propeller_files import load_propeller, parse_propeller
+from flight.propeller_search import with_table_error
 
 # By attachment that an analysis needs, the option instead.
 REMEDIES = {
@@ -88,6 +89,9 @@ def contents(log: Log, replacements: Replacements = Replacements()) -> LogConten
         aircraft = replace(aircraft, propulsion=replace(aircraft.propulsion, static_thrust_ratio=None))
         notes.append(note)
     propeller = propeller.with_beyond_zero_thrust(aircraft.propulsion.beyond_zero_thrust)
+    uncertainty, of_table = with_table_error(aircraft.uncertainty, aircraft.keys, propeller)
+    aircraft = replace(aircraft, uncertainty=uncertainty)
+    notes += [of_table] if of_table else []
     zero = ZERO_FILE.parsed_if_any(log.attachments.get("zero.json"), f"{log.path}: zero.json")
     return LogContents(
         replace(aircraft, installation=replace(aircraft.installation, name=installation)),

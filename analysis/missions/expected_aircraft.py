@@ -14,6 +14,7 @@ from flight.atmosphere import density, pressure_at, temperature_at
 from flight.errors import InputError
 from flight.propeller import Propeller
 from flight.propeller_files import load_propeller
+from flight.propeller_search import with_table_error
 
 
 @dataclass(frozen=True)
@@ -110,6 +111,8 @@ def expected_aircraft(
             " add propulsion.propeller, or give --propeller"
         )
     propeller = load_propeller(aircraft.propulsion.propeller)
+    uncertainty, _ = with_table_error(aircraft.uncertainty, aircraft.keys, propeller)
+    aircraft = replace(aircraft, uncertainty=uncertainty)
     rho = float(density(pressure_at(height_m), temperature_at(height_m)))
     basis = []
     if A is None:

@@ -26,6 +26,7 @@ from flight.errors import InputError
 from flight.log_reader import Log
 from flight.propeller import Propeller
 from flight.propeller_files import load_propeller
+from flight.propeller_search import with_table_error
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,10 +103,14 @@ def analyze_recording(
     propeller = table or _propeller(options, propulsion)
     if propeller is not None:
         propeller = propeller.with_beyond_zero_thrust(propulsion.beyond_zero_thrust)
+    uncertainty = given.uncertainty if given else Uncertainty()
+    if propeller is not None:
+        uncertainty, of_table = with_table_error(uncertainty, given.keys if given else (), propeller)
+        flight = flight._replace(notes=[*flight.notes, of_table] if of_table else flight.notes)
     source = ThrustSource(
         propeller,
         motor_constants(propulsion),
-        given.uncertainty if given else Uncertainty(),
+        uncertainty,
         stand_measurements(given) if given and options.propeller is None else (),
     )
     drag = drag_estimate(flight, found, flown.span_m, source)

@@ -200,6 +200,7 @@ SECTIONS = {
     "propulsion",
     "probe",
     "probe.lines",
+    "uncertainty",
     *SURFACES,
     *(f"probe.lines.{one}" for one in LINES),
 }

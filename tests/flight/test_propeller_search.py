@@ -1,16 +1,18 @@
 """The shipped tables are of what their heads say, and what taking another one may cost contains what it does cost."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from daq.attachments import propeller_text
+from flight.aircraft import Uncertainty
 from flight.errors import InputError
+from flight.propeller import Origin
 from flight.propeller_files import load_propeller, parse_propeller
 from flight.propeller_search import (
-    Origin,
     Query,
     Table,
     cost_of,
@@ -21,6 +23,7 @@ from flight.propeller_search import (
     parse_query,
     shipped_tables,
     tables_in,
+    with_table_error,
 )
 from flight.shipped_propellers import shipped_propellers
 
@@ -91,6 +94,7 @@ def test_a_name_of_apc_says_pitch_and_blades_also_with_brackets(
     (tmp_path / f"PER3_{name}.dat").write_text(text, "utf-8")
     (found,), problems = tables_in(tmp_path)
     assert not problems and (found.pitch_in, found.blades) == (pitch_in, blades)
+    assert found.propeller.origin is parse_propeller(found.propeller.to_csv(), name).origin is Origin.COMPUTED
     assert matching([found], parse_query([name.split("(")[0].split("E")[0].split("R")[0]])) == [found]
     assert matching([found], parse_query([name])) == [found]
 
@@ -185,3 +189,24 @@ def test_a_table_written_and_read_is_the_same() -> None:
             table.series, table.origin, table.published, table.blades,
         )  # fmt: skip
         assert again.to_csv() == table.to_csv()
+
+
+def test_a_computed_table_is_as_uncertain_as_others_that_were_measured_too() -> None:
+    """17 % of thrust and 0.58 of its slope, unless the aircraft file says what it is; a measured table is as it was."""
+    computed, measured = named("apc-10x5e-computed").propeller, named("apc-10x5e").propeller
+    usual = Uncertainty()
+    found, note = with_table_error(usual, (), computed)
+    assert (found.thrust_scale_fraction, found.thrust_slope) == pytest.approx((0.17, 0.58), abs=0.01)
+    assert replace(found, thrust_scale_fraction=0.018, thrust_slope=0.15) == usual and "17 %" in note
+    stated, note = with_table_error(usual, ("uncertainty.thrust_scale",), computed)
+    assert (stated.thrust_scale_fraction, stated.thrust_slope) == pytest.approx((0.018, 0.58), abs=0.01) and note
+    both = ("uncertainty.thrust_scale", "uncertainty.thrust_slope")
+    for stated_keys, table in ((both, computed), ((), measured), ((), named("blade-16x10").propeller)):
+        assert with_table_error(usual, stated_keys, table) == (usual, "")
+
+
+def test_a_table_says_where_it_comes_from_or_that_it_does_not() -> None:
+    text = "# diameter_m = 0.3\nrpm,J,cT,cP\n5000,0.0,0.1,0.04\n5000,0.5,0.05,0.03\n"
+    assert parse_propeller(text, "mine").origin is Origin.UNKNOWN
+    assert parse_propeller(f"# origin = measured\n{text}", "mine").origin is Origin.MEASURED
+    assert parse_propeller(f"# origin = a friend\n{text}", "mine").origin is Origin.UNKNOWN

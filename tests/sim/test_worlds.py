@@ -75,18 +75,23 @@ def test_every_world_differs_from_the_study(name):
 def test_the_aircraft_file_states_what_the_world_does(name):
     """All of its [uncertainty]; what the world does not state keeps its default."""
     world = load_world(name)
-    stated = parse_aircraft(
-        f"{load_aircraft('nexstar').text}\n{world.uncertainty_section()}", "aircraft.toml"
-    ).uncertainty
+    stated = parse_aircraft(world.aircraft_text(load_aircraft("nexstar").text), "aircraft.toml").uncertainty
     assert astuple(stated) == pytest.approx(astuple(world.uncertainty), rel=1e-9)
     assert load_world("study").uncertainty_section() == ""
 
 
 def test_every_key_of_uncertainty_reaches_the_aircraft_file():
     doubled = Uncertainty(**{one.name: 2 * one.default + 0.25 for one in fields(Uncertainty)})
-    section = replace(load_world("study"), uncertainty=doubled).uncertainty_section()
-    stated = parse_aircraft(f"{load_aircraft('nexstar').text}\n{section}", "aircraft.toml").uncertainty
-    assert astuple(stated) == pytest.approx(astuple(doubled), rel=1e-9)
+    world = replace(load_world("study"), uncertainty=doubled)
+    for aircraft in ("nexstar", "light-1kg"):  # with a section [uncertainty] of its own, and without
+        stated = parse_aircraft(world.aircraft_text(load_aircraft(aircraft).text), "aircraft.toml").uncertainty
+        assert astuple(stated) == pytest.approx(astuple(doubled), rel=1e-9)
+
+
+def test_what_an_aircraft_file_says_of_other_errors_stays():
+    world = replace(load_world("study"), uncertainty=Uncertainty(updraft_mps=0.1))
+    text = world.aircraft_text('title = "x"\n[uncertainty]\nupdraft = "1 m/s"\nthrust_slope = 0.4\n\n[probe]\n')
+    assert text == 'title = "x"\n[uncertainty]\nupdraft = "0.1 m/s"\nthrust_slope = 0.4\n\n[probe]\n'
 
 
 def test_a_world_is_its_budget_with_what_it_changes():

@@ -105,11 +105,11 @@ def test_an_updraft_takes_weight_times_its_speed_off_the_power() -> None:
 
 
 def test_priors_are_read_from_the_aircraft_file_and_have_defaults() -> None:
-    text = NEXSTAR.text + '\n[uncertainty]\nweight = "0.5 %"\nupdraft = "2 cm/s"\nhysteresis = "0.1 %"\n'
+    text = NEXSTAR.text + 'weight = "0.5 %"\nupdraft = "2 cm/s"\nhysteresis = "0.1 %"\n'
     given = parse_aircraft(text, "mine.toml").uncertainty
     assert (given.weight_fraction, given.updraft_mps, given.hysteresis_fraction) == pytest.approx((0.005, 0.02, 0.001))
     assert (NEXSTAR.uncertainty.weight_fraction, NEXSTAR.uncertainty.updraft_mps) == (0.002, 0.004)
     with pytest.raises(InputError, match=r"mine.toml: uncertainty.weight: must not be negative"):
         parse_aircraft(text.replace("0.5 %", "-1 %"), "mine.toml")
     with pytest.raises(InputError, match=r"mine.toml: uncertainty.thrust_scale: must be greater than zero"):
-        parse_aircraft(text + 'thrust_scale = "0 %"\n', "mine.toml")
+        parse_aircraft(text.replace('"1.8 %"', '"0 %"'), "mine.toml")

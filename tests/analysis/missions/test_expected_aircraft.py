@@ -227,3 +227,12 @@ def test_a_run_without_thrust_stays_at_half_the_stall(nexstar: ExpectedAircraft)
     halted = of_time_history.paths([Run(0.1, 1.0, 30.0)], nexstar, HEIGHT_M, airborne=True)[0]
     assert halted.V[-1] == pytest.approx(nexstar.stall_mps / 2)
     assert np.all(np.diff(halted.V) <= 0)
+
+
+def test_a_plan_knows_that_a_table_was_computed(aircraft: Aircraft) -> None:
+    """Where the aircraft file does not say how far thrust may be from it."""
+    silent = replace(aircraft, keys=aircraft.keys - {"uncertainty.thrust_scale", "uncertainty.thrust_slope"})
+    assert expected_aircraft(aircraft, HEIGHT_M).aircraft.uncertainty == aircraft.uncertainty
+    assert expected_aircraft(silent, HEIGHT_M).aircraft.uncertainty.thrust_scale_fraction == pytest.approx(
+        0.17, abs=0.01
+    )

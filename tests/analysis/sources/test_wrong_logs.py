@@ -211,7 +211,6 @@ def test_the_trajectory_begins_with_what_the_aircraft_file_states(flown: Written
     text = (
         load_complete_aircraft("nexstar").text
         + """
-[uncertainty]
 angle_of_attack_offset = "2 deg"
 angle_of_attack_slope = "6 %"
 airspeed_scale = "2 %"

@@ -1,0 +1,29 @@
+"""What a log holds beside its measurements, and what follows from where its propeller table comes from."""
+
+from pathlib import Path
+
+import msgspec
+import pytest
+from flights import tunnel_probe
+
+from analysis.air.contents import Replacements, contents
+from flight.aircraft import load_aircraft
+from flight.log_reader import Log
+from flight.propeller_files import load_propeller
+
+
+@pytest.mark.parametrize(("stated", "sigma"), [(True, 0.018), (False, 0.17)])
+def test_thrust_of_a_computed_table_is_as_uncertain_as_the_file_says_or_as_such_tables_are(
+    stated: bool, sigma: float
+) -> None:
+    text = load_aircraft("nexstar").text
+    log = Log(Path("flight.mcap"), attachments={
+        "aircraft.toml": (text if stated else text.partition("[uncertainty]")[0]).encode(),
+        "propeller.csv": load_propeller("apc-12x8e").to_csv().encode(),
+        "probe.json": msgspec.json.encode(tunnel_probe()),
+    })  # fmt: skip
+    found = contents(log)
+    assert found.aircraft.uncertainty.thrust_scale_fraction == pytest.approx(sigma, abs=0.006)
+    assert any("computed, not measured" in note for note in found.notes) is not stated
+    measured = contents(log, Replacements(propeller=load_propeller("apc-11x5.5e")))
+    assert measured.aircraft.uncertainty.thrust_scale_fraction == pytest.approx(0.018)
