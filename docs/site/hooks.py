@@ -16,7 +16,7 @@ from flight.aircraft_keys import to_markdown
 ROOT = Path(__file__).parents[2]
 ADDED = (
     "systemd/README.md", "firmware/esc_counter/README.md", "CHANGELOG.md", "LICENSE", "CONTRIBUTING.md", "SECURITY.md",
-    "CODE_OF_CONDUCT.md", "paper/paper.md",
+    "CODE_OF_CONDUCT.md",
 )  # fmt: skip
 REFERENCE = {
     "From Python": "flightpower.interface",
