@@ -6,6 +6,7 @@ Look at a page: `python -m tests.browser report.html FOLDER` writes pictures of 
 import base64
 import json
 import os
+import select
 import shutil
 import subprocess
 import sys
@@ -24,6 +25,10 @@ OPTIONS = (
 AXE = Path(os.environ.get("AXE_CORE", "node_modules/axe-core/axe.min.js"))
 NO_AXE = "no axe-core here (npm pack axe-core; AXE_CORE=…/axe.min.js)"
 A4_INCHES = (8.27, 11.69)
+# After the timers of a page that are due within this time, whenever they come: in the order in which they are due.
+AFTER_TIMERS = "new Promise(done => setTimeout(() => requestAnimationFrame(done), 200))"
+HANGS_S = 600  # an end for what would never end
+QUIET_ROUNDS = 3  # in which a page neither waits for an answer nor does what is waited for
 
 
 class Browser:
@@ -35,6 +40,7 @@ class Browser:
         self.complaints: list[str] = []
         self.requests: list[str] = []
         self._events: list[str] = []
+        self._unanswered: set[str] = set()
         target = self.command("Target.createTarget", url="about:blank")["targetId"]
         self._session = self.command("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         for domain in ("Page", "Runtime", "Log", "Network"):
@@ -55,6 +61,7 @@ class Browser:
 
     def _next(self) -> dict[str, Any]:
         while b"\0" not in self._rest:
+            assert select.select([self._in], [], [], HANGS_S)[0], f"Chromium says nothing for {HANGS_S} s"
             part = os.read(self._in.fileno(), 2**20)
             assert part, "Chromium ended"
             self._rest += part
@@ -75,6 +82,9 @@ class Browser:
             self.complaints.append(str(said))
         elif event == "Network.requestWillBeSent":
             self.requests.append(content["request"]["url"])
+            self._unanswered.add(content["requestId"])
+        elif event in ("Network.loadingFinished", "Network.loadingFailed"):
+            self._unanswered.discard(content["requestId"])
 
     def show(self, page: Path | str, width: int, *, dark: bool = False, height: int = 900) -> None:
         """Open a page, a file or an address, in a window of this size and wait until it has loaded."""
@@ -82,6 +92,7 @@ class Browser:
         self.requests.clear()
         self.resize(width, height, dark=dark)
         self._events.clear()
+        self._unanswered.clear()
         self.command("Page.navigate", url=page if isinstance(page, str) else page.as_uri())
         while "Page.loadEventFired" not in self._events:
             self._next()
@@ -99,17 +110,20 @@ class Browser:
         assert "exceptionDetails" not in answer, answer
         return answer["result"].get("value")
 
-    def wait_for(self, condition: str, seconds: float = 20) -> None:
-        """Until a JavaScript expression is true."""
-        script = f"""new Promise((done, failed) => {{
-          const end = Date.now() + {1000 * seconds};
-          (function look() {{
-            if ({condition}) done();
-            else if (Date.now() > end) failed(new Error("not within {seconds} s"));
-            else setTimeout(look, 20);
-          }})();
-        }})"""
-        self.value_of(script)
+    def wait_for(self, condition: str) -> None:
+        """Until a JavaScript expression is true, however long a busy machine takes for it.
+
+        Fails when the page waits for no answer and for no timer, and the expression is still false.
+        """
+        quiet = 0
+        while not self.value_of(condition):
+            if self._unanswered:
+                self._next()
+                quiet = 0
+                continue
+            assert quiet < QUIET_ROUNDS, f"the page waits for nothing, and this is false: {condition}"
+            self.value_of(AFTER_TIMERS)
+            quiet += 1
 
     def press(self, key: str, code: int) -> None:
         """A key; code: its virtual key code."""
@@ -168,7 +182,7 @@ def started() -> Iterator[Browser]:
             yield browser
         finally:
             process.terminate()
-            process.wait(timeout=20)
+            process.wait()
 
 
 def main() -> None:

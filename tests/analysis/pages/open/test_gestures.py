@@ -164,7 +164,7 @@ def test_the_method_is_switched_with_the_keyboard_beside_the_headline(page: Brow
     assert page.value_of(said).startswith("Green: direct drag") and page.value_of(lines) == 1
     assert page.value_of("String(last.curve.power_W)") == before and page.value_of(command) == plain
     page.value_of("at('method').value = 'two-state'; at('method').dispatchEvent(new Event('change'))")
-    page.wait_for(f"last.method && last.method.name === 'two-state' && {QUIET}", 60)
+    page.wait_for(f"last.method && last.method.name === 'two-state' && {QUIET}")
     assert page.value_of(command) == plain + " --likelihood"
     changed_curve(page, "at('method').value = ''; at('method').dispatchEvent(new Event('change'))")
     assert page.value_of(lines) == 0 and page.value_of(said) == "" and page.value_of(command) == plain
@@ -216,7 +216,7 @@ def test_the_report_is_written_and_shown_and_a_log_is_added(
 ) -> None:
     folder = served[1]
     page.value_of("document.getElementById('write').click()")
-    page.wait_for(f"!document.getElementById('report').hidden && {QUIET}", 60)
+    page.wait_for(f"!document.getElementById('report').hidden && {QUIET}")
     results = json.loads((folder / "log.report" / "results.json").read_text("utf-8"))
     assert page.value_of("last.curve.power_W") == pytest.approx([one["power_W"] for one in results["power_required"]])
     assert page.value_of("at('apart').querySelector('a').href") == page.value_of("at('report').src") != ""
