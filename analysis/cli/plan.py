@@ -2,6 +2,7 @@
 
 import dataclasses
 import shlex
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 from math import inf, radians
@@ -58,7 +59,8 @@ class PlanOptions:
             "--minutes",
             parser=quantity("--minutes", "min", '"0.3 h"', above=0, most=240),
             metavar="TIME",
-            help="From standing before to standing after the flight, two minutes on the ground included.",
+            help="From standing before to standing after the flight, two minutes on the ground included. Four hours"
+            " take half a minute to plan.",
         ),
     ] = 21.0
     wind_kt: Annotated[
@@ -208,7 +210,8 @@ def plan(
     folder = output or Path(f"plan-{craft.name}")
     check_new_file(folder / "plan.toml", replace=replace)
 
-    made = flight_plan(aircraft, options)
+    with Console(stderr=True).status("planning …") as status:
+        made = flight_plan(aircraft, options, lambda step: status.update(f"planning: {step} …"))
     from analysis.missions.card import card, runs_to_tick_off
     from analysis.missions.plan_mission import Home, qgroundcontrol_plan, waypoint_file
     from analysis.missions.simulator_plan import simulator_plan
@@ -240,8 +243,8 @@ def _aircraft(name_or_path: str, options: PlanOptions) -> Aircraft:
     return dataclasses.replace(craft, propulsion=dataclasses.replace(craft.propulsion, propeller=options.propeller))
 
 
-def flight_plan(aircraft: str, options: PlanOptions) -> "FlightPlan":
-    """The plan for an aircraft, a shipped one or a file. Raises InputError."""
+def flight_plan(aircraft: str, options: PlanOptions, progress: Callable[[str], None] = lambda _: None) -> "FlightPlan":
+    """The plan for an aircraft, a shipped one or a file. progress: called with each step. Raises InputError."""
     from analysis.missions import information
     from analysis.missions.expected_aircraft import expected_aircraft
     from analysis.missions.pieces import Pilot, Space
@@ -262,7 +265,7 @@ def flight_plan(aircraft: str, options: PlanOptions) -> "FlightPlan":
         heading_deg=options.first_leg_deg,
         wind_from_deg=options.wind_from_deg,
     )
-    return plan_flight(expected, request)
+    return plan_flight(expected, request, progress)
 
 
 def place_of(text: str) -> tuple[float, float]:

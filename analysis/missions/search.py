@@ -7,7 +7,7 @@ cost. The result is computed once more as a whole.
 """
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf, isfinite
 from typing import NamedTuple
@@ -122,8 +122,13 @@ class _Increment(NamedTuple):
     polar: Array
 
 
-def plan_flight(aircraft: ExpectedAircraft, request: Request) -> FlightPlan:
-    """The plan. Raises InputError where the time is too short for any, and where no speed is left to fly."""
+def plan_flight(
+    aircraft: ExpectedAircraft, request: Request, progress: Callable[[str], None] = lambda _: None
+) -> FlightPlan:
+    """The plan. progress: called with the name of each step, of which those of a long flight take seconds.
+
+    Raises InputError where the time is too short for any, and where no speed is left to fly.
+    """
     slow, fast = slowest_mps(aircraft, request.wind_kt), MARGINS.fastest * aircraft.fastest_mps
     if slow >= fast:
         raise InputError(
@@ -152,12 +157,16 @@ def plan_flight(aircraft: ExpectedAircraft, request: Request) -> FlightPlan:
     pieces = [piece for piece in found if not (request.pilot.autopilot and piece.kind.by_hand)]
     base = _evaluated(chosen, aircraft, request)
     start = _covariances(base[0], request)
-    every = [_increment(piece, pairs[0], last, base, aircraft=aircraft, request=request) for piece in found]
+    every = []
+    for number, piece in enumerate(found, start=1):
+        progress(f"what each piece adds: {number} of {len(found)}")
+        every.append(_increment(piece, pairs[0], last, base, aircraft=aircraft, request=request))
     increments = [increment for piece, increment in zip(found, every, strict=True) if piece in pieces]
     shortest_s = min(increment.seconds for increment in increments)
     room_s, base_s = left, _seconds_of(history)
     fits_s, exceeds_s = 0.0, inf
     for _ in range(8):  # pieces take more or less time beside others, and kept in place, than alone
+        progress(f"a flight of {request.minutes:g} minutes from them")
         counts = _exchanged(increments, left, start, asked)
         alone_s = sum(n * increment.seconds for n, increment in zip(counts, increments, strict=True))
         planned = [piece for piece, n in zip(pieces, counts, strict=True) for _ in range(n)]
@@ -178,6 +187,7 @@ def plan_flight(aircraft: ExpectedAircraft, request: Request) -> FlightPlan:
     by_hand = None
     if request.pilot.autopilot:
         by_hand = float(np.max(asked.half_widths(_with(start, every, _exchanged(every, left, start, asked)))))
+    progress("its interval")
     whole = expected(history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma)
     covariances = _covariances(whole, request)
     seconds = seconds_by_piece(chosen, history, aircraft)

@@ -118,13 +118,21 @@ def _steps(duration_s: float) -> int:
 
 
 def _towards(expected: ExpectedAircraft, V: float, wanted: float, n: int) -> Array:
-    """Speeds (n,) of a pilot who changes from V to another speed and holds it."""
+    """Speeds (n,) of a pilot who changes from V to another speed and holds it.
+
+    Stepped through while drag or full throttle limit the change; the rest approaches the speed by the pilot's lag.
+    """
     grid = np.linspace(expected.least_mps, 1.5 * expected.fastest_mps, 60)
     m = expected.aircraft.mass_kg
     drag = expected.drag_N(grid) / m
     most = np.clip(np.array([expected.thrust_N(1.0, v) for v in grid]) / m - drag, 0.05, PATH.hardest_mps2)
     speeds = np.empty(n)
+    slowest_change, fastest_change = -float(drag.min()), float(most.min())
     for i in range(n):
+        if slowest_change <= (wanted - V) / PATH.speed_lag_s <= fastest_change:
+            left = (1 - PATH.step_s / PATH.speed_lag_s) ** np.arange(1, n - i + 1)
+            speeds[i:] = wanted + (V - wanted) * left
+            break
         at = (V - grid[0]) / (grid[1] - grid[0])
         k = min(max(int(at), 0), len(grid) - 1)
         V += PATH.step_s * min(max((wanted - V) / PATH.speed_lag_s, -drag[k]), most[k])

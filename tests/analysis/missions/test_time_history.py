@@ -8,7 +8,7 @@ import pytest
 from analysis.missions.expected_aircraft import ExpectedAircraft, expected_aircraft
 from analysis.missions.pieces import Hold, Land, Maneuver, Porpoise, Run, Stand, TakeOff, Turn
 from analysis.missions.plan_settings import PATH
-from analysis.missions.time_history import TimeHistory, _landing, _take_off, climb_rate_mps, fly, throttle_at
+from analysis.missions.time_history import TimeHistory, _landing, _take_off, _towards, climb_rate_mps, fly, throttle_at
 from analysis.trajectory.priors import BENCH_SIGMA
 from flight import motion
 from flight.aircraft import load_aircraft
@@ -255,3 +255,22 @@ def test_thrust_carries_the_weight_s_component_in_a_climb(nexstar: ExpectedAircr
     assert history.table["thrust_N"].to_numpy()[rows] == pytest.approx(expected, rel=1e-3)
     flying = history.table["V_mps"].notna()
     assert history.table["thrust_N"][flying].to_numpy()[-1] == pytest.approx(float(nexstar.drag_N(16.0)), rel=1e-3)
+
+
+@pytest.mark.parametrize(("V", "wanted"), [(12.0, 20.0), (24.0, 12.0), (17.0, 17.0)])
+def test_a_change_of_speed_is_limited_by_thrust_and_drag_and_then_ends_by_the_lag(
+    nexstar: ExpectedAircraft, V: float, wanted: float
+) -> None:
+    """Drag alone decelerates, full throttle less drag accelerates; within those the difference falls by the lag."""
+    speeds = _towards(nexstar, V, wanted, 1500)
+    change = np.diff(speeds) / PATH.step_s
+    drag_mps2 = nexstar.drag_N(speeds[:-1]) / nexstar.aircraft.mass_kg
+    spare_mps2 = np.array([nexstar.thrust_N(1.0, v) for v in speeds[:-1]]) / nexstar.aircraft.mass_kg - drag_mps2
+    by_lag = (wanted - speeds[:-1]) / PATH.speed_lag_s
+    low, high = -drag_mps2, np.clip(spare_mps2, 0.05, PATH.hardest_mps2)
+    cell = 0.2  # the limits are read from a grid
+    assert change == pytest.approx(np.clip(by_lag, low, high), abs=cell)
+    free = (by_lag > low + cell) & (by_lag < high - cell)
+    assert free.sum() > 1000 and change[free] == pytest.approx(by_lag[free], abs=1e-9)
+    assert speeds[-1] == pytest.approx(wanted, abs=1e-9)
+    assert (wanted == V) or np.any(np.abs(by_lag) > np.abs(change) + cell), "the limits were reached"
