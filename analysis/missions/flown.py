@@ -50,6 +50,7 @@ INSTEAD: dict[int, str] = {
     Command.SET_HOME: "moves home, which heights and return are told from; save two missions, or take it out",
     Command.PARACHUTE: "ends the flight; end the mission before it, or by a landing (21)",
 }
+ENDS = (Command.RETURN, Command.LAND)
 PLACE = "is a path of which no energy is known; replace it by waypoints (16), or take it out"
 ACTION = "is not known to take no energy; take it out where it moves nothing, else give circles (18) or a speed (178)"
 
@@ -69,7 +70,11 @@ def flown(read: ReadMission, where: str, assumed: Assumed) -> Mission:
         )
     if not start.above_sea_m and assumed.elevation_m is not None:
         start = start._replace(above_sea_m=assumed.elevation_m)
-    return _Steps(where, start, assumed, read.notes).mission(unrolled(read.items, where))
+    steps = _Steps(where, start, assumed, read.notes)
+    items = unrolled(read.items, where)
+    if items and items[-1].command in ENDS:
+        steps.note_left_out(read.items[read.items.index(items[-1]) + 1 :])
+    return steps.mission(items)
 
 
 class _Steps:
@@ -84,18 +89,27 @@ class _Steps:
         self.ignored: Counter[str] = Counter()
 
     def mission(self, items: Sequence[Item]) -> Mission:
-        ended = False
         for item in items:
-            if ended and item.command not in EQUIPMENT:
-                raise InputError(f"{self._name(item)} follows a landing or return, after which no energy is known")
-            ended = ended or item.command in (Command.RETURN, Command.LAND)
             self._take(item)
         if not self.steps:
             raise InputError(f"{self.where}: has no waypoint")
         if self.ignored:
             kinds = ", ".join(f"{count} {name}" for name, count in sorted(self.ignored.items()))
             self._note(f"Items of cameras and other equipment take no energy here: {kinds}.")
-        return with_return(Mission(HOME, tuple(self.steps), tuple(self.notes)), ended)
+        return with_return(
+            Mission(HOME, tuple(self.steps), tuple(self.notes)), ends_by_landing=items[-1].command in ENDS
+        )
+
+    def note_left_out(self, items: Sequence[Item]) -> None:
+        """Notes the items after a landing or return: way-points of an aborted approach, or of another flight."""
+        items = [item for item in items if item.command not in EQUIPMENT]
+        if not items:
+            return
+        named = f"Item {items[0].number} follows" if len(items) == 1 else f"{len(items)} items follow"
+        begin = "" if len(items) == 1 else f", from {items[0].number} on"
+        again = any(item.command == Command.TAKE_OFF for item in items)
+        what = "; for the flight after the second take-off save them as a mission of its own" if again else ""
+        self._note(f"{named} the first landing or return{begin}: not flown here{what}.")
 
     def _note(self, text: str) -> None:
         self.notes[text] = None
@@ -214,7 +228,7 @@ def _or_zero(value: float) -> float:
 
 
 def unrolled(items: Sequence[Item], where: str) -> list[Item]:
-    """The items in the order in which they are flown, with jumps carried out, to items or to tags.
+    """The items up to the first landing or return as they are flown, with jumps carried out, to items or to tags.
 
     A jump counts over the whole mission, as in ArduPilot and PX4: within another it is not begun anew. Raises
     InputError for one that is endless, or whose end is not in the file.
@@ -232,6 +246,8 @@ def unrolled(items: Sequence[Item], where: str) -> list[Item]:
         at += 1
         if item.command not in (Command.JUMP, Command.JUMP_TO_TAG):
             ordered += [item] if item.command != Command.JUMP_TAG else []
+            if item.command in ENDS:
+                break
             continue
         ends, kind = (index, "item") if item.command == Command.JUMP else (tags, "tag")
         target, times = item.params[0], item.params[1]

@@ -237,6 +237,7 @@ class Route:
                 raise InputError(
                     f"{told} is above {high:.1f} m/s, the fastest flown; fly slower, or give --speed energy"
                 )
+        self._check_progress(V)
         possible = self.source.nominal.best_climb_mps(V, self.legs.condition).reshape(-1)
         for step, climb_mps in zip(self.mission.steps, possible, strict=True):
             if not climb_mps > 0:
@@ -246,6 +247,20 @@ class Route:
         self.legs = replace(self.legs, rate_mps=np.minimum(self.legs.rate_mps, MARGINS.fastest * possible))
         self._check_circles(V)
         return V
+
+    def _check_progress(self, V: Array) -> None:
+        """Raises InputError for a leg on which the mean wind leaves no speed over the ground."""
+        wind, course = self.flight.wind, self.legs.course_rad
+        over_ground = ground_speed(V, course, self.nominal.wind_east_mps, self.nominal.wind_north_mps)[0]
+        head = -(wind.east_mps * np.sin(course) + wind.north_mps * np.cos(course))
+        across = np.abs(wind.east_mps * np.cos(course) - wind.north_mps * np.sin(course))
+        for i in np.flatnonzero(np.isnan(over_ground) & (self.legs.distance_m > 0)):
+            parts = ((head[i], "of head wind"), (across[i], "across"))
+            blown = " and ".join(f"{mps:.0f} m/s {words}" for mps, words in parts if mps >= 0.5)
+            raise InputError(
+                f"{self.mission.steps[i].name} cannot be flown: {blown}, {V[i]:.0f} m/s of airspeed;"
+                " wait for less wind, or fly faster"
+            )
 
     def _check_circles(self, V: Array) -> None:
         """Raises InputError for a circle so tight that its load factor takes the stall margin of a turn."""

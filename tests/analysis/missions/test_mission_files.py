@@ -199,6 +199,31 @@ def test_a_jump_to_a_tag_repeats_what_follows_the_tag(tmp_path: Path) -> None:
         read(tmp_path, waypoints_text(*tagged[:4], item(601, 7, -1)))
 
 
+LANDED = [item(22, 15, east_km=0.2), item(16, east_km=1.0), item(21, height_m=0.0, east_km=0.0)]
+GO_AROUND = [item(16, east_km=-0.5), item(16, east_km=1.0), item(177, 2, -1)]
+AGAIN = [item(22, 15, east_km=0.2), item(16, east_km=3.0), item(20)]
+
+
+@pytest.mark.parametrize(
+    ("after", "note"),
+    [
+        ([], None),
+        ([item(206, 0), item(2501)], None),
+        ([item(16, east_km=1.0)], "Item 4 follows the first landing or return: not flown here."),
+        (GO_AROUND, "3 items follow the first landing or return, from 4 on: not flown here."),
+        (
+            AGAIN,
+            "from 4 on: not flown here; for the flight after the second take-off save them as a mission of its own.",
+        ),
+    ],
+)
+def test_a_mission_is_flown_up_to_its_landing(tmp_path: Path, after: list[dict[str, Any]], note: str | None) -> None:
+    """What follows are way-points of an aborted approach, whose jump back has no end, or another flight."""
+    mission = read(tmp_path, waypoints_text(*LANDED, *after))
+    assert [step.name for step in mission.steps] == ["1 take-off", "2 waypoint", "3 landing"]
+    assert len(mission.notes) == (note is not None) and all(said.endswith(note or "") for said in mission.notes)
+
+
 @pytest.mark.parametrize("write", [plan_text, waypoints_text])
 def test_zeros_are_here(write: Any, tmp_path: Path) -> None:
     """0, 0, 0: where the aircraft is, at its height; a height alone is flown there. A landing ends on the ground."""

@@ -23,6 +23,7 @@ from analysis.missions.power import AerodynamicPower
 from analysis.missions.prediction import Objective, Route, predict
 from analysis.performance.stored_model import model_of
 from analysis.trajectory import dryden
+from flight.errors import InputError
 
 TRIANGLE = "2 km 045, 1.5 km 135 +40 m, 2.5 km 270 -40 m"
 WIND = Wind(4.0, -2.0, 1.0)
@@ -149,6 +150,23 @@ def test_a_leg_that_cannot_be_flown_in_some_draws_is_safe_in_none_of_these() -> 
         energy_J[: len(energy_J) // 10, 1] = np.inf
         found = route._no_return(energy_J)
     assert found is not None and found.route_m == pytest.approx(2000.0)
+
+
+def test_a_leg_against_a_wind_that_wins_is_named_with_wind_and_airspeed() -> None:
+    """A meter per second slower it can be flown; a leg that stays in place can be, and one with the wind."""
+    mission, results = legs("2 km 090, 2 km 270"), electrical_results()
+    fastest = route_of(results, mission, flight(CALM)).limits.fastest[0]
+    with pytest.raises(
+        InputError, match=rf"^leg 2 cannot be flown: {fastest:.0f} m/s of head wind, {fastest:.0f} m/s of"
+    ):
+        predict(results, mission, flight(Wind(fastest, 0.0, 0.0)))
+    found = predict(results, mission, flight(Wind(fastest - 1.1, 0.0, 0.0)))
+    assert all(np.isfinite(leg.time_s.value) for leg in found.legs)
+    with pytest.raises(
+        InputError, match=r"^leg 1 cannot be flown: \d+ m/s across, \d+ m/s of airspeed; wait for less wind"
+    ):
+        predict(results, mission, flight(Wind(0.0, fastest + 1, 0.0)))
+    predict(results, legs("2 km 090"), flight(Wind(fastest, 0.0, 0.0)))
 
 
 def test_how_far_out_and_back_is_what_the_battery_gives_both_ways() -> None:

@@ -66,7 +66,6 @@ FILES = {
     "circles that are too tight": plan_text(item(18, 3, 0, 10, east_km=1.0)),
     "a vertical take-off": plan_text(item(84, east_km=1.0)),
     "an item that is not understood": plan_text(item(16, east_km=1.0), item(4711)),
-    "a waypoint after landing": plan_text(item(21, east_km=0.0), item(16, east_km=1.0)),
     "a speed of zero": plan_text(item(178, 0, 0, -1), item(16, east_km=1.0)),
     "a drop without its mass": plan_text(item(16, east_km=1.0), item(211, 1, 0)),
     "a drop before the first waypoint": plan_text(item(211, 1, 0), item(16, east_km=1.0)),
