@@ -11,6 +11,7 @@ import msgspec
 from mcap.records import Attachment, Channel, Header, McapRecord, Metadata
 
 from flight.errors import InputError
+from flight.formats import refusal
 from flight.log_chunk import LogTooLarge, allowed_bytes
 from flight.log_entries import Entries
 from flight.log_index import MAGIC
@@ -20,6 +21,7 @@ from flight.messages import TYPE_OF_TOPIC, Message, Status
 from flight.undecodable import Undecodable
 
 ENCODING = "json"
+WANTED = "a log of the daemon (.mcap)"
 FORMAT_PAGE = "docs/understand/log-format.md"
 
 
@@ -56,11 +58,8 @@ def read_log(path: str | Path) -> Log:
     path = Path(path)
     try:
         with path.open("rb") as stream, _no_search_for_cycles():
-            start = stream.read(len(MAGIC))
-            if not start:
-                raise InputError(f"{path}: the file is empty")
-            if start != MAGIC[: len(start)] or len(start) < len(MAGIC):
-                raise InputError(f"{path}: not an MCAP file (wrong first bytes)")
+            if stream.read(len(MAGIC)) != MAGIC:
+                raise refusal(path, WANTED)
             stream.seek(0)
             log = _read(path, records(stream, allowed_bytes(path.stat().st_size)))
     except OSError as error:

@@ -45,6 +45,10 @@ def analyze(
         why = "the log lacks flow angles or motor speed, and gives no drag"
         refuse_drag_options(source.path, why, **options.for_drag())
         return _by_energy(source, options, progress, command_line)
+    if is_table(source.path):
+        from analysis.sources.table import refuse_without_method
+
+        refuse_without_method(source)
     if reason := _why_power_only(source, options):
         return _by_energy(source, options, progress, command_line, reason)
     if options.leave_out is not None:

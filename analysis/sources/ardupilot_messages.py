@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.sources.dataflash import DataflashLog, Form
-from analysis.sources.recognize import TEXT_MAGIC, is_telemetry
 from analysis.sources.recording import vehicle_of
 from analysis.sources.telemetry import TelemetryLog
 from analysis.sources.text_log import TextLog
 from flight.errors import InputError
+from flight.formats import TEXT_MAGIC, is_telemetry
 
 # Messages of one kind: later firmware numbers the instances within one message, earlier firmware has one for each.
 AIRSPEED, BATTERY = ("ARSP", "ASP2"), ("BAT", "BAT2", "CURR", "CUR2")

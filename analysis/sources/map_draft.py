@@ -14,25 +14,38 @@ import numpy as np
 from analysis.sources.column_map import ColumnMap, MappedColumn, mapped_channels
 from analysis.sources.laws import Finding, findings
 from analysis.sources.quantities import KINDS, Quantity
-from analysis.sources.table_file import Columns, read_columns
+from analysis.sources.recognize import autopilot_of
+from analysis.sources.recorders import known_columns, recorder_of
+from analysis.sources.table_file import Columns, read_table
 from flight.arrays import Array
 from flight.errors import InputError
 from flight.units import GRAVITY_MPS2 as g
 
 Q = Quantity
 
-# Words of a column's name, in lower case, by quantity: the first pattern that fits is the better name. Names with
-# "nav vel", "acc smooth", "vbat" and "amperage" are those of blackbox_decode (INAV).
+# Names that say more than the quantity, and name another: a set point, a servo's supply, one cell, the time of now.
+UNSPECIFIC = r"(?!.*\b(indicated|calibrated|equivalent|ground|demand|desired|target|set ?point|sp|error)\b)"
+PROPULSION = r"(?!.*\b(cells?|servos?|[rt]x|receiver|bec|vcc|board|time|date|state|mode|limit|waypoint|wp|mission)\b)"
+VECTOR = r"(.*\.)?v(el|elocity)? {}"  # one component
+CLIMB = r".*\bclimb( ?rate)?\b.*|vspd|.*\bvertical speed\b.*"  # positive up
+# Words of a column's name, without a unit in brackets, in lower case, by quantity: the first pattern that fits is the
+# better name. Names with "nav vel", "acc smooth", "vbat" and "amperage" are those of blackbox_decode (INAV).
 NAMES: dict[Quantity, tuple[str, ...]] = {
-    Q.TIME: (r"(^|.*\.)(time|timestamp|t|zeit)( s| sec| ms| us)?$", r".*\btime\b.*", r".*timestamp.*"),
+    Q.TIME: (
+        r"(^|.*[. ])(times?|timestamp|t|zeit)( s| sec| ms| us)?$",
+        r"seconds?|.*\belapsed\b.*",
+        r".*\btime\b.*",
+        r".*timestamp.*",
+    ),
     Q.AIRCRAFT: (r"(ac|aircraft|vehicle|sys|system) ?(id|number)",),
-    Q.TRUE_AIRSPEED: (r".*true air ?speed.*", r".*\btas\b.*", r"(.*\.)?air ?speed( m ?ps| m s)?( filt.*)?$"),
-    Q.INDICATED_AIRSPEED: (r".*(indicated|calibrated|equivalent) air ?speed.*", r".*\b(ias|cas|eas)\b.*"),
+    Q.TRUE_AIRSPEED: (r".*true air ?speed.*", r".*\btas\b.*", rf"{UNSPECIFIC}(.*[. ])?air ?speed( m ?ps)?( filt.*)?"),
+    Q.INDICATED_AIRSPEED: (r".*(indicated|calibrated|equivalent) air ?speed.*", r".*\b(ias|cas|eas)\b.*", r"aspd"),
     Q.DYNAMIC_PRESSURE: (r".*(dynamic|differential|impact) pressure.*", r".*\b(diff|dyn) p(ress)?\b.*", r".*\bqc\b.*"),
     Q.STATIC_PRESSURE: (r".*static pressure.*", r".*\bbaro(meter)? press.*", r".*\b(p static|ps)\b.*", r"pressure.*"),
     Q.HEIGHT: (
         r".*(baro|pressure) (alt|height).*",
         r".*\b(altitude|height|alt)\b.*",
+        r"galt",
     ),
     Q.AIR_TEMPERATURE: (r".*(static|outside|air|ambient) (air )?temp.*", r".*\b(sat|oat)\b.*", r"temp(erature)?\b.*"),
     Q.ANGLE_OF_ATTACK: (r".*angle of attack.*", r".*\b(alpha|aoa)\b.*"),
@@ -40,17 +53,17 @@ NAMES: dict[Quantity, tuple[str, ...]] = {
     Q.FORCE_FORWARD: (
         r".*(longitudinal|forward) (specific force|acc).*",
         r".*\b(ax|acc x|accel x|fx|acc ?body x|specific force x)\b.*",
-        r"acc smooth 0 m/s/s",
+        r"acc smooth 0",
     ),
     Q.FORCE_RIGHT: (
         r".*lateral (specific force|acc).*",
         r".*\b(ay|acc y|accel y|fy|specific force y)\b.*",
-        r"acc smooth 1 m/s/s",
+        r"acc smooth 1",
     ),
     Q.FORCE_DOWN: (
         r".*(upward|vertical|normal|down) (specific force|acc).*",
         r".*\b(az|acc z|accel z|fz|specific force z)\b.*",
-        r"acc smooth 2 m/s/s",
+        r"acc smooth 2",
     ),
     Q.ROLL_RATE: (r".*roll rate.*", r".*\b(gyro ?[px]|angular rate x)\b.*", r"(.*\.)?p( (rad|deg).*)?$"),
     Q.PITCH_RATE: (r".*pitch rate.*", r".*\b(gyro ?[qy]|angular rate y)\b.*", r"(.*\.)?q( (rad|deg).*)?$"),
@@ -58,15 +71,15 @@ NAMES: dict[Quantity, tuple[str, ...]] = {
     Q.ROLL: (r".*\b(roll|phi|bank)\b.*",),
     Q.PITCH: (r".*\b(pitch|theta)\b.*",),
     Q.HEADING: (r".*\b(heading|yaw|psi)\b.*",),
-    Q.VELOCITY_NORTH: (r".*\bv(el|elocity)? ?n(orth)?\b.*", r"nav vel 0"),
-    Q.VELOCITY_EAST: (r".*\bv(el|elocity)? ?e(ast)?\b.*", r"nav vel 1"),
-    Q.VELOCITY_DOWN: (r".*\bv(el|elocity)? ?d(own)?\b.*", r"nav vel 2"),
-    Q.GROUND_SPEED: (r".*ground ?speed.*", r".*\b(gs|sog)\b.*"),
-    Q.COURSE: (r".*\b(course|track|cog)\b.*",),
+    Q.VELOCITY_NORTH: (r".*\bv(el|elocity)? ?n(orth)?\b.*", r"nav vel 0", VECTOR.format("1")),
+    Q.VELOCITY_EAST: (r".*\bv(el|elocity)? ?e(ast)?\b.*", r"nav vel 1", VECTOR.format("2")),
+    Q.VELOCITY_DOWN: (r".*\bv(el|elocity)? ?d(own)?\b.*", r"nav vel 2", VECTOR.format("3"), CLIMB),
+    Q.GROUND_SPEED: (r".*ground ?speed.*", r".*\b(gs|sog)\b.*", r"g ?spd|gps speed"),
+    Q.COURSE: (r".*\b(course|track|cog)\b.*", r"hdg"),
     Q.LATITUDE: (r"(.* )?lat(itude)?( (deg|rad))?",),
     Q.LONGITUDE: (r"(.* )?(lon|lng|longitude)( (deg|rad))?",),
-    Q.VOLTAGE: (r".*\bvolt(age)?s?\b.*", r".*\bbat(tery)? v\b.*", r"vbat\b.*"),
-    Q.CURRENT: (r".*\b(current|amps?|ampere)\b.*", r"amperage\b.*"),
+    Q.VOLTAGE: (rf"{PROPULSION}.*\bvolt(age)?s?\b.*", rf"{PROPULSION}.*\bbat(t|tery)? (m )?v\b.*", r"vbat\b.*|vfas"),
+    Q.CURRENT: (rf"{PROPULSION}.*\b(current|amps?|ampere)\b.*", rf"{PROPULSION}(.* )?curr", r"amperage\b.*"),
     Q.POWER: (r".*\b(electrical|battery|elec) power\b.*",),
     Q.MOTOR_SPEED: (r".*\brpm\b.*", r".*(motor|prop(eller)?|rotor) (speed|revps).*"),
     Q.THRUST: (r".*\bthrust\b.*",),
@@ -74,14 +87,62 @@ NAMES: dict[Quantity, tuple[str, ...]] = {
 }
 # Units by the end of a name, and what else a column without one may be in, by SI unit of the quantity.
 SUFFIXES = {
-    "mps": "m/s", "m/s": "m/s", "ms-1": "m/s", "kt": "knot", "kts": "knot", "knots": "knot", "kmh": "km/h",
-    "km/h": "km/h", "mph": "mile/hour", "fps": "ft/s", "ft/s": "ft/s", "pa": "Pa", "hpa": "hPa", "mbar": "mbar",
-    "kpa": "kPa", "m": "m", "cm": "cm", "ft": "ft", "k": "K", "degc": "degC", "c": "degC", "rad": "rad", "deg": "deg",
-    "radps": "rad/s", "rad/s": "rad/s", "degps": "deg/s", "deg/s": "deg/s", "dps": "deg/s", "mps2": "m/s^2",
-    "m/s2": "m/s^2", "m/s/s": "m/s^2", "m/s^2": "m/s^2",
-    "v": "V", "mv": "mV", "a": "A", "ma": "mA", "w": "W", "kw": "kW",
-    "rpm": "rpm", "revps": "turn/s", "hz": "turn/s", "n": "N", "lbf": "lbf", "s": "s", "sec": "s", "ms": "ms",
-    "us": "us", "ns": "ns", "percent": "percent", "%": "percent",
+    "mps": "m/s",
+    "m/s": "m/s",
+    "ms-1": "m/s",
+    "kt": "knot",
+    "kts": "knot",
+    "knots": "knot",
+    "kmh": "km/h",
+    "km/h": "km/h",
+    "mph": "mile/hour",
+    "fps": "ft/s",
+    "ft/s": "ft/s",
+    "pa": "Pa",
+    "hpa": "hPa",
+    "mbar": "mbar",
+    "kpa": "kPa",
+    "m": "m",
+    "cm": "cm",
+    "ft": "ft",
+    "k": "K",
+    "degc": "degC",
+    "c": "degC",
+    "rad": "rad",
+    "deg": "deg",
+    "radps": "rad/s",
+    "rad/s": "rad/s",
+    "degps": "deg/s",
+    "deg/s": "deg/s",
+    "dps": "deg/s",
+    "mps2": "m/s^2",
+    "m/s2": "m/s^2",
+    "m/s/s": "m/s^2",
+    "m/s^2": "m/s^2",
+    "v": "V",
+    "mv": "mV",
+    "a": "A",
+    "ma": "mA",
+    "w": "W",
+    "kw": "kW",
+    "rpm": "rpm",
+    "revps": "turn/s",
+    "hz": "turn/s",
+    "n": "N",
+    "lbf": "lbf",
+    "s": "s",
+    "sec": "s",
+    "ms": "ms",
+    "us": "us",
+    "ns": "ns",
+    "percent": "percent",
+    "%": "percent",
+}
+# Units that stand in brackets alone, some of quantities that no method reads.
+IN_BRACKETS = SUFFIXES | {
+    "°": "deg", "@": "deg", "degrees": "deg", "°c": "degC", "@c": "degC", "f/s": "ft/s", "cm/s": "cm/s", "mm/s": "mm/s",
+    "°/s": "deg/s", "m/s²": "m/s^2", "g": "standard_gravity", "mm": "mm", "rev/s": "turn/s", "1/min": "rpm",
+    "mah": "mA h", "ah": "A h", "wh": "W h", "db": "dB", "dbm": "dBm", "mw": "mW",
 }  # fmt: skip
 UNITS = {
     "s": ("s", "ms", "us", "ns"),
@@ -107,7 +168,9 @@ ALIKE = (
 
 def draft(table: Path, output: Path | None = None) -> str:
     """The text of a map. Raises InputError when the table cannot be read, or none of its columns is a time."""
-    columns = read_columns(table)
+    if autopilot := autopilot_of(table):
+        raise InputError(f"{table}: a log of {autopilot}, which needs no map of columns: analyze it as it is")
+    columns, beyond = read_table(table)
     proposed = proposal(table, columns, output or table)
     left_out: dict[Quantity, tuple[MappedColumn, str]] = {}
     tried = [proposed]
@@ -120,11 +183,54 @@ def draft(table: Path, output: Path | None = None) -> str:
         suspect = _suspect(wrong)
         left_out[suspect] = (proposed.columns[suspect], wrong[0].text)
         proposed = replace(proposed, columns={q: one for q, one in proposed.columns.items() if q is not suspect})
-    return _text(table, columns, proposed, left_out)
+    return _text(table, columns, proposed, left_out) + "".join(f"\n# {one}\n" for one in beyond)
 
 
 def proposal(table: Path, columns: Columns, path: Path) -> ColumnMap:
-    """By names and possible values alone. Raises InputError where no column has the name of a time."""
+    """By the recorder that has named the columns; else by names and possible values alone.
+
+    Raises InputError where no column has the name of a time.
+    """
+    found = _of_recorder(columns) or _by_names(columns)
+    if Q.TIME not in found:
+        raise InputError(
+            f"{table}: no column is named as a time; it has {', '.join(columns) or 'no column of numbers or times'}"
+        )
+    return ColumnMap(path, found)
+
+
+def map_without_question(table: Path, columns: Columns) -> tuple[ColumnMap, str] | None:
+    """The map of a table whose columns a known program has named and no law of motion contradicts, and that program.
+
+    None where the program is not known, or the laws contradict its names.
+    """
+    recorder = recorder_of(columns)
+    found = _of_recorder(columns)
+    if recorder is None or Q.TIME not in found:
+        return None
+    proposed = ColumnMap(table, found)
+    try:
+        return None if _findings(table, columns, proposed) else (proposed, recorder.title)
+    except InputError:  # of its times
+        return None
+
+
+def _of_recorder(columns: Columns) -> dict[Quantity, MappedColumn]:
+    """The columns that vary of a recorder that is known; empty where none is."""
+    recorder = recorder_of(columns)
+    if recorder is None:
+        return {}
+    varying = [name for name, value in columns.items() if np.nanstd(value) > 0]
+    known = known_columns(recorder, varying)
+    units = {quantity: one.unit or _unit_by_name(name, quantity) for quantity, (name, one) in known.items()}
+    return {
+        quantity: MappedColumn(name, unit, -1.0 if one.opposite else 1.0)
+        for quantity, (name, one) in known.items()
+        if (unit := units[quantity]) is not None
+    }
+
+
+def _by_names(columns: Columns) -> dict[Quantity, MappedColumn]:
     found: dict[Quantity, MappedColumn] = {}
     taken: set[str] = set()
     for quantity, patterns in NAMES.items():
@@ -132,19 +238,26 @@ def proposal(table: Path, columns: Columns, path: Path) -> ColumnMap:
             name
             for pattern in patterns
             for name in columns
-            if name not in taken and re.fullmatch(pattern, _words(name)) and np.nanstd(columns[name]) > 0
+            if name not in taken and _is_named(name, pattern, quantity) and np.nanstd(columns[name]) > 0
         )
         if quantity is Q.AIRCRAFT:
             named = (name for name in columns if re.fullmatch(NAMES[quantity][0], _words(name)))
         for name in named:
             unit = _unit_by_name(name, quantity) or _unit_by_values(columns[name], quantity)
             if unit is not None:
-                found[quantity] = MappedColumn(name, unit, offset=_offset(quantity, name))
+                climbing = quantity is Q.VELOCITY_DOWN and re.fullmatch(CLIMB, _words(_plain(name)))
+                found[quantity] = MappedColumn(name, unit, -1.0 if climbing else 1.0, _offset(quantity, name))
                 taken.add(name)
                 break
-    if Q.TIME not in found:
-        raise InputError(f"{table}: no column is named as a time; it has {', '.join(columns)}")
-    return ColumnMap(path, found)
+    return found
+
+
+def _is_named(name: str, pattern: str, quantity: Quantity) -> bool:
+    """Whether a name, with or without its unit, is the quantity's, and no unit in brackets is another quantity's."""
+    told = _in_brackets(name)
+    if told is not None and told not in (*UNITS[KINDS[quantity].unit], "mbar", "mile/hour"):
+        return False
+    return any(re.fullmatch(pattern, _words(one)) for one in (_plain(name), name))
 
 
 def _words(name: str) -> str:
@@ -152,11 +265,25 @@ def _words(name: str) -> str:
     return re.sub(r"[^a-z0-9.%/^]+", " ", split.lower()).strip().removeprefix("data.")
 
 
+BRACKET = re.compile(r"\s*[\[(]([^\])]*)[\])]\s*$")
+
+
+def _in_brackets(name: str) -> str | None:
+    """The unit in brackets at the end of a name; None where there is none that is known."""
+    bracket = BRACKET.search(name)
+    return IN_BRACKETS.get(bracket[1].strip().lower()) if bracket else None
+
+
+def _plain(name: str) -> str:
+    """A name without the unit in brackets."""
+    return name if _in_brackets(name) is None else BRACKET.sub("", name)
+
+
 def _unit_by_name(name: str, quantity: Quantity) -> str | None:
     """In brackets, or as the last word."""
-    bracket = re.search(r"[\[(]([^\])]+)[\])]\s*$", name)
-    words = [bracket[1].strip().lower()] if bracket else re.split(r"[^a-z0-9%/^]+", name.lower())[-1:]
-    unit = SUFFIXES.get(words[0]) if words else None
+    unit = _in_brackets(name)
+    if unit is None and not BRACKET.search(name):
+        unit = SUFFIXES.get(re.split(r"[^a-z0-9%/^]+", name.lower())[-1])
     return unit if unit in UNITS[KINDS[quantity].unit] or unit in ("mbar", "mile/hour") else None
 
 

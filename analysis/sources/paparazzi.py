@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.sources import recording
-from analysis.sources.recognize import GZIP_MAGIC
 from analysis.sources.recording import Channel, FlightRecording, channel, in_order, modes, without_jumps
 from flight.arrays import Array
 from flight.atmosphere import pressure_at
 from flight.errors import InputError
+from flight.formats import GZIP_MAGIC
 
 Table = Mapping[str, Array]
 

@@ -12,8 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from analysis.sources.check_settings import STRUCTURE
-from analysis.sources.column_map import Channels, ColumnMap, map_of, mapped_channels
+from analysis.sources.column_map import DRAFT, Channels, ColumnMap, map_files, map_of, mapped_channels
+from analysis.sources.daemon_log import gives_electrical_power
 from analysis.sources.laws import Finding, findings
+from analysis.sources.map_draft import map_without_question
 from analysis.sources.position import velocity_by_position
 from analysis.sources.quantities import Quantity
 from analysis.sources.recording import Channel, pressure_of_indicated_airspeed
@@ -24,7 +26,7 @@ from flight.atmosphere import density, height_at, pressure_at, temperature_at
 from flight.errors import InputError
 from flight.log_entries import STATUS_CODE, Entries
 from flight.log_reader import Log
-from flight.messages import TYPE_OF_TOPIC, Status
+from flight.messages import TOPICS_FOR_DRAG, TYPE_OF_TOPIC, Status
 from flight.probe_maps import ALPHA_PORT_SLOPE
 
 Q = Quantity
@@ -48,18 +50,41 @@ rpm,J,cT,cP
 20000,1000,1,1
 """
 Fields = dict[str, Channel]
+TABLE = "table"  # metadata of a log that was a table
 
 
 def log_of_table(path: Path, given: Path | None = None) -> Log:
-    """The log, by the map given or the one beside the table.
+    """The log, by the map given or the one beside the table, or by the names that a known program gives columns.
 
     Raises InputError, in one line, where the map is missing or wrong, or its quantities contradict each other.
     """
+    columns = read_columns(path)
+    if not map_files(path, given) and (known := map_without_question(path, columns)) is not None:
+        column_map, recorder = known
+        log = as_log(path, mapped_channels(path, columns, column_map))
+        used = ", ".join(f"{one.column} as {quantity}" for quantity, one in column_map.columns.items())
+        log.metadata[TABLE] = {"note": f"Columns are known by the names of {recorder}: {used}."}
+        return log
     column_map = map_of(path, given)
-    channels = mapped_channels(path, read_columns(path), column_map)
+    channels = mapped_channels(path, columns, column_map)
     if wrong := findings(channels, column_map.named):
         raise contradiction(path, wrong, column_map)
     return as_log(path, channels)
+
+
+def refuse_without_method(log: Log) -> None:
+    """Raises InputError for a table of which no method gives a curve, naming what its map lacks."""
+    if gives_electrical_power(log) or all(map(log.entries.get, TOPICS_FOR_DRAG)):
+        return
+    lacking = []
+    if not log.entries.get("/static"):
+        lacking.append(f"[{Q.HEIGHT}] or [{Q.STATIC_PRESSURE}]")
+    if not log.entries.get("/battery"):
+        lacking.append(f"[{Q.VOLTAGE}] with [{Q.CURRENT}], or [{Q.POWER}]")
+    raise InputError(
+        f"{log.path}: the map of its columns lacks {'; '.join(lacking)}, which a curve needs: add the columns that"
+        f" have it ({DRAFT} {log.path} lists those that are not used)"
+    )
 
 
 def contradiction(path: Path, wrong: list[Finding], column_map: ColumnMap) -> InputError:
@@ -91,13 +116,16 @@ def as_log(path: Path, channels: Channels) -> Log:
                 attachments["probe.json"] = _vane_as_probe()
     for topic, quantities in (("/imu", IMU), ("/attitude", ATTITUDE), ("/gps", GPS)):
         topics[topic] = {field: known[quantity] for field, quantity in quantities.items() if quantity in known}
-    if not topics["/gps"] and Q.GROUND_SPEED in known and Q.COURSE in known:
-        topics["/gps"] = _by_course(known[Q.GROUND_SPEED], known[Q.COURSE])
-    # Means over some seconds, whose errors are not independent: enough for wind and electrical power, not for the
-    # trajectory of the drag methods.
-    if not topics["/gps"] and {Q.LATITUDE, Q.LONGITUDE} <= known.keys() and "/probe/alpha" not in topics:
-        north, east = velocity_by_position(known[Q.LATITUDE], known[Q.LONGITUDE])
-        topics["/gps"] = {"velocity_north_mps": north, "velocity_east_mps": east}
+    if not {Q.VELOCITY_NORTH, Q.VELOCITY_EAST} & known.keys():
+        if Q.GROUND_SPEED in known and Q.COURSE in known:
+            topics["/gps"] |= _by_course(known[Q.GROUND_SPEED], known[Q.COURSE])
+        # Means over some seconds, whose errors are not independent: enough for wind and electrical power, not for the
+        # trajectory of the drag methods.
+        elif {Q.LATITUDE, Q.LONGITUDE} <= known.keys() and "/probe/alpha" not in topics:
+            north, east = velocity_by_position(known[Q.LATITUDE], known[Q.LONGITUDE])
+            topics["/gps"] |= {"velocity_north_mps": north, "velocity_east_mps": east}
+        else:
+            topics["/gps"] = {}
     if len(topics["/gps"]) == 2 and pressure is not None:
         down = -np.gradient(_height(pressure.value), pressure.t_s)
         topics["/gps"] = {**topics["/gps"], "velocity_down_mps": Channel(pressure.t_s, down)}

@@ -1,149 +1,176 @@
 """Reads the columns of numbers of a CSV, Parquet or .mat file, which it recognizes by its content, not its suffix."""
 
-import csv
 import gzip
 import io
+import warnings
 from collections import Counter
 from collections.abc import Mapping
-from enum import StrEnum
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from analysis.sources.autopilot_settings import READABLE
-from analysis.sources.recognize import GZIP_MAGIC, first_bytes
 from flight.arrays import Array
 from flight.errors import InputError
+from flight.formats import (
+    BYTE_ORDER_MARKS,
+    GZIP_MAGIC,
+    Format,
+    first_bytes,
+    format_of,
+    refusal,
+    text_of,
+    unpacked_start,
+)
 
 Columns = Mapping[str, Array]
+NOT_TEXT = (Format.PARQUET, Format.MAT, Format.MAT_7_3)
 
 
-class TableKind(StrEnum):
-    CSV = "CSV"
-    PARQUET = "Parquet"
-    MAT = ".mat"
-    MAT_7_3 = ".mat of version 7.3"
+class Table(NamedTuple):
+    """columns : by name, (n,) each, NaN where a cell has no number     left_out : sentences on what is not in them"""
+
+    columns: Columns
+    left_out: tuple[str, ...] = ()
 
 
-MAGIC = {b"PAR1": TableKind.PARQUET, b"MATLAB 5.0": TableKind.MAT, b"MATLAB 7.3": TableKind.MAT_7_3}
-SEPARATORS = (",", ";", "\t")
+def table_kind(path: Path) -> Format | None:
+    """The format of a table (CSV is TEXT); None where the file is none. Raises InputError when it cannot be read."""
+    found = format_of(path)
+    if found is not Format.TEXT:
+        return found if found in NOT_TEXT else None
+    from analysis.sources.table_text import layout_of  # loads pandas
 
-
-def table_kind(path: Path) -> TableKind | None:
-    """By the first bytes; None where the file is no table. Raises InputError when it cannot be read."""
-    start = first_bytes(path, 20_000)
-    for magic, kind in MAGIC.items():
-        if start.startswith(magic):
-            return kind
+    start = first_bytes(path)
+    start = unpacked_start(path) if start.startswith(GZIP_MAGIC) else start
     try:
-        lines = [line for line in start.decode("utf-8-sig", "strict" if len(start) < 20_000 else "ignore").splitlines()]
-    except UnicodeDecodeError:
-        return None
-    lines = [line for line in lines if line.strip() and not line.startswith("#")]
-    if b"\0" in start or len(lines) < 3:
-        return None
-    return TableKind.CSV if lines[0].count(_separator(lines[0])) else None
+        return Format.TEXT if layout_of((text_of(start) or "").rpartition("\n")[0]) else None
+    except InputError:  # of its names: a table all the same
+        return Format.TEXT
 
 
 def read_columns(path: Path) -> Columns:
-    """By name, (n,) each, NaN where a cell holds no number; of structures in a .mat, with the names of all levels.
+    """The columns of `read_table`."""
+    return read_table(path).columns
+
+
+def read_table(path: Path) -> Table:
+    """The columns of numbers, and of times as seconds since the first; of structures in a .mat, with all levels' names.
 
     Raises InputError, in one line, when the file cannot be read.
     """
-    kind = table_kind(path)
+    kind = format_of(path)
     try:
-        if kind is TableKind.CSV:
-            return _csv(path)
-        if kind is TableKind.PARQUET:
+        if kind is Format.TEXT:
+            return Table(_csv(path))
+        if kind is Format.PARQUET:
             import pandas as pd
 
-            return _numbers(pd.read_parquet(path))
-        if kind is TableKind.MAT:
+            return Table(_numbers(pd.read_parquet(path)))
+        if kind is Format.MAT:
             return _mat(path)
     except InputError:
         raise
     except Exception as error:  # damaged files lead to errors of many kinds
         cause = str(error).partition("\n")[0]
         raise InputError(f"{path}: cannot be read as {kind} ({type(error).__name__}: {cause})") from None
-    if kind is TableKind.MAT_7_3:
-        raise InputError(
-            f"{path}: a .mat file of version 7.3, which this program does not read; in MATLAB: save(file, '-v7')"
-        )
-    raise InputError(f"{path}: neither CSV, Parquet nor a .mat file")
-
-
-def _separator(line: str) -> str:
-    return max(SEPARATORS, key=line.count)
+    raise refusal(path, "a table (CSV, Parquet or .mat)")
 
 
 def _csv(path: Path) -> Columns:
-    """A line of units below the names becomes part of the names: `airspeed [m/s]`."""
     import pandas as pd
 
+    from analysis.sources.table_text import layout_of
+
     data = path.read_bytes()
-    text = (gzip.decompress(data) if data.startswith(GZIP_MAGIC) else data).decode("utf-8-sig", "replace")
-    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
-    separator = _separator(lines[0])
-    names, second = (next(csv.reader([line], delimiter=separator)) for line in lines[:2])
-    units = not any(_is_number(cell) for cell in second) and any(cell.strip() for cell in second)
-    if units:
-        names = [f"{name} [{unit.strip('[]() ')}]" for name, unit in zip(names, second, strict=False)]
-    decimal = "," if separator != "," and text.count(",") > 0 and "." not in lines[-1] else "."
+    data = gzip.decompress(data) if data.startswith(GZIP_MAGIC) else data
+    try:
+        layout = layout_of(_decoded(data))
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    if layout is None:
+        raise refusal(path)
     table = pd.read_csv(
-        io.StringIO("\n".join(lines[2 if units else 1 :])),
-        sep=separator, decimal=decimal, header=None, names=[name.strip() for name in names], low_memory=False,
-        index_col=False,
+        io.StringIO("\n".join(layout.rows)), sep=layout.separator, decimal=layout.decimal, header=None,
+        names=list(layout.names), low_memory=False, index_col=False, skipinitialspace=True,
     )  # fmt: skip
     return _numbers(table)
 
 
-def _is_number(cell: str) -> bool:
+def _decoded(data: bytes) -> str:
+    for mark, encoding in BYTE_ORDER_MARKS.items():
+        if data.startswith(mark):
+            return data[len(mark) :].decode(encoding, "replace")
     try:
-        float(cell.replace(",", "."))
-    except ValueError:
-        return False
-    return True
+        return data.decode("utf-8")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
 
 
 def _numbers(table: Any) -> Columns:
-    """Columns of numbers, and those of dates as seconds since the first."""
+    """Columns of numbers, those of times as seconds since the first, and latitude and longitude of cells with both."""
     import pandas as pd
 
-    out: dict[str, Array] = {}
-    for name in table:
+    from analysis.sources.table_text import positions_of, seconds_of_times
+
+    found: dict[str, Any] = {}
+    for name in map(str, table):
         column = table[name]
-        if not pd.api.types.is_numeric_dtype(column):
+        if pd.api.types.is_datetime64_any_dtype(column):
+            found[name] = (column - column.min()).dt.total_seconds().to_numpy(dtype=np.float64)
+        elif pd.api.types.is_numeric_dtype(column):
+            found[name] = column.to_numpy(dtype=np.float64, na_value=np.nan)
+        else:
             numbers = pd.to_numeric(column, errors="coerce")
-            if numbers.notna().mean() < 0.5 * column.notna().mean():
-                dates = pd.to_datetime(column, errors="coerce", utc=True, format="ISO8601")
-                numbers = (dates - dates.min()).dt.total_seconds()
-            column = numbers
-        if column.notna().sum() >= READABLE.fewest_samples:
-            out[str(name)] = column.to_numpy(dtype=np.float64)
-    return out
+            if numbers.notna().mean() >= 0.5 * column.notna().mean():
+                found[name] = numbers.to_numpy(dtype=np.float64)
+            elif (seconds := seconds_of_times(column)) is not None:
+                found[name] = seconds
+            elif (positions := positions_of(column)) is not None:
+                found |= {f"{name} latitude": positions[0], f"{name} longitude": positions[1]}
+    return {name: x for name, x in found.items() if np.isfinite(x).sum() >= READABLE.fewest_samples}
 
 
-def _mat(path: Path) -> Columns:
-    """Vectors of the length that most have; others belong to another time base."""
+def _mat(path: Path) -> Table:
+    """Vectors, and the columns or rows of matrices, of the length that most vectors have.
+
+    Those of another length belong to another time base, and are named.
+    """
     from scipy.io import loadmat
 
-    found: dict[str, Array] = {}
+    vectors: dict[str, Array] = {}
+    matrices: dict[str, Array] = {}
+    others: list[str] = []
 
     def add(name: str, value: Any) -> None:
         if hasattr(value, "_fieldnames"):
             for field in value._fieldnames:
                 add(f"{name}.{field}", getattr(value, field))
-        elif isinstance(value, np.ndarray) and np.issubdtype(value.dtype, np.number):
+        elif isinstance(value, np.ndarray) and np.issubdtype(value.dtype, np.number) and not np.iscomplexobj(value):
             if value.ndim == 1 and len(value) >= READABLE.fewest_samples:
-                found[name] = value.astype(np.float64)
-            elif value.ndim == 2 and len(value) >= READABLE.fewest_samples and value.shape[1] <= 20:
-                found.update({f"{name}({i + 1})": column.astype(np.float64) for i, column in enumerate(value.T)})
+                vectors[name] = value.astype(np.float64)
+            elif value.ndim == 2 and max(value.shape) >= READABLE.fewest_samples > min(value.shape):
+                matrices[name] = value.astype(np.float64)
+            elif value.size >= READABLE.fewest_samples:
+                others.append(f"{name} ({' x '.join(map(str, value.shape))})")
 
-    for name, value in loadmat(path, squeeze_me=True, struct_as_record=False).items():
+    with warnings.catch_warnings(action="ignore"):
+        variables = loadmat(path, squeeze_me=True, struct_as_record=False)
+    if any("_mavlink_" in name for name in variables):
+        raise InputError(
+            f"{path}: telemetry that Mission Planner has written with times of its own for each field, which is not"
+            " read: analyze the .tlog that it was made from"
+        )
+    for name, value in variables.items():
         if not name.startswith("__"):
             add(name, value)
-    if not found:
+    for name, matrix in matrices.items():
+        columns = matrix.T if len(matrix) == max(matrix.shape) else matrix
+        vectors |= {f"{name}({i + 1})": column for i, column in enumerate(columns)}
+    if not vectors:
         raise InputError(f"{path}: holds no vector of {READABLE.fewest_samples} numbers or more")
-    length = Counter(map(len, found.values())).most_common(1)[0][0]
-    return {name: value for name, value in found.items() if len(value) == length}
+    length = Counter(map(len, vectors.values())).most_common(1)[0][0]
+    others += [f"{name} ({len(value)} values)" for name, value in vectors.items() if len(value) != length]
+    left_out = (f"Left out, since they are no vectors of {length} values: {', '.join(others)}",) if others else ()
+    return Table({name: value for name, value in vectors.items() if len(value) == length}, left_out)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from analysis.sources.recognize import is_telemetry
+from flight.formats import is_telemetry
 from flight.units import GRAVITY_MPS2 as g
 
 USED = ("VFR_HUD", "SCALED_PRESSURE", "BATTERY_STATUS", "SYS_STATUS", "RAW_IMU", "GPS_RAW_INT", "GLOBAL_POSITION_INT",

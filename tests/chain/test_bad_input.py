@@ -33,7 +33,7 @@ def refused(
     [
         (None, "cannot be read"),
         (b"", "is empty"),
-        (b"\x89MC", "not an MCAP file"),
+        (b"\x89MC", "neither a log nor a table"),
         (b"time,speed\n0,12\n" * 100, "columns need a map"),
         (b"\x89MCAP0\r\n", "holds no message"),
         (b"\x89MCAP0\r\n" + bytes(1000), "holds no message"),

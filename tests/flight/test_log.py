@@ -182,8 +182,8 @@ def finished_but_empty() -> bytes:
     ("content", "said"),
     [
         (b"", "empty"),
-        (b"\x89MC", "not an MCAP|torn|no message"),
-        (b"hello world, this is not a log", "not an MCAP"),
+        (b"\x89MC", "neither a log nor a table"),
+        (b"hello world, this is not a log", "text, which is not read"),
         (mcap_of_others(), "profile"),
         (finished_but_empty(), "no message"),
     ],

@@ -27,6 +27,7 @@ from analysis.sources.daemon import events, samples
 from analysis.sources.position import places
 from analysis.sources.recording import Channel, FlightRecording, in_order
 from analysis.sources.rest import ZERO_FILE
+from analysis.sources.table import TABLE
 from flight.aircraft import Aircraft
 from flight.arrays import Array
 from flight.errors import InputError
@@ -70,7 +71,7 @@ def recording_of(log: Log) -> FlightRecording:
     air = Channel(warm.t_s, np.full(len(warm.t_s), first))
     missing = ", ".join(topic for topic in TOPICS_FOR_DRAG if not log.entries.get(topic))
     lacks = f"The log lacks {missing}, which drag needs: the electrical power of level flight is given instead."
-    notes = (lacks, NOTE) if missing else (NOTE,)
+    notes = (*log.metadata.get(TABLE, {}).values(), *((lacks, NOTE) if missing else (NOTE,)))
     return FlightRecording(
         log.path,
         channels,

@@ -20,9 +20,10 @@ from analysis.sources.position import EARTH_RADIUS_M, velocity_by_position
 from analysis.sources.recording import Channel
 from analysis.sources.resolution import without_steps
 from analysis.sources.table import log_of_table
-from analysis.sources.table_file import TableKind, read_columns, table_kind
-from flight.atmosphere import pressure_at
+from analysis.sources.table_file import read_columns, table_kind
+from flight.atmosphere import SEA_LEVEL_DENSITY, density, pressure_at
 from flight.errors import InputError
+from flight.formats import Format
 from flight.units import GRAVITY_MPS2 as g
 from flightpower.command import app as flightpower
 from tests.analysis.sources.flown_table import (
@@ -165,7 +166,7 @@ def test_files_are_known_by_their_content(tmp_path: Path) -> None:
     (tmp_path / "d.csv").write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(600))
     (tmp_path / "e.csv").write_bytes(bytes(range(256)))
     kinds = [table_kind(tmp_path / name) for name in ("a.csv", "b.csv", "c.mat", "d.csv", "e.csv")]
-    assert kinds == [TableKind.PARQUET, TableKind.MAT, TableKind.CSV, TableKind.MAT_7_3, None]
+    assert kinds == [Format.PARQUET, Format.MAT, Format.TEXT, Format.MAT_7_3, None]
     for name, prefix in (("a.csv", ""), ("b.csv", "data."), ("c.mat", "")):
         assert read_columns(tmp_path / name)[f"{prefix}tas_mps"] == pytest.approx(few["tas_mps"].to_numpy())
     with pytest.raises(InputError, match="-v7"):
@@ -258,6 +259,7 @@ def test_the_draft_of_a_large_aircraft_finds_the_sign_of_its_vertical_force(tmp_
 def test_a_table_of_blackbox_decode_needs_no_map_by_hand(tmp_path: Path) -> None:
     """Names, units and axes of INAV's blackbox_decode --unit-acceleration m/s2 --merge-gps: upward, and centimeters."""
     n = len(TRUE)
+    indicated_mps = TRUE["tas_mps"] * np.sqrt(density(TRUE["ps_Pa"], TRUE["oat_K"]) / SEA_LEVEL_DENSITY)
     columns = {
         "loopIteration": 64 * np.arange(n), "time (us)": np.round(1e6 * TRUE["t_s"]).astype(int),
         "vbat (V)": TRUE["voltage_V"].round(2), "amperage (A)": TRUE["current_A"].round(2),
@@ -265,7 +267,7 @@ def test_a_table_of_blackbox_decode_needs_no_map_by_hand(tmp_path: Path) -> None
         "accSmooth[1] (m/s/s)": -TRUE["ay_mps2"].round(2), "accSmooth[2] (m/s/s)": -TRUE["az_mps2"].round(2),
         "attitude[0]": (10 * TRUE["roll_deg"]).astype(int), "GPS_numSat": [12] * n,
         "navVel[0]": (100 * TRUE["vn_mps"]).astype(int), "navVel[1]": (100 * TRUE["ve_mps"]).astype(int),
-        "navVel[2]": (-100 * TRUE["vd_mps"]).astype(int), "AirSpeed": (100 * TRUE["tas_mps"]).astype(int),
+        "navVel[2]": (-100 * TRUE["vd_mps"]).astype(int), "AirSpeed": (100 * indicated_mps).astype(int),
         "flightModeFlags (flags)": ["ANGLE_MODE|ARM"] * n,
     }  # fmt: skip
     path = tmp_path / "LOG00001.01.csv"
@@ -274,7 +276,7 @@ def test_a_table_of_blackbox_decode_needs_no_map_by_hand(tmp_path: Path) -> None
     beside_it = Path(f"{path}.columns.toml")
     beside_it.write_text(draft(path), "utf-8")
     found = {quantity.value: one for quantity, one in load_map(beside_it).columns.items()}
-    assert {"battery_voltage", "battery_current", "true_airspeed", "velocity_north", "specific_force_down"} <= set(
+    assert {"battery_voltage", "battery_current", "indicated_airspeed", "velocity_north", "specific_force_down"} <= set(
         found
     )
     assert found["height"].unit == found["velocity_down"].unit.partition("/")[0] == "cm"

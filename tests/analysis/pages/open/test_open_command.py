@@ -45,7 +45,7 @@ def test_a_log_is_read_in_another_process_and_here_if_that_ends(flown: bytes, tm
     assert apart.attachments == here.attachments
     log.write_bytes(b"no log")
     refused = _read_apart(log)
-    with pytest.raises(InputError, match="not an MCAP file"):
+    with pytest.raises(InputError, match="text, which is not read"):
         _ = OpenedFlight(log, tmp_path, refused).log
 
 

@@ -1,0 +1,121 @@
+"""Tables whose columns are known, since a program that many use names them always alike: radios, decoders, stations."""
+
+import re
+from collections.abc import Collection, Mapping
+from typing import NamedTuple
+
+from analysis.sources.quantities import Quantity
+
+Q = Quantity
+
+
+class Known(NamedTuple):
+    """name : pattern of a column's whole name, in lower case     unit : of its numbers; empty: as its name says
+    opposite : whether it has the other sign
+    """
+
+    name: str
+    unit: str = ""
+    opposite: bool = False
+
+
+class Recorder(NamedTuple):
+    """title : for messages     signs : patterns, each of which some column has     columns : the first that is there"""
+
+    title: str
+    signs: tuple[str, ...]
+    columns: Mapping[Quantity, tuple[Known, ...]]
+
+
+UNIT = r" ?\([^)]+\)"
+# Sensors of FrSky, Crossfire, ELRS and others as the radio names them; all units stand in the names. RxBt is the
+# battery of the receiver, with Crossfire and ELRS (RQly) that of the aircraft, which its flight controller sends.
+RADIO = {
+    Q.TIME: (Known("time", "s"),),
+    Q.INDICATED_AIRSPEED: (Known(rf"aspd{UNIT}"),),
+    Q.HEIGHT: (Known(rf"alt{UNIT}"), Known(rf"galt{UNIT}")),
+    Q.GROUND_SPEED: (Known(rf"gspd{UNIT}"),),
+    Q.COURSE: (Known(rf"hdg{UNIT}"),),
+    Q.LATITUDE: (Known("gps latitude", "deg"),),
+    Q.LONGITUDE: (Known("gps longitude", "deg"),),
+    Q.VOLTAGE: (Known(rf"vfas{UNIT}"),),
+    Q.CURRENT: (Known(rf"curr{UNIT}"),),
+}
+CROSSFIRE = RADIO | {Q.VOLTAGE: (Known(rf"vfas{UNIT}"), Known(rf"rxbt{UNIT}"))}
+# Axes are forward, left, up; airspeed is that of sea level's density.
+BLACKBOX = {
+    Q.TIME: (Known(r"time \(us\)", "us"),),
+    Q.INDICATED_AIRSPEED: (Known("airspeed", "cm/s"),),
+    Q.HEIGHT: (Known(r"baroalt \(cm\)", "cm"),),
+    Q.FORCE_FORWARD: (Known(rf"accsmooth\[0\]{UNIT}"),),
+    Q.FORCE_RIGHT: (Known(rf"accsmooth\[1\]{UNIT}", opposite=True),),
+    Q.FORCE_DOWN: (Known(rf"accsmooth\[2\]{UNIT}", opposite=True),),
+    Q.VELOCITY_NORTH: (Known(r"navvel\[0\]", "cm/s"), Known(r"gps_velned\[0\]", "cm/s")),
+    Q.VELOCITY_EAST: (Known(r"navvel\[1\]", "cm/s"), Known(r"gps_velned\[1\]", "cm/s")),
+    Q.VELOCITY_DOWN: (Known(r"navvel\[2\]", "cm/s", True), Known(r"gps_velned\[2\]", "cm/s")),
+    Q.GROUND_SPEED: (Known(rf"gps_speed{UNIT}"),),
+    Q.COURSE: (Known("gps_ground_course", "deg"),),
+    Q.VOLTAGE: (Known(rf"vbat(latest)?{UNIT}"),),
+    Q.CURRENT: (Known(rf"amperage(latest)?{UNIT}"),),
+}
+MILLI_G = "millistandard_gravity"
+# Fields and units of MAVLink's messages.
+MAVLINK = {
+    Q.TIME: (Known("timestamp", "s"),),
+    Q.INDICATED_AIRSPEED: (Known(r"vfr_hud\.airspeed", "m/s"),),
+    Q.STATIC_PRESSURE: (Known(r"scaled_pressure\.press_abs", "hPa"), Known(r"highres_imu\.abs_pressure", "hPa")),
+    Q.HEIGHT: (Known(r"vfr_hud\.alt", "m"),),
+    Q.FORCE_FORWARD: (Known(r"raw_imu\.xacc", MILLI_G), Known(r"scaled_imu2?\.xacc", MILLI_G)),
+    Q.FORCE_RIGHT: (Known(r"raw_imu\.yacc", MILLI_G), Known(r"scaled_imu2?\.yacc", MILLI_G)),
+    Q.FORCE_DOWN: (Known(r"raw_imu\.zacc", MILLI_G), Known(r"scaled_imu2?\.zacc", MILLI_G)),
+    Q.VELOCITY_NORTH: (Known(r"global_position_int\.vx", "cm/s"),),
+    Q.VELOCITY_EAST: (Known(r"global_position_int\.vy", "cm/s"),),
+    Q.VELOCITY_DOWN: (Known(r"global_position_int\.vz", "cm/s"),),
+    Q.VOLTAGE: (Known(r"sys_status\.voltage_battery", "mV"),),
+    Q.CURRENT: (
+        Known(r"sys_status\.current_battery", "centiampere"),
+        Known(r"battery_status\.current_battery", "centiampere"),
+    ),
+    Q.THROTTLE: (Known(r"vfr_hud\.throttle", "percent"),),
+}
+# QGroundControl writes numbers in the units that its user has chosen: here SI units are assumed, which position (in
+# degrees, whatever the units) and climb rate confirm by the laws.
+QGROUNDCONTROL = {
+    Q.TIME: (Known("timestamp", "s"),),
+    Q.INDICATED_AIRSPEED: (Known("airspeed", "m/s"),),
+    Q.HEIGHT: (Known("altituderelative", "m"), Known("altitudeamsl", "m")),
+    Q.VELOCITY_DOWN: (Known("climbrate", "m/s", True),),
+    Q.LATITUDE: (Known(r"gps\.lat", "deg"),),
+    Q.LONGITUDE: (Known(r"gps\.lon", "deg"),),
+    Q.VOLTAGE: (Known(r"battery0?\.voltage", "V"),),
+    Q.CURRENT: (Known(r"battery0?\.current", "A"),),
+    Q.THROTTLE: (Known("throttlepct", "percent"),),
+}
+ON_A_RADIO = ("time", r"(rssi|1rss|rqly|rxbt|txbat|vfr|vfas)(\(.*)?")
+RECORDERS = (
+    Recorder("EdgeTX or OpenTX, with Crossfire or ELRS", (*ON_A_RADIO, r"(rqly|1rss|tqly).*"), CROSSFIRE),
+    Recorder("EdgeTX or OpenTX", ON_A_RADIO, RADIO),
+    Recorder("blackbox_decode", ("loopiteration", r"time \(us\)"), BLACKBOX),
+    Recorder("mavlogdump.py", ("timestamp", r"[a-z_0-9]+\.[a-z_0-9]+", r"(vfr_hud|sys_status)\..*"), MAVLINK),
+    Recorder("QGroundControl", ("timestamp", "groundspeed", "climbrate", "airspeed", r"gps\.lat"), QGROUNDCONTROL),
+)  # fmt: skip
+
+
+def recorder_of(names: Collection[str]) -> Recorder | None:
+    """The program that has named the columns; None where none is known."""
+    plain = [name.lower() for name in names]
+
+    def is_there(sign: str) -> bool:
+        return any(re.fullmatch(sign, name) for name in plain)
+
+    return next((one for one in RECORDERS if all(map(is_there, one.signs))), None)
+
+
+def known_columns(recorder: Recorder, names: Collection[str]) -> dict[Quantity, tuple[str, Known]]:
+    """The columns of a table by quantity: of each, the first in the recorder's list that is there."""
+    found = {}
+    for quantity, columns in recorder.columns.items():
+        there = ((name, known) for known in columns for name in names if re.fullmatch(known.name, name.lower()))
+        if (first := next(there, None)) is not None:
+            found[quantity] = first
+    return found

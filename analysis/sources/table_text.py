@@ -1,0 +1,172 @@
+"""The layout of a table in text: its line of names, separator, decimal sign and rows; and cells that are times.
+
+Lines before the names, a line of units below them, comments and a spreadsheet's `sep=` are recognized; cells are
+counted against names.
+"""
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from flight.arrays import Array
+from flight.errors import InputError
+
+SEPARATORS = ("\t", ";", ",")  # a table with one of the first two may have commas in its numbers
+DECIMAL_COMMA, DECIMAL_POINT = re.compile(r"[+-]?\d+,\d+"), re.compile(r"[+-]?\d*\.\d+")
+NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?|[+-]?(nan|inf)", re.IGNORECASE)
+DATE = re.compile(r"\d{1,4}[-./]\d{1,2}[-./]\d{1,4}\.?")
+TIME_OF_DAY = re.compile(
+    r"(?:\d{1,4}[-./]\d{1,2}[-./]\d{1,4}\.?[ T,]+)?(\d{1,2}):(\d\d)(?::(\d\d(?:[.,:]\d+)?))?\s*([AaPp])?\.?[Mm]?\.?Z?"
+)
+
+
+class Layout(NamedTuple):
+    """names : of the columns, unique          rows : lines of cells          decimal : sign in numbers"""
+
+    names: tuple[str, ...]
+    rows: Sequence[str]
+    separator: str
+    decimal: str
+
+
+def layout_of(text: str) -> Layout | None:
+    """The layout of a table; None where the text is no table, or its start of some lines cannot be one.
+
+    Raises InputError without the file's name where names and cells do not agree.
+    """
+    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    separators: Sequence[str] = SEPARATORS
+    if lines and (told := re.fullmatch(r"\"?sep=(.)\"?", lines[0].strip())):
+        separators, lines = (told[1],), lines[1:]
+    for separator in separators:
+        found = _layout(lines, separator)
+        if found is not None:
+            return found
+    return None
+
+
+def _layout(lines: Sequence[str], separator: str) -> Layout | None:
+    """The layout with a separator; None where it does not separate the lines into equally many cells."""
+    middle = max(0, len(lines) // 2 - 100)
+    sample = [_cells(line, separator) for line in lines[middle : middle + 200]]
+    if len(lines) < 3:
+        return None
+    (usual, times), *_ = Counter(map(len, sample)).most_common(1)
+    if usual < 2 or times < 0.5 * len(sample):
+        return None
+    first = next((i for i in range(1, len(lines)) if _begins_rows(lines, i, separator, usual)), None)
+    if first is None:
+        return None
+    head = _cells(lines[first - 1], separator)
+    if first > 1 and _is_units(above := _cells(lines[first - 2], separator), head):
+        head = [f"{name} [{unit.strip('[]() ')}]" if unit.strip() else name for name, unit in _pairs(above, head)]
+    if any(NUMBER.fullmatch(cell.strip()) for cell in head) or not any(cell.strip() for cell in head):
+        return None
+    rows = [line for line in lines[first:] if line != lines[first - 1]]
+    decimal = "," if separator != "," and _has_decimal_comma(sample) else "."
+    return Layout(_unique(_counted(head, rows, separator)), rows, separator, decimal)
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    return next(csv.reader([line], delimiter=separator)) if '"' in line else line.split(separator)
+
+
+def _begins_rows(lines: Sequence[str], first: int, separator: str, usual: int) -> bool:
+    """Whether lines of numbers or times begin here, each with the usual number of cells."""
+    for line in lines[first : first + 3]:
+        cells = _cells(line, separator)
+        if len(cells) != usual or not any(_is_value(cell) for cell in cells):
+            return False
+    return len(lines) >= first + 2 and not any(_is_value(cell) for cell in _cells(lines[first - 1], separator))
+
+
+def _is_value(cell: str) -> bool:
+    cell = cell.strip()
+    return bool(NUMBER.fullmatch(cell) or TIME_OF_DAY.fullmatch(cell) or DATE.fullmatch(cell))
+
+
+def _is_units(above: Sequence[str], below: Sequence[str]) -> bool:
+    """Whether a line has the units of the names above it: as many cells, and short ones."""
+    return len(above) == len(below) and all(cell.strip() for cell in above) and max(map(len, below)) <= 8
+
+
+def _pairs(names: Sequence[str], units: Sequence[str]) -> list[tuple[str, str]]:
+    return list(zip(names, units, strict=True))
+
+
+def _has_decimal_comma(sample: Sequence[Sequence[str]]) -> bool:
+    cells = [cell.strip() for row in sample for cell in row]
+    return sum(map(bool, map(DECIMAL_COMMA.fullmatch, cells))) > sum(map(bool, map(DECIMAL_POINT.fullmatch, cells)))
+
+
+def _counted(head: Sequence[str], rows: Sequence[str], separator: str) -> list[str]:
+    """The names, with an empty one for each empty cell beyond them. Raises InputError for a cell without a name."""
+    names = list(head)
+    counts = [len(_cells(row, separator)) if '"' in row else row.count(separator) + 1 for row in rows]
+    for row, count in zip(rows, counts, strict=True):
+        if count > len(head) and any(cell.strip() for cell in _cells(row, separator)[len(head) :]):
+            raise InputError(
+                f"has {len(head)} names for {count} cells in a row ({sum(n == count for n in counts)} of {len(rows)}"
+                " rows have as many), so that it is not known which cell is which: complete its line of names"
+            )
+    usual = Counter(counts).most_common(1)[0][0]
+    if usual < len(head):
+        raise InputError(
+            f"has {len(head)} names for {usual} cells in most rows, so that it is not known which cell is which:"
+            " correct its line of names"
+        )
+    return names + [""] * (max(counts) - len(names))
+
+
+def _unique(names: Sequence[str]) -> tuple[str, ...]:
+    """Names without spaces around them; the second of equal ones has its number, an empty one that of its column."""
+    seen: Counter[str] = Counter()
+    unique = []
+    for i, name in enumerate(names):
+        plain = name.strip() or f"column {i + 1}"
+        seen[plain] += 1
+        unique.append(plain if seen[plain] == 1 else f"{plain} number {seen[plain]}")
+    return tuple(unique)
+
+
+def seconds_of_times(cells: Any) -> Array | None:
+    """Seconds since the first of the cells (n,), which are dates with times, or times of day that pass midnight.
+
+    None where fewer than half are. cells : pandas.Series of texts
+    """
+    dates = pd.to_datetime(cells, errors="coerce", utc=True, format="ISO8601")
+    if dates.notna().mean() >= 0.5 * cells.notna().mean():
+        return np.asarray((dates - dates.min()).dt.total_seconds(), dtype=np.float64)
+    times = [TIME_OF_DAY.fullmatch(cell.strip()) if isinstance(cell, str) else None for cell in cells]
+    if sum(one is not None for one in times) < 0.5 * len(times):
+        return None
+    seconds = np.array([np.nan if one is None else _since_midnight_s(one) for one in times])
+    known = np.flatnonzero(np.isfinite(seconds))
+    midnights = np.cumsum(np.append(0, np.diff(seconds[known]) < -43_200.0))
+    seconds[known] += 86_400.0 * midnights
+    return np.asarray(seconds - seconds[known[0]])
+
+
+def _since_midnight_s(time: re.Match[str]) -> float:
+    hour, minute, second, half = time.groups()
+    hours = int(hour) % 12 + 12 * (half in "Pp") if half else int(hour)
+    return 3600.0 * hours + 60.0 * int(minute) + float((second or "0").replace(",", ".").replace(":", "."))
+
+
+def positions_of(cells: Any) -> tuple[Array, Array] | None:
+    """Latitude and longitude in degrees, (n,) each, of cells with both, as radios write them; None where they are not.
+
+    cells : pandas.Series of texts
+    """
+    both = cells.astype(str).str.extract(r"^\s*([NS+-]?\d+\.\d+)[NS]?[ ,;]+([EW+-]?\d+\.\d+)[EW]?\s*$")
+    if both[0].notna().mean() < 0.5 * cells.notna().mean():
+        return None
+    return tuple(
+        both[i].str.replace(r"^[NE]", "", regex=True).str.replace(r"^[SW]", "-", regex=True).astype(float).to_numpy()
+        for i in (0, 1)
+    )

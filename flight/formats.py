@@ -1,0 +1,273 @@
+"""Recognizes what a file is by its first bytes, and says of each format that is not read how to get one that is."""
+
+import codecs
+import gzip
+import re
+import zipfile
+import zlib
+from collections.abc import Mapping
+from enum import StrEnum
+from pathlib import Path
+from typing import NamedTuple
+
+from flight.errors import InputError
+from flight.log_index import MAGIC as MCAP_MAGIC
+
+GZIP_MAGIC, ZIP_MAGIC = b"\x1f\x8b", b"PK\x03\x04"
+TEXT_MAGIC = b"FMT,"  # of a dataflash log that a ground station has converted to text
+MAVLINK_MARKERS = b"\xfe\xfd"
+BYTE_ORDER_MARKS = {b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be", b"\xef\xbb\xbf": "utf-8"}
+START_BYTES = 20_000
+FEWEST_BLANK = 64  # of equal bytes; shorter files are text
+CONTROL_CHARACTERS = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
+
+
+class Format(StrEnum):
+    """What a file is. Those up to TEXT are read, if not by every command."""
+
+    DAEMON = "a log of flightpower's daemon"
+    ULOG = "a log of PX4 (ULog)"
+    DATAFLASH = "a log of ArduPilot (dataflash)"
+    DATAFLASH_TEXT = "a log of ArduPilot as text"
+    TELEMETRY = "a ground station's recording of telemetry (.tlog)"
+    PAPARAZZI = "a telemetry log of Paparazzi (.data)"
+    PARQUET = "a table (Parquet)"
+    MAT = "a .mat file"
+    MAT_7_3 = "a .mat file of version 7.3"
+    TEXT = "text"
+    EMPTY = "empty"
+    ENCRYPTED_ULOG = "an encrypted log of PX4"
+    ENCRYPTED_ULOG_KEY = "the key of an encrypted log of PX4"
+    BLACKBOX = "a blackbox log of INAV or Betaflight"
+    RAW_MAVLINK = "MAVLink frames without times"
+    DUMP = "a log as mavlogdump.py prints it"
+    MISSION = "a mission"
+    MAP_TRACK = "a track or mission for maps (KML)"
+    POSITIONS = "a track of positions (GPX)"
+    GLIDER = "a glider's log (IGC)"
+    NMEA = "the sentences of a GPS receiver (NMEA)"
+    WEB_PAGE = "a web page"
+    XML = "an XML file"
+    JSON = "a JSON file"
+    SPREADSHEET = "a spreadsheet"
+    MAP_ARCHIVE = "a track for maps (KMZ)"
+    ZIP = "a ZIP archive"
+    COMPRESSED = "a compressed file"
+    ROS_BAG = "a ROS bag"
+    DATABASE = "an SQLite database"
+    HDF5 = "an HDF5 file"
+    IMAGE = "an image"
+    VIDEO = "a video"
+    PDF = "a PDF document"
+    BLANK = "blank"
+    UNKNOWN = "unknown"
+
+
+READ_BY_OTHERS = (
+    Format.ULOG, Format.DATAFLASH, Format.DATAFLASH_TEXT, Format.TELEMETRY, Format.PAPARAZZI, Format.PARQUET,
+    Format.MAT,
+)  # fmt: skip
+ONLY_CHARTS = "it has no battery and no airspeed; analyze the log that it was made from"
+# By format, what to do instead. Those that are read have none.
+REMEDY: Mapping[Format, str] = {
+    Format.MAT_7_3: "in MATLAB, save(file, '-v7') writes one that is read",
+    Format.TEXT: "logs are .mcap, .ulg, .BIN, .log, .tlog and .data; a table needs a line of names above its numbers",
+    Format.ENCRYPTED_ULOG: "decrypt it with PX4's Tools/log_encryption/decrypt_logs.py and the private key; the .ulg"
+    " that this writes is read",
+    Format.ENCRYPTED_ULOG_KEY: "decrypt the log beside it (.ulgc) with PX4's Tools/log_encryption and the private key;"
+    " the .ulg that this writes is read",
+    Format.BLACKBOX: "decode it with blackbox_decode --merge-gps --unit-acceleration m/s2, and analyze the CSV file",
+    Format.RAW_MAVLINK: "give the .tlog of the ground station, which has the time of each frame",
+    Format.DUMP: "analyze the .BIN or .tlog that it was printed from",
+    Format.MISSION: "`flightpower route` reads it; a flight needs its log",
+    Format.MAP_TRACK: ONLY_CHARTS,
+    Format.POSITIONS: ONLY_CHARTS,
+    Format.GLIDER: ONLY_CHARTS,
+    Format.NMEA: ONLY_CHARTS,
+    Format.WEB_PAGE: "was a sign-in page saved in place of a log? Download the log itself",
+    Format.XML: "logs are .mcap, .ulg, .BIN, .log, .tlog and .data",
+    Format.JSON: "logs are .mcap, .ulg, .BIN, .log, .tlog and .data; results.json is read by `analyze compare`,"
+    " `flightpower pool` and `flightpower route`",
+    Format.SPREADSHEET: "save the sheet with the flight as CSV, and analyze that",
+    Format.MAP_ARCHIVE: ONLY_CHARTS,
+    Format.ZIP: "unpack it and give the log in it; a spreadsheet (.xlsx, .ods): save the sheet as CSV",
+    Format.COMPRESSED: "unpack it and give the log in it",
+    Format.ROS_BAG: "write its topics into a table (CSV or Parquet), one row a time, and analyze that",
+    Format.DATABASE: "write the flight into a table (CSV or Parquet), and analyze that",
+    Format.HDF5: "write the flight into a table (CSV or Parquet), and analyze that",
+    Format.IMAGE: "give the log of the flight",
+    Format.VIDEO: "give the log of the flight",
+    Format.PDF: "give the log of the flight",
+    Format.BLANK: "the card or the copy is damaged: copy it again, or read the card with recovery software",
+    Format.UNKNOWN: "logs are .mcap, PX4's .ulg, ArduPilot's .BIN, .log and .tlog, Paparazzi's .data; tables are CSV,"
+    " Parquet and .mat",
+}
+
+
+class _Sign(NamedTuple):
+    """A format begins with these bytes, from `at` on."""
+
+    format: Format
+    magic: bytes
+    at: int = 0
+
+
+SIGNS = (
+    _Sign(Format.DAEMON, MCAP_MAGIC),
+    _Sign(Format.ULOG, b"ULog\x01\x12\x35"),
+    _Sign(Format.ENCRYPTED_ULOG, b"ULogEnc"),
+    _Sign(Format.ENCRYPTED_ULOG_KEY, b"ULogKey"),
+    _Sign(Format.DATAFLASH, b"\xa3\x95\x80"),  # a format message
+    _Sign(Format.DATAFLASH_TEXT, TEXT_MAGIC),
+    _Sign(Format.PARQUET, b"PAR1"),
+    _Sign(Format.MAT, b"MATLAB 5.0"),
+    _Sign(Format.MAT_7_3, b"MATLAB 7.3"),
+    _Sign(Format.ROS_BAG, b"#ROSBAG"),
+    _Sign(Format.DATABASE, b"SQLite format 3\0"),
+    _Sign(Format.HDF5, b"\x89HDF\r\n\x1a\n"),
+    _Sign(Format.SPREADSHEET, b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"),
+    _Sign(Format.COMPRESSED, b"BZh"),
+    _Sign(Format.COMPRESSED, b"\xfd7zXZ\0"),
+    _Sign(Format.COMPRESSED, b"\x28\xb5\x2f\xfd"),
+    _Sign(Format.COMPRESSED, b"7z\xbc\xaf\x27\x1c"),
+    _Sign(Format.COMPRESSED, b"Rar!\x1a\x07"),
+    _Sign(Format.COMPRESSED, b"\x04\x22\x4d\x18"),
+    _Sign(Format.IMAGE, b"\x89PNG\r\n\x1a\n"),
+    _Sign(Format.IMAGE, b"\xff\xd8\xff"),
+    _Sign(Format.IMAGE, b"GIF8"),
+    _Sign(Format.IMAGE, b"II*\0"),
+    _Sign(Format.IMAGE, b"MM\0*"),
+    _Sign(Format.IMAGE, b"WEBP", 8),
+    _Sign(Format.VIDEO, b"ftyp", 4),
+    _Sign(Format.VIDEO, b"AVI ", 8),
+    _Sign(Format.PDF, b"%PDF-"),
+)
+BLACKBOX_LINE = b"H Product:Blackbox"
+# By format, how its text begins, after empty lines and comments.
+TEXTS: Mapping[Format, re.Pattern[str]] = {
+    Format.PAPARAZZI: re.compile(r"\d+\.\d+ \d+ [A-Z][A-Z0-9_]+( |\r?\n|$)"),  # time, aircraft, message
+    Format.DUMP: re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d+: \w+ \{"),
+    Format.MISSION: re.compile(r"QGC WPL|\{[^\0]*\"fileType\"\s*:\s*\"Plan\"|(<\?xml[^\0]*?)?<mission[ >]", re.I),
+    Format.MAP_TRACK: re.compile(r"(<\?xml[^\0]*?)?<kml[ >]", re.I),
+    Format.POSITIONS: re.compile(r"(<\?xml[^\0]*?)?<gpx[ >]", re.I),
+    Format.WEB_PAGE: re.compile(r"(<\?xml[^\0]*?)?(<!doctype html|<html[ >])", re.I),
+    Format.XML: re.compile(r"<\?xml"),
+    Format.GLIDER: re.compile(r"A[A-Z0-9]{3}[^\0]*?\nH[FOP]DTE"),
+    Format.NMEA: re.compile(r"\$(G[APLNB]|BD)[A-Z]{3},"),
+    Format.JSON: re.compile(r"\{\s*(\"|\})|\[\s*[\{\[\"]"),
+}
+
+
+def format_of(path: Path) -> Format:
+    """The format of a file. A table or a log of Paparazzi may be compressed by gzip.
+
+    Raises InputError when the file cannot be read.
+    """
+    start = first_bytes(path)
+    if start.startswith(GZIP_MAGIC):
+        inside = recognized(unpacked_start(path))
+        return inside if inside in (Format.PAPARAZZI, Format.TEXT) else Format.COMPRESSED
+    return _in_archive(path) if start.startswith(ZIP_MAGIC) else recognized(start)
+
+
+def refusal(path: Path, wanted: str = "") -> InputError:
+    """What a file is and how to get one that is read. wanted : the files that a command reads, if not all."""
+    found = format_of(path)
+    if found is Format.EMPTY:
+        return InputError(f"{path}: the file is empty")
+    if found in READ_BY_OTHERS:
+        return InputError(f"{path}: {found}, which `analyze` reads; here {wanted or 'a log of the daemon'} is needed")
+    what = {Format.BLANK: _blank, Format.UNKNOWN: _unknown}.get(found, lambda _: str(found))(first_bytes(path))
+    return InputError(f"{path}: {what}, which is not read: {REMEDY[found]}")
+
+
+def _blank(start: bytes) -> str:
+    return f"a file that begins with {len(start)} bytes of {start[0]:#04x}"
+
+
+def _unknown(start: bytes) -> str:
+    return f"a file that begins with the bytes {start[:8].hex(' ')}, neither a log nor a table"
+
+
+def first_bytes(path: Path, count: int = START_BYTES) -> bytes:
+    """The first bytes of a file as they are. Raises InputError when it cannot be read."""
+    try:
+        with path.open("rb") as stream:
+            return stream.read(count)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+
+
+def unpacked_start(path: Path, count: int = START_BYTES) -> bytes:
+    """The first bytes of what gzip has packed. Raises InputError where they cannot be unpacked."""
+    try:
+        with gzip.open(path) as stream:
+            return stream.read(count)
+    except (OSError, EOFError, zlib.error) as error:
+        raise InputError(f"{path}: cannot be unpacked ({error}): copy or download it again") from None
+
+
+def recognized(start: bytes) -> Format:
+    """The format of a file that is not packed, by its first bytes."""
+    if not start:
+        return Format.EMPTY
+    for sign in SIGNS:
+        if start.startswith(sign.magic, sign.at):
+            return sign.format
+    if BLACKBOX_LINE in start:
+        return Format.BLACKBOX
+    if is_telemetry(start):
+        return Format.TELEMETRY
+    if _is_mavlink(start):
+        return Format.RAW_MAVLINK
+    if len(start) >= FEWEST_BLANK and len(set(start)) == 1:
+        return Format.BLANK
+    text = text_of(start)
+    if text is None:
+        return Format.UNKNOWN
+    lines = text.lstrip()
+    return next((one for one, pattern in TEXTS.items() if pattern.match(lines)), Format.TEXT)
+
+
+def text_of(start: bytes) -> str | None:
+    """The text that a file begins with, in UTF-8, UTF-16 with its mark, or Latin-1; None where it is none."""
+    for mark, encoding in BYTE_ORDER_MARKS.items():
+        if start.startswith(mark):
+            return start[len(mark) :].decode(encoding, "ignore")
+    if CONTROL_CHARACTERS.search(start):
+        return None
+    try:
+        return codecs.getincrementaldecoder("utf-8")().decode(start)  # its end may be within a character
+    except UnicodeDecodeError:
+        plain = sum(byte < 0x80 for byte in start)
+        return start.decode("latin-1") if plain > 0.9 * len(start) else None
+
+
+def is_telemetry(start: bytes) -> bool:
+    """Whether a .tlog begins so: the time of reception, 8 bytes, big-endian, in us since 1970, and a MAVLink frame."""
+    time_s, marker = int.from_bytes(start[:8], "big") * 1e-6, start[8:9]
+    return (
+        bool(marker) and marker in MAVLINK_MARKERS and 946_684_800 < time_s < 4_102_444_800
+    )  # of the years 2000, 2100
+
+
+def _is_mavlink(start: bytes) -> bool:
+    """Whether three frames follow each other."""
+    at = 0
+    for _ in range(3):
+        if start[at : at + 1] not in (b"\xfe", b"\xfd") or len(start) < at + 3:
+            return False
+        at += start[at + 1] + (8 if start[at] == 0xFE else 12 + 13 * (start[at + 2] & 1))
+    return True
+
+
+def _in_archive(path: Path) -> Format:
+    """What a ZIP archive is by the names of its files."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            names = set(archive.namelist())
+    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError):
+        return Format.ZIP
+    if names & {"xl/workbook.xml", "xl/workbook.bin", "content.xml"}:
+        return Format.SPREADSHEET
+    return Format.MAP_ARCHIVE if any(name.endswith(".kml") for name in names) else Format.ZIP

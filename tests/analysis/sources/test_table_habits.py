@@ -1,0 +1,292 @@
+"""Tables as radios, decoders, ground stations, spreadsheets and MATLAB write them, read with their numbers."""
+
+import io
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.io import savemat
+from typer.testing import CliRunner
+
+from analysis.cli.analyze import app
+from analysis.methods.whole_flight.method import recording_of
+from analysis.sources.column_map import load_map
+from analysis.sources.map_draft import draft
+from analysis.sources.open import open_source
+from analysis.sources.table_file import read_columns, read_table
+from flight.atmosphere import SEA_LEVEL_DENSITY, density
+from flight.errors import InputError
+from tests.analysis.sources.flown_table import AREA_M2, MAP, MASS_KG, SPAN_M, flown_table, map_text, written
+
+TRUE = flown_table()
+FEW = TRUE.iloc[:60]
+AIRCRAFT = ["--mass", f"{MASS_KG} kg", "--wing-area", f"{AREA_M2} m^2", "--span", f"{SPAN_M} m"]
+INDICATED_MPS = TRUE["tas_mps"] * np.sqrt(density(TRUE["ps_Pa"], TRUE["oat_K"]) / SEA_LEVEL_DENSITY)
+NORTH_DEG = np.degrees(0.1 * np.cumsum(TRUE["vn_mps"]) / 6_371_000)
+EAST_DEG = np.degrees(0.1 * np.cumsum(TRUE["ve_mps"]) / 6_371_000 / np.cos(np.radians(48.0)))
+
+
+def text_of(table: pd.DataFrame, **options: object) -> str:
+    return str(table.to_csv(index=False, **options))  # type: ignore[call-overload]
+
+
+def european(table: pd.DataFrame) -> str:
+    """Semicolons and decimal commas, and a date, whose points are no decimal points."""
+    return text_of(table.assign(Datum="01.05.2024"), sep=";", decimal=",")
+
+
+WRITTEN: dict[str, Callable[[pd.DataFrame], bytes]] = {
+    "comma": lambda t: text_of(t).encode(),
+    "tab": lambda t: text_of(t, sep="\t").encode(),
+    "decimal comma beside a date": lambda t: european(t).encode(),
+    "UTF-16 of a spreadsheet": lambda t: text_of(t, sep="\t").encode("utf-16"),
+    "UTF-16, the other order": lambda t: b"\xfe\xff" + text_of(t).encode("utf-16-be"),
+    "with a mark": lambda t: text_of(t).encode("utf-8-sig"),
+    "a degree sign of Windows": lambda t: text_of(t.rename(columns={"roll_deg": "roll (°)"})).encode("cp1252"),
+    "sep= of a spreadsheet": lambda t: b"sep=;\r\n" + text_of(t, sep=";").replace("\n", "\r\n").encode(),
+    "lines before the names": lambda t: b"Logger v1.2\nAircraft: mine\nStart: 2024-05-01\n\n" + text_of(t).encode(),
+    "settings before the names": lambda t: b'"Product","recorder"\n"pid","40,50,23"\n' + text_of(t).encode(),
+    "comments between": lambda t: b"# made by hand\n" + text_of(t).replace("\n", "\n# pause\n", 1).encode(),
+    "a separator at the end of each row": lambda t: text_of(t).replace("\n", ",\n").encode(),
+    "names alone without it": lambda t: text_of(t).replace("\n", ",\n").replace(",\n", "\n", 1).encode(),
+    "spaces after separators": lambda t: text_of(t).replace(",", ", ").encode(),
+    "quoted": lambda t: text_of(t, quoting=1).encode(),
+    "names again in the middle": lambda t: (text_of(t[:30]) + text_of(t[30:])).encode(),
+    "a truncated last row": lambda t: (text_of(t) + "1.5,2").encode(),
+}
+
+
+@pytest.mark.parametrize("habit", WRITTEN)
+def test_numbers_are_those_that_were_written(habit: str, tmp_path: Path) -> None:
+    path = tmp_path / "flight.csv"
+    path.write_bytes(WRITTEN[habit](FEW))
+    columns = read_columns(path)
+    for name in ("t_s", "tas_mps", "voltage_V"):
+        assert columns[name][: len(FEW)] == pytest.approx(FEW[name].to_numpy(), abs=1e-9), habit
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (text_of(FEW).replace("t_s,", "", 1), "21 names for 22 cells in a row"),
+        (text_of(FEW).replace("t_s,", "t_s,more,", 1), "23 names for 22 cells in most rows"),
+        (text_of(FEW) + "9.9," * 21 + "9.9,8\n", "22 names for 23 cells"),
+        ("a,b\n" + "1,2,3\n" * 50, "2 names for 3 cells"),
+    ],
+)
+def test_cells_without_a_name_are_no_column(text: str, told: str, tmp_path: Path) -> None:
+    (tmp_path / "flight.csv").write_text(text)
+    with pytest.raises(InputError, match=told):
+        read_columns(tmp_path / "flight.csv")
+
+
+@pytest.mark.parametrize(
+    "times",
+    [
+        lambda at: at.strftime("%H:%M:%S.%f"),
+        lambda at: at.strftime("%Y-%m-%d %H:%M:%S.%f"),
+        lambda at: at.strftime("%Y-%m-%dT%H:%M:%S.%fZ"),
+        lambda at: at.strftime("%d.%m.%Y %H:%M:%S.%f"),
+        lambda at: at.strftime("%m/%d/%Y %I:%M:%S.%f %p"),
+        lambda at: at.strftime("%H:%M:%S,%f"),
+    ],
+    ids=["time of day", "ISO", "ISO with T and Z", "European", "American, 12 hours", "decimal comma"],
+)
+def test_times_of_day_are_seconds_also_past_midnight(times: Callable[[pd.Timestamp], str], tmp_path: Path) -> None:
+    start = pd.Timestamp("2024-05-01 23:59:57.500")
+    cells = [times(start + pd.Timedelta(seconds=float(t))) for t in FEW["t_s"]]
+    pd.DataFrame({"Time": cells, "x": FEW["tas_mps"]}).to_csv(tmp_path / "a.csv", index=False, sep=";")
+    assert read_columns(tmp_path / "a.csv")["Time"] == pytest.approx(FEW["t_s"].to_numpy(), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("named", "quantity", "unit"),
+    [
+        ("Airspeed (m/s)", "true_airspeed", "m/s"),
+        ("Airspeed [m/s]", "true_airspeed", "m/s"),
+        ("airspeed (kt)", "true_airspeed", "knot"),
+        ("ARSP_Airspeed", "true_airspeed", "m/s"),
+        ("ASpd(kmh)", "indicated_airspeed", "km/h"),
+        ("VFAS(V)", "battery_voltage", "V"),
+        ("Batt (mV)", "battery_voltage", "mV"),
+        ("Curr(A)", "battery_current", "A"),
+        ("Curr", "battery_current", "A"),
+        ("Alt(ft)", "height", "ft"),
+        ("seconds", "time", "s"),
+    ],
+)
+def test_a_known_name_is_known_with_its_unit_in_brackets(named: str, quantity: str, unit: str, tmp_path: Path) -> None:
+    scale = {"knot": 1 / 0.514444, "km/h": 3.6, "mV": 1000.0, "ft": 1 / 0.3048}.get(unit, 1.0)
+    column = "tas_mps" if quantity == "indicated_airspeed" else MAP[quantity][0]
+    kept = [MAP[name][0] for name in ("time", "true_airspeed", "height", "battery_voltage", "battery_current")]
+    table = TRUE[kept].assign(**{column: scale * TRUE[column]}).rename(columns={column: named})
+    table.to_csv(tmp_path / "flight.csv", index=False)
+    (tmp_path / "map.toml").write_text(draft(tmp_path / "flight.csv"))
+    found = load_map(tmp_path / "map.toml").columns
+    assert {name.value: one for name, one in found.items()}[quantity].column == named
+    assert found[quantity].unit == unit  # type: ignore[index]
+
+
+@pytest.mark.parametrize("named", ["Curr used (mAh)", "servo current (A)", "current time", "TxBat(V)", "Climb (ft)"])
+def test_what_only_resembles_a_name_is_not_taken(named: str, tmp_path: Path) -> None:
+    kept = TRUE[["t_s", "tas_mps", "height_m"]].assign(**{named: 7.0 + np.arange(len(TRUE)) % 2})
+    kept.to_csv(tmp_path / "flight.csv", index=False)
+    text = draft(tmp_path / "flight.csv")
+    assert f"# Not used: {named}" in text
+
+
+def radio(crossfire: bool) -> pd.DataFrame:
+    """The log of a radio with EdgeTX: a date, times of day, position in one cell, a receiver's supply of 5 V."""
+    at = pd.Timestamp("2024-05-01 12:34:56") + pd.to_timedelta(TRUE["t_s"], unit="s")
+    course_deg = np.degrees(np.arctan2(TRUE["ve_mps"], TRUE["vn_mps"])) % 360
+    table = pd.DataFrame({
+        "Date": at.dt.strftime("%Y-%m-%d"), "Time": at.dt.strftime("%H:%M:%S.%f").str[:-3],
+        **({"RQly(%)": 100, "RxBt(V)": TRUE["voltage_V"].round(2)} if crossfire else {"RSSI(dB)": 80, "RxBt(V)": 5.1}),
+        "GPS": [f"{48 + n:.6f} {11 + e:.6f}" for n, e in zip(NORTH_DEG, EAST_DEG, strict=True)],
+        "GSpd(kmh)": (3.6 * np.hypot(TRUE["vn_mps"], TRUE["ve_mps"])).round(1), "Hdg(°)": course_deg.round(1),
+        "Alt(m)": TRUE["height_m"].round(1), "ASpd(kts)": (INDICATED_MPS / 0.514444).round(1),
+        "Curr(A)": TRUE["current_A"].round(2), "Capa(mAh)": (TRUE["current_A"].cumsum() / 36).round(), "Thr": 100,
+    })  # fmt: skip
+    return table if crossfire else table.assign(**{"VFAS(V)": TRUE["voltage_V"].round(2)})
+
+
+def blackbox() -> pd.DataFrame:
+    """Columns of blackbox_decode --merge-gps --unit-acceleration m/s2."""
+    return pd.DataFrame({
+        "loopIteration": 64 * np.arange(len(TRUE)), "time (us)": np.round(1e6 * TRUE["t_s"]).astype(int),
+        "vbatLatest (V)": TRUE["voltage_V"].round(2), "amperageLatest (A)": TRUE["current_A"].round(2),
+        "BaroAlt (cm)": (100 * TRUE["height_m"]).astype(int), "accSmooth[0] (m/s/s)": TRUE["ax_mps2"].round(2),
+        "accSmooth[1] (m/s/s)": -TRUE["ay_mps2"].round(2), "accSmooth[2] (m/s/s)": -TRUE["az_mps2"].round(2),
+        "GPS_speed (m/s)": np.hypot(TRUE["vn_mps"], TRUE["ve_mps"]).round(2),
+        "GPS_ground_course": (np.degrees(np.arctan2(TRUE["ve_mps"], TRUE["vn_mps"])) % 360).round(1),
+    })  # fmt: skip
+
+
+def printed_telemetry() -> pd.DataFrame:
+    """mavlogdump.py --format csv: a row for each message, with empty cells for those of other messages."""
+    at = 1.7e9 + TRUE["t_s"]
+    kinds = [
+        pd.DataFrame({"timestamp": at, "VFR_HUD.airspeed": INDICATED_MPS, "VFR_HUD.alt": 0.0}),
+        pd.DataFrame({"timestamp": at + 0.01, "SCALED_PRESSURE.press_abs": TRUE["ps_Pa"] / 100}),
+        pd.DataFrame({"timestamp": at + 0.02, "SYS_STATUS.voltage_battery": (1000 * TRUE["voltage_V"]).round(),
+                      "SYS_STATUS.current_battery": (100 * TRUE["current_A"]).round()}),
+        pd.DataFrame({"timestamp": at + 0.03, "GLOBAL_POSITION_INT.vx": (100 * TRUE["vn_mps"]).round(),
+                      "GLOBAL_POSITION_INT.vy": (100 * TRUE["ve_mps"]).round(),
+                      "GLOBAL_POSITION_INT.vz": (100 * TRUE["vd_mps"]).round()}),
+    ]  # fmt: skip
+    return pd.concat(kinds).sort_values("timestamp")
+
+
+def station() -> pd.DataFrame:
+    """The CSV file of QGroundControl, in SI units."""
+    at = pd.Timestamp("2024-05-01 12:34:56") + pd.to_timedelta(TRUE["t_s"], unit="s")
+    return pd.DataFrame({
+        "Timestamp": at.dt.strftime("%Y-%m-%d %H:%M:%S.%f").str[:-3], "roll": TRUE["roll_deg"],
+        "groundSpeed": np.hypot(TRUE["vn_mps"], TRUE["ve_mps"]), "airSpeed": INDICATED_MPS,
+        "climbRate": -TRUE["vd_mps"], "altitudeRelative": TRUE["height_m"], "throttlePct": TRUE["throttle_percent"],
+        "gps.lat": 48 + NORTH_DEG, "gps.lon": 11 + EAST_DEG, "battery0.voltage": TRUE["voltage_V"],
+        "battery0.current": TRUE["current_A"], "battery0.mahConsumed": TRUE["current_A"].cumsum() / 36,
+        "clock.currentTime": at.dt.strftime("%H:%M:%S"),
+    })  # fmt: skip
+
+
+KNOWN = {"EdgeTX": radio(False), "EdgeTX with ELRS": radio(True), "blackbox": blackbox(),
+         "mavlogdump.py": printed_telemetry(), "QGroundControl": station()}  # fmt: skip
+
+
+@pytest.mark.parametrize("recorder", KNOWN)
+def test_a_table_of_a_known_program_needs_no_map(recorder: str, tmp_path: Path) -> None:
+    path = tmp_path / "flight.csv"
+    KNOWN[recorder].to_csv(path, index=False)
+    found = recording_of(open_source(path))  # type: ignore[arg-type]
+    t_s, volt = found.channels["battery_V"]
+    power = volt * np.interp(t_s, *found.channels["battery_A"])
+    true_W = (TRUE["voltage_V"] * TRUE["current_A"]).to_numpy()
+    assert np.mean(power) == pytest.approx(np.mean(true_W), rel=0.005)
+    for name, column in (("static_Pa", "ps_Pa"), ("gps_north_mps", "vn_mps"), ("gps_east_mps", "ve_mps")):
+        one = found.channels[name]
+        shown = np.interp(TRUE["t_s"], one.t_s - one.t_s[0], one.value)
+        assert np.corrcoef(shown, TRUE[column])[0, 1] > 0.98, name
+    if recorder != "blackbox":
+        pitot = found.channels["airspeed_pressure_Pa"]
+        assert np.mean(np.sqrt(2 * pitot.value / SEA_LEVEL_DENSITY)) == pytest.approx(INDICATED_MPS.mean(), rel=0.003)
+    assert any("names of" in note for note in found.notes)
+
+
+@pytest.mark.parametrize(
+    ("recorder", "change"),
+    [
+        ("QGroundControl", lambda t: t.assign(airSpeed=t["airSpeed"] * 1.94, groundSpeed=t["groundSpeed"] * 1.94)),
+        ("QGroundControl", lambda t: t.assign(altitudeRelative=t["altitudeRelative"] / 0.3048)),
+        ("EdgeTX", lambda t: t.assign(**{"ASpd(kts)": t["ASpd(kts)"].to_numpy()[::-1]})),
+        ("blackbox", lambda t: t.assign(**{"accSmooth[2] (m/s/s)": -t["accSmooth[2] (m/s/s)"]})),
+    ],
+    ids=["knots", "feet", "airspeed of another flight", "gravity upside down"],
+)
+def test_what_the_laws_contradict_needs_a_map_all_the_same(
+    recorder: str, change: Callable[[pd.DataFrame], pd.DataFrame], tmp_path: Path
+) -> None:
+    path = tmp_path / "flight.csv"
+    change(KNOWN[recorder]).to_csv(path, index=False)
+    with pytest.raises(InputError, match="columns need a map"):
+        open_source(path)
+
+
+def test_a_receiver_s_supply_is_no_battery(tmp_path: Path) -> None:
+    path = tmp_path / "flight.csv"
+    radio(False).drop(columns="VFAS(V)").to_csv(path, index=False)
+    refused = CliRunner().invoke(app, [str(path), *AIRCRAFT])
+    assert isinstance(refused.exception, InputError) and "[battery_voltage]" in str(refused.exception)
+
+
+@pytest.mark.parametrize("missing", [("battery_voltage",), ("height", "static_pressure", "velocity_down")])
+def test_a_map_that_lacks_what_a_curve_needs_is_told_so(missing: tuple[str, ...], tmp_path: Path) -> None:
+    kept = ("time", "true_airspeed", "height", "static_pressure", "velocity_north", "velocity_east", "velocity_down",
+            "battery_voltage", "battery_current")  # fmt: skip
+    path = written(tmp_path, TRUE, map_text({name: MAP[name] for name in kept if name not in missing}))
+    refused = CliRunner().invoke(app, [str(path), *AIRCRAFT])
+    assert isinstance(refused.exception, InputError) and f"[{missing[0]}]" in str(refused.exception)
+    assert "--mass" not in str(refused.exception)
+
+
+def test_matrices_are_read_along_either_axis(tmp_path: Path) -> None:
+    velocity = FEW[["vn_mps", "ve_mps", "vd_mps"]].to_numpy()
+    for name, matrix in (("down.mat", velocity), ("across.mat", velocity.T)):
+        inside = {"times": FEW["t_s"].to_numpy(), "response": {"v": matrix, "slow": np.arange(30.0)}}
+        savemat(tmp_path / name, {"data": inside})
+        table = read_table(tmp_path / name)
+        for i in range(3):
+            assert table.columns[f"data.response.v({i + 1})"] == pytest.approx(velocity[:, i])
+        assert "data.response.slow (30 values)" in table.left_out[0] and "data.response.slow" not in table.columns
+
+
+def test_a_structure_of_matlab_is_drafted(tmp_path: Path) -> None:
+    inside = {
+        "times": TRUE["t_s"].to_numpy(), "airspeed": TRUE["tas_mps"].to_numpy(),
+        "v": TRUE[["vn_mps", "ve_mps", "vd_mps"]].to_numpy().T, "altitude": TRUE["height_m"].to_numpy(),
+        "battery_voltage": TRUE["voltage_V"].to_numpy(), "battery_current": TRUE["current_A"].to_numpy(),
+    }  # fmt: skip
+    path = tmp_path / "flight.mat"
+    savemat(path, {"log": inside})
+    (tmp_path / "flight.mat.columns.toml").write_text(draft(path))
+    found = recording_of(open_source(path))  # type: ignore[arg-type]
+    assert found.channels["battery_A"].value == pytest.approx(TRUE["current_A"].to_numpy())
+    assert found.channels["gps_down_mps"].value == pytest.approx(TRUE["vd_mps"].to_numpy())
+
+
+def test_telemetry_that_mission_planner_wrote_as_a_mat_file_is_told(tmp_path: Path) -> None:
+    days = 739000 + TRUE["t_s"].to_numpy() / 86400
+    savemat(tmp_path / "a.mat", {"airspeed_mavlink_vfr_hud_t": np.column_stack([days, TRUE["tas_mps"]])})
+    with pytest.raises(InputError, match=r"analyze the \.tlog"):
+        draft(tmp_path / "a.mat")
+
+
+def test_pandas_reads_the_same(tmp_path: Path) -> None:
+    """A second reader, of a plain table."""
+    path = tmp_path / "flight.csv"
+    path.write_text(text_of(TRUE))
+    other = pd.read_csv(io.StringIO(path.read_text()))
+    for name, value in read_columns(path).items():
+        assert value == pytest.approx(other[name].to_numpy(), abs=0)
