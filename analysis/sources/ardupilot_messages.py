@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.sources.dataflash import DataflashLog, Form
+from analysis.sources.matlab_log import MatlabLog
 from analysis.sources.recording import vehicle_of
 from analysis.sources.telemetry import TelemetryLog
 from analysis.sources.text_log import TextLog
 from flight.errors import InputError
-from flight.formats import TEXT_MAGIC, is_telemetry
+from flight.formats import Format, format_of
 
 # Messages of one kind: later firmware numbers the instances within one message, earlier firmware has one for each.
 AIRSPEED, BATTERY = ("ARSP", "ASP2"), ("BAT", "BAT2", "CURR", "CUR2")
@@ -43,6 +44,10 @@ FIELDS: dict[str, tuple[str, ...]] = {
 # Fields of the time since start, with their units [s]; TimeMS of early GPS messages is that of the week.
 CLOCKS = ((("TimeUS", 1e-6), ("TimeMS", 1e-3)), (("TimeUS", 1e-6), ("T", 1e-3)))
 INSTANCE = ("I", "Inst", "Instance", "C")
+KINDS_READ = (*FIELDS, "MSG", "PARM", "DSF", "FMTU", "MULT", "VER", "TECS")
+WINGED = re.compile(r"Ardu ?Plane|APM:Plane|^Plane\b")
+# What only ArduPlane logs: parameters of its control and its energy controller, whose message is TECS.
+OF_PLANES = ("TECS_", "RLL2SRV_", "PTCH2SRV_", "RLL_RATE_", "PTCH_RATE_")
 WINGLESS = re.compile(r"Ardu(Copter|Rover|Sub)|APM:(Copter|Rover|Sub)|^(Copter|Rover|Sub|Blimp|AntennaTracker)\b")
 # Name of the board and the 96 bits of its processor: "CubeOrange 0041002B 3038511A 32383232".
 SERIAL_NUMBER = re.compile(r"^\S+ ([0-9A-F]{8} [0-9A-F]{8} [0-9A-F]{8})\s*$")
@@ -68,13 +73,18 @@ class Messages:
         return [table for (kind, _), table in self.tables.items() if kind in kinds]
 
 
-def _opened(path: Path) -> DataflashLog | TelemetryLog | TextLog:
-    """By the first bytes of the file. Raises InputError where it cannot be read."""
+def _opened(path: Path) -> DataflashLog | TelemetryLog | TextLog | MatlabLog:
+    """The reader of a log's format. Raises InputError where it cannot be read."""
     try:
-        data = path.read_bytes()
-        if data.startswith(TEXT_MAGIC):
-            return TextLog(path, (*FIELDS, "MSG", "PARM", "DSF", "FMTU", "MULT"))
-        return TelemetryLog(data) if is_telemetry(data[:9]) else DataflashLog(data)
+        match format_of(path):
+            case Format.DATAFLASH_TEXT:
+                return TextLog(path, KINDS_READ)
+            case Format.TELEMETRY:
+                return TelemetryLog(path.read_bytes())
+            case Format.MAT:
+                return MatlabLog(path, KINDS_READ)
+            case _:
+                return DataflashLog(path.read_bytes())
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
     except ValueError as error:
@@ -86,7 +96,8 @@ def read_messages(path: Path) -> Messages:
     log = _opened(path)
     said = log.columns("MSG")
     texts = [_text(text) for text in said.get("Message", ())]
-    for text in texts:
+    versions = [_text(text) for text in log.columns("VER").get("FWS", ())]
+    for text in (*texts, *versions):
         _refuse_wingless(path, text)
     boards = (found[1] for text in texts if (found := SERIAL_NUMBER.match(text)))
     vehicle = next((vehicle_of(number) for number in boards), "")
@@ -99,7 +110,10 @@ def read_messages(path: Path) -> Messages:
     if not tables:
         raise InputError(f"{path}: holds no message of airspeed, battery or barometer; is the log complete?")
     settings = log.columns("PARM")
-    pairs = zip(settings.get("Name", ()), settings.get("Value", ()), strict=False)
+    names = [_text(name) for name in settings.get("Name", ())]
+    if not any(map(WINGED.search, (*texts, *versions))) and not any(name.startswith(OF_PLANES) for name in names):
+        _refuse_unknown(path, log.columns("TECS"))
+    pairs = zip(names, settings.get("Value", ()), strict=False)
     dropped = log.columns("DSF").get("Dp", np.zeros(1))
     known = dropped[np.isfinite(dropped)] if dropped.dtype.kind == "f" else np.zeros(0)
     lost = int(np.max(known, initial=0.0))
@@ -159,6 +173,16 @@ def _instances(kind: str, columns: dict[str, NDArray[Any]]) -> Iterator[tuple[tu
         unknown = np.full(int(rows.sum()), np.nan)
         values = {name: numbers[name][rows] if name in numbers else unknown for name in fields}
         yield (kind, int(number)), {"t_s": t_s[rows], **values}
+
+
+def _refuse_unknown(path: Path, energy_control: dict[str, NDArray[Any]]) -> None:
+    """Raises InputError unless the energy controller of a plane was at work."""
+    if not energy_control:
+        raise InputError(
+            f"{path}: the log does not say which vehicle wrote it (no readable text of its firmware, no parameter of"
+            " ArduPlane alone), and a multicopter's gives no power of a fixed wing: give the log as the autopilot wrote"
+            " it (.BIN), whole"
+        )
 
 
 def _refuse_wingless(path: Path, text: str) -> None:

@@ -1,4 +1,4 @@
-"""Reads a ground station's recording of ArduPilot's telemetry (.tlog) as if its messages were those of a dataflash log.
+"""Reads a ground station's recording of telemetry (.tlog), of ArduPilot or PX4, as if it were a dataflash log.
 
 Each message is the time of reception in microseconds since 1970, 8 bytes, big-endian, and a MAVLink frame of version 1
 or 2. pymavlink decodes the frames; those of other senders than the autopilot, and damaged ones, are passed over.
@@ -16,9 +16,9 @@ from flight.formats import is_telemetry
 from flight.units import GRAVITY_MPS2 as g
 
 USED = ("VFR_HUD", "SCALED_PRESSURE", "BATTERY_STATUS", "SYS_STATUS", "RAW_IMU", "GPS_RAW_INT", "GLOBAL_POSITION_INT",
-        "RPM", "PARAM_VALUE", "HEARTBEAT", "STATUSTEXT")  # fmt: skip
+        "RPM", "PARAM_VALUE", "HEARTBEAT", "STATUSTEXT", "HIGHRES_IMU", "EXTENDED_SYS_STATE")  # fmt: skip
 USED_IDS = frozenset(number for number, kind in mavlink.mavlink_map.items() if kind.msgname in USED)
-# As dataflash logs name the firmware, of MAV_TYPE.
+# By MAV_TYPE, as dataflash logs name the firmware.
 FIRMWARE = {
     mavlink.MAV_TYPE_QUADROTOR: b"ArduCopter",
     mavlink.MAV_TYPE_COAXIAL: b"ArduCopter",
@@ -31,7 +31,11 @@ FIRMWARE = {
     mavlink.MAV_TYPE_GROUND_ROVER: b"ArduRover",
     mavlink.MAV_TYPE_SURFACE_BOAT: b"ArduRover",
     mavlink.MAV_TYPE_SUBMARINE: b"ArduSub",
+    mavlink.MAV_TYPE_FIXED_WING: b"ArduPlane",
 }
+AUTOPILOTS = (mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_AUTOPILOT_PX4)
+INTEGERS = (mavlink.MAV_PARAM_TYPE_INT32, mavlink.MAV_PARAM_TYPE_UINT32)  # PX4 sends their bytes
+LIFTED = (mavlink.MAV_VTOL_STATE_TRANSITION_TO_FW, mavlink.MAV_VTOL_STATE_TRANSITION_TO_MC, mavlink.MAV_VTOL_STATE_MC)
 
 Columns = dict[str, NDArray[Any]]
 
@@ -46,8 +50,10 @@ class TelemetryLog:
         for time_us, message in _messages(data):
             if message.get_type() == "BATTERY_STATUS":
                 cells = [x for x in message.voltages if x != 65535]  # UINT16_MAX: no such cell
-                volt = 1e-3 * sum(cells) if cells else np.nan
-                rows["BAT"].append([time_us, message.id, volt, 0.01 * message.current_battery])
+                more = [x for x in message.voltages_ext if x not in (0, 65535)]  # the 11th to 14th
+                volt = 1e-3 * sum(cells + more) if cells else np.nan
+                current = np.nan if message.current_battery == -1 else 0.01 * message.current_battery
+                rows["BAT"].append([time_us, message.id, volt, current])
             else:
                 rows[message.get_type()].append([time_us, *(getattr(message, name) for name in message.fieldnames)])
         self._columns = _as_dataflash({name: _table(name, many) for name, many in rows.items()})
@@ -83,7 +89,7 @@ def _messages(data: bytes) -> Iterator[tuple[int, Any]]:
             at = start + length
             continue
         heartbeat = isinstance(message, mavlink.MAVLink_heartbeat_message)
-        if heartbeat and message.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA:
+        if heartbeat and message.autopilot in AUTOPILOTS:
             autopilot = sender
         if autopilot == sender:
             yield int.from_bytes(data[at:start], "big"), message
@@ -102,6 +108,9 @@ def _table(name: str, rows: list[list[Any]]) -> Columns:
 def _as_dataflash(tables: dict[str, Columns]) -> dict[str, Columns]:
     """By the names of dataflash logs. The airspeed that VFR_HUD shows is a sensor's where one shows pressure."""
     out: dict[str, Columns] = {}
+    _complete(tables)
+    beats = tables.get("HEARTBEAT")
+    px4 = beats is not None and np.any(beats["autopilot"] == mavlink.MAV_AUTOPILOT_PX4)
     pressure, shown = tables.get("SCALED_PRESSURE"), tables.get("VFR_HUD")
     if pressure is not None:
         t = pressure["TimeUS"]
@@ -132,18 +141,42 @@ def _as_dataflash(tables: dict[str, Columns]) -> dict[str, Columns]:
     if (rpm := tables.get("RPM")) is not None:
         out["RPM"] = {"TimeUS": rpm["TimeUS"], "rpm1": rpm["rpm1"]}
     if (parameters := tables.get("PARAM_VALUE")) is not None:
-        out["PARM"] = {"Name": parameters["param_id"].astype("S16"), "Value": parameters["param_value"]}
+        whole = np.isin(parameters["param_type"], INTEGERS) & px4
+        value = parameters["param_value"].astype(np.float32)
+        out["PARM"] = {
+            "Name": parameters["param_id"].astype("S16"), "Value": np.where(whole, value.view(np.int32), value)
+        }  # fmt: skip
     if shown is not None:
         out["CTUN"] = {"TimeUS": shown["TimeUS"], "ThO": shown["throttle"]}
-    if (beats := tables.get("HEARTBEAT")) is not None:
+    if beats is not None and not px4:
         out["MODE"] = {"TimeUS": beats["TimeUS"], "ModeNum": beats["custom_mode"]}
-    kinds = tables.get("HEARTBEAT", {}).get("type", np.zeros(0))
-    firmware = [FIRMWARE[kind] for kind in np.unique(kinds).tolist() if kind in FIRMWARE]
+    if (vtol := tables.get("EXTENDED_SYS_STATE")) is not None:
+        out["QTUN"] = {"TimeUS": vtol["TimeUS"], "ThO": np.isin(vtol["vtol_state"], LIFTED)}
+    kinds = [] if beats is None else np.unique(beats["type"]).tolist()
+    firmware = [name for kind in kinds if (name := _firmware(kind))]
     said = tables.get("STATUSTEXT", {"TimeUS": np.zeros(0), "text": np.zeros(0, dtype=str)})
     times_us = np.concatenate([np.full(len(firmware), np.nan), said["TimeUS"]])
     texts = [str(text).encode("ascii", "replace") for text in said["text"]]
     out["MSG"] = {"TimeUS": times_us, "Message": np.array([*firmware, *texts], dtype="S64")}
     return {name: _as_numbers(columns) for name, columns in out.items()}
+
+
+def _firmware(kind: int) -> bytes:
+    """By MAV_TYPE, of which 19 to 25 are VTOLs whose names have changed; empty for those that are no vehicles."""
+    return FIRMWARE.get(kind, b"ArduPlane" if 19 <= kind <= 25 else b"")
+
+
+def _complete(tables: dict[str, Columns]) -> None:
+    """Pressure and acceleration from the message in which PX4 sends both, where the others are missing."""
+    both = tables.get("HIGHRES_IMU")
+    if both is None:
+        return
+    t = both["TimeUS"]
+    tables.setdefault("SCALED_PRESSURE", {
+        "TimeUS": t, "press_abs": both["abs_pressure"], "press_diff": both["diff_pressure"],
+        "temperature": 100.0 * both["temperature"], "temperature_press_diff": np.zeros(len(t)),
+    })  # fmt: skip
+    tables.setdefault("RAW_IMU", {"TimeUS": t} | {f"{axis}acc": both[f"{axis}acc"] * (1e3 / g) for axis in "xyz"})
 
 
 def _as_numbers(columns: Columns) -> Columns:

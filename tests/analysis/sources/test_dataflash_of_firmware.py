@@ -9,6 +9,7 @@ from analysis.sources import recording
 from analysis.sources.ardupilot import read_ardupilot
 from sim import dataflash_writer
 from sim.dataflash_writer import DataflashMessages, write_dataflash
+from tests.analysis.sources.firmware import firmware
 
 T_US = 20_000 * np.arange(2000)
 CELSIUS = 273.15
@@ -29,7 +30,7 @@ BATTERY = messages("BAT", "QBff", Inst=0, Volt=12.0, Curr=5.0)
 
 
 def speed_of(path: Path, *kinds: DataflashMessages) -> np.ndarray:
-    write_dataflash(path, [*kinds, BARO, BATTERY])
+    write_dataflash(path, [firmware(), *kinds, BARO, BATTERY])
     channel = read_ardupilot(path).channels[recording.AIRSPEED_PRESSURE]
     return np.sqrt(2 * channel.value / 1.225)
 

@@ -39,6 +39,8 @@ def dataflash(path: Path) -> FlightRecording:
     switched = (1e6 * np.array([10.0, 30.0, 50.0])).astype(np.uint64)
     kinds = [
         DataflashMessages("MSG", "QZ", {"TimeUS": TIME_US[100:101], "Message": np.array([MESSAGE.encode()])}),
+        DataflashMessages("PARM", "QNf", {"TimeUS": TIME_US[:1], "Name": np.array([b"TECS_SPDWEIGHT"]),
+                                          "Value": np.ones(1)}),
         kind("ARSP", "Qff", Airspeed=15 + np.sin(T_S), DiffPress=100 + 0 * T_S),
         kind("BARO", "Qf", Press=1e5 + 0 * T_S),
         kind("GPS", "QBfffLL", Status=0 * T_S + 3, Spd=0 * T_S + 12, GCrs=0 * T_S, VZ=0 * T_S,

@@ -9,6 +9,7 @@ from analysis.sources import recording
 from analysis.sources.ardupilot import read_ardupilot
 from analysis.sources.recording import Channel, without_hover
 from sim.dataflash_writer import DataflashMessages, write_dataflash
+from tests.analysis.sources.firmware import firmware
 
 T_S = np.arange(0.0, 300.0, 0.1)
 HOVER_S = (50.0, 150.0)  # longer than the step that counts as a jump of the clock
@@ -22,6 +23,7 @@ def log(path: Path, lift: np.ndarray | None) -> Path:
     """A flight with lift motors at a throttle (n,) over T_S; None is an aircraft without."""
     wave = np.sin(0.3 * T_S)
     kinds = [
+        firmware(),
         messages("ARSP", "Qff", T_S, Airspeed=15.0 + wave, DiffPress=(15.0 + wave) ** 2 / 2),
         messages("BARO", "Qf", T_S, Press=1e5 - 100 * wave),
         messages("BAT", "Qff", T_S, Volt=15.0 + 0.1 * wave, Curr=10.0 + wave),

@@ -9,6 +9,7 @@ from analysis.sources import px4, recording
 from analysis.sources.ardupilot import read_ardupilot
 from analysis.sources.recording import FlightRecording
 from sim.dataflash_writer import DataflashMessages, write_dataflash, write_text
+from tests.analysis.sources.firmware import firmware
 
 T_US = 100_000 * np.arange(1, 2001)
 T_S = 1e-6 * T_US
@@ -31,7 +32,7 @@ def settings(**values: float) -> DataflashMessages:
 
 
 def read(folder: Path, *kinds: DataflashMessages) -> FlightRecording:
-    write_dataflash(folder / "log.BIN", [ARSP, BARO, *kinds])
+    write_dataflash(folder / "log.BIN", [firmware(), ARSP, BARO, *kinds])
     return read_ardupilot(folder / "log.BIN")
 
 
@@ -98,7 +99,7 @@ def test_whole_numbers_are_in_the_units_that_the_log_gives(tmp_path: Path, suffi
              for name, (codes, columns) in texts.items()]  # fmt: skip
     bat = kind("BAT", "QHH", Volt=np.full(len(T_S), 15_000.0), Curr=np.round(1000 * THROTTLE))
     path = tmp_path / f"log{suffix}"
-    {".BIN": _without_own_units, ".log": write_text}[suffix](path, [kinds[0], kinds[1], ARSP, BARO, bat])
+    {".BIN": _without_own_units, ".log": write_text}[suffix](path, [kinds[0], kinds[1], ARSP, BARO, bat, firmware()])
     channels = read_ardupilot(path).channels
     assert channels[recording.VOLTAGE].value == pytest.approx(15.0)
     assert channels[recording.CURRENT].value == pytest.approx(10 * THROTTLE, abs=0.006)
@@ -120,7 +121,7 @@ def test_definitions_that_damage_altered_are_passed_over(
 ) -> None:
     bat = kind("BAT", "QHH", Volt=np.full(len(T_S), 15.0), Curr=np.round(10 * THROTTLE))
     damaged = DataflashMessages(name, codes, {"TimeUS": np.array([100_000]), **columns})
-    _without_own_units(tmp_path / "log.BIN", [damaged, ARSP, BARO, bat])
+    _without_own_units(tmp_path / "log.BIN", [damaged, ARSP, BARO, bat, firmware()])
     assert len(read_ardupilot(tmp_path / "log.BIN").channels[recording.AIRSPEED_PRESSURE].t_s) == len(T_S)
 
 

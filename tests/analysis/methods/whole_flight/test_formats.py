@@ -22,6 +22,7 @@ from sim.autopilot_pitot import indicated_airspeed
 from sim.dataflash_writer import DataflashMessages, write_dataflash
 from sim.px4_log import write_px4_log
 from sim.sensors import load_budget
+from tests.analysis.sources.firmware import firmware
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
 from flights import drawn, flown
@@ -75,6 +76,7 @@ def test_ardupilot(tmp_path: Path, px4: FlightRecording, expected: np.ndarray) -
             kind("IMU", "Qfff", imu, AccX=at(recording.FORCE_X, imu), AccY=at(recording.FORCE_Y, imu), AccZ=imu.value),
             kind("GPS", "QBfff", gps, Status=0 * north + 3, Spd=np.hypot(north, east),
                  GCrs=np.degrees(np.arctan2(east, north)) % 360, VZ=down),
+            firmware(),
         ],
     )  # fmt: skip
     flight = read_ardupilot(path)

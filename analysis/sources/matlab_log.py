@@ -1,0 +1,82 @@
+"""Reads an ArduPilot log that Mission Planner or mavlogdump.py has converted to a .mat file.
+
+Mission Planner writes a matrix for each message, with the names of its columns in a cell array of its name and
+`_label`, and the parameters in a cell array of two columns; mavlogdump.py a structure of vectors for each message.
+"""
+
+import re
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+CLOCKS = ("TimeUS", "TimeMS", "T")  # of messages: one of them tells a log from another structure
+LABEL = "_label"
+
+
+def is_matlab_log(path: Path) -> bool:
+    """Whether a .mat file has the messages of a log; False where it cannot be read."""
+    return bool(_messages(path, ("ARSP", "BARO", "BAT", "CURR", "GPS", "IMU")))
+
+
+class MatlabLog:
+    """The messages of a file by kind, as `dataflash.DataflashLog` gives them."""
+
+    notes = ("The log was converted to a .mat file, which has not all that the log has: the .BIN shows more.",)
+
+    def __init__(self, path: Path, kinds: tuple[str, ...]):
+        self._messages = _messages(path, kinds)
+
+    def form(self, name: str) -> None:
+        """How messages are packed: their units are those of their fields here."""
+
+    def columns(self, name: str) -> dict[str, NDArray[Any]]:
+        """The fields of all messages of a name, (n,): numbers as float64, texts as bytes."""
+        return self._messages.get(name, {})
+
+
+def _messages(path: Path, kinds: tuple[str, ...]) -> dict[str, dict[str, NDArray[Any]]]:
+    from scipy.io import loadmat
+
+    wanted = [name for kind in kinds for name in (kind, kind + LABEL)]
+    try:
+        with warnings.catch_warnings(action="ignore"):
+            variables = loadmat(path, variable_names=wanted, squeeze_me=True, struct_as_record=False)
+    except Exception:  # damaged files lead to errors of many kinds
+        return {}
+    found = {kind: _columns(variables[kind], variables.get(kind + LABEL)) for kind in kinds if kind in variables}
+    return {kind: columns for kind, columns in found.items() if columns}
+
+
+def _columns(value: Any, labels: Any) -> dict[str, NDArray[Any]]:
+    """The columns of a labeled matrix, a structure, or the list of parameters; empty where it is none of them."""
+    if isinstance(value, np.ndarray) and value.dtype == object and value.ndim == 2 and value.shape[1] == 2:
+        return {"Name": _texts(value[:, 0]), "Value": np.array([_number(x) for x in value[:, 1]])}
+    if isinstance(value, np.ndarray) and value.ndim == 2 and value.dtype.kind in "fiu" and labels is not None:
+        names = [str(name).strip() for name in np.atleast_1d(labels)]
+        if len(names) == value.shape[1] and len(set(names)) == len(names):
+            return _timed(dict(zip(names, value.T.astype(np.float64), strict=True)))
+    if hasattr(value, "_fieldnames"):
+        fields = {name: np.atleast_1d(getattr(value, name)) for name in value._fieldnames}
+        kept = {name: x if x.dtype.kind in "fiu" else _texts(x) for name, x in fields.items() if x.ndim == 1}
+        return _timed({name: x if x.dtype.kind == "S" else x.astype(np.float64) for name, x in kept.items()})
+    return {}
+
+
+def _timed(columns: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """The columns if they have a clock, and all are as long as it."""
+    clock = next((columns[name] for name in CLOCKS if name in columns), np.zeros(0))
+    return columns if len(clock) and all(len(x) == len(clock) for x in columns.values()) else {}
+
+
+def _texts(values: Any) -> NDArray[np.bytes_]:
+    return np.array([re.sub(r"\s+$", "", str(x)).encode("ascii", "replace") for x in values])
+
+
+def _number(value: Any) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        return float("nan")

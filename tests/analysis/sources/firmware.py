@@ -1,0 +1,10 @@
+"""What tells a vehicle in a dataflash log."""
+
+import numpy as np
+
+from sim.dataflash_writer import DataflashMessages
+
+
+def firmware(text: str = "ArduPlane V4.5.7 (0f1e2d3c)") -> DataflashMessages:
+    """The message with the name of the firmware."""
+    return DataflashMessages("MSG", "QZ", {"TimeUS": np.zeros(1), "Message": np.array([text.encode()])})
