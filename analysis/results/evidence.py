@@ -9,8 +9,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import msgspec
+import numpy as np
 from scipy import special
 
+from analysis.curve import POLAR
 from analysis.estimation.noise import NORMAL_95
 from analysis.methods.motor_speed import PARAMETER as MOTOR_SPEED_PARAMETER
 from analysis.methods.rejected_assumptions import THRUST_TITLES
@@ -31,7 +33,7 @@ from analysis.records.flight import (
     WhyNot,
 )
 from analysis.results.settings import TRUST
-from analysis.settings import FLOWN
+from analysis.settings import CURVES, FLOWN
 from analysis.trajectory.observability import SENSOR_ERROR_KINDS
 from flight.messages import Comparison
 
@@ -171,6 +173,11 @@ def noise_limit(tests: int) -> float:
     return float(-special.ndtri(TRUST.false_alarm_rate / (2 * max(tests, 1))))
 
 
+def _level(figure: float, limit: float) -> Trust:
+    """Of evidence beyond its limit: beyond twice the limit, errors twice as large as stated would be denied, too."""
+    return Trust.NOT_TO_BE_TRUSTED if abs(figure) > TRUST.beyond_doubt * limit else Trust.DOUBTFUL
+
+
 @dataclass(frozen=True)
 class _Deviation:
     """What deviates, its name in the file, and by how many standard deviations."""
@@ -199,12 +206,11 @@ def _thrust(statistics: PoolingStatistics | None) -> Iterator[Evidence]:
 
 
 def _off_the_table(subject: str, of: tuple[float, float, str], text: str) -> Evidence:
-    """Of thrust; beyond twice the limit a table twice as uncertain as stated would be rejected, too. of: figure beyond
-    its limit, and their unit."""
+    """The evidence against the thrust of a table. of: figure beyond its limit, and their unit"""
     figure, limit, unit = of
     return Evidence(
         kind=EvidenceKind.THRUST_TABLE,
-        level=Trust.NOT_TO_BE_TRUSTED if abs(figure) > TRUST.beyond_doubt * limit else Trust.DOUBTFUL,
+        level=_level(figure, limit),
         part=PartOfResult.CURVE,
         subject=subject,
         figure=figure,
@@ -250,16 +256,16 @@ def _counted_speed(statistics: PoolingStatistics | None) -> Iterator[Evidence]:
         return
     i = statistics.names.index(MOTOR_SPEED_PARAMETER)
     share, error = statistics.values[i], math.sqrt(statistics.covariance[i][i])
-    poles = abs(share) > MOTOR_SPEED.least_pole_share
+    poles, limit = abs(share) > MOTOR_SPEED.least_pole_share, MOTOR_SPEED.least_errors * error
     check = "check `propulsion.pole_pairs`, and analyze again" if poles else "check its signal and wires"
     yield Evidence(
         kind=EvidenceKind.COUNTED_SPEED,
-        level=Trust.NOT_TO_BE_TRUSTED if poles else Trust.DOUBTFUL,
+        level=Trust.NOT_TO_BE_TRUSTED if poles else _level(share, limit),
         part=PartOfResult.CURVE,
         subject=MOTOR_SPEED_PARAMETER,
         figure=100 * share,
         unit="%",
-        limit=100 * MOTOR_SPEED.least_errors * error,
+        limit=100 * limit,
         text=(
             f"The motor turns {abs(100 * share):.1f} ± {100 * NORMAL_95 * error:.1f} %"
             f" {'faster' if share > 0 else 'slower'} than counted, since accelerations and decelerations differ in drag"
@@ -274,7 +280,7 @@ def _motor_speed(results: Results) -> Iterator[Evidence]:
         return
     yield Evidence(
         kind=EvidenceKind.MOTOR_SPEED,
-        level=Trust.DOUBTFUL,
+        level=_level(ratio - 1, TRUST.motor_constant),
         part=PartOfResult.CURVE,
         figure=ratio,
         limit=1 + TRUST.motor_constant if ratio > 1 else 1 - TRUST.motor_constant,
@@ -365,7 +371,9 @@ def _thrust_efficiency(results: Results) -> Iterator[Evidence]:
 
 
 def _sensor_errors(results: Results) -> Iterator[Evidence]:
-    """Of the first estimate; it was repeated with wider priors, so that the interval contains an error of that size."""
+    """Errors that the first estimate denied; it was repeated with wider priors, so that the interval contains an error
+    of that size. Another defect may look like one of a sensor: an interval that does not contain the curve without the
+    correction is not to be trusted."""
     if results.path is None or results.pooling is None:
         return
     tests = len(results.pooling.names)
@@ -373,10 +381,10 @@ def _sensor_errors(results: Results) -> Iterator[Evidence]:
     for name, sigmas in results.path.prior_conflicts.items():
         if abs(sigmas) <= limit:
             continue
-        subject = SENSOR_ERROR_KINDS[name].title
+        subject, covered = SENSOR_ERROR_KINDS[name].title, _effect(name, results.pooling) < 1
         yield Evidence(
             kind=EvidenceKind.SENSOR_ERROR,
-            level=Trust.DOUBTFUL,
+            level=Trust.NOT_TO_BE_TRUSTED if not covered else _level(sigmas, limit),
             part=PartOfResult.CURVE,
             subject=name,
             figure=sigmas,
@@ -388,6 +396,20 @@ def _sensor_errors(results: Results) -> Iterator[Evidence]:
                 f" {_CULPRIT[name]}: mend it, or state a larger [uncertainty] in the aircraft file."
             ),
         )
+
+
+def _effect(name: str, statistics: PoolingStatistics) -> float:
+    """How far the correction of a sensor error moves the curve, in half widths of its interval, where that is most; 0
+    for one that is not among the statistics."""
+    if name not in statistics.names:
+        return 0.0
+    i = statistics.names.index(name)
+    with_polar, variance = np.array(statistics.covariance[i][: len(POLAR)]), statistics.covariance[i][i]
+    change = with_polar / variance * (statistics.values[i] - statistics.prior_mean[i])
+    CL = np.linspace(*statistics.flown_CL, CURVES.points)
+    at = np.stack([np.ones_like(CL), CL, CL**2], axis=1)
+    half = NORMAL_95 * np.sqrt(np.einsum("ki,ij,kj->k", at, np.array(statistics.polar_covariance), at))
+    return float(np.max(np.abs(at @ change) / half))
 
 
 # What each comparison of the daemon doubts. It spares the others: GPS is an aid, whose faults the trajectory tells.
@@ -435,7 +457,7 @@ def _runs(results: Results) -> Iterator[Evidence]:
     beyond = sum(abs(one.z) > limit for one in compared)
     yield Evidence(
         kind=EvidenceKind.RUN_AGAINST_OTHERS,
-        level=Trust.DOUBTFUL,
+        level=_level(worst.z, limit),
         part=PartOfResult.CURVE if beyond > 1 else PartOfResult.AT_SPEED,
         subject=worst.run,
         figure=worst.z,

@@ -55,17 +55,20 @@ NOT_TRUSTED = {
     ),
     EvidenceKind.POLAR_CURVES_DOWNWARD: lambda r: replace(r, drag_polar=replace(r.drag_polar, A2=-0.01)),
     EvidenceKind.THRUST_TABLE: lambda r: replace(r, pooling=statistics(thrust_scale=-19.0)),
+    EvidenceKind.MOTOR_SPEED: lambda r: replace(r, speed_over_motor_constant=0.79),
+    EvidenceKind.RUN_AGAINST_OTHERS: lambda r: replace(r, runs_against_others=[compared(0.5), compared(-9.0)]),
+    EvidenceKind.SENSOR_ERROR: lambda r: replace(r, path=path(V_scale=-7.3), pooling=with_error("V_scale", 0.9)),
 }
 DOUBTFUL = {
     EvidenceKind.CROSS_CHECK: lambda r: replace(r, cross_check_differs=True),
     EvidenceKind.THRUST_TABLE: lambda r: replace(r, pooling=statistics(thrust_slope=4.0)),
     EvidenceKind.MOTOR_SPEED: lambda r: replace(r, speed_over_motor_constant=14 / 12),
-    EvidenceKind.RUN_AGAINST_OTHERS: lambda r: replace(r, runs_against_others=[compared(0.5), compared(-9.0)]),
+    EvidenceKind.RUN_AGAINST_OTHERS: lambda r: replace(r, runs_against_others=[compared(0.5), compared(-6.0)]),
     EvidenceKind.OUTSIDE_TABLE: lambda r: replace(
         r, power_required=[replace(point, extrapolated=True) for point in r.power_required]
     ),
     EvidenceKind.IMPLAUSIBLE_READINGS: lambda r: doubted(r, Comparison.AIRSPEED),
-    EvidenceKind.SENSOR_ERROR: lambda r: replace(r, path=path(V_scale=-4.8), pooling=statistics()),
+    EvidenceKind.SENSOR_ERROR: lambda r: replace(r, path=path(V_scale=-4.8), pooling=with_error("V_scale", 0.9)),
 }
 
 
@@ -88,6 +91,19 @@ def statistics(stand: float = 0.0, **sigmas: float) -> PoolingStatistics:
         prior_measurements=[
             PriorMeasurementStatistics(name="stand", coefficients={"A0": 1.0}, value=0.05 - stand, sigma=1.0)
         ],
+    )  # fmt: skip
+
+
+def with_error(name: str, half_widths: float) -> PoolingStatistics:
+    """The same with an estimate of a sensor error of 0.05 ± 0.01, which changes the constant term of drag by so many
+    half widths of its interval, 0.0196."""
+    by_error = half_widths * 0.0196 / 0.05 * 0.01**2
+    one = statistics()
+    return replace(
+        one, names=[*one.names, name], values=[*one.values, 0.05], prior_mean=[*one.prior_mean, 0.0],
+        prior_sigma=[*one.prior_sigma, 0.01],
+        covariance=[[]] * 5 + [[by_error, 0.0, 0.0, 0.0, 0.0, 0.01**2]],
+        polar_covariance=[[0.01**2, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]],
     )  # fmt: skip
 
 
@@ -119,6 +135,19 @@ def test_a_sensor_error_is_named_in_words(results: Results, name: str) -> None:
     (one,) = with_trust(replace(results, path=path(**{name: -9.5}), pooling=statistics())).evidence
     assert (one.subject, one.figure) == (name, -9.5)
     assert name not in one.text and "-9.5 times the standard deviation" in one.text
+
+
+@pytest.mark.parametrize(
+    ("sigmas", "half_widths", "trust"),
+    [(4.8, 0.9, Trust.DOUBTFUL), (4.8, 1.1, Trust.NOT_TO_BE_TRUSTED), (-7.3, 0.1, Trust.NOT_TO_BE_TRUSTED),
+     (3.3, 9.0, Trust.TRUSTED)],
+)  # fmt: skip
+def test_an_interval_that_did_not_grow_to_the_size_of_a_conflict_is_not_to_be_trusted(
+    results: Results, sigmas: float, half_widths: float, trust: Trust
+) -> None:
+    """Another defect may look like a sensor's error, and the curve be the one without its correction. Limit 3.5."""
+    changed = with_trust(replace(results, path=path(V_scale=sigmas), pooling=with_error("V_scale", half_widths)))
+    assert changed.trust is trust
 
 
 @pytest.mark.parametrize("kind", NOT_TRUSTED)
