@@ -25,13 +25,14 @@ from analysis.curve import POLAR, Polar, polar_part
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Convergence, Fit
 from analysis.estimation.model import Model, NamedValues, Parameter
+from analysis.estimation.noise import NORMAL_95
 from analysis.estimation.output_error import fit_output_error
 from analysis.maneuvers.kinds import Maneuver
 from analysis.methods import consider as covariance
 from analysis.methods import motor_speed
 from analysis.methods.consider import JointEstimate, joint_estimate, noise_covariance
 from analysis.methods.forces import THRUST_BY_MOTOR_SPEED, FlightForces, MotorSpeedError
-from analysis.methods.rejected_assumptions import rejected_assumptions
+from analysis.methods.rejected_assumptions import Assumption, rejected_assumptions
 from analysis.methods.settings import MOTOR_SPEED, REGRESSION
 from analysis.methods.thrust_prior import J_REFERENCE, THRUST, stand_measurements
 from analysis.records.flight import CurveStatus, ParameterResult
@@ -149,7 +150,7 @@ def estimate_polar(
     """Fit all runs at once along the reconstructed trajectory."""
     states, sensor_errors = trajectory.states.to_numpy(), trajectory.sensor_errors
     nominal = _nominal(FlightForces(trajectory, aircraft, propeller), runs)
-    flight_forces, level, fit, miscounted = nominal
+    flight_forces, level, fit, miscounted, as_counted = nominal
     forces, model = flight_forces.nominal, fit.model
 
     def segments_along(states: Array, sensor_errors: Array = sensor_errors) -> list[Segment]:
@@ -171,6 +172,8 @@ def estimate_polar(
     changes[covariance.DENSITY] = covariance.at_nominal_density(fit.values + by_density, aircraft) - fit.values
     rejected = rejected_assumptions(fit)
     changes |= {str(one.assumption): one.change for one in rejected}
+    if as_counted is not None:  # another defect may look like this one: the interval contains the curve as counted
+        changes[str(Assumption.COUNTED_SPEED)] = (fit.values - np.append(as_counted, 0.0)) / NORMAL_95
     values = fit.values
     for by_error in changes.values():
         systematic += np.outer(by_error, by_error)
@@ -248,12 +251,14 @@ def estimate_values(trajectory: Trajectory, runs: list[Maneuver], aircraft: Airc
 
 class _Nominal(NamedTuple):
     """The fit along the trajectory, and samples (n,) of level flight. miscounted: how certain an error of motor speed
-    is, which the forces are corrected for, in standard errors; 0 where there is none."""
+    is, which the forces are corrected for, in standard errors; 0 where there is none. as_counted: the estimate without
+    that correction; None where there is none."""
 
     flight_forces: FlightForces
     level: NDArray[np.bool_]
     fit: Fit
     miscounted: float = 0.0
+    as_counted: Array | None = None
 
 
 def _nominal(counted: FlightForces, runs: list[Maneuver]) -> _Nominal:
@@ -274,7 +279,7 @@ def _nominal(counted: FlightForces, runs: list[Maneuver]) -> _Nominal:
         if abs(total) < max(least, MOTOR_SPEED.least_errors * standard_error):
             return as_counted
         error = error._replace(share=total)
-    return _Nominal(forces, level, fit, total / standard_error)
+    return _Nominal(forces, level, fit, total / standard_error, as_counted.fit.values)
 
 
 def _fitted(model: Model, forces: pd.DataFrame, level: NDArray[np.bool_], runs: list[Maneuver]) -> Fit:

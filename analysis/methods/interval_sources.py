@@ -52,7 +52,8 @@ OF_SENSOR_ERROR = {
 }  # fmt: skip
 OF_CHANGE = {
     covariance.UPDRAFT: Source.UPDRAFT, covariance.WEIGHT: Source.WEIGHT, covariance.DENSITY: Source.DENSITY,
-    str(Assumption.THRUST_TABLE): Source.PROPELLER, str(Assumption.PARABOLIC_POLAR): Source.POLAR_SHAPE,
+    str(Assumption.THRUST_TABLE): Source.PROPELLER, str(Assumption.COUNTED_SPEED): Source.PROPELLER,
+    str(Assumption.PARABOLIC_POLAR): Source.POLAR_SHAPE,
 } | {f"{assumed.key} {i}": Source.AIRCRAFT_FILE for i, assumed in enumerate(ASSUMED_VALUES)}  # fmt: skip
 
 

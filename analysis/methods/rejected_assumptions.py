@@ -1,7 +1,9 @@
 """What the runs themselves deny: a parabolic polar, and a propeller table as good as assumed.
 
 Each assumption is tested by an estimate without it. Where the test rejects it, the change of the estimate is added to
-the interval, with a warning.
+the interval, with a warning. A thrust that the priors of its table hardly allow need not be the propeller's: a wrong
+weight, density or airspeed looks the same in runs, and then the correction of thrust is wrong. The interval contains
+the estimate without the correction, and as much beyond it.
 """
 
 from collections.abc import Mapping
@@ -15,6 +17,7 @@ from analysis.curve import polar_part
 from analysis.estimation.data import Segment
 from analysis.estimation.fit import Fit
 from analysis.estimation.model import Model, NamedValues, Parameter
+from analysis.estimation.noise import NORMAL_95
 from analysis.estimation.output_error import fit_output_error
 from analysis.methods import consider as covariance
 from analysis.methods.thrust_prior import STAND
@@ -35,6 +38,7 @@ class Assumption(StrEnum):
 
     THRUST_TABLE = "doubt of thrust"
     PARABOLIC_POLAR = "doubt of the polar's shape"
+    COUNTED_SPEED = "doubt of the counted motor speed"
 
 
 class RejectedAssumption(NamedTuple):
@@ -51,41 +55,36 @@ def rejected_assumptions(fit: Fit) -> list[RejectedAssumption]:
 
 
 def thrust_beyond_prior(model: Model, values: Mapping[str, float]) -> dict[str, float]:
-    """By error of thrust, and by the stand, how many prior standard deviations it is off where that is too many.
+    """By error of thrust, and by the stand, its prior standard deviations where the prior's 95 % do not contain it.
 
     values : of the parameters of the model
     """
     sigma = {q.name: q.prior_sigma for q in model.parameters if q.name in THRUST_TITLES}
-    beyond = {
-        name: values[name] / s for name, s in sigma.items() if s and abs(values[name]) > EVIDENCE.contradiction * s
-    }
+    beyond = {name: values[name] / s for name, s in sigma.items() if s and abs(values[name]) > NORMAL_95 * s}
     measured = {m.name: m.deviation(values) for m in model.prior_measurements}
-    return beyond | {name: z for name, z in measured.items() if abs(z) > EVIDENCE.contradiction}
+    return beyond | {name: z for name, z in measured.items() if abs(z) > NORMAL_95}
 
 
 def _thrust_rejected(fit: Fit) -> list[RejectedAssumption]:
     """Errors of thrust beyond what the prior allows, and a stand that the flight contradicts by as much.
 
-    The estimate is repeated with each of these priors as wide as the estimate is off.
+    The estimate is repeated with the thrust of the table, as if something else than the propeller were wrong.
     """
     beyond = thrust_beyond_prior(fit.model, dict(zip(fit.names, fit.values, strict=True)))
     if not beyond:
         return []
-    wider = tuple(
-        replace(q, prior_sigma=q.prior_sigma * abs(beyond[q.name])) if q.name in beyond and q.prior_sigma else q
+    held = tuple(
+        replace(q, prior_sigma=EVIDENCE.negligible * q.prior_sigma) if q.name in THRUST_TITLES and q.prior_sigma else q
         for q in fit.model.parameters
     )
-    measurements = tuple(
-        replace(m, sigma=m.sigma * abs(beyond[m.name])) if m.name in beyond else m for m in fit.model.prior_measurements
-    )
-    repeated = fit_output_error(replace(fit.model, parameters=wider, prior_measurements=measurements), _segments(fit))
+    repeated = fit_output_error(replace(fit.model, parameters=held, prior_measurements=()), _segments(fit))
     named = "; ".join(f"{THRUST_TITLES[name]}: {z:+.1f} standard deviations" for name, z in beyond.items())
     return [
         RejectedAssumption(
             Assumption.THRUST_TABLE,
             repeated.values - fit.values,
             f"The propeller's thrust differs from its table by more than assumed ({named}). The interval is wider by"
-            " what a less certain table changes. Check the propeller, its table, and the number of pole pairs"
+            " what that changes. Check the weight, the propeller, its table, and the number of pole pairs"
             f"{', and repeat the measurement on the stand' if STAND in beyond else ''}.",
         )
     ]

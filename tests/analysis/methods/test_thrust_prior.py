@@ -36,14 +36,14 @@ def on_stand(ratio: float, **stated: float) -> Aircraft:
     )
 
 
-def fitted(aircraft: Aircraft, noise_mps2: float = 0.02, slope: float = SLOPE) -> Fit:
+def fitted(aircraft: Aircraft, noise_mps2: float = 0.02, slope: float = SLOPE, scale: float = SCALE) -> Fit:
     """A deceleration of 60 blocks with errors of thrust, and noise of drag."""
     rng = np.random.default_rng(4)
     V = np.linspace(23.0, 12.0, 60)
     qS_over_m = 0.07 * V**2
     CL, J = 9.81 / qS_over_m, np.linspace(0.85, 0.45, 60)
     thrust = 1.0 + np.cos(np.arange(60) / 7)
-    drag = qS_over_m * (A @ [CL**0, CL, CL**2]) - thrust * (SCALE + slope * (J - J_REFERENCE))
+    drag = qS_over_m * (A @ [CL**0, CL, CL**2]) - thrust * (scale + slope * (J - J_REFERENCE))
     u = dict(zip(INPUTS, (CL, CL**2, qS_over_m, thrust, 0 * V, J), strict=True))
     z = {"drag": drag + noise_mps2 * rng.standard_normal(60)}
     return fit_output_error(drag_model(aircraft), Segment(name="run", t_s=0.2 * np.arange(60), u=u, z=z))
@@ -63,7 +63,7 @@ def test_the_prior_is_the_conditional_distribution_of_two_independent_errors_giv
 
 def test_without_a_stand_the_priors_are_independent() -> None:
     found = thrust_prior(NEXSTAR)
-    assert found.mean.tolist() == [0, 0] and found.covariance.tolist() == [[0.018**2, 0], [0, 0.15**2]]
+    assert found.mean.tolist() == [0, 0] and found.covariance == pytest.approx(np.diag([0.018**2, 0.15**2]))
     assert drag_model(NEXSTAR).prior_measurements == ()
 
 
@@ -109,6 +109,13 @@ def test_a_stand_that_the_flight_contradicts_is_named_and_widens_the_interval() 
     (rejected,) = rejected_assumptions(wrong)
     assert "thrust at rest, against the stand" in rejected.warning and "repeat the measurement" in rejected.warning
     assert abs(rejected.change[4]) > np.sqrt(wrong.covariance[4, 4])
+
+
+def test_a_thrust_outside_the_95_percent_of_its_prior_adds_all_of_its_correction_to_the_interval() -> None:
+    """A wrong weight looks the same: the curve may be that of the table. 1 % of thrust is nothing, 8 % is."""
+    (rejected,) = rejected_assumptions(fitted(NEXSTAR, noise_mps2=0.002, scale=0.08))
+    assert rejected.change[3] == pytest.approx(-0.08, abs=0.01) and "Check the weight" in rejected.warning
+    assert not rejected_assumptions(fitted(NEXSTAR, noise_mps2=0.002))
 
 
 def test_results_have_the_stand_for_pools_and_thrust_at_rest(probe) -> None:
