@@ -310,6 +310,7 @@ def trajectory_with(
         calibrated=data.calibrated,
         factor=prior_factor,
         height_noise=height_noise,
+        resolution=data.resolution,
     )
     if as_measured:
         return path_as_measured(

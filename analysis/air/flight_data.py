@@ -36,6 +36,7 @@ class FlightData(NamedTuple):
     zeroed : whether zeros at rest were subtracted        compass : None where no calibrated magnetometer can be used
     notes : what was lost, assumed or corrected, in sentences
     calibrated : standard errors of the air data by the transducers' calibration, by sensor error; empty without one
+    resolution : steps of the values as recorded, by column
     """
 
     table: pd.DataFrame
@@ -44,6 +45,7 @@ class FlightData(NamedTuple):
     compass: Compass | None
     notes: list[str]
     calibrated: Mapping[str, float] = MappingProxyType({})
+    resolution: Mapping[str, float] = MappingProxyType({})
 
 
 class Calibrations(NamedTuple):
@@ -85,7 +87,7 @@ def flight_data(log: Log, aircraft: Aircraft, propeller: Propeller, calibrations
     if magnetometer_calibration:
         compass, compass_notes = magnetometer.compass(air.table, magnetometer_calibration)
         notes += compass_notes
-    return FlightData(air.table, rest, at_rest is not None, compass, notes, calibrated)
+    return FlightData(air.table, rest, at_rest is not None, compass, notes, calibrated, channels.resolution)
 
 
 def silent_topics(table: pd.DataFrame, recorded: Collection[str]) -> list[str]:

@@ -28,6 +28,7 @@ from analysis.trajectory.settings import PRIORS
 from flight.aircraft import Aircraft
 from flight.arrays import Array
 from flight.propeller import FOLD, Propeller
+from flight.runs import STANDING
 
 
 class Rerun(Protocol):
@@ -205,6 +206,47 @@ def with_transducer_uncertainty(
         perturbed |= {name: with_zero_step(air, channel, step_Pa) for channel, name in ZERO_STEPS.items()}
     if not perturbed:
         return added
+    return _with_other_air(added, values_from, air, perturbed)
+
+
+MOTOR_SPEED_STEP = "step of the motor speed"  # name of this error
+
+
+def with_step_of_motor_speed(
+    added: AssumptionUncertainty | None,
+    values_from: Callable[[pd.DataFrame], NDArray[np.float64]],
+    air: pd.DataFrame,
+    step_revps: float,
+) -> AssumptionUncertainty | None:
+    """The uncertainty with that of a motor speed which is counted in steps; nothing is added where these are too small
+    to change thrust.
+
+    Whole pulses of a time are cut off, which takes half a step on average, or rounded, which takes none; no reading
+    tells which, and at even odds that is an error of all of the motor speed. What scatters about it is in the
+    residuals. values_from: as of `with_transducer_uncertainty`.
+    """
+    turning = air["n_revps"].to_numpy(dtype=float)
+    turning = turning[turning > STANDING.motor_revps]
+    error_revps = float(np.sqrt(0.5)) * step_revps / 2
+    if not len(turning) or 2 * error_revps < EVIDENCE.negligible * float(np.median(turning)):  # of thrust: the square
+        return added
+    known = air["n_revps"].to_numpy(dtype=float)
+    faster = air.assign(n_revps=np.where(known > STANDING.motor_revps, known + error_revps, known))
+    found = _with_other_air(added, values_from, air, {MOTOR_SPEED_STEP: faster})
+    note = (
+        f"Motor speed is recorded in steps of {step_revps:.2g} rev/s, as of whole pulses counted in a time: the"
+        " interval contains half a step to either side. A counter that times pulses has none."
+    )
+    return found._replace(notes=[*found.notes, note])
+
+
+def _with_other_air(
+    added: AssumptionUncertainty | None,
+    values_from: Callable[[pd.DataFrame], NDArray[np.float64]],
+    air: pd.DataFrame,
+    perturbed: Mapping[str, pd.DataFrame],
+) -> AssumptionUncertainty:
+    """The uncertainty with the changes of the estimate by other air data, by name of the error."""
     nominal = values_from(air)
     changes = {name: values_from(other) - nominal for name, other in perturbed.items()}
     covariance = np.sum([np.outer(change, change) for change in changes.values()], axis=0)

@@ -14,6 +14,7 @@ from analysis.methods.assumed_values import (
     AssumptionUncertainty,
     assumption_uncertainty,
     with_assumption_uncertainty,
+    with_step_of_motor_speed,
     with_transducer_uncertainty,
 )
 from analysis.methods.comparison import DYNAMIC
@@ -176,7 +177,9 @@ def _uncertainty_by_assumptions(flight: Reconstructed, method: str = "") -> Assu
     again with each of them. method: of the curve, where that is not the dynamic one."""
     rerun, aircraft = EstimateRerun(flight, method), flight.aircraft
     by_file = assumption_uncertainty(rerun, aircraft, flight.propeller, flight.condition, flight.flown_CL)
-    return with_transducer_uncertainty(by_file, rerun.values_with_air, flight.table, aircraft)
+    by_transducers = with_transducer_uncertainty(by_file, rerun.values_with_air, flight.table, aircraft)
+    step_revps = flight.data.resolution.get("n_revps", 0.0)
+    return with_step_of_motor_speed(by_transducers, rerun.values_with_air, flight.table, step_revps)
 
 
 DYNAMIC_TITLE = "dynamic method"

@@ -4,6 +4,8 @@ Samples that failed, were stale or saturated are left out. Long gaps are not int
 """
 
 import math
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +15,7 @@ from numpy.typing import NDArray
 from analysis.sources.grid import on_grid
 from analysis.sources.grid_settings import CHANNELS, STATISTICS
 from analysis.sources.recording import Event, EventKind
+from analysis.sources.resolution import step_of
 from flight import runs
 from flight.aircraft import Aircraft
 from flight.arrays import Array
@@ -188,6 +191,7 @@ class Channels(NamedTuple):
     rate_Hz: float
     start_ns: int  # Unix time of t_s = 0
     notes: list[str]  # clipping and long gaps, in sentences
+    resolution: Mapping[str, float] = MappingProxyType({})  # by column, the step of its values, where it has one
 
 
 def synchronize(log: Log, lag_s: dict[str, float] | None = None) -> Channels:
@@ -202,12 +206,15 @@ def synchronize(log: Log, lag_s: dict[str, float] | None = None) -> Channels:
     t_s: Array = np.arange(int((ticks_ns[-1] - start_ns) / 1e9 / period_s) + 1, dtype=float) * period_s
 
     table: dict[str, Array] = {}
+    resolution: dict[str, float] = {}
     of_topic = {topic: log.entries.get(topic, NO_ENTRIES) for topic in TOPICS}
     notes = [note for topic, entries in of_topic.items() for note in losses(topic, entries, start_ns)]
     for name, (topic, field) in COLUMNS.items():
         taken_s, value = samples(of_topic[topic], field, start_ns)
         table[name] = on_grid(t_s, taken_s - (lag_s or {}).get(topic, 0.0), value)
-    return Channels(pd.DataFrame(table, index=pd.Index(t_s, name="t_s")), 1 / period_s, start_ns, notes)
+        if step := step_of(value):
+            resolution[name] = step
+    return Channels(pd.DataFrame(table, index=pd.Index(t_s, name="t_s")), 1 / period_s, start_ns, notes, resolution)
 
 
 # How thresholds scale with the size of the aircraft (`flight.runs.AIRCRAFT_SIZE`), in a table of air data.

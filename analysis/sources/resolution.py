@@ -1,8 +1,31 @@
-"""Values that stand still between steps of their resolution, as straight lines."""
+"""The resolution of a channel, by its values; and values that stand still between its steps, as straight lines."""
 
 import numpy as np
 
+from analysis.sources.grid_settings import STATISTICS
 from analysis.sources.recording import Channel
+from flight.arrays import Array
+
+# Standard deviation of an error that is evenly spread over a step, in steps.
+OF_A_STEP = 1 / np.sqrt(12)
+
+
+def step_of(values: Array) -> float:
+    """The step of which all differences of values (n,) are multiples; 0 where there is none, or where no value returns.
+
+    A value that is a multiple of a step is wrong by up to half of it where it is rounded, and always by as much on
+    average where it is cut off, as pulses are that were not completed.
+    """
+    known = values[np.isfinite(values)]
+    levels = np.unique(known)
+    if not STATISTICS.fewest_values * len(levels) < len(known) or len(levels) < STATISTICS.fewest_readings:
+        return 0.0
+    apart = np.diff(levels)
+    apart = apart[apart > np.sqrt(np.finfo(float).eps) * (levels[-1] - levels[0])]  # beyond rounding
+    steps = np.round(apart / apart.min())
+    step = float(apart.sum() / steps.sum())
+    off = np.abs(apart / step - steps) > OF_A_STEP / 2
+    return step if np.mean(off) < STATISTICS.unmentioned_share else 0.0
 
 
 def without_steps(one: Channel) -> Channel:

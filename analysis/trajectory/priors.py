@@ -13,6 +13,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.sources.grid_settings import STATISTICS
+from analysis.sources.resolution import OF_A_STEP
 from analysis.sources.rest import mean_at_rest
 from analysis.trajectory.block_means import BlockMeans, moving_average
 from analysis.trajectory.dryden import mean_wind_profile
@@ -28,17 +29,23 @@ WIND = slice(STATES.index("wind_north"), STATES.index("wind_east") + 1)
 ZEROS = {"dp_alpha_zero": "dp_alpha_Pa", "q_c_zero": "q_c_Pa"}  # sensor errors, and their channels
 
 
-def noise_at_rest(table: pd.DataFrame, rest: list[slice]) -> dict[str, float]:
+def noise_at_rest(
+    table: pd.DataFrame, rest: list[slice], resolution: Mapping[str, float] = MappingProxyType({})
+) -> dict[str, float]:
     """Standard deviation of one sample of each channel of BENCH_SIGMA. rest: rows in which the aircraft is at rest.
 
     A reading that does not change at rest, as of air data that begin at some airspeed, shows no noise: it is that of
-    the bench.
+    the bench. resolution: by channel, the step of its values; one that is larger than the noise hides it, and is noise
+    itself.
     """
     noise = {}
     for name, bench in BENCH_SIGMA.items():
         variance = np.array([table[name].iloc[rows].var() for rows in rest])
         shown = variance[variance > np.finfo(float).eps]  # rounding of a constant is less, and NaN is not more
         noise[name] = float(max(np.sqrt(shown.mean()), SENSORS.least_noise_share * bench)) if len(shown) else bench
+        step = resolution.get(name, 0.0)
+        if step > noise[name]:
+            noise[name] = math.hypot(noise[name], OF_A_STEP * step)
     return noise
 
 
@@ -116,6 +123,7 @@ class SensorPriors(NamedTuple):
         the stated ones. An error of the reference's scale acts on both; they are taken as independent.
     factor : on all standard deviations, a number or (m,)
     height_noise : noise of the height in flight over that at rest
+    resolution : steps of the values as recorded, by channel
     """
 
     alpha_scale_sigma: float = 0.0
@@ -123,6 +131,7 @@ class SensorPriors(NamedTuple):
     calibrated: Mapping[str, float] = MappingProxyType({})
     factor: ArrayLike = 1.0
     height_noise: float = 1.0
+    resolution: Mapping[str, float] = MappingProxyType({})
 
 
 def sensor_error_prior(
@@ -132,7 +141,7 @@ def sensor_error_prior(
 
     zeros : standard errors [Pa] of the zeros that the log shows, `zeros_at_rest`
     """
-    alpha_scale_sigma, stated, calibrated, factor, _ = priors
+    alpha_scale_sigma, stated, calibrated, factor, *_ = priors
     with_calibration = {name: float(np.hypot(error, PRIORS.calibrated[name])) for name, error in calibrated.items()}
     sigma = {**stated, **with_calibration, **zeros}
     for name in ZEROS:

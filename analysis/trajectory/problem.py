@@ -60,7 +60,8 @@ class TrajectoryProblem:
         from analysis.trajectory.linearized_equations import Equations
 
         self.equations = Equations(blocks.n)
-        noise, at_rest = noise_at_rest(table, rest), _blocks_at_rest(rest, blocks.n)
+        noise = noise_at_rest(table, rest, priors.resolution)
+        at_rest = _blocks_at_rest(rest, blocks.n)
         noise["static_Pa"] *= priors.height_noise
         self.height_noise = priors.height_noise
         V = pd.Series(blocks["V_mps"])

@@ -7,7 +7,12 @@ import pandas as pd
 import pytest
 
 from analysis.air.transducers import AIR_DATA_CHANNELS, with_hysteresis, with_zero_step
-from analysis.methods.assumed_values import ZERO_STEPS, AssumptionUncertainty, with_transducer_uncertainty
+from analysis.methods.assumed_values import (
+    ZERO_STEPS,
+    AssumptionUncertainty,
+    with_step_of_motor_speed,
+    with_transducer_uncertainty,
+)
 from flight.aircraft import load_aircraft
 from tests.analysis.air.test_transducer_errors import up_and_down
 
@@ -49,3 +54,18 @@ def test_half_of_the_variance_of_a_zero_arises_in_mid_flight() -> None:
 def test_transducers_without_errors_add_nothing() -> None:
     none = replace(AIRCRAFT, uncertainty=replace(AIRCRAFT.uncertainty, hysteresis_fraction=0.0, transducer_zero_Pa=0.0))
     assert with_transducer_uncertainty(None, values_from, AIR, none) is None
+
+
+def test_a_motor_speed_in_steps_is_wrong_by_a_part_of_one_throughout() -> None:
+    """Steps of 25/7 rev/s, cut off or not: 1.26 rev/s, rms, and 2.5 % of thrust. Steps of 0.02 rev/s change nothing."""
+    air = AIR.assign(n_revps=np.where(np.arange(len(AIR)) < 100, 0.0, 100.0))
+
+    def thrust(table: pd.DataFrame) -> np.ndarray:
+        return np.array([table["n_revps"].iloc[500] ** 2, table["n_revps"].iloc[0]])
+
+    found = with_step_of_motor_speed(None, thrust, air, 25 / 7)
+    assert found is not None and list(found.changes) == ["step of the motor speed"]
+    assert found.changes["step of the motor speed"] == pytest.approx([0.0254e4, 0.0], rel=0.01), "none where it stands"
+    assert found.covariance[0, 0] == pytest.approx(0.0254e4**2, rel=0.02) and "3.6 rev/s" in found.notes[0]
+    assert with_step_of_motor_speed(None, thrust, air, 0.02) is None
+    assert with_step_of_motor_speed(found, thrust, air, 0.0) is found

@@ -66,6 +66,18 @@ def test_noise_at_rest_is_measured_where_there_is_rest_and_else_that_of_the_benc
     assert noise_at_rest(table, []) == BENCH_SIGMA
 
 
+def test_a_resolution_larger_than_the_noise_is_noise_and_a_smaller_one_is_in_it_already() -> None:
+    """A reading that stands still between steps of 40 Pa is off by 11.5 Pa, rms."""
+    rng = np.random.default_rng(0)
+    table = pd.DataFrame({name: rng.normal(5.0, sigma, 2000) for name, sigma in BENCH_SIGMA.items()})
+    quiet = noise_at_rest(table, [slice(0, 2000)])
+    coarse = noise_at_rest(table, [slice(0, 2000)], {"q_c_Pa": 40.0, "static_Pa": 3.0})
+    assert coarse["q_c_Pa"] == pytest.approx(np.hypot(quiet["q_c_Pa"], 40 / np.sqrt(12)))
+    assert {name: coarse[name] for name in coarse if name != "q_c_Pa"} == {
+        name: quiet[name] for name in quiet if name != "q_c_Pa"
+    }
+
+
 def test_the_error_of_a_zero_falls_with_the_time_at_rest_and_contains_slow_noise() -> None:
     """White noise of 6 Pa over 40 s at 25 Hz, and noise of 1 Pa that lasts a second, in 1,000 logs."""
     rng, seconds, logs = np.random.default_rng(5), 40, 1000
