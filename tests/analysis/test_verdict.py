@@ -15,10 +15,10 @@ COUNTED, RUNS = EvidenceKind.COUNTED_SPEED, EvidenceKind.RUN_AGAINST_OTHERS
     [
         ("study", Trust.TRUSTED, None),
         ("poles-12-for-14", Trust.NOT_TO_BE_TRUSTED, COUNTED),
-        ("landing-gear", Trust.DOUBTFUL, RUNS),
+        ("landing-gear", Trust.NOT_TO_BE_TRUSTED, RUNS),
         ("pulses-lost", Trust.DOUBTFUL, COUNTED),
-        ("vibration-forward", Trust.DOUBTFUL, EvidenceKind.SENSOR_ERROR),
-        ("airspeed-leak", Trust.DOUBTFUL, EvidenceKind.SENSOR_ERROR),
+        ("vibration-forward", Trust.NOT_TO_BE_TRUSTED, EvidenceKind.SENSOR_ERROR),
+        ("airspeed-leak", Trust.NOT_TO_BE_TRUSTED, EvidenceKind.SENSOR_ERROR),
     ],
 )
 def test_a_defect_is_named_and_a_sound_flight_is_trusted(world: str, trust: Trust, first: EvidenceKind | None) -> None:
