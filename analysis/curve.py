@@ -6,14 +6,22 @@ linearization.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from enum import Enum, StrEnum, auto
+from enum import Enum, auto
 from functools import cached_property
 from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.records.flight import ElectricalStatistics, Interval, PowerPoint, SpeedInterval, SpeedReason
+from analysis.records.flight import (
+    CurveResult,
+    Interval,
+    Kind,
+    PowerPoint,
+    PowerStatistics,
+    SpeedInterval,
+    SpeedReason,
+)
 from analysis.settings import CURVES
 from analysis.uncertain import Uncertain
 from flight.arrays import Array
@@ -146,13 +154,6 @@ def maximum_lift_to_drag(A: Array) -> float:
     return float(CL / drag_coefficient(A, CL))
 
 
-class Kind(StrEnum):
-    """Which power a curve is of."""
-
-    POWER_REQUIRED = "power required"  # thrust times airspeed
-    ELECTRICAL = "electrical power"  # from the battery
-
-
 class Cost(Enum):
     """What is least at a best speed."""
 
@@ -281,15 +282,22 @@ def polar_curve(
     )
 
 
-def stored_curve(statistics: ElectricalStatistics, condition: Condition, idle_W: float) -> Curve:
-    """The electrical curve that results have for pools and missions, with the errors that flights share."""
-    power = Uncertain(
-        np.array(statistics.power_W),
-        np.array(statistics.own_covariance),
-        {name: np.array(change) for name, change in statistics.shared.items()},
+def stored_curve(result: CurveResult, wing_area_m2: float, idle_W: float | None = None) -> Curve | None:
+    """The electrical curve that results have, with the errors that flights share; None where they lack statistics.
+
+    idle_W : instead of what the results know
+    """
+    found = result.statistics
+    if not isinstance(found, PowerStatistics):
+        return None
+    shared = {name: np.array(change) for name, change in found.shared.items()}
+    return Curve(
+        kind=Kind.ELECTRICAL,
+        condition=Condition(result.condition.weight_N, result.condition.air_density_kgpm3, wing_area_m2),
+        V_mps=np.array(found.speed_mps),
+        power_W=Uncertain(np.array(found.power_W), np.array(found.own_covariance), shared),
+        idle_W=result.idle_power_W if idle_W is None else idle_W,
     )
-    V = np.array(statistics.speed_mps)
-    return Curve(kind=Kind.ELECTRICAL, condition=condition, V_mps=V, power_W=power, idle_W=idle_W)
 
 
 def power_points(

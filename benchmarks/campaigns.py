@@ -35,6 +35,7 @@ from analysis.maneuvers.runs_file import select
 from analysis.methods import dynamic
 from analysis.methods.assumed_values import with_assumption_uncertainty, with_transducer_uncertainty
 from analysis.methods.dynamic import DynamicEstimate
+from analysis.records.flight import Kind
 from analysis.results.assemble import pooling_statistics
 from analysis.trajectory.observability import prior_conflict, with_misfit
 from analysis.trajectory.priors import SensorPriors, stated_sigma
@@ -163,15 +164,18 @@ def one_flight(job: Job) -> dict[str, Any]:
         **job._asdict(),
         "power_W": np.interp(V, truth["speed_mps"], truth["power_W"]).tolist(),
         "results": {
-            "evidence": [],
+            "software_version": "",
             "log": f"{job.configuration}{job.seed}.mcap",
             "aircraft": {
                 "name": aircraft.name, "title": aircraft.title, "wing_area_m2": aircraft.geometry.wing_area_m2,
                 "span_m": aircraft.geometry.span_m, "propeller": propeller.name,
             },
-            "test": {"weight_N": condition.weight_N, "air_density_kgpm3": condition.rho},
-            "air_temperature_K": float(data.table["temperature_K"].iloc[rows].mean()),
-            "pooling": msgspec.to_builtins(statistics),
+            "test": (test := {"weight_N": condition.weight_N, "air_density_kgpm3": condition.rho}),
+            "air": {"temperature_K": float(data.table["temperature_K"].iloc[rows].mean())},
+            "kind": Kind.POWER_REQUIRED,
+            "curves": {
+                Kind.POWER_REQUIRED: {"condition": test, "points": [], "statistics": msgspec.to_builtins(statistics)}
+            },
         },
     }  # fmt: skip
 

@@ -101,7 +101,7 @@ def plan_text(plan: str, turbulence_kt: float) -> str:
 def compared(results: dict[str, Any], truth: np.ndarray, V: np.ndarray) -> np.ndarray:
     """Error and half the interval, % of the truth (2, speeds). truth: as of `read_truth`."""
     flown, power, high = (
-        np.array([point[name] for point in results["power_required"]])
+        np.array([point[name] for point in results["curves"]["power_required"]["points"]])
         for name in ("speed_mps", "power_W", "power_hi_W")
     )
     # The curve itself: between its points it is no straight line, nor level beyond the last.

@@ -20,12 +20,12 @@ import typer
 from electrical import AUTOPILOTS, CLOSED_LOOP, true_power
 from flights import Setup, flown
 
+from analysis.curve import Cost
 from analysis.estimation.noise import NORMAL_95
 from analysis.methods.whole_flight.curve import estimate
 from analysis.methods.whole_flight.flight_table import flight_table
 from analysis.performance.autopilot_parameters import flight_values
 from analysis.records.flight import Interval
-from analysis.results.electrical import ElectricalFindings, _beside_the_curve
 from flight.atmosphere import SEA_LEVEL_DENSITY
 from flight.complete_aircraft import load_complete_aircraft
 from flight.errors import InputError
@@ -83,7 +83,7 @@ def found_of(job: tuple[int, tuple[str, str, str]]) -> Found:
     power = f"{np.sum(inside & known)} of {known.sum()}, ± {100 * np.median(half / found.power_W[at]):.1f} %"
     every = true_power(aircraft, flight, errors, found.V_mps, found.conditions.rho)
     cruise_mps = float(found.V_mps[int(np.nanargmin(every / found.V_mps))])
-    best_range = _beside_the_curve(ElectricalFindings(table, found)).best_range_speed
+    best_range = found.curve.best(Cost.ENERGY_PER_METER)
     values = flight_values(found, best_range, recording.parameters)
     assert values.airspeed_factor is not None
     factor = 1 / (1 + errors.values.V_scale)

@@ -8,7 +8,6 @@ import itertools
 import tempfile
 from pathlib import Path
 
-import msgspec
 import numpy as np
 from flights import Rows, Setup, flown
 from numpy.typing import NDArray
@@ -19,9 +18,9 @@ from analysis.methods.whole_flight.curve import FlownAircraft, estimate
 from analysis.methods.whole_flight.drag import DragWithheld, ThrustSource, drag_estimate
 from analysis.methods.whole_flight.flight_table import flight_table
 from analysis.methods.whole_flight.thrust_balance import motor_constants
-from analysis.records.flight import ElectricalFlight
-from analysis.results.electrical import ElectricalFindings as Found
-from analysis.results.electrical import electrical_results
+from analysis.records.flight import Results
+from analysis.results.energy_balance import EnergyBalanceFindings as Found
+from analysis.results.energy_balance import assemble_energy_balance
 from analysis.results.provenance import provenance_of_file
 from analysis.sources.ardupilot import read_ardupilot
 from analysis.sources.px4 import read_px4
@@ -125,9 +124,7 @@ def one_campaign(setup: Setup, *, sizes: str = "1,3,10", changed: int = 0, blind
     return rows
 
 
-def _pooled_flight(
-    setup: Setup, aircraft: CompleteAircraft, n: int, of: str
-) -> tuple[ElectricalFlight, Flight, DrawnErrors]:
+def _pooled_flight(setup: Setup, aircraft: CompleteAircraft, n: int, of: str) -> tuple[Results, Flight, DrawnErrors]:
     """Flight n of a campaign: errors of the aircraft as in its first, air and zeros of its own."""
     one = setup._replace(seed=1000 * setup.seed + n)
     errors = dataclasses.replace(one.drawn, values=setup.drawn.values)
@@ -140,8 +137,8 @@ def _pooled_flight(
     table = flight_table(recording, known.weight_N, known.wing_area_m2)
     estimated = Found(table, estimate(table, known.weight_N, known.wing_area_m2, known.span_m))
     provenance = provenance_of_file(Path(__file__), "", None, "")
-    results = electrical_results(Path(f"flight {one.seed}"), known, estimated, provenance)
-    return msgspec.convert(msgspec.to_builtins(results), ElectricalFlight), flight, errors
+    results = assemble_energy_balance(Path(f"flight {one.seed}"), known, estimated, provenance)
+    return results, flight, errors
 
 
 def columns(_: Aircraft) -> list[str]:

@@ -19,7 +19,7 @@ from analysis.methods.whole_flight.curve import ElectricalEstimate, estimate
 from analysis.methods.whole_flight.flight_table import flight_table
 from analysis.methods.whole_flight.simulated_truth import SimulatedTruth, compared
 from analysis.performance.autopilot_parameters import flight_values, typed_in
-from analysis.results.electrical import UNKNOWN
+from analysis.records.flight import UNKNOWN_SPEED
 from analysis.sources.ardupilot import read_ardupilot
 from flight.units import GRAVITY_MPS2 as g
 
@@ -50,7 +50,7 @@ def of_flight(path: Path) -> OfFlight:
     table = flight_table(recording, WEIGHT_N, AREA_M2)
     found = estimate(table, WEIGHT_N, AREA_M2, SPAN_M)
     power, sigma = (np.interp(SPEEDS_MPS, found.V_mps, of) for of in (found.power_W, found.standard_error_W))
-    parameters, _ = typed_in(flight_values(found, UNKNOWN, recording.parameters))
+    parameters, _ = typed_in(flight_values(found, UNKNOWN_SPEED, recording.parameters))
     (ratio,) = (one for one in parameters if one.name == "ARSPD_RATIO")
     error, half = 100 * (power / TRUTH_W - 1), 100 * NORMAL_95 * sigma / TRUTH_W
     return OfFlight(found, error, half, (ratio.lo, ratio.hi), compared(recording, table, found))

@@ -232,7 +232,7 @@ class Scattered:
         number = int(log.stem.rpartition("-")[2])
         source = self.flights[number % len(self.flights)]
         content = msgspec.json.decode((source / "results.json").read_bytes())
-        statistics = content["pooling"]
+        statistics = content["curves"]["power_required"]["statistics"]
         lower = np.zeros((len(statistics["values"]),) * 2)
         for i, row in enumerate(statistics["covariance"]):
             lower[i, : i + 1] = row

@@ -45,6 +45,7 @@ from analysis.missions.power import aerodynamic_source
 from analysis.missions.prediction import RESOLUTION, Air, Flight, Route
 from analysis.performance.level_flight import PerformanceModel
 from analysis.performance.stored_model import model_of, model_result
+from analysis.records.flight import Kind
 from analysis.results.assemble import pooling_statistics
 from analysis.trajectory import dryden
 from flight.aircraft import Aircraft, Installation, load_aircraft
@@ -138,13 +139,14 @@ def curve_of(setup: Setup, count: int, craft: Aircraft) -> tuple[PerformanceMode
                 "name": craft.name, "title": craft.title, "wing_area_m2": craft.geometry.wing_area_m2,
                 "span_m": craft.geometry.span_m, "propeller": found.model.propeller.name,
             },
-            "test": {"weight_N": found.at.weight_N, "air_density_kgpm3": found.at.rho},
-            "evidence": [],
-            "use": {
-                "battery_energy_Wh": 1.0, "power_train": {"measured": True},
-                "model": msgspec.to_builtins(model_result(found.model)),
+            "software_version": "",
+            "test": (test := {"weight_N": found.at.weight_N, "air_density_kgpm3": found.at.rho}),
+            "kind": Kind.POWER_REQUIRED,
+            "curves": {
+                Kind.POWER_REQUIRED: {"condition": test, "points": [], "statistics": msgspec.to_builtins(statistics)}
             },
-            "pooling": msgspec.to_builtins(statistics),
+            "battery": {"energy_Wh": 1.0, "usable": 1.0},
+            "use": {"power_train": {"measured": True}, "model": msgspec.to_builtins(model_result(found.model))},
         })  # fmt: skip
     pool = pool_results(results)
     use = pooled_use(pool)

@@ -59,8 +59,9 @@ def test_the_analysis_of_an_autopilot_s_log_imports_no_casadi() -> None:
     """Its 280 MB are then not needed: the extra [autopilot]. Here are the modules that such an analysis loads."""
     modules = (
         "analysis.pages.one_log, analysis.pipeline.whole_flight, analysis.methods.whole_flight.drag,"
-        "analysis.methods.whole_flight.simulated_truth, analysis.pages.electrical_page, analysis.results.electrical,"
-        "analysis.flights.electrical, analysis.pages.pooled_page, analysis.cli.route, analysis.cli.parameters"
+        "analysis.methods.whole_flight.simulated_truth, analysis.pages.electrical_page,"
+        "analysis.results.energy_balance, analysis.flights.electrical, analysis.pages.pooled_page,"
+        "analysis.cli.route, analysis.cli.parameters"
     )
     code = f"import sys, {modules}; print([name for name in ('casadi', 'plotly') if name in sys.modules])"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout

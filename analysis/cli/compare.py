@@ -40,12 +40,12 @@ def compare(
     if output is not None:
         check_writable(output / "report.html")
         _check_no_other_results(output / "results.json")
-    from analysis.flights.campaign.campaign import flight_folders_of, read_results
+    from analysis.flights.campaign.campaign import flight_folders_of, read_flights
     from analysis.flights.either_kind import compare_pools, pool_flights
     from analysis.pages.terminal import print_comparison
     from analysis.pages.write import write_comparison
 
-    sides = [read_results(flight_folders_of(folder)) for folder in (a, b)]
+    sides = [read_flights(flight_folders_of(folder)) for folder in (a, b)]
     for folder, side in zip((a, b), sides, strict=True):
         if not side.to_pool and not side.electrical:
             raise InputError(f"{folder}: no flight to compare; {side.left_out[0]}")
@@ -65,8 +65,8 @@ def compare(
 
 def _check_no_other_results(path: Path) -> None:
     """Raises InputError where there are results of something else, such as of a flight that is compared."""
-    from analysis.flights.campaign.campaign import read_json
     from analysis.records.pool import COMPARISON_FORMAT
+    from analysis.results.read import read_json
 
     if path.exists() and read_json(path).get("format") != COMPARISON_FORMAT:
         raise InputError(f"{path.parent}: has results of `analyze`, which must not be replaced; give another folder")

@@ -34,13 +34,13 @@ def add(
 
     Exit code 0: done. 2: a folder or the dataset cannot be used; one line on stderr says why.
     """
-    from analysis.flights.campaign.campaign import flight_folders_of, read_results
+    from analysis.flights.campaign.campaign import flight_folders_of, read_flights
     from analysis.flights.dataset import Dataset
 
     console = Console(highlight=False)
-    found = read_results([flight for folder in folders for flight in flight_folders_of(folder)])
+    found = read_flights([flight for folder in folders for flight in flight_folders_of(folder)])
     if not found.to_pool:
-        why = found.left_out[0] if found.left_out else f"{found.electrical[0]['log']}: gives electrical power only"
+        why = found.left_out[0] if found.left_out else f"{found.electrical[0].log}: gives electrical power only"
         raise InputError(f"{folders[0]}: no flight to add; {why}")
     added = Dataset(to).add(found.to_pool)
     for line in found.left_out:

@@ -299,7 +299,7 @@ def _flight(results: "RouteInput", wind: "Wind", speed: "Speed | Objective | Non
     from flight.atmosphere import pressure_at, temperature_at
 
     asked = parse_request(options.battery_Wh, options.usable)
-    energy_Wh = asked.battery_Wh or results.battery_energy_Wh
+    energy_Wh = asked.battery_Wh or (results.battery and results.battery.energy_Wh)
     if not energy_Wh:
         raise InputError('the results do not know the battery; give --battery-Wh "5000 mAh, 14.8 V"')
     voltage_V = voltage_of(options.battery_Wh or "")
@@ -335,25 +335,22 @@ def _flight(results: "RouteInput", wind: "Wind", speed: "Speed | Objective | Non
 
 def read_route_input(path: Path) -> "RouteInput":
     """As `read_results`, of one flight or of a pool."""
-    from analysis.missions.inputs import FORMATS, RouteInput
+    from analysis.missions import inputs
 
-    return _trusted(path, RouteInput, FORMATS)
+    return _trusted(path, inputs.read_route_input(path))
 
 
 def read_results(path: Path) -> "Results":
     """Doubts go to stderr. Raises InputError when it is something else, or not to be trusted."""
-    from analysis.records.flight import FORMAT, Results
+    from analysis.results import read
 
-    return _trusted(path, Results, (FORMAT,))
+    return _trusted(path, read.read_results(path))
 
 
-def _trusted(path: Path, content: type[Read], formats: tuple[str, ...]) -> Read:
+def _trusted(path: Path, results: Read) -> Read:
     from analysis.records.flight import Trust
     from analysis.results.evidence import sentence
-    from flight.files import JsonFormat, json_object_text
 
-    of = "results of `analyze`"
-    results = JsonFormat(content, formats, of).parsed(json_object_text(path, of), str(path))
     if results.trust is Trust.NOT_TO_BE_TRUSTED:
         raise InputError(f"{path}: not to be trusted ({results.evidence[0].kind}); take another flight's results")
     for one in results.evidence:

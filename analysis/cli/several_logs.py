@@ -107,27 +107,27 @@ def _pool(campaign: Campaign, output: Path, quiet: bool) -> ExitCode:
     Raises InputError when they cannot be pooled.
     """
     with Console(stderr=True, quiet=quiet).status(f"pooling {len(campaign.folders)} flights …"):
-        from analysis.flights.campaign.campaign import read_results
-        from analysis.flights.electrical import electrical_flights, electrical_pool, pooled_results
+        from analysis.flights.campaign.campaign import read_flights
+        from analysis.flights.electrical import electrical_pool, pooled_results
         from analysis.flights.evidence import against_electrical
         from analysis.flights.pool import pool_results
         from analysis.pages.terminal import print_electrical_pool, print_pooled
         from analysis.pages.write import write_electrical_flights, write_electrical_pool, write_pooled
 
-        page, found = output / "report.html", read_results(campaign.folders)
+        page, found = output / "report.html", read_flights(campaign.folders)
         if not found.to_pool and not found.electrical:
             raise InputError(f"{output}: no flight to pool; {found.left_out[0]}; each flight has its folder")
         if found.to_pool:
             pooled = pool_results(found.to_pool).results(found.left_out, campaign.failures)
             write_pooled(pooled, output)
         else:
-            flights, refused = electrical_flights(found.electrical), ""
+            flights, refused = found.electrical, ""
             try:
                 curve = pooled_results(electrical_pool(flights), found.left_out, campaign.failures)
                 write_electrical_pool(flights, curve, output)
             except InputError as error:  # each flight keeps its own curve
                 refused = str(error)
-                write_electrical_flights(found.electrical, campaign.failures, output)
+                write_electrical_flights(flights, campaign.failures, output)
 
     def print_results() -> None:
         if quiet:

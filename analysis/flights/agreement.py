@@ -250,9 +250,9 @@ def trends(flights: Sequence[FlightStatistics], deviations_percent: Array, error
     """
     found = []
     for quantity, unit, values in (
-        (TrendQuantity.DATE, "days since 1970", [_or_nan(f.content.pooling.start_unix_s) / 86400.0 for f in flights]),
+        (TrendQuantity.DATE, "days since 1970", [_or_nan(f.start_unix_s) / 86400.0 for f in flights]),
         (TrendQuantity.TEMPERATURE, "K", [_or_nan(f.content.air_temperature_K) for f in flights]),
-        (TrendQuantity.BATTERY, "V", [_or_nan(f.content.pooling.battery_V) for f in flights]),
+        (TrendQuantity.BATTERY, "V", [_or_nan(f.statistics.battery_V) for f in flights]),
     ):
         x = np.array(values)
         known = np.isfinite(x)

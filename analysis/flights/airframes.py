@@ -85,7 +85,7 @@ def airframe(name: str, configuration: str, flights: Sequence[FlightStatistics],
 def _changes(whole: Pool, alarms_a_year: float) -> list[Change]:
     """By date, of three flights or more that have one."""
     flights = whole.flights
-    times = np.array([one.content.pooling.start_unix_s for one in flights], dtype=float) / 86400.0
+    times = np.array([one.start_unix_s for one in flights], dtype=float) / 86400.0
     flights_a_year = 365.25 * len(flights) / max(times[-1] - times[0], len(flights))  # one a day at most
     return find_changes(series(whole), times, flights_a_year / alarms_a_year)
 

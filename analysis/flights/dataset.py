@@ -16,8 +16,9 @@ from urllib.parse import quote, unquote
 import msgspec
 
 from analysis.flights.campaign.addresses import file_system
-from analysis.flights.flight_statistics import FlightContent, FlightStatistics, of_content, read_statistics
-from analysis.records.flight import POOLING_FORMAT
+from analysis.flights.flight_statistics import FlightStatistics, of_content, read_statistics, without_details
+from analysis.records.flight import FORMAT, POOLING_FORMAT, Results
+from analysis.results.read import read_results
 from flight.errors import InputError
 
 if TYPE_CHECKING:
@@ -36,7 +37,8 @@ class StoredFlight(NamedTuple):
 
     flight: str
     configuration: str
-    content: FlightContent
+    start_unix_s: float | None
+    content: Results
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,7 @@ class Dataset:
 
     address: str
 
-    def add(self, results: Iterable[Mapping[str, Any]]) -> Added:
+    def add(self, results: Iterable[Mapping[str, Any] | Results]) -> Added:
         """Add the contents of results.json. Flights that are there already are left as they are."""
         new: dict[str, list[StoredFlight]] = defaultdict(list)
         count = 0
@@ -78,18 +80,16 @@ class Dataset:
 
         unread: receives a line for each file that cannot be read; raises InputError for the first where it is None
         """
-        found: dict[str, tuple[str, FlightContent]] = {}
+        found: dict[str, tuple[str, FlightStatistics]] = {}
         for table in self._tables(airframe, ["flight", "configuration", "format", "content"], unread):
             for row in table.to_pylist():
-                if row["format"] == POOLING_FORMAT:
-                    found[row["flight"]] = (
-                        row["configuration"],
-                        msgspec.msgpack.decode(row["content"], type=FlightContent),
-                    )
+                content = _read_row(row)
+                if content is not None:
+                    found[row["flight"]] = (row["configuration"], of_content(content))
         by_configuration: dict[str, list[FlightStatistics]] = defaultdict(list)
-        for key in sorted(found, key=lambda key: (found[key][1].pooling.start_unix_s or math.inf, key)):
-            configuration, content = found[key]
-            by_configuration[configuration].append(of_content(content))
+        for key in sorted(found, key=lambda key: (found[key][1].start_unix_s or math.inf, key)):
+            configuration, flight = found[key]
+            by_configuration[configuration].append(flight)
         return dict(by_configuration)
 
     def _tables(self, airframe: str, columns: list[str], unread: list[str] | None = None) -> Iterator["pa.Table"]:
@@ -129,8 +129,8 @@ class Dataset:
                 "flight": one.flight,
                 "log": one.content.log,
                 "configuration": one.configuration,
-                "start_unix_s": one.content.pooling.start_unix_s,
-                "format": one.content.pooling.format,
+                "start_unix_s": one.start_unix_s,
+                "format": one.content.format,
                 "content": msgspec.msgpack.encode(one.content),
             }
             for one in flights
@@ -143,18 +143,28 @@ class Dataset:
             pq.write_table(pa.Table.from_pylist(rows, schema=schema), stream, compression="zstd")
 
 
-def stored(results: Mapping[str, Any]) -> StoredFlight:
+def stored(results: Mapping[str, Any] | Results) -> StoredFlight:
     """A flight's row, without what a mission is computed from. Raises InputError as `read_statistics` does."""
-    content = msgspec.structs.replace(read_statistics(results).content, use=None)
-    of_flight = content.pooling
+    found = read_statistics(results)
+    of_flight = found.statistics
     common = (
-        content.aircraft.wing_area_m2,
+        found.aircraft.wing_area_m2,
         of_flight.propeller_table,
         of_flight.installation,
         of_flight.probe_calibration,
         msgspec.to_builtins(of_flight.prior_measurements or []),
     )
-    return StoredFlight(_fingerprint(of_flight.values), _fingerprint(common), content)
+    content = msgspec.structs.replace(without_details(found.content), use=None)
+    return StoredFlight(_fingerprint(of_flight.values), _fingerprint(common), found.start_unix_s, content)
+
+
+def _read_row(row: Mapping[str, Any]) -> Results | None:
+    """None where it is of another version. Rows of earlier ones have the format of their statistics."""
+    if row["format"] == FORMAT:
+        return msgspec.msgpack.decode(row["content"], type=Results)
+    if row["format"] == POOLING_FORMAT:
+        return read_results(msgspec.msgpack.decode(row["content"], type=dict[str, Any]))
+    return None
 
 
 def _fingerprint(value: Any) -> str:

@@ -10,15 +10,16 @@ import numpy as np
 
 from analysis.flights.comparison import Comparison
 from analysis.flights.comparison import compare as compare_drag
-from analysis.flights.electrical import ElectricalPool, compare_electrical, electrical_flights, electrical_pool
-from analysis.flights.flight_statistics import read_content
+from analysis.flights.electrical import ElectricalPool, compare_electrical, electrical_pool
 from analysis.flights.pool import Pool
 from analysis.flights.pool import pool_results as pool_drag
+from analysis.records.flight import Kind, Results
 from analysis.records.pool import ComparisonResults
+from analysis.results.read import read_results
 from flight.arrays import Array
 from flight.errors import InputError
 
-Content = Path | Mapping[str, Any]
+Content = Path | Mapping[str, Any] | Results
 
 
 def pool_flights(results: Sequence[Content]) -> Pool | ElectricalPool:
@@ -27,18 +28,13 @@ def pool_flights(results: Sequence[Content]) -> Pool | ElectricalPool:
     Raises InputError for no flights, for flights of both kinds, for results without statistics, for one flight twice,
     and for flights of two aircraft, propellers or installations.
     """
-    contents = [read_content(one) for one in results]
-    electrical = [where for where, content in contents if only_electrical(content)]
+    contents = [read_results(one) for one in results]
+    electrical = [one.log for one in contents if one.pooling is None and one.kind is Kind.ELECTRICAL]
     if not electrical:
-        return pool_drag(results)
+        return pool_drag(contents)
     if len(electrical) < len(contents):
         raise InputError(f"{electrical[0]}: gives electrical power only, and others drag; pool flights of one kind")
-    return electrical_pool(electrical_flights([content for _, content in contents]))
-
-
-def only_electrical(content: Mapping[str, Any]) -> bool:
-    """Whether results have statistics of electrical power, and none of drag."""
-    return content.get("pooling") is None and content.get("electrical") is not None
+    return electrical_pool(contents)
 
 
 @dataclass(frozen=True)

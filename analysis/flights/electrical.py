@@ -8,11 +8,10 @@ an aircraft: the current meter's and the airspeed's scale, mass, thermometer, po
 priors are from the truth. They do not average out in a pool, and cancel between two pools of one aircraft.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
@@ -31,7 +30,7 @@ from analysis.flights.evidence import (
 )
 from analysis.flights.pool_settings import POOLING
 from analysis.flights.power_train import mean_air
-from analysis.records.flight import ConditionResult, ElectricalFlight, ElectricalStatistics
+from analysis.records.flight import ConditionResult, Kind, PowerStatistics, Results
 from analysis.records.pool import (
     AgreementTest,
     ComparisonResults,
@@ -54,7 +53,7 @@ from flight.version import version
 class ElectricalPool(NamedTuple):
     """Flights, the curve of each at the condition of the pool, and the curve of all."""
 
-    flights: list[ElectricalFlight]
+    flights: list[Results]
     curves: list[Curve]
     curve: Curve
 
@@ -73,14 +72,14 @@ class ElectricalPool(NamedTuple):
         return pooled_results(self, left_out, failures)
 
 
-def electrical_pool(flights: Sequence[ElectricalFlight], condition: Condition | None = None) -> ElectricalPool:
+def electrical_pool(flights: Sequence[Results], condition: Condition | None = None) -> ElectricalPool:
     """At the flights' mean weight and density, or at another condition.
 
     Raises InputError for flights of two aircraft, for the same flight twice, and for results without statistics.
     """
     first = flights[0]
     for one in flights:
-        if one.electrical is None or one.electrical.pooling is None:
+        if Kind.ELECTRICAL not in one.curves or one.curves[Kind.ELECTRICAL].statistics is None:
             raise InputError(f"{one.log}: its results are of an earlier version; analyze the log again")
         if (one.aircraft.wing_area_m2, one.aircraft.span_m) != (first.aircraft.wing_area_m2, first.aircraft.span_m):
             raise InputError(
@@ -104,18 +103,18 @@ def electrical_pool(flights: Sequence[ElectricalFlight], condition: Condition | 
     return _together(list(flights), curves, V[flown])
 
 
-def _curve(flight: ElectricalFlight) -> Curve:
+def _curve(flight: Results) -> Curve:
     """Of one flight, at its own weight and density."""
-    assert flight.electrical is not None and flight.electrical.pooling is not None
-    condition = Condition(flight.test.weight_N, flight.test.air_density_kgpm3, flight.aircraft.wing_area_m2)
-    return stored_curve(flight.electrical.pooling, condition, flight.electrical.idle_power_W)
+    curve = stored_curve(flight.curves[Kind.ELECTRICAL], flight.aircraft.wing_area_m2)
+    assert curve is not None  # as has been checked
+    return curve
 
 
 def _inside(curve: Curve, V: Array) -> NDArray[np.bool_]:
     return np.asarray((curve.V_mps[0] * (1 - 1e-9) <= V) & (curve.V_mps[-1] * (1 + 1e-9) >= V))
 
 
-def _together(flights: list[ElectricalFlight], curves: list[Curve], V: Array) -> ElectricalPool:
+def _together(flights: list[Results], curves: list[Curve], V: Array) -> ElectricalPool:
     """At each speed the mean of the curves that contain it, weighed by the inverse variance of their own errors."""
     at = [CubicSpline(one.V_mps, np.eye(len(one.V_mps)))(np.clip(V, one.V_mps[0], one.V_mps[-1])) for one in curves]
     variance = np.stack([np.einsum("vi,ij,vj->v", B, one.power_W.own, B) for B, one in zip(at, curves, strict=True)])
@@ -194,13 +193,13 @@ def _condition_result(pool: ElectricalPool) -> ConditionResult:
     return ConditionResult(weight_N=condition.weight_N, air_density_kgpm3=condition.rho)
 
 
-def _idle_W(flights: Sequence[ElectricalFlight]) -> float:
-    return float(np.mean([one.electrical.idle_power_W for one in flights if one.electrical]))
+def _idle_W(flights: Sequence[Results]) -> float:
+    return float(np.mean([one.curves[Kind.ELECTRICAL].idle_power_W for one in flights]))
 
 
-def _statistics(pool: ElectricalPool) -> ElectricalStatistics:
+def _statistics(pool: ElectricalPool) -> PowerStatistics:
     power = pool.curve.power_W
-    return ElectricalStatistics(
+    return PowerStatistics(
         speed_mps=pool.curve.V_mps.tolist(),
         power_W=power.value.tolist(),
         own_covariance=power.own.tolist(),
@@ -263,7 +262,7 @@ def _deviations(difference: ElectricalDifference) -> list[Deviation]:
 
 
 def compare_electrical(
-    a: Sequence[ElectricalFlight], b: Sequence[ElectricalFlight], names: Sequence[str] = ("", "")
+    a: Sequence[Results], b: Sequence[Results], names: Sequence[str] = ("", "")
 ) -> ComparisonResults:
     """B against A at the weight and density of A. Errors of one aircraft, by its name and autopilot, cancel.
 
@@ -315,8 +314,3 @@ def compare_electrical(
 def _configuration(pool: ElectricalPool, name: str) -> Configuration:
     logs = [one.log for one in pool.flights]
     return Configuration(aircraft=pool.flights[0].aircraft, installation="", logs=logs, name=name)
-
-
-def electrical_flights(contents: Sequence[Mapping[str, Any]]) -> list[ElectricalFlight]:
-    """What is pooled of the contents of results.json."""
-    return msgspec.convert(list(contents), list[ElectricalFlight])

@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from analysis.flights.agreement import Difference, LikelyCause, Test, likely_cause
 from analysis.flights.flight_statistics import FlightStatistics
-from analysis.records.flight import ElectricalFlight, Evidence, EvidenceKind, PartOfResult, Trust
+from analysis.records.flight import Evidence, EvidenceKind, PartOfResult, Results, Trust
 from analysis.results.evidence import worst_first
 from analysis.results.settings import TRUST
 from analysis.trajectory.observability import SENSOR_ERROR_KINDS, SensorErrorKind
@@ -20,21 +20,13 @@ def against_flights(flights: Sequence[FlightStatistics]) -> Iterator[Evidence]:
         yield from _of_results(flight.name, flight.content.evidence)
 
 
-def against_electrical(flights: Sequence[ElectricalFlight]) -> list[Evidence]:
+def against_electrical(flights: Sequence[Results]) -> list[Evidence]:
     """The same of flights that give electrical power only, the worst first."""
     return worst_first(one for flight in flights for one in _of_results(flight.log, flight.evidence))
 
 
-def _of_results(log: str, evidence: list[Evidence] | None) -> Iterator[Evidence]:
-    if evidence is None:
-        yield Evidence(
-            kind=EvidenceKind.NO_VERDICT,
-            level=Trust.DOUBTFUL,
-            part=PartOfResult.CURVE,
-            log=log,
-            text="Its results are of an earlier version, which gave no verdict: analyze the log again.",
-        )
-    for one in evidence or ():
+def _of_results(log: str, evidence: list[Evidence]) -> Iterator[Evidence]:
+    for one in evidence:
         yield replace(one, log=log)
 
 
@@ -167,13 +159,13 @@ NOT_ONE_VEHICLE = (
 )
 
 
-def one_vehicle(a: Sequence[ElectricalFlight], b: Sequence[ElectricalFlight]) -> bool:
+def one_vehicle(a: Sequence[Results], b: Sequence[Results]) -> bool:
     """Whether the same boards logged both, as far as the logs say which."""
     of_a, of_b = ({one.vehicle for one in flights if one.vehicle} for flights in (a, b))
     return not of_a or not of_b or of_a == of_b
 
 
-def vehicle_notes(flights: Sequence[ElectricalFlight]) -> list[str]:
+def vehicle_notes(flights: Sequence[Results]) -> list[str]:
     """A sentence for each name with flights of several boards, and for each board with flights of several names."""
     of_name, of_vehicle = (defaultdict[str, dict[str, list[str]]](lambda: defaultdict(list)) for _ in range(2))
     for one in flights:

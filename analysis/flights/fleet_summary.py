@@ -10,7 +10,7 @@ from analysis.estimation.noise import NORMAL_95
 from analysis.flights.airframes import Airframe, fleet_curve
 from analysis.flights.changes import Change
 from analysis.flights.evidence import undated_text
-from analysis.flights.flight_statistics import FlightContent
+from analysis.flights.flight_statistics import FlightStatistics
 from analysis.flights.joint_pool import JointPool
 from analysis.records.fleet import (
     AirframeResult,
@@ -46,42 +46,42 @@ def fleet_results(fleet: Sequence[Airframe], left_out: Sequence[str]) -> FleetRe
 def _contradictions(fleet: Sequence[Airframe]) -> list[ContradictionResult]:
     """By airframe, the first of each kind, in the order of the dates."""
     found: list[ContradictionResult] = []
-    by_name: dict[str, list[FlightContent]] = defaultdict(list)
+    by_name: dict[str, list[FlightStatistics]] = defaultdict(list)
     for airframe in fleet:
-        by_name[airframe.name] += (flight.content for flight in airframe.flights)
+        by_name[airframe.name] += airframe.flights
     for name, flights in by_name.items():
-        flights.sort(key=lambda one: (one.pooling.start_unix_s or 0.0, one.log))
+        flights.sort(key=lambda one: (one.start_unix_s or 0.0, one.name))
         first = flights[0]
         size = first.aircraft.wing_area_m2, first.aircraft.span_m
         other = next((one for one in flights if (one.aircraft.wing_area_m2, one.aircraft.span_m) != size), None)
         if other:
-            said = f"{name}: {other.log} has another wing area or span than {first.log}: two aircraft of one name?"
+            said = f"{name}: {other.name} has another wing area or span than {first.name}: two aircraft of one name?"
             found.append(_contradiction(Contradiction.SIZE, name, other, first, f"{said} Give each its own."))
-        left: dict[str, FlightContent] = {}
-        dated = [one for one in flights if one.pooling.start_unix_s is not None and one.pooling.installation]
+        left: dict[str, FlightStatistics] = {}
+        dated = [one for one in flights if one.dated and one.installation]
         for before, one in pairwise(dated):
-            if one.pooling.installation in left:
-                earlier = left[one.pooling.installation]
+            if one.installation in left:
+                earlier = left[one.installation]
                 said = (
-                    f"{name}: {one.log} names the installation {one.pooling.installation!r} of {earlier.log} again,"
-                    f" after {before.log} with {before.pooling.installation!r}: give what was mounted anew a new name,"
+                    f"{name}: {one.name} names the installation {one.installation!r} of {earlier.name} again,"
+                    f" after {before.name} with {before.installation!r}: give what was mounted anew a new name,"
                     " or two airframes their own names."
                 )
                 found.append(_contradiction(Contradiction.INSTALLATION, name, one, earlier, said))
                 break
-            if one.pooling.installation != before.pooling.installation:
-                left[before.pooling.installation] = before
+            if one.installation != before.installation:
+                left[before.installation] = before
     return found
 
 
 def _contradiction(
-    kind: Contradiction, airframe: str, later: FlightContent, earlier: FlightContent, text: str
+    kind: Contradiction, airframe: str, later: FlightStatistics, earlier: FlightStatistics, text: str
 ) -> ContradictionResult:
-    return ContradictionResult(kind=kind, airframe=airframe, log=later.log, earlier_log=earlier.log, text=text)
+    return ContradictionResult(kind=kind, airframe=airframe, log=later.name, earlier_log=earlier.name, text=text)
 
 
 def _airframe(one: Airframe) -> AirframeResult:
-    first, last = one.flights[0].content, one.flights[one.dated - 1].content
+    first, last = one.flights[0], one.flights[one.dated - 1]
     return AirframeResult(
         name=one.name,
         title=last.aircraft.title,
@@ -90,8 +90,8 @@ def _airframe(one: Airframe) -> AirframeResult:
         propeller=last.aircraft.propeller,
         flights=len(one.flights),
         pooled_flights=len(one.pool.flights),
-        first_unix_s=first.pooling.start_unix_s,
-        last_unix_s=last.pooling.start_unix_s,
+        first_unix_s=first.start_unix_s,
+        last_unix_s=last.start_unix_s,
         test=_condition(one.pool),
         power_required=one.pool.curve.points(),
         trust=trust_by(one.pool.evidence),
@@ -117,7 +117,7 @@ def _curve(airframes: Sequence[Airframe]) -> FleetCurveResult:
 
 
 def _change(airframe: Airframe, change: Change) -> ChangeResult:
-    since, found = airframe.flights[change.since].content, airframe.flights[change.found].content
+    since, found = airframe.flights[change.since], airframe.flights[change.found]
     drag_error, thrust_error = change.errors
     drag, thrust = 100 * change.drag, 100 * change.thrust
     drag_half, thrust_half = 100 * NORMAL_95 * drag_error, 100 * NORMAL_95 * thrust_error
@@ -129,17 +129,17 @@ def _change(airframe: Airframe, change: Change) -> ChangeResult:
         )
         if change.what is not alone
     )
-    when = f"flight {change.since + 1}, {since.log}"
-    if since.pooling.start_unix_s is not None:
-        when = datetime.fromtimestamp(since.pooling.start_unix_s, UTC).strftime("%d %B %Y").lstrip("0")
+    when = f"flight {change.since + 1}, {since.name}"
+    if since.start_unix_s is not None:
+        when = datetime.fromtimestamp(since.start_unix_s, UTC).strftime("%d %B %Y").lstrip("0")
     unchanged = {What.DRAG: ", thrust unchanged", What.PROPULSION: ", drag unchanged", What.BOTH: ""}[change.what]
     slowly = "slowly " if change.shape is Shape.DRIFT else ""
     return ChangeResult(
         what=change.what,
         shape=change.shape,
-        since_log=since.log,
-        since_unix_s=since.pooling.start_unix_s,
-        found_log=found.log,
+        since_log=since.name,
+        since_unix_s=since.start_unix_s,
+        found_log=found.name,
         drag_percent=drag,
         drag_half_width_percent=drag_half,
         thrust_percent=thrust,

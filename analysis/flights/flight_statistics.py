@@ -1,25 +1,15 @@
 """The statistics of one flight as arrays, read from its `results.json`."""
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import msgspec
 import numpy as np
+from msgspec.structs import replace
 
 from analysis.curve import POLAR, Condition, Polar, polar_part
-from analysis.records.flight import POOLING_FORMAT as FORMAT
-from analysis.records.flight import (
-    AircraftResult,
-    ComputationModel,
-    ConditionResult,
-    Evidence,
-    PoolingStatistics,
-    PowerPoint,
-    SlowestFlown,
-    Trust,
-)
+from analysis.records.flight import AircraftResult, PerformanceResult, PoolingStatistics, PowerTrainResult, Results
+from analysis.results.read import read_results
 from analysis.uncertain import Uncertain
 from flight.arrays import Array
 from flight.errors import InputError
@@ -50,34 +40,6 @@ class SharedMeasurement(NamedTuple):
         return np.array(self.coefficients) * self.value / self.sigma**2
 
 
-class FlightPowerTrain(msgspec.Struct, frozen=True):
-    measured: bool
-
-
-class FlightUse(msgspec.Struct, frozen=True, kw_only=True):
-    """What a pool reads of `analysis.records.flight.PerformanceResult`."""
-
-    battery_energy_Wh: float
-    power_train: FlightPowerTrain
-    model: ComputationModel | None = None
-
-
-class FlightContent(msgspec.Struct, frozen=True, kw_only=True):
-    """What a pool reads of a flight's results.json (`analysis.records.flight.Results`)."""
-
-    log: str
-    aircraft: AircraftResult
-    test: ConditionResult
-    air_temperature_K: float | None = None
-    air_pressure_Pa: float | None = None
-    slowest_flown: SlowestFlown | None = None
-    use: FlightUse | None = None
-    power_required: list[PowerPoint] = []
-    pooling: PoolingStatistics
-    trust: Trust = Trust.TRUSTED
-    evidence: list[Evidence] | None = None  # null in results of earlier versions, which have no verdict
-
-
 class FlightStatistics(NamedTuple):
     """One flight. Arrays in the order of POOLED, (M,) or (M, M); `content` is what its results.json says beside these.
 
@@ -101,13 +63,24 @@ class FlightStatistics(NamedTuple):
     propeller_table: str
     installation: str
     probe_calibration: str
-    content: FlightContent
+    content: Results
     prior_measurements: tuple[SharedMeasurement, ...] = ()
 
     @property
     def dated(self) -> bool:
         """Whether it is known when it was flown."""
-        return self.content.pooling.start_unix_s is not None
+        return self.start_unix_s is not None
+
+    @property
+    def start_unix_s(self) -> float | None:
+        """Start of its log; None where that is not known."""
+        return self.statistics.start_unix_s
+
+    @property
+    def statistics(self) -> PoolingStatistics:
+        """As its results have them."""
+        assert self.content.pooling is not None  # it is made of these
+        return self.content.pooling
 
     @property
     def polar(self) -> Polar:
@@ -125,48 +98,40 @@ class FlightStatistics(NamedTuple):
         return sum((one.vector for one in self.prior_measurements), self.prior_information * self.prior_mean)
 
 
-def read_statistics(results: Path | Mapping[str, Any]) -> FlightStatistics:
-    """The statistics of a flight, from its results.json or from the content of it.
+def read_statistics(results: Path | Mapping[str, Any] | Results) -> FlightStatistics:
+    """The statistics of a flight, from its results.json, from the content of it or from what `analyze` returned.
 
     Raises InputError where the file cannot be read, or holds no statistics for pooling.
     """
-    where, content = read_content(results)
-    found = content.get("pooling")
-    if found is None:
+    content = read_results(results)
+    where = results if isinstance(results, Path) else f"results of {content.log}"
+    if content.pooling is None:
         raise InputError(
             f"{where}: no statistics for pooling; analyze the log again with this version, or leave this flight out if"
             " its curve is not by the dynamic method (`methods_tried`)"
         )
-    if found.get("format") != FORMAT:
-        raise InputError(
-            f"{where}: statistics for pooling in the format {found.get('format')}, not {FORMAT}; analyze the log again"
-        )
     try:
-        return of_content(msgspec.convert(content, FlightContent))
-    except (ValueError, IndexError, msgspec.ValidationError) as error:
+        return of_content(content)
+    except (ValueError, IndexError) as error:
         raise InputError(f"{where}: malformed statistics for pooling ({error}); analyze the log again") from None
 
 
-def read_content(results: Path | Mapping[str, Any]) -> tuple[str, Mapping[str, Any]]:
-    """Where results are from, for messages, and the content of results.json. Raises InputError."""
-    if isinstance(results, Path):
-        return str(results), _read(results)
-    return f"results of {results.get('log', 'a flight')}", results
+def without_details(results: Results) -> Results:
+    """What pools and fleets use of results; the rest would take most of the memory."""
+    use = results.use
+    if use is not None:
+        use = PerformanceResult(power_train=PowerTrainResult(measured=use.power_train.measured), model=use.model)
+    curves = {kind: replace(curve, standard=[], interval_parts=[]) for kind, curve in results.curves.items()}
+    kept = ("trust", "evidence", "software_version", "aircraft", "test", "kind", "air", "battery", "slowest_flown",
+            "log", "vehicle", "drag_polar")  # fmt: skip
+    return Results(curves=curves, use=use, **{name: getattr(results, name) for name in kept})
 
 
-def _read(path: Path) -> Mapping[str, Any]:
-    try:
-        content = json.loads(path.read_text("utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read as results.json ({error})") from None
-    if not isinstance(content, dict):
-        raise InputError(f"{path}: not a results.json; give the results.json that `analyze` wrote")
-    return content
-
-
-def of_content(content: FlightContent) -> FlightStatistics:
+def of_content(content: Results) -> FlightStatistics:
     """The statistics as arrays. Raises ValueError or IndexError for malformed ones."""
     of_flight, test = content.pooling, content.test
+    if of_flight is None:
+        raise ValueError("there are none")
     names, weighting = of_flight.names, of_flight.weighting_covariance
     kept = [names.index(name) for name in POOLED]
     drag = [names.index(name) for name in POLAR + THRUST_CORRECTIONS]

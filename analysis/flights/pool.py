@@ -25,7 +25,7 @@ from analysis.flights.joint import pooled_estimate, shared_prior, stacked
 from analysis.flights.joint_pool import JointPool, mean_condition, pooled_polar
 from analysis.flights.pool_settings import POOLING
 from analysis.flights.power_train import mean_air, pooled_use, slowest_flown
-from analysis.records.flight import ConditionResult
+from analysis.records.flight import ConditionResult, Results
 from analysis.records.pool import (
     AgreementTest,
     Deviation,
@@ -99,7 +99,7 @@ class Pool(JointPool):
         )
 
 
-def pool_results(results: Sequence[Path | Mapping[str, Any]]) -> Pool:
+def pool_results(results: Sequence[Path | Mapping[str, Any] | Results]) -> Pool:
     """The joint estimate of flights, from the results.json of each.
 
     Raises InputError for none, for results without statistics, for one flight twice, and for flights of two aircraft,
@@ -204,7 +204,7 @@ def _flights(pooled: JointPool) -> list[PooledFlight]:
                 reason=cause_text(likely_cause(outlier)) if outlier else "",
                 trust=flight.content.trust,
                 mounted_anew=i in pooled.anew,
-                start_unix_s=flight.content.pooling.start_unix_s,
+                start_unix_s=flight.start_unix_s,
             )
         )
     return flights

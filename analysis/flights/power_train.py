@@ -9,7 +9,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from analysis.curve import POLAR, speed_at
-from analysis.flights.flight_statistics import FlightContent
 from analysis.flights.joint_pool import JointPool
 from analysis.methods.thrust_prior import THRUST
 from analysis.performance.full_throttle import FullThrottle
@@ -17,7 +16,7 @@ from analysis.performance.level_flight import PerformanceModel
 from analysis.performance.power_train import PowerTrainModel
 from analysis.performance.propagation import ParameterVector, combine_independent
 from analysis.performance.stored_model import FULL_THROTTLE, INCIDENCE, LOSSES, model_of, model_result, part
-from analysis.records.flight import ComputationModel, ElectricalFlight, SlowestFlown
+from analysis.records.flight import ComputationModel, Results, SlowestFlown
 from analysis.records.pool import PooledUse
 
 
@@ -29,7 +28,7 @@ def pooled_use(pool: JointPool) -> PooledUse | None:
     if not chosen:
         return None
     return PooledUse(
-        battery_energy_Wh=having[-1][1].battery_energy_Wh,
+        battery_energy_Wh=having[-1][0].content.battery.energy_Wh if having[-1][0].content.battery else 0.0,
         losses_of=[flight.name for flight, _, _ in chosen],
         losses_measured=chosen[0][1].power_train.measured,
         model=model_result(_pooled_model(pool, [model for _, _, model in chosen])),
@@ -78,7 +77,7 @@ def slowest_flown(pool: JointPool) -> SlowestFlown | None:
     )
 
 
-def mean_air(flights: Sequence[FlightContent] | Sequence[ElectricalFlight]) -> tuple[float | None, float | None]:
+def mean_air(flights: Sequence[Results]) -> tuple[float | None, float | None]:
     """Temperature [K] and pressure [Pa], the mean of the flights that tell them."""
     temperatures_K = [one.air_temperature_K for one in flights if one.air_temperature_K is not None]
     pressures_Pa = [one.air_pressure_Pa for one in flights if one.air_pressure_Pa is not None]

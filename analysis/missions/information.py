@@ -37,7 +37,8 @@ from analysis.methods.thrust_prior import J_REFERENCE, stand_information
 from analysis.missions.expected_aircraft import ExpectedAircraft
 from analysis.missions.plan_settings import NOISE, SEARCH
 from analysis.missions.time_history import TimeHistory
-from analysis.records.flight import FORMAT, Results, Trust
+from analysis.records.flight import Results, Trust
+from analysis.results import read
 from analysis.trajectory.equations import MEASUREMENT_INPUTS, PREDICTED_FLOW, SENSOR_ERRORS, STATES, EquationInputs
 from analysis.trajectory.gusts import Estimate, planned_ratios, with_slow_power
 from analysis.trajectory.observability import SENSOR_ERROR_KINDS
@@ -49,13 +50,11 @@ from analysis.trajectory.smoother import GaussNewtonStep, gauss_newton_step
 from analysis.trajectory.updraft import STILL_MPS, by_waves
 from flight.arrays import Array
 from flight.errors import InputError
-from flight.files import JsonFormat, json_object_text
 
 
 def read_results(path: Path) -> Results:
     """A results.json. Raises InputError when it is something else, or not to be trusted."""
-    of = "results of `analyze`"
-    found = JsonFormat(Results, (FORMAT,), of).parsed(json_object_text(path, of), str(path))
+    found = read.read_results(path)
     if found.trust is Trust.NOT_TO_BE_TRUSTED:
         raise InputError(f"{path}: not to be trusted ({found.evidence[0].kind}); plan without it")
     return found

@@ -18,7 +18,7 @@ from analysis.missions.inputs import RouteInput
 from analysis.performance.level_flight import Floats, PerformanceModel, climb_angle, steady_thrust
 from analysis.performance.propagation import ParameterVector, SigmaPoints
 from analysis.performance.stored_model import model_of
-from analysis.records.flight import Interval, PowerPoint
+from analysis.records.flight import Interval, Kind, PowerPoint
 from analysis.settings import CURVES
 from flight.arrays import Array
 from flight.errors import InputError
@@ -118,16 +118,17 @@ def source_of(results: RouteInput, idle_W: float | None, draws: int, rng: np.ran
     idle_W: None: as the results know it, or zero. Raises InputError where they have neither.
     """
     reference = Condition(results.test.weight_N, results.test.air_density_kgpm3, results.aircraft.wing_area_m2)
-    idle = idle_W if idle_W is not None else results.electrical.idle_power_W if results.electrical else 0.0
+    idle = results.main.idle_power_W if idle_W is None else idle_W
     largest_CL = results.slowest_flown.largest_lift_coefficient if results.slowest_flown else 0.0
     if results.use is not None and results.use.model is not None:
         return aerodynamic_source(model_of(results.use.model), reference, largest_CL, (draws, rng), idle_W=idle)
-    if results.electrical is None or results.electrical.pooling is None:
+    electrical = results.curves.get(Kind.ELECTRICAL)
+    curve = stored_curve(electrical, results.aircraft.wing_area_m2, idle) if electrical else None
+    if curve is None:
         raise InputError(
             "these results know neither battery power at other weights and climbs nor electrical power;"
             " analyze the logs again with this version and the battery's energy, --battery-Wh"
         )
-    curve = stored_curve(results.electrical.pooling, reference, idle)
     V, power = curve.V_mps, curve.power_W
     fine = np.linspace(V[0], V[-1], CURVES.fine_points)
     mean, sigma = PRIOR.efficiency.mean, PRIOR.efficiency.sigma

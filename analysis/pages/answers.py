@@ -96,7 +96,7 @@ def interval_text(interval: Interval, unit: str, digits: int) -> str:
 
 def _endurance(results: Results, use: PerformanceResult) -> HeadlineAnswer:
     flown = use.loadings[0]
-    note = f"{interval_text(flown.endurance_s.times(1 / 60), 'min', 0)} {_battery(use)}."
+    note = f"{interval_text(flown.endurance_s.times(1 / 60), 'min', 0)} {_battery(results, use)}."
     if flown.extrapolated:
         note += f" {BEYOND_TABLE}"
     if flown.endurance_at_slowest:
@@ -108,7 +108,7 @@ def _endurance(results: Results, use: PerformanceResult) -> HeadlineAnswer:
 
 def _range(results: Results, use: PerformanceResult) -> HeadlineAnswer:
     flown = use.loadings[0]
-    note = f"{interval_text(flown.range_m.times(1e-3), 'km', 1)} {_battery(use)}, in still air."
+    note = f"{interval_text(flown.range_m.times(1e-3), 'km', 1)} {_battery(results, use)}, in still air."
     if flown.range_at_slowest:
         note += f" {not_slower(results)}"
     speed = flown.range_speed_mps
@@ -130,9 +130,15 @@ def _full_throttle(results: Results, available: AvailableResult) -> HeadlineAnsw
     return HeadlineAnswer("Full throttle, level", remark, note, top.value if top else None)
 
 
-def _battery(use: PerformanceResult) -> str:
-    text = f"with {use.battery_energy_Wh:g} Wh, {100 * use.usable:.0f} % used"
+def _battery(results: Results, use: PerformanceResult) -> str:
+    text = f"with {battery_text(results)} used"
     return text if use.power_train.measured else text + " (motor assumed, not measured)"
+
+
+def battery_text(results: Results, between: str = ",") -> str:
+    """ "74 Wh, 80 %", the battery and the share of it that is used."""
+    assert results.battery is not None  # of a flight whose endurance is known
+    return f"{results.battery.energy_Wh:g} Wh{between} {100 * results.battery.usable:.0f} %"
 
 
 def _best_speed_remark(speed: Interval, at_slowest: bool, at_fastest: bool) -> str:

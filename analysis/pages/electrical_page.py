@@ -15,10 +15,10 @@ from analysis.pages.charts.figure import Axis, Cursor, Figure, Line, Points, Sha
 from analysis.pages.charts.flight import over_time, time_axis
 from analysis.pages.charts.style import BLUE, GRAY, band, curve_arrays, curve_lines, true_airspeed
 from analysis.pages.html_page import HtmlTable, html_figure, render_page
-from analysis.pages.sections.flight import electrical_facts
+from analysis.pages.sections.flight import electrical_facts, temperature_text
 from analysis.pages.sections.performance import autopilot_section
 from analysis.pages.wording import every, verdict
-from analysis.records.flight import ElectricalResult, Results, SpeedInterval
+from analysis.records.flight import UNKNOWN_SPEED, CurveResult, Kind, Results, SpeedInterval
 from analysis.results.files import to_csv, to_json
 from analysis.results.previous import replaced
 from flight.units import GRAVITY_MPS2
@@ -41,9 +41,7 @@ def write_electrical_report(results: Results, flight: FlightTable, estimate: Ele
 
 def electrical_answers(results: Results) -> list[HeadlineAnswer]:
     """Speeds of longest endurance and range, with both where the battery is known."""
-    found = results.electrical
-    if found is None:
-        return []
+    found = results.main
     power = {round(p.speed_mps, 6): p for p in results.electrical_power}
 
     def note(speed_mps: float | None, on_battery: str) -> str:
@@ -61,8 +59,8 @@ def electrical_answers(results: Results) -> list[HeadlineAnswer]:
     return [
         HeadlineAnswer(question, _speed_remark(speed, results), note(speed.speed_mps, on_battery), speed.speed_mps)
         for question, speed, on_battery in (
-            ("Longest endurance", found.least_power_speed, endurance),
-            ("Longest range", found.best_range_speed, distance),
+            ("Longest endurance", found.least_power_speed or UNKNOWN_SPEED, endurance),
+            ("Longest range", found.best_range_speed or UNKNOWN_SPEED, distance),
         )
     ]
 
@@ -79,7 +77,7 @@ def _at_slowest(speed_mps: float | None, results: Results) -> bool:
 
 
 def _page(results: Results, flight: FlightTable, estimate: ElectricalEstimate, before: str) -> str:
-    found = results.electrical
+    found = results.balance
     assert found is not None
     errors = estimate.airspeed
     V = samples_of(flight, errors.scale, errors.zero_Pa, errors.wind).V_mps
@@ -93,19 +91,19 @@ def _page(results: Results, flight: FlightTable, estimate: ElectricalEstimate, b
         title=f"{results.aircraft.title}: electrical power",
         condition=(
             f"{results.test.weight_N / GRAVITY_MPS2:.2f} kg, air {results.test.air_density_kgpm3:.3f} kg/m³"
-            f" ({results.air_temperature_K - 273.15:.0f} °C); from {found.flown_s / 60:.1f} min in the air"
+            f"{temperature_text(results.air)}; from {found.flown_s / 60:.1f} min in the air"
         ),
         verdict=verdict(results.trust, results.evidence, NOTHING_AGAINST),
         hardly_flown=CURVE.percentiles[0],
         cards=electrical_answers(results),
         warnings=results.warnings,
         curve=curve_table(results),
-        shared_part=_shared_part(found),
-        withheld=found.withheld,
+        shared_part=_shared_part(results.main),
+        withheld=results.withheld,
         autopilot=autopilot_section(results),
         drag=_drag_table(results),
         thrust_basis=found.thrust_basis,
-        air=_air(found),
+        air=_air(results),
         balance=(
             f"Useful power less that of drag and of the change of energy, {found.residual_W:.0f} W rms over"
             f" {found.flown_s:.0f} s. Vertical motion of the air appears here; slow waves do so too, and the interval"
@@ -131,10 +129,10 @@ def curve_table(results: Results) -> HtmlTable:
 
 def _drag_table(results: Results) -> HtmlTable | None:
     """None where thrust is not known."""
-    required, found = results.power_required, results.electrical
-    if not required or found is None:
+    required = results.power_required
+    if not required:
         return None
-    shaft = {p.speed_mps: p for p in found.shaft_power}
+    shaft = {p.speed_mps: p for p in results.points(Kind.SHAFT)}
     return HtmlTable(
         ("speed, m/s", "power required, W", "95 % interval, W", "drag, N", "shaft power, W"),
         [
@@ -149,7 +147,7 @@ def _drag_table(results: Results) -> HtmlTable | None:
     )  # fmt: skip
 
 
-def _shared_part(found: ElectricalResult) -> str:
+def _shared_part(found: CurveResult) -> str:
     middle = found.interval_parts[len(found.interval_parts) // 2]
     whole = float(np.hypot(middle.noise_W, middle.systematic_W))
     return (
@@ -159,16 +157,16 @@ def _shared_part(found: ElectricalResult) -> str:
     )
 
 
-def _air(found: ElectricalResult) -> str:
-    if found.airspeed_scale is None:
-        wind = f"Wind {found.wind_mps:.1f} m/s from {found.wind_from_deg:.0f} deg"
-        return f"{wind}; airspeed is the velocity by GPS less the wind."
-    if found.wind_mps is None or found.wind_from_deg is None:
+def _air(results: Results) -> str:
+    air, scale = results.air, results.balance.airspeed_scale if results.balance else None
+    if air.wind_mps is None or air.wind_from_deg is None:
         return "Without GPS neither wind nor the error of the airspeed is known."
+    wind = f"Wind {air.wind_mps:.1f} m/s from {air.wind_from_deg:.0f} deg"
+    if scale is None:
+        return f"{wind}; airspeed is the velocity by GPS less the wind."
     return (
-        f"Wind {found.wind_mps:.1f} m/s from {found.wind_from_deg:.0f} deg. The airspeed in the log differs from the"
-        f" true one by {100 * found.airspeed_scale.value:+.1f} % ({100 * found.airspeed_scale.lo:+.1f} to"
-        f" {100 * found.airspeed_scale.hi:+.1f}), by GPS; corrected."
+        f"{wind}. The airspeed in the log differs from the true one by {100 * scale.value:+.1f} %"
+        f" ({100 * scale.lo:+.1f} to {100 * scale.hi:+.1f}), by GPS; corrected."
     )
 
 

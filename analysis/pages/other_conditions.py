@@ -66,7 +66,7 @@ def other_conditions_section(performance: Performance | None) -> OtherConditions
     if performance is None:
         return None
     mass_kg = performance.flown.condition.weight_N / GRAVITY_MPS2
-    battery_Wh = performance.result.battery_energy_Wh
+    battery_Wh = performance.battery.energy_Wh
     fields = [
         Control("mass", "mass, kg", round(GRID.lightest * mass_kg, 2), round(GRID.heaviest * mass_kg, 2), 0.01, 2),
         Control("height", "pressure altitude, m", GRID.lowest_m, GRID.highest_m, 10, 0),
@@ -95,8 +95,8 @@ def embedded(performance: Performance) -> Json:
             "pressure_altitude_m": float(height_at(flown.pressure_Pa)),
             "temperature_K": flown.temperature_K,
         },
-        "battery_Wh": performance.result.battery_energy_Wh,
-        "usable": performance.result.usable,
+        "battery_Wh": performance.battery.energy_Wh,
+        "usable": performance.battery.usable,
         "atmosphere": {
             "gravity_mps2": GRAVITY_MPS2,
             "gas_constant": GAS_CONSTANT_AIR,

@@ -25,7 +25,7 @@ from analysis.pages.charts.style import (
 )
 from analysis.pages.html_page import HtmlTable, html_figure, render_page
 from analysis.pages.wording import every, meaning, verdict
-from analysis.records.flight import ConditionResult, ElectricalFlight, Trust
+from analysis.records.flight import ConditionResult, Results, Trust
 from analysis.records.pool import (
     Agreement,
     ComparisonResults,
@@ -111,7 +111,7 @@ def electrical_curve_table(pooled: ElectricalPooledResults, rows: int = 12) -> H
 
 
 def render_electrical_flights(
-    flights: Sequence[ElectricalFlight], failures: Sequence[str], pooled: ElectricalPooledResults | None = None
+    flights: Sequence[Results], failures: Sequence[str], pooled: ElectricalPooledResults | None = None
 ) -> str:
     """The page of flights that give electrical power only, side by side, and of their pool."""
     rows = []
@@ -492,7 +492,7 @@ def _rows(names: list[str], x: Axis) -> Figure:
     return figure
 
 
-def electrical_power(flights: Sequence[ElectricalFlight]) -> Figure:
+def electrical_power(flights: Sequence[Results]) -> Figure:
     """The electrical power of each flight at its own weight and density."""
     figure = Figure(height_px=480, cursor=Cursor.NEAREST, x=true_airspeed())
     named = len(flights) <= len(PALETTE)  # more would fill the page

@@ -47,8 +47,7 @@ def print_electrical_summary(results: Results, page: Path, console: Console, rep
     if not results.evidence:  # which is told on stderr
         said = verdict(results.trust, results.evidence, NOTHING_AGAINST)
         console.print(f"{said.heading}: {' '.join(said.reasons)}", highlight=False)
-    withheld = results.electrical.withheld if results.electrical else []
-    _print_notes(console, [*results.warnings, *withheld, *([replaced] if replaced else [])])
+    _print_notes(console, [*results.warnings, *results.withheld, *([replaced] if replaced else [])])
     _print_page(console, page)
 
 

@@ -18,7 +18,7 @@ from analysis.pages.pooled_page import render_comparison, render_electrical_flig
 from analysis.pages.predicted_polar import PredictedPolar, check_of_aircraft, comparison
 from analysis.pages.sections import performance as field_table
 from analysis.pipeline.runs import Analysis
-from analysis.records.flight import ElectricalFlight, Results
+from analysis.records.flight import Results
 from analysis.records.pool import ComparisonResults, ElectricalPooledResults, PooledResults
 from analysis.results.files import to_csv, to_json
 from analysis.results.previous import replaced
@@ -102,18 +102,17 @@ def write_pooled(pooled: PooledResults, folder: Path) -> None:
     _write(render_pooled(pooled), pooled, folder)
 
 
-def write_electrical_pool(flights: list[ElectricalFlight], pooled: ElectricalPooledResults, folder: Path) -> None:
+def write_electrical_pool(flights: list[Results], pooled: ElectricalPooledResults, folder: Path) -> None:
     """Write report.html and results.json. Raises InputError when the folder cannot be written."""
     _write(render_electrical_flights(flights, [*pooled.left_out, *pooled.failures], pooled), pooled, folder)
 
 
-def write_electrical_flights(contents: list[dict[str, Any]], failures: list[str], folder: Path) -> None:
+def write_electrical_flights(flights: list[Results], failures: list[str], folder: Path) -> None:
     """Write report.html and results.json of flights whose electrical power stands side by side, not pooled.
 
-    contents: of their results.json. Raises InputError when the folder cannot be written.
+    Raises InputError when the folder cannot be written.
     """
-    flights = msgspec.convert(contents, list[ElectricalFlight])
-    content = {"format": FLIGHTS_FORMAT, "flights": contents, "failures": failures}
+    content = {"format": FLIGHTS_FORMAT, "flights": flights, "failures": failures}
     _write(render_electrical_flights(flights, failures), content, folder)
 
 

@@ -1,7 +1,7 @@
 """Performance of the aircraft from its drag polar, its power train and the flight: the order of the steps."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import msgspec
 import numpy as np
@@ -39,7 +39,7 @@ from analysis.performance.request import (
     requested_conditions,
 )
 from analysis.performance.stored_model import model_result
-from analysis.records.flight import FieldRow, PerformanceCase, PerformanceResult, PowerTrainResult
+from analysis.records.flight import BatteryResult, FieldRow, PerformanceCase, PerformanceResult, PowerTrainResult
 from analysis.settings import CURVES, EVIDENCE
 from analysis.sources.daemon import SPEED_SCALE
 from analysis.trajectory.reconstruction import Trajectory
@@ -69,6 +69,7 @@ class Performance:
     """Performance of a flight as it is written, with the model that computes it at any other weight and density."""
 
     result: PerformanceResult
+    battery: BatteryResult
     model: PerformanceModel
     flown: FlownCondition
 
@@ -79,15 +80,15 @@ def compute(request: Request, flight: Estimated) -> Performance | None:
     None where the battery's energy is not known, or the propeller's table cannot give the thrust of level flight.
     """
     aircraft, drag = flight.aircraft, flight.drag
-    if request.battery_energy_Wh(aircraft) is None:
-        return None
     flown = flight.rows_flown
     at = FlownCondition(flight.condition, float(flown["static_Pa"].mean()), float(flown["temperature_K"].mean()))
     data = power_train_data(flight.trajectory, aircraft, flight.propeller)
     model = performance_model(data, drag.main, aircraft, flight.propeller, drag.flown_CL)
-    with_battery = replace(request, battery_Wh=request.battery_energy_Wh(aircraft))
-    result = flight_performance(model, flight.condition, requested_conditions(request, at), with_battery)
-    return Performance(result, model, at) if result else None
+    battery = request.battery(aircraft)
+    if battery is None:
+        return None
+    result = flight_performance(model, flight.condition, requested_conditions(request, at), battery)
+    return Performance(result, battery, model, at) if result else None
 
 
 def power_train_data(trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) -> pd.DataFrame:
@@ -135,13 +136,13 @@ def performance_model(
 
 
 def flight_performance(
-    model: PerformanceModel, condition: Condition, requested: Iterable[TitledCondition], battery: Request
+    model: PerformanceModel, condition: Condition, requested: Iterable[TitledCondition], battery: BatteryResult
 ) -> PerformanceResult | None:
     """Performance at `condition`, the flight's own weight and density, and at those requested.
 
-    battery: its energy is known. None where the propeller's table cannot give the thrust of level flight.
+    None where the propeller's table cannot give the thrust of level flight.
     """
-    energy_J = battery.usable_energy_J
+    energy_J = battery.usable_J
     as_flown = performance_at(model, TitledCondition("as flown", condition), energy_J)
     if not np.isfinite(as_flown.level_flight.battery.value).any():
         return None
@@ -155,8 +156,6 @@ def flight_performance(
         available = available_result(full, ceilings, model.full_throttle.basis, fastest_mps)
     whole_speeds = level_flight(model, condition, _whole_speeds(as_flown.level_flight.V))
     return PerformanceResult(
-        battery_energy_Wh=battery.battery_Wh or 0.0,
-        usable=battery.usable,
         power_train=_power_train(model, condition),
         available=available,
         loadings=[as_flown.case, *sustained],

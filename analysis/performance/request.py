@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from analysis.curve import Condition
 from analysis.performance.settings import ASKED
+from analysis.records.flight import BatteryResult
 from flight.aircraft import Aircraft
 from flight.atmosphere import (
     GAS_CONSTANT_AIR,
@@ -39,19 +40,15 @@ class Request:
     weights_N: tuple[float, ...] = ()
     density_altitudes_m: tuple[float, ...] = ()
 
-    def battery_energy_Wh(self, aircraft: Aircraft) -> float | None:
-        """Of this request, or else of the aircraft file. None where neither gives it."""
-        return aircraft.propulsion.battery_energy_Wh if self.battery_Wh is None else self.battery_Wh
-
-    @property
-    def usable_energy_J(self) -> float:
-        """Of a battery whose energy is known."""
-        assert self.battery_Wh is not None
-        return 3600 * self.battery_Wh * self.usable
+    def battery(self, aircraft: Aircraft | None) -> BatteryResult | None:
+        """Of this request, or else of the aircraft file. None where neither gives its energy."""
+        in_file = aircraft.propulsion.battery_energy_Wh if aircraft else None
+        energy_Wh = in_file if self.battery_Wh is None else self.battery_Wh
+        return None if energy_Wh is None else BatteryResult(energy_Wh=energy_Wh, usable=self.usable)
 
     def notes(self, aircraft: Aircraft) -> list[str]:
         """A sentence where the battery's energy is not known."""
-        if self.battery_energy_Wh(aircraft) is not None:
+        if self.battery(aircraft) is not None:
             return []
         return [
             "No endurance, range or climb: the aircraft file lacks propulsion.battery_energy, such as"

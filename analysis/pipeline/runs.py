@@ -77,7 +77,10 @@ def _analysis(flight: Estimated, whole: WholeFlight, request: Request, command_l
     performance = _performance(flight, request)
     flight = replace(flight, notes=(*flight.notes, *request.notes(flight.aircraft)))
     consistent = consistency(flight.trajectory)
-    results = assemble(flight, consistent, performance.result if performance else None, whole.electrical, command_line)
+    battery = request.battery(flight.aircraft)
+    results = assemble(
+        flight, consistent, performance.result if performance else None, whole.electrical, battery, command_line
+    )
     advice = next_flight(flight.trajectory, flight.drag.main, flight.condition, flight.drag.flown_CL)
     with_advice = structs.replace(results, next_flight=list(advice.sentences), next_flight_lowers=advice.lowers)
     return Analysis(**flight.known(), consistency=consistent, performance=performance, results=with_trust(with_advice))

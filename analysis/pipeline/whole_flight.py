@@ -16,7 +16,7 @@ from analysis.methods.whole_flight.simulated_truth import compared
 from analysis.methods.whole_flight.thrust_balance import motor_constants
 from analysis.options import Options
 from analysis.records.flight import MethodTried, Results
-from analysis.results.electrical import ElectricalFindings, UsedBattery, electrical_results
+from analysis.results.energy_balance import EnergyBalanceFindings, assemble_energy_balance
 from analysis.results.provenance import provenance_of_file
 from analysis.sources.daemon_log import SPEED
 from analysis.sources.recording import FlightRecording
@@ -115,19 +115,19 @@ def analyze_recording(
     )
     drag = drag_estimate(flight, found, flown.span_m, source)
     weighed = "given with the command" if options.flown_weight_N is not None else "mass.weight of the aircraft file"
-    known = ElectricalFindings(
+    known = EnergyBalanceFindings(
         flight,
         found,
         drag,
         propeller.name if propeller else "",
-        _battery(options, given),
+        options.request.battery(given),
         recording.parameters,
         compared(recording, flight, found),
         recording.vehicle,
         tried,
     )
     provenance = provenance_of_file(path, weighed, options.aircraft, command_line)
-    results = electrical_results(path, flown, known, provenance)
+    results = assemble_energy_balance(path, flown, known, provenance)
     return WholeFlightAnalysis(log=recording, flight=flight, estimate=found, results=results)
 
 
@@ -142,10 +142,3 @@ def _propeller(options: Options, propulsion: Propulsion) -> Propeller | None:
     with contextlib.suppress(InputError):
         return load_propeller(propulsion.propeller) if propulsion.propeller else None
     return None
-
-
-def _battery(options: Options, aircraft: Aircraft | None) -> UsedBattery | None:
-    energy_Wh = options.request.battery_Wh
-    if energy_Wh is None and aircraft:
-        energy_Wh = aircraft.propulsion.battery_energy_Wh
-    return None if energy_Wh is None else UsedBattery(energy_Wh, options.request.usable)

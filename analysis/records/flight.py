@@ -2,17 +2,31 @@
 
 Estimators return these records, and pages and tables are drawn from them: each number is written where it is computed,
 once. This module therefore imports nothing of the analysis. One file, though long: the fields of one file, with their
-units. Intervals are of 95 %.
+units. Intervals are of 95 %. Files of earlier formats are read by `analysis.results.read`.
 """
 
 from enum import StrEnum
+from typing import Self
 
 import msgspec
 
 from flight.messages import Comparison
 
-FORMAT = "flightpower-results-2"
+FORMAT = "flightpower-results-3"
 POOLING_FORMAT = "flightpower-pooling-3"
+POWER_FORMAT = "flightpower-power-1"
+
+
+class Kind(StrEnum):
+    """Which power a curve is of."""
+
+    POWER_REQUIRED = "power_required"  # thrust times airspeed
+    ELECTRICAL = "electrical_power"  # from the battery
+    SHAFT = "shaft_power"
+
+    @property
+    def words(self) -> str:
+        return self.replace("_", " ")
 
 
 class Cause(StrEnum):
@@ -231,17 +245,18 @@ class Provenance(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class AirFound(msgspec.Struct, frozen=True, kw_only=True):
-    """The air of the runs, as the flight itself found it."""
+    """The air of the runs, or of the whole flight, as the flight itself found it; null where it does not show it."""
 
-    wind_mps: float
-    wind_from_deg: float
-    wind_standard_error_mps: float
-    gust_mps: float  # vertical, 1 sigma
-    gust_length: float = 1.0  # scale length over the standard's, which the flight's spectra may deny
-    temperature_K: float
-    density_altitude_m: float
-    lowest_height_m: float  # of the runs, above the place of take-off
-    highest_height_m: float
+    temperature_K: float | None = None
+    pressure_Pa: float | None = None
+    wind_mps: float | None = None
+    wind_from_deg: float | None = None
+    wind_standard_error_mps: float | None = None
+    gust_mps: float | None = None  # vertical, 1 sigma
+    gust_length: float = 1.0  # scale length over the standard's, which the flight's spectra may contradict
+    density_altitude_m: float | None = None
+    lowest_height_m: float | None = None  # of the runs, above the place of take-off
+    highest_height_m: float | None = None
 
 
 class RunResidual(msgspec.Struct, frozen=True, kw_only=True):
@@ -388,7 +403,7 @@ class PathResult(msgspec.Struct, frozen=True, kw_only=True):
     residuals: dict[str, float]  # by channel: rms, in standard deviations of the channel's noise
     checks: list[ConsistencyCheck]
     sensor_errors: list[SensorError]
-    # By sensor error, estimate less prior mean in prior standard deviations, where the first estimate denied the prior.
+    # By sensor error, estimate less prior mean in prior standard deviations, where the first estimate contradicted it.
     prior_conflicts: dict[str, float] = {}
 
 
@@ -487,26 +502,26 @@ class MeasuredEfficiencyPoint(msgspec.Struct, frozen=True, kw_only=True):
 
 class PowerTrainResult(msgspec.Struct, frozen=True, kw_only=True):
     measured: bool  # the losses are fitted to voltage and current of the battery
-    basis: str  # where the numbers come from, in words
-    parameters: list[ParameterResult]
-    efficiency: list[LevelEfficiencyPoint]
-    points: list[MeasuredEfficiencyPoint]
+    basis: str = ""  # where the numbers come from, in words
+    parameters: list[ParameterResult] = []
+    efficiency: list[LevelEfficiencyPoint] = []
+    points: list[MeasuredEfficiencyPoint] = []
 
 
 class AvailableResult(msgspec.Struct, frozen=True, kw_only=True):
     """Performance at full throttle, at the test's weight and density."""
 
-    reason: str  # why full throttle is not known; empty where it is
-    basis: str
-    power_available: list[PowerPoint]
-    climb_mps: list[float]  # at the same speeds
-    maximum_speed_mps: Interval | None
-    maximum_speed_extrapolated: bool
-    best_climb_mps: Interval | None
-    best_climb_speed_mps: float | None
-    service_ceiling_m: Interval | None  # density altitude at which the climb has fallen to 0.508 m/s (100 ft/min)
-    absolute_ceiling_m: Interval | None
-    notes: list[str]
+    reason: str = ""  # why full throttle is not known; empty where it is
+    basis: str = ""
+    power_available: list[PowerPoint] = []
+    climb_mps: list[float] = []  # at the same speeds
+    maximum_speed_mps: Interval | None = None
+    maximum_speed_extrapolated: bool = False
+    best_climb_mps: Interval | None = None
+    best_climb_speed_mps: float | None = None
+    service_ceiling_m: Interval | None = None  # density altitude of a climb of 0.508 m/s (100 ft/min)
+    absolute_ceiling_m: Interval | None = None
+    notes: list[str] = []
 
 
 class PerformanceCase(msgspec.Struct, frozen=True, kw_only=True):
@@ -576,53 +591,22 @@ class ComputationModel(msgspec.Struct, frozen=True, kw_only=True):
 class PerformanceResult(msgspec.Struct, frozen=True, kw_only=True):
     """Performance with battery and propeller. `loadings` begins with the flight's own weight and density."""
 
-    battery_energy_Wh: float
-    usable: float  # share of it that is used
     power_train: PowerTrainResult
-    available: AvailableResult
-    loadings: list[PerformanceCase]
-    costs: list[str]  # changes of weight alone and of air alone, where there are any
-    field_table: list[FieldRow]
+    available: AvailableResult = AvailableResult()
+    loadings: list[PerformanceCase] = []
+    costs: list[str] = []  # changes of weight alone and of air alone, where there are any
+    field_table: list[FieldRow] = []
     too_much: list[str] = []  # requested conditions in which full throttle does not sustain level flight
     model: ComputationModel | None = None  # null in results of earlier versions
 
 
-class ElectricalStatistics(msgspec.Struct, frozen=True, kw_only=True):
-    """What a pool needs of one flight's electrical power, at some speeds."""
+class PowerStatistics(msgspec.Struct, frozen=True, kw_only=True, tag_field="format", tag=POWER_FORMAT):
+    """What pools and missions need of a curve: power at some speeds, with its errors."""
 
     speed_mps: list[float]
     power_W: list[float]
-    own_covariance: list[list[float]]  # by errors that each flight has anew
-    shared: dict[str, list[float]]  # change with one standard deviation of each error that all flights share
-
-
-class ElectricalResult(msgspec.Struct, frozen=True, kw_only=True):
-    """What stands beside `electrical_power`: how it was found, and what else this flight does not give."""
-
-    least_power_speed: SpeedInterval  # longest endurance
-    best_range_speed: SpeedInterval  # least energy per distance
-    endurance_s: Interval | None  # at these speeds, on the battery given; null without one
-    range_m: Interval | None
-    interval_parts: list[IntervalPart]
-    residual_W: float  # rms of the energy balance, means over windows of some 8 s
-    idle_power_W: float  # drawn with the motor off; contained in the curve
-    airspeed_scale: (
-        Interval | None
-    )  # fraction by which airspeed reads high, by GPS and the prior; null without a sensor
-    wind_mps: float | None  # null without GPS
-    wind_from_deg: float | None
-    flown_s: float  # used for the balance
-    withheld: list[str]  # what is not known, and what it would take
-    shaft_power: list[PowerPoint] = []  # of level flight, where a propeller table gives thrust
-    thrust_basis: str = ""  # where thrust comes from
-    pooling: ElectricalStatistics | None = None  # null in results of earlier versions
-    battery_energy_Wh: float | None = None  # all of it; null without a battery
-    # Drag times airspeed over the motor's electrical power in level flight, where it is known best; null where that is
-    # not known, in the log of a simulation, whose current no meter measured, and in results of earlier versions.
-    thrust_efficiency: Interval | None = None
-    # Shaft power by the propeller's table over the motor's electrical power, mean of the flight under power; null where
-    # thrust is not known, and in results of earlier versions.
-    shaft_over_electrical: float | None = None
+    own_covariance: list[list[float]]  # by errors that each flight draws for itself
+    shared: dict[str, list[float]]  # by its name, change with one standard deviation of each error that flights share
 
 
 class PriorMeasurementStatistics(msgspec.Struct, frozen=True, kw_only=True):
@@ -634,10 +618,9 @@ class PriorMeasurementStatistics(msgspec.Struct, frozen=True, kw_only=True):
     sigma: float
 
 
-class PoolingStatistics(msgspec.Struct, frozen=True, kw_only=True):
+class PoolingStatistics(msgspec.Struct, frozen=True, kw_only=True, tag_field="format", tag=POOLING_FORMAT):
     """Sufficient statistics of one flight: estimates, their joint covariance, and the priors that are part of it."""
 
-    format: str = POOLING_FORMAT
     names: list[str]  # A0, A1, A2, corrections of thrust, then sensor errors
     values: list[float]
     covariance: list[list[float]]  # lower triangle; by noise and sensor errors
@@ -656,36 +639,124 @@ class PoolingStatistics(msgspec.Struct, frozen=True, kw_only=True):
     battery_V: float | None = None  # mean over the runs
 
 
-class Results(msgspec.Struct, frozen=True, kw_only=True):
-    """The contents of `results.json`."""
+class CurveResult(msgspec.Struct, frozen=True, kw_only=True):
+    """Power of level flight over airspeed at one weight and density, and what follows from it; alike for every kind.
 
-    format: str = FORMAT
+    Best speeds are null where the curve gives none by itself: endurance and range by power required follow from the
+    power train (`use`).
+    """
+
+    condition: ConditionResult
+    points: list[PowerPoint]  # over the range flown
+    standard: list[PowerPoint] = []  # at the standard weight and sea-level density
+    least_power_speed: SpeedInterval | None = None  # the longest endurance on this power
+    best_range_speed: SpeedInterval | None = None  # least energy for a distance; of power required the least drag
+    endurance_s: Interval | None = None  # at these speeds, on the battery; null without one
+    range_m: Interval | None = None
+    interval_parts: list[IntervalPart] = []
+    idle_power_W: float = 0.0  # contained in the curve; drawn with the motor off, does not go with the weight
+    statistics: PoolingStatistics | PowerStatistics | None = None  # null where the curve cannot be pooled
+
+
+class BatteryResult(msgspec.Struct, frozen=True, kw_only=True):
+    """The battery that endurance and range hold for."""
+
+    energy_Wh: float
+    usable: float  # share of it that is used
+
+    @property
+    def usable_J(self) -> float:
+        return 3600 * self.energy_Wh * self.usable
+
+
+class EnergyBalanceResult(msgspec.Struct, frozen=True, kw_only=True):
+    """How the energy balance of a whole flight found the electrical curve."""
+
+    residual_W: float  # rms of the energy balance, means over windows of some 8 s
+    flown_s: float  # used for the balance
+    airspeed_scale: (
+        Interval | None
+    )  # fraction by which airspeed reads high, by GPS and the prior; null without a sensor
+    thrust_basis: str = ""  # where thrust comes from; empty where it is not known
+    # Drag times airspeed over the motor's electrical power in level flight, where it is known best; null where that is
+    # not known, and in the log of a simulation, whose current no meter measured.
+    thrust_efficiency: Interval | None = None
+    # Shaft power by the propeller's table over the motor's electrical power, mean of the flight under power; null where
+    # thrust is not known.
+    shaft_over_electrical: float | None = None
+
+
+UNKNOWN_SPEED = SpeedInterval(speed_mps=None, lo_mps=None, hi_mps=None, inside_flown_range=False)
+
+
+class WithCurves(msgspec.Struct, frozen=True, kw_only=True):
+    """What a flight and a pool of flights have alike: the curves by kind, and what they hold for."""
+
+    format: str = ""
     trust: Trust = Trust.TRUSTED  # as bad as the worst of:
     evidence: list[Evidence] = []  # against the result, the worst first
     software_version: str
-    log: str
     aircraft: AircraftResult
+    test: ConditionResult  # as flown; the mean of the flights of a pool
+    kind: Kind  # of the curve that the report leads with
+    curves: dict[Kind, CurveResult]
+    air: AirFound = AirFound()
+    battery: BatteryResult | None = None  # null where its energy is not known
+    slowest_flown: SlowestFlown | None = None
+
+    @property
+    def main(self) -> CurveResult:
+        """The curve that the report leads with."""
+        return self.curves[self.kind]
+
+    def points(self, kind: Kind) -> list[PowerPoint]:
+        """Of a curve; empty where there is none of this kind."""
+        return self.curves[kind].points if kind in self.curves else []
+
+    @property
+    def power_required(self) -> list[PowerPoint]:
+        """At the test's weight and density, over the flown range; empty where drag is not known."""
+        return self.points(Kind.POWER_REQUIRED)
+
+    @property
+    def electrical_power(self) -> list[PowerPoint]:
+        """From the battery in level flight; empty where it was not measured."""
+        return self.points(Kind.ELECTRICAL)
+
+    @property
+    def air_temperature_K(self) -> float | None:
+        return self.air.temperature_K
+
+    @property
+    def air_pressure_Pa(self) -> float | None:
+        return self.air.pressure_Pa
+
+    def with_curve(self, kind: Kind, **changes: object) -> Self:
+        """The same with other fields of one curve."""
+        curve = msgspec.structs.replace(self.curves[kind], **changes)
+        return msgspec.structs.replace(self, curves={**self.curves, kind: curve})
+
+
+class Results(WithCurves, frozen=True, kw_only=True):
+    """The contents of `results.json`."""
+
+    format: str = FORMAT
+    log: str
     # Board of the autopilot that wrote the log: 8 digits of a hash of its serial number; empty where that is not known.
     vehicle: str = ""
-    test: ConditionResult
-    standard: ConditionResult
-    air_temperature_K: float
-    air_pressure_Pa: float
-    runs: list[RunResult]
-    rejected: list[RejectedResult]
-    parameters: list[ParameterResult]
-    drag_polar: DragPolar | None  # null where drag is not known
-    power_required: list[PowerPoint]  # at the test's weight and density, over the flown range
-    power_required_standard: list[PowerPoint]  # at the standard weight and sea-level density
-    cross_check: list[PowerPoint]  # the same by output error on the runs alone, at the test's weight and density
-    cross_check_differs: bool = False  # from `power_required` by more than their 95 % intervals allow
-    minimum_power_speed: SpeedInterval  # longest endurance, at the test's weight and density
-    best_range_speed: SpeedInterval
-    slowest_flown: SlowestFlown | None = None
+    standard: ConditionResult | None = None
+    runs: list[RunResult] = []
+    rejected: list[RejectedResult] = []
+    parameters: list[ParameterResult] = []
+    drag_polar: DragPolar | None = None  # null where drag is not known
+    # Power required by output error on the runs alone, at the test's weight and density.
+    cross_check: list[PowerPoint] = []
+    cross_check_differs: bool = False  # from power required by more than their 95 % intervals allow
     # How the estimation of the curve ended; null in results of earlier versions.
     status: CurveStatus | None = None
-    verdict: str  # the same in words, with what was wrong
-    warnings: list[str]
+    verdict: str = ""  # the same in words, with what was wrong
+    warnings: list[str] = []
+    withheld: list[str] = []  # what is not known, and what it would take
     methods_tried: list[MethodTried] = []  # the best first, down to the one that gives the curve of drag
     methods: list[MethodResult] = []
     one_by_one: list[MethodResult] = []  # each acceleration and deceleration alone, named by `title`
@@ -693,16 +764,12 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     # By energy, where the curve is by it and both were flown.
     accelerations_against_decelerations: RunAgainstOthers | msgspec.UnsetType = msgspec.UNSET
     disagreements: list[DisagreementResult] = []
-    interval_parts: list[IntervalPart] = []  # of `power_required`
     path: PathResult | None = None
     # Motor speed at full throttle over kV (V - I R); null without throttle, voltage, current, or these constants.
     speed_over_motor_constant: float | None = None
     use: PerformanceResult | None = None  # null where the propeller's table cannot give the thrust of level flight
-    electrical_power: list[PowerPoint] = []  # from the battery in level flight, by an energy balance
-    electrical: ElectricalResult | None = None
-    pooling: PoolingStatistics | None = None  # null where no acceleration or deceleration was analyzed
+    balance: EnergyBalanceResult | None = None  # null where the flight's electrical power does not lead
     provenance: Provenance | None = None
-    air: AirFound | None = None
     run_residuals: list[RunResidual] = []
     parameter_correlation: Correlation | None = None
     track: Track | None = None
@@ -712,20 +779,36 @@ class Results(msgspec.Struct, frozen=True, kw_only=True):
     autopilot_parameters_withheld: list[str] = []  # that do not, and why
     pitch_rate: PitchRateResult | None = None  # with `--likelihood`
 
+    @property
+    def power_required_standard(self) -> list[PowerPoint]:
+        """At the standard weight and sea-level density."""
+        required = self.curves.get(Kind.POWER_REQUIRED)
+        return required.standard if required else []
 
-class ElectricalFlight(msgspec.Struct, frozen=True, kw_only=True):
-    """What several flights that give electrical power only are compared by: some of the fields of each."""
+    @property
+    def minimum_power_speed(self) -> SpeedInterval:
+        """Of least power required: the longest endurance with an ideal power train."""
+        required = self.curves.get(Kind.POWER_REQUIRED)
+        return (required and required.least_power_speed) or UNKNOWN_SPEED
 
-    log: str  # name of its folder
-    software_version: str
-    aircraft: AircraftResult
-    vehicle: str = ""  # empty where it is not known, and in results of earlier versions
-    test: ConditionResult
-    electrical_power: list[PowerPoint]
-    electrical: ElectricalResult | None = None
-    evidence: list[Evidence] | None = None  # null in results of earlier versions
-    air_temperature_K: float | None = None
-    air_pressure_Pa: float | None = None
+    @property
+    def best_range_speed(self) -> SpeedInterval:
+        """Of least drag: the longest range with an ideal power train."""
+        required = self.curves.get(Kind.POWER_REQUIRED)
+        return (required and required.best_range_speed) or UNKNOWN_SPEED
+
+    @property
+    def interval_parts(self) -> list[IntervalPart]:
+        """Of the interval of power required."""
+        required = self.curves.get(Kind.POWER_REQUIRED)
+        return required.interval_parts if required else []
+
+    @property
+    def pooling(self) -> PoolingStatistics | None:
+        """Of the joint estimate of drag; null where no acceleration or deceleration was analyzed."""
+        required = self.curves.get(Kind.POWER_REQUIRED)
+        statistics = required and required.statistics
+        return statistics if isinstance(statistics, PoolingStatistics) else None
 
 
 def schema() -> bytes:

@@ -11,9 +11,9 @@ from analysis.records.flight import (
     AircraftResult,
     ComputationModel,
     ConditionResult,
-    ElectricalStatistics,
     Evidence,
     PowerPoint,
+    PowerStatistics,
     SlowestFlown,
     Trust,
 )
@@ -198,7 +198,7 @@ class PooledElectrical(msgspec.Struct, frozen=True, kw_only=True):
     """The curve of a pool with its joint covariance, and the power in it that the motor does not draw."""
 
     idle_power_W: float
-    pooling: ElectricalStatistics
+    pooling: PowerStatistics
 
 
 class ElectricalPooledResults(msgspec.Struct, frozen=True, kw_only=True):

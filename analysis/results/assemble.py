@@ -8,7 +8,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.air.flight_data import Calibrations
-from analysis.curve import Condition, Cost, speed_at
+from analysis.curve import Condition, speed_at
 from analysis.estimation.noise import NORMAL_95
 from analysis.methods.dynamic import DynamicEstimate
 from analysis.methods.ladder import Estimated
@@ -18,7 +18,8 @@ from analysis.performance.autopilot_parameters import of_power_required
 from analysis.performance.full_throttle import speed_over_motor_constant
 from analysis.records.flight import (
     AircraftResult,
-    ConditionResult,
+    BatteryResult,
+    Kind,
     MethodPoint,
     MethodResult,
     PerformanceResult,
@@ -32,6 +33,7 @@ from analysis.results import assemble as methods
 from analysis.results import curves as power_curves
 from analysis.results import flight_found
 from analysis.results.curves import power_curve
+from analysis.results.energy_balance import electrical_curve
 from analysis.results.provenance import provenance
 from analysis.results.settings import RESULTS
 from analysis.trajectory.consistency import Consistency
@@ -47,6 +49,7 @@ def assemble(
     agreement: Consistency,
     performance: PerformanceResult | None,
     electrical: ElectricalEstimate | None,
+    battery: BatteryResult | None,
     command_line: str,
 ) -> Results:
     """The contents of `results.json` but for what to fly next.
@@ -63,6 +66,10 @@ def assemble(
     polar, flown_CL = drag.main.polar, drag.flown_CL
     standard = Condition(aircraft.mass.standard_weight_N, SEA_LEVEL_DENSITY, aircraft.geometry.wing_area_m2)
     curve = power_curves.power_curve(polar, condition, flown_CL, (rows_flown, condition))
+    parts = power_curves.interval_parts(drag.main, aircraft, condition, curve.V_mps)
+    curves = {Kind.POWER_REQUIRED: power_curves.curve_result(curve, standard, parts=parts, statistics=_pooling(flight))}
+    if electrical:
+        curves[Kind.ELECTRICAL] = electrical_curve(electrical, standard, battery)
     check = drag.cross_check
     results = Results(
         software_version=version(),
@@ -74,23 +81,20 @@ def assemble(
             span_m=aircraft.geometry.span_m,
             propeller=propeller.name,
         ),
-        test=ConditionResult(weight_N=condition.weight_N, air_density_kgpm3=condition.rho),
-        standard=ConditionResult(weight_N=standard.weight_N, air_density_kgpm3=standard.rho),
-        air_temperature_K=float(rows_flown["temperature_K"].mean()),
-        air_pressure_Pa=float(rows_flown["static_Pa"].mean()),
+        test=power_curves.condition_result(condition),
+        standard=power_curves.condition_result(standard),
+        kind=Kind.POWER_REQUIRED,
+        curves=curves,
+        battery=battery,
         runs=msgspec.convert(maneuvers.maneuvers, list[RunResult], from_attributes=True),
         rejected=msgspec.convert(maneuvers.rejected, list[RejectedResult], from_attributes=True),
         parameters=drag.main.parameters
         + ([flight_found.static_thrust(drag.main)] if aircraft.propulsion.static_thrust_ratio is not None else []),
         drag_polar=power_curves.drag_polar(polar, aircraft),
-        power_required=curve.points(),
-        power_required_standard=curve.at(standard).points(),
         cross_check=power_curves.power_curve(check.polar, condition, flown_CL, (rows_flown, condition)).points()
         if check and check.converged
         else [],
         cross_check_differs=drag.cross_check_differs,
-        minimum_power_speed=curve.best(Cost.POWER),
-        best_range_speed=curve.best(Cost.ENERGY_PER_METER),
         slowest_flown=power_curves.slowest_flown(flight.table, flown_CL, condition),
         status=drag.main.status,
         verdict=drag.main.verdict,
@@ -101,17 +105,14 @@ def assemble(
         runs_against_others=drag.runs_against_others,
         accelerations_against_decelerations=drag.accelerations_against_decelerations or msgspec.UNSET,
         disagreements=drag.disagreements,
-        interval_parts=power_curves.interval_parts(drag.main, aircraft, condition, curve.V_mps),
         path=flight_found.path_result(trajectory, agreement, flight.prior_conflict.beyond),
         speed_over_motor_constant=speed_over_motor_constant(flight.table, aircraft.propulsion),
         use=performance,
-        pooling=_pooling(flight),
         provenance=provenance(flight, flight.runs_file, command_line),
         air=flight_found.air_found(trajectory, rows_flown, condition),
         run_residuals=flight_found.run_residuals(drag.main, {run.name: run.kind for run in maneuvers.level_runs}),
         parameter_correlation=flight_found.parameter_correlation(drag.main),
         track=flight_found.track(trajectory),
-        electrical_power=electrical.curve.points() if electrical else [],
         pitch_rate=drag.likelihood.pitch_rate,
     )
     parameters, withheld = of_power_required(results, *power_curves.two_term_polar(polar, flown_CL))

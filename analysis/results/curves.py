@@ -8,6 +8,8 @@ import pandas as pd
 from analysis.air.flown import largest_lift, thrust_known
 from analysis.curve import (
     Condition,
+    Cost,
+    Curve,
     Polar,
     PolarCurve,
     classic_form,
@@ -20,14 +22,75 @@ from analysis.estimation.noise import NORMAL_95
 from analysis.methods.dynamic import DynamicEstimate
 from analysis.methods.interval_sources import Source, variance_by_source
 from analysis.records.flight import (
+    BatteryResult,
+    ConditionResult,
+    CurveResult,
     DragPolar,
     Interval,
     IntervalPart,
+    Kind,
+    PoolingStatistics,
+    PowerStatistics,
     SlowestFlown,
 )
 from analysis.settings import CURVES
+from analysis.uncertain import Uncertain
 from flight.aircraft import Aircraft
 from flight.arrays import Array
+
+
+def condition_result(condition: Condition) -> ConditionResult:
+    return ConditionResult(weight_N=condition.weight_N, air_density_kgpm3=condition.rho)
+
+
+def curve_result(
+    curve: Curve,
+    standard: Condition | None = None,
+    *,
+    parts: list[IntervalPart] | None = None,
+    statistics: PoolingStatistics | PowerStatistics | None = None,
+    battery: BatteryResult | None = None,
+) -> CurveResult:
+    """A curve of any kind with what follows from it, as results have it.
+
+    parts : of the interval, where they are not those of the curve's own and shared errors
+    battery : that gives the power of the curve
+    """
+    longest = {}
+    if battery and curve.kind is Kind.ELECTRICAL:
+        longest = {
+            "endurance_s": curve.longest(Cost.POWER, battery.usable_J),
+            "range_m": curve.longest(Cost.ENERGY_PER_METER, battery.usable_J),
+        }
+    return CurveResult(
+        condition=condition_result(curve.condition),
+        points=curve.points(),
+        standard=curve.at(standard).points() if standard else [],
+        least_power_speed=curve.best(Cost.POWER),
+        best_range_speed=curve.best(Cost.ENERGY_PER_METER),
+        interval_parts=_parts(curve) if parts is None else parts,
+        idle_power_W=curve.idle_W,
+        statistics=statistics,
+        **longest,
+    )
+
+
+def _parts(curve: Curve) -> list[IntervalPart]:
+    noise, systematic = (NORMAL_95 * np.sqrt(np.diag(part)) for part in (curve.power_W.own, curve.power_W.by_shared))
+    return [
+        IntervalPart(speed_mps=v, noise_W=n, systematic_W=s)
+        for v, n, s in zip(curve.V_mps.tolist(), noise.tolist(), systematic.tolist(), strict=True)
+    ]
+
+
+def power_statistics(V_mps: Array, power_W: Uncertain) -> PowerStatistics:
+    """Power at speeds (n,) with the errors of the flight alone, and those that others share, as results have it."""
+    return PowerStatistics(
+        speed_mps=V_mps.tolist(),
+        power_W=power_W.value.tolist(),
+        own_covariance=power_W.own.tolist(),
+        shared={str(name): change.tolist() for name, change in power_W.shared.items()},
+    )
 
 
 def power_curve(

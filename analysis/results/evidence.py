@@ -330,7 +330,7 @@ def _efficiency(kind: EvidenceKind, values: list[Interval], best: float) -> Iter
 
 def _shaft(results: Results) -> Iterator[Evidence]:
     """Of the energy balance: drag by the propeller's table is then withheld."""
-    share = results.electrical.shaft_over_electrical if results.electrical else None
+    share = results.balance.shaft_over_electrical if results.balance else None
     least, greatest = THRUST.motor_efficiency
     if share is None or least < share < greatest:
         return
@@ -350,7 +350,7 @@ def _shaft(results: Results) -> Iterator[Evidence]:
 
 def _thrust_efficiency(results: Results) -> Iterator[Evidence]:
     """Of the energy balance, which takes any: a current that is measured wrong makes one that nothing has."""
-    found = results.electrical.thrust_efficiency if results.electrical else None
+    found = results.balance.thrust_efficiency if results.balance else None
     if found is None or TRUST.least_power_train <= found.value <= TRUST.best_propeller:
         return
     high = found.value > TRUST.best_propeller

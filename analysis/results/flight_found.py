@@ -49,6 +49,7 @@ def air_found(trajectory: Trajectory, rows_flown: pd.DataFrame, condition: Condi
         gust_mps=trajectory.gust_mps,
         gust_length=trajectory.gust_length,
         temperature_K=float(rows_flown["temperature_K"].mean()),
+        pressure_Pa=float(rows_flown["static_Pa"].mean()),
         density_altitude_m=float(density_altitude_m(condition.rho)),
         lowest_height_m=float(height.min()),
         highest_height_m=float(height.max()),

@@ -4,32 +4,14 @@ import shlex
 from collections.abc import Collection
 from pathlib import Path
 
-import msgspec
-
 from analysis.records.flight import Results
+from analysis.results.read import read_results
+from flight.errors import InputError
 
 OUTPUT, QUIET = ("-o", "--output"), ("-q", "--quiet")  # options that change no result
 
 
 TABLES = ("power_required.csv", "path.csv", "field_table.md", "field_table.csv", "electrical_power.csv")
-
-
-class _File(msgspec.Struct):
-    role: str
-    sha256: str
-
-
-class _Provenance(msgspec.Struct):
-    command_line: str
-    log_sha256: str
-    files: list[_File]
-
-
-class _Previous(msgspec.Struct):
-    """The fields of an earlier `results.json` that tell what it was made of."""
-
-    software_version: str = ""
-    provenance: _Provenance | None = None
 
 
 def replaced(folder: Path, results: Results, written: Collection[str] = TABLES) -> str:
@@ -47,13 +29,14 @@ def replaced(folder: Path, results: Results, written: Collection[str] = TABLES) 
 
 def _replaced(folder: Path, results: Results) -> str:
     path = folder / "results.json"
-    try:
-        previous = msgspec.json.decode(path.read_bytes(), type=_Previous)
-    except OSError:
+    if not path.exists():
         return ""
-    except msgspec.MsgspecError:
-        return f"{path} was replaced; the file before was not of flightpower"
-    before, now = previous.provenance, results.provenance
+    previous: Results | None
+    try:
+        previous = read_results(path)
+    except InputError:
+        previous = None
+    before, now = previous.provenance if previous else None, results.provenance
     if before is None or now is None:
         return f"the report in {folder} was replaced; with which options the one before was made is not known"
     if before.log_sha256 != now.log_sha256:

@@ -6,9 +6,10 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import msgspec
+from msgspec import structs
 
 from analysis.flights.campaign.addresses import FoundLogs, Log, RemoteLog, place
 from analysis.flights.campaign.cluster import cluster
@@ -29,6 +30,9 @@ from analysis.flights.campaign.folders import (
     records,
 )
 from analysis.flights.campaign.processes import Analyze, Job, Outcome, load_ahead, processors, run_jobs
+from analysis.flights.flight_statistics import without_details
+from analysis.records.flight import Kind, Results
+from analysis.results.read import read_json, read_results
 from flight.errors import InputError
 
 
@@ -207,40 +211,31 @@ def _known_digest(logs: Iterable[Log], records: Iterable[Record]) -> Callable[[L
     return known
 
 
-# Parts of results.json that the joint estimate does not use, and that would take most of the memory.
-UNUSED = ("methods", "one_by_one", "cross_check", "power_required_standard", "interval_parts", "path", "runs")
-OF_USE = ("battery_energy_Wh", "power_train", "model")  # and what of `use` a pool takes
-
-
 class FlightResults(NamedTuple):
-    """Contents of results.json, `log` in them being the folder's name. left_out: why others are not in the pool."""
+    """Results of flights, `log` in them being the folder's name. left_out: why others are not in the pool."""
 
-    to_pool: list[dict[str, Any]]
-    electrical: list[dict[str, Any]]  # flights that give electrical power only
+    to_pool: list[Results]
+    electrical: list[Results]  # flights that give electrical power only
     left_out: list[str]
 
 
-def read_results(folders: Sequence[Path]) -> FlightResults:
+def read_flights(folders: Sequence[Path]) -> FlightResults:
     """The results in flights' folders. Flights without statistics for pooling are left out, with a reason.
 
     Raises InputError when a file cannot be read.
     """
     found = FlightResults([], [], [])
     for folder in folders:
-        content = read_json(folder / RESULTS)
-        content["log"] = folder.name
-        content = {name: value for name, value in content.items() if name not in UNUSED}
-        if isinstance(content.get("use"), dict):
-            content["use"] = {name: content["use"].get(name) for name in OF_USE}
-        if content.get("pooling") is not None:
+        content = structs.replace(without_details(read_results(folder / RESULTS)), log=folder.name)
+        if content.pooling is not None:
             found.to_pool.append(content)
-        elif content.get("electrical") is not None:
+        elif content.kind is Kind.ELECTRICAL:
             found.electrical.append(content)
         else:
             found.left_out.append(f"{folder.name}: its curve is not by the dynamic method, and is not pooled")
     if found.to_pool:
         only = "gives electrical power only, which is not pooled with drag"
-        found.left_out.extend(f"{one['log']}: {only}" for one in found.electrical)
+        found.left_out.extend(f"{one.log}: {only}" for one in found.electrical)
     return found
 
 
@@ -258,11 +253,3 @@ def flight_folders_of(folder: Path) -> list[Path]:
         return found
     flights = read_json(folder / RESULTS).get("flights")
     return [folder] if flights is None else [folder / str(flight["log"]) for flight in flights]
-
-
-def read_json(path: Path) -> dict[str, Any]:
-    """The content of a results.json. Raises InputError when it cannot be read."""
-    try:
-        return msgspec.json.decode(path.read_bytes(), type=dict[str, Any])
-    except (OSError, msgspec.DecodeError, msgspec.ValidationError) as error:
-        raise InputError(f"{path}: cannot be read ({error}); analyze the log again") from None

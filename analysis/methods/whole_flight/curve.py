@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.curve import Condition, Curve, Kind
+from analysis.curve import Condition, Curve
 from analysis.estimation.model import NamedValues
 from analysis.estimation.noise import NORMAL_95
 from analysis.methods.whole_flight.airspeed_gps import AirspeedErrors, airspeed_errors, by_wind
@@ -38,9 +38,11 @@ from analysis.methods.whole_flight.parameters import (
     Source,
     block,
     pack,
+    prior_error,
     unpack,
 )
 from analysis.methods.whole_flight.settings import CURVE, GPS, PRIOR, SHARED, WINDOWS
+from analysis.records.flight import Kind
 from analysis.settings import CURVES
 from analysis.uncertain import Uncertain
 from flight.aircraft import Aircraft
@@ -223,7 +225,7 @@ def _among_flights(
     """
     C = estimate.covariance
     of_aircraft = [(i, name) for i, name in enumerate(estimate.names) if name not in WIND]
-    common = {f"prior {i}": gradient.T @ C[:, i] / prior[name][1] for i, name in of_aircraft}
+    common = {prior_error(name): gradient.T @ C[:, i] / prior[name][1] for i, name in of_aircraft}
     of_prior = sum(np.outer(change, change) for change in common.values())
     own = power.own
     if airspeed.wind is None:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.curve import Curve, Kind
+from analysis.curve import Curve
 from analysis.estimation.model import NamedValues, PriorMeasurement
 from analysis.methods.whole_flight.curve import ElectricalEstimate, drag_prior, lift_prior
 from analysis.methods.whole_flight.energy_balance import FlightConditions, QuarticPolar, drag_power
@@ -15,6 +15,7 @@ from analysis.methods.whole_flight.flight_table import FlightTable
 from analysis.methods.whole_flight.parameters import THRUST_ERRORS
 from analysis.methods.whole_flight.settings import SHARED, THRUST, WINDOWS
 from analysis.methods.whole_flight.thrust_balance import MotorConstants, ThrustBalance
+from analysis.records.flight import Kind
 from analysis.sources import recording
 from analysis.sources.grid_settings import FLIGHT
 from analysis.uncertain import Uncertain

@@ -54,6 +54,20 @@ OF_AIRSPEED = (Source.AIRSPEED, Source.AIRSPEED_ZERO)  # as AIRSPEED
 OF_WIND = (Source.WIND_NORTH, Source.WIND_EAST, Source.WIND_NORTH_TREND, Source.WIND_EAST_TREND)  # as WIND
 OF_AIRCRAFT = (Source.DENSITY, Source.MASS, Source.CURRENT, Source.IDLE_POWER)  # the same in all its flights
 
+# What the prior of a parameter is of, as pools of results name its error; alike for both laws of the efficiency.
+_OF_EFFICIENCY = ("greatest efficiency", "speed of greatest efficiency", "fall of efficiency", "idle propeller's drag")
+PRIOR_OF = {
+    **dict(zip(DRAG, ("zero-lift drag", "drag by lift", "lift of least drag", "drag of fourth order"), strict=True)),
+    **dict(zip(PROPELLER, _OF_EFFICIENCY, strict=True)),
+    **dict(zip(POWER_LAW, _OF_EFFICIENCY, strict=True)),
+    **dict(zip(LIFT, ("sideslip", "angle of zero lift", "angle over lift", "angle over thrust"), strict=True)),
+}
+
+
+def prior_error(parameter: str) -> str:
+    """The name of the error by which the mean of a parameter's prior is from the truth, which all flights share."""
+    return f"prior of {PRIOR_OF[parameter]}"
+
 
 def unpack(names: Sequence[str], vector: Array) -> NamedValues:
     """Parameters by name, of a vector (m,) with these names (m,)."""

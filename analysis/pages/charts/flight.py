@@ -181,7 +181,7 @@ def ground_track(track: Track, runs: Sequence[Maneuver], air: AirFound | None) -
             )
         )  # fmt: skip
     figure.add(Points(x=east[:1], y=north[:1], name="start", symbol=Symbol.STAR, size=14, color=INK, value=""))
-    if air is not None:
+    if air and air.wind_mps is not None and air.wind_from_deg is not None:
         length = 0.15 * max(float(np.ptp(north)), float(np.ptp(east)), 1.0)
         toward = np.radians(air.wind_from_deg + 180)
         x, y = float(east.min()), float(north.max())

@@ -16,7 +16,7 @@ from analysis.pages.exports.derived import ERROR, derived, write_derived_log
 from analysis.pages.write import COLUMNS as STATE_COLUMNS
 from analysis.pipeline.runs import Analysis
 from analysis.pipeline.whole_flight import WholeFlightAnalysis
-from analysis.records.flight import PowerPoint
+from analysis.records.flight import Kind, PowerPoint
 from analysis.sources.recording import FlightRecording
 from analysis.trajectory.equations import GUST_FILTER_STATES
 from flight.errors import InputError
@@ -74,7 +74,7 @@ def _of_whole_flight(analysis: WholeFlightAnalysis) -> dict[str, pd.DataFrame]:
     curves = {
         "electrical power": results.electrical_power,
         "power required, as flown": results.power_required,
-        "shaft power": results.electrical.shaft_power if results.electrical else [],
+        "shaft power": results.points(Kind.SHAFT),
     }
     return {"synchronized": table, "windows": windows, "curves": _curve_table(curves)}
 

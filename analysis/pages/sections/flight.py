@@ -172,9 +172,10 @@ def _place(results: Results) -> str:
 
 def _wind(results: Results) -> str:
     air = results.air
-    if air is None:
-        return "Wind not known"
-    return f"{air.wind_mps:.1f} ± {1.96 * air.wind_standard_error_mps:.1f} m/s from {air.wind_from_deg:.0f}°"
+    if air.wind_mps is None or air.wind_from_deg is None:
+        return "not known"
+    known = "" if air.wind_standard_error_mps is None else f" ± {1.96 * air.wind_standard_error_mps:.1f}"
+    return f"{air.wind_mps:.1f}{known} m/s from {air.wind_from_deg:.0f}°"
 
 
 def _length_of(air: AirFound) -> str:
@@ -183,20 +184,28 @@ def _length_of(air: AirFound) -> str:
     return f", {air.gust_length:.2f} times as long as MIL-F-8785C has them, by their spectra"
 
 
+def temperature_text(air: AirFound) -> str:
+    """ " (15 °C)"; empty where it is not known."""
+    return "" if air.temperature_K is None else f" ({air.temperature_K - 273.15:.0f} °C)"
+
+
 def _air(results: Results) -> list[tuple[str, str]]:
-    air = results.air
-    if air is None:
-        return []
-    return [
-        ("Wind in the runs", f"{_wind(results)}, found from airspeed and path"),
-        ("Turbulence", f"{air.gust_mps:.2f} m/s vertical gusts (1 standard deviation){_length_of(air)}"),
-        (
-            "Air",
-            f"{air.temperature_K - 273.15:.1f} °C, {results.air_pressure_Pa / 100:.0f} hPa,"
-            f" {results.test.air_density_kgpm3:.3f} kg/m³: density altitude {air.density_altitude_m:.0f} m",
-        ),
-        ("Height of the runs", f"{air.lowest_height_m:.0f} to {air.highest_height_m:.0f} m above the start"),
-    ]
+    """As far as the flight shows it."""
+    air, where = results.air, "runs" if results.runs else "flight"
+    facts = []
+    if air.wind_mps is not None:
+        facts.append((f"Wind in the {where}", f"{_wind(results)}, found from airspeed and path"))
+    if air.gust_mps is not None:
+        gusts = f"{air.gust_mps:.2f} m/s vertical gusts (1 standard deviation){_length_of(air)}"
+        facts.append(("Turbulence", gusts))
+    if air.temperature_K is not None and air.pressure_Pa is not None and air.density_altitude_m is not None:
+        state = f"{air.temperature_K - 273.15:.1f} °C, {air.pressure_Pa / 100:.0f} hPa"
+        density = f"{results.test.air_density_kgpm3:.3f} kg/m³: density altitude {air.density_altitude_m:.0f} m"
+        facts.append(("Air", f"{state}, {density}"))
+    if air.lowest_height_m is not None:
+        heights = f"{air.lowest_height_m:.0f} to {air.highest_height_m:.0f} m above the start"
+        facts.append((f"Height of the {where}", heights))
+    return facts
 
 
 def _ticks(results: Results) -> str:

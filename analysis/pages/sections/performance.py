@@ -5,7 +5,7 @@ import io
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from analysis.pages.answers import interval_text
+from analysis.pages.answers import battery_text, interval_text
 from analysis.pages.html_page import HtmlTable
 from analysis.pages.sections import performance as field_table
 from analysis.pages.wording import meaning
@@ -33,9 +33,9 @@ def performance_section(results: Results) -> PerformanceSection | None:
         return None
     notes = (use.available.basis, ceilings(use), *use.available.notes, use.available.reason)
     return PerformanceSection(
-        battery=f"{use.battery_energy_Wh:g} Wh of which {100 * use.usable:.0f} % are used",
+        battery=f"{battery_text(results, ' of which')} are used",
         costs=[*use.costs, *use.too_much],
-        field_heading=field_table.heading(results, use),
+        field_heading=field_table.heading(results),
         field_assumption=field_table.assumption(use),
         speeds=HtmlTable(field_table.SPEEDS, field_table.speed_rows(use), numbers=True),
         loadings=HtmlTable(field_table.LOADINGS, field_table.loading_rows(use), numbers=True),
@@ -162,12 +162,12 @@ def _value_or_dash(interval: Interval | None) -> str:
     return "–" if interval is None else f"{interval.value:.1f}"
 
 
-def heading(results: Results, use: PerformanceResult) -> str:
+def heading(results: Results) -> str:
     """Aircraft, weight, air density, propeller and battery that the table holds for."""
     return (
         f"{results.aircraft.title}, {results.test.weight_N / GRAVITY_MPS2:.2f} kg,"
         f" air {results.test.air_density_kgpm3:.3f} kg/m³, propeller {results.aircraft.propeller},"
-        f" {use.battery_energy_Wh:g} Wh of which {100 * use.usable:.0f} % are used"
+        f" {battery_text(results, ' of which')} are used"
     )
 
 
@@ -178,7 +178,7 @@ def assumption(use: PerformanceResult) -> str:
 
 def to_markdown(results: Results, use: PerformanceResult) -> str:
     """Both tables with heading and notes."""
-    parts = [f"# {heading(results, use)}", _markdown(SPEEDS, speed_rows(use)), _markdown(LOADINGS, loading_rows(use))]
+    parts = [f"# {heading(results)}", _markdown(SPEEDS, speed_rows(use)), _markdown(LOADINGS, loading_rows(use))]
     if has_extrapolation(use):
         parts.append("\\* outside the propeller table: an extrapolation.")
     parts += use.too_much

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from analysis.pages.answers import HeadlineAnswer, headline_answers
+from analysis.pages.sections.flight import temperature_text
 from analysis.pages.wording import VERDICT
 from analysis.records.flight import CurveStatus, PowerPoint, Results
 from analysis.results.evidence import sentences
@@ -37,7 +38,7 @@ def summary_section(results: Results) -> SummarySection:
         title=f"{results.aircraft.title}: power required",
         condition=(
             f"{results.test.weight_N / GRAVITY_MPS2:.2f} kg, air {results.test.air_density_kgpm3:.3f} kg/m³"
-            f" ({results.air_temperature_K - 273.15:.0f} °C), propeller {results.aircraft.propeller}"
+            f"{temperature_text(results.air)}, propeller {results.aircraft.propeller}"
         ),
         cards=[_card(answer) for answer in headline_answers(results)],
         steady_points=any(method.points for method in results.methods),

@@ -4,6 +4,8 @@ import json
 from io import StringIO
 from pathlib import Path
 
+import msgspec
+import numpy as np
 import pytest
 from mcap.reader import SeekingReader
 from rich.console import Console
@@ -12,13 +14,15 @@ from typer.testing import CliRunner
 from analysis.cli.analyze import app
 from analysis.cli.compare import app as compare_app
 from analysis.cli.several_logs import FlightAnalysis, ProgressOnConsole, _attachments, files_used, settings
-from analysis.flights.campaign.campaign import Campaign, flight_folders_of, read_results
+from analysis.flights.campaign.campaign import Campaign, flight_folders_of, read_flights
 from analysis.flights.campaign.processes import Outcome
 from analysis.options import Options
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from flight.log_writer import LogWriter
 from flight.messages import AbsolutePressure
+from tests.analysis.flights.synthetic_flights import flight, truth
+from tests.analysis.missions.route_data import electrical_flight
 
 
 def run(*arguments: object):
@@ -103,13 +107,16 @@ def test_folders_of_a_pool_of_several_flights_and_of_one(tmp_path: Path) -> None
         (tmp_path / folder).mkdir(parents=True)
         (tmp_path / folder / "results.json").write_text(json.dumps(content))
 
-    results("pool/a", pooling={"x": 1}, methods=[1])
-    results("pool/b", pooling=None, electrical={})
-    results("pool/removed", pooling={"x": 2})
+    rng = np.random.default_rng(1)
+    results("pool/a", **flight(truth(rng), rng, "a"))
+    electrical = msgspec.to_builtins(electrical_flight())
+    results("pool/b", **electrical)
+    results("pool/removed", **flight(truth(rng), rng, "removed"))
     assert [folder.name for folder in flight_folders_of(tmp_path / "pool")] == ["a", "b", "removed"]
     (tmp_path / "pool" / "results.json").write_text(json.dumps({"flights": [{"log": "a"}, {"log": "b"}]}))
-    found = read_results(flight_folders_of(tmp_path / "pool"))
-    assert found.to_pool == [{"pooling": {"x": 1}, "log": "a"}] and "electrical power only" in found.left_out[0]
+    found = read_flights(flight_folders_of(tmp_path / "pool"))
+    (one,) = found.to_pool
+    assert one.log == "a" and one.pooling is not None and "electrical power only" in found.left_out[0]
     assert flight_folders_of(tmp_path / "pool" / "a") == [tmp_path / "pool" / "a"]
     (tmp_path / "pool" / "a" / "empty").mkdir()
     with pytest.raises(InputError, match=r"no results\.json"):

@@ -189,9 +189,9 @@ def test_a_trend_is_the_slope_of_generalized_least_squares() -> None:
     days = np.array([0.0, 1.0, 2.0, 5.0])
     flights = [
         SimpleNamespace(
-            content=SimpleNamespace(
-                pooling=SimpleNamespace(start_unix_s=86400.0 * day, battery_V=14.0), air_temperature_K=T
-            )
+            start_unix_s=86400.0 * day,
+            statistics=SimpleNamespace(battery_V=14.0),
+            content=SimpleNamespace(air_temperature_K=T),
         )
         for day, T in zip(days, (280.0, None, 290.0, 295.0), strict=True)
     ]
@@ -206,9 +206,9 @@ def test_a_trend_is_told_over_the_range_flown_alone() -> None:
     """Flights within 0.1 K say nothing of a kelvin: the change is that of 0.1 K, as uncertain as the flights."""
     flights = [
         SimpleNamespace(
-            content=SimpleNamespace(
-                pooling=SimpleNamespace(start_unix_s=None, battery_V=None), air_temperature_K=288.0 + 0.1 * i / 4
-            )
+            start_unix_s=None,
+            statistics=SimpleNamespace(battery_V=None),
+            content=SimpleNamespace(air_temperature_K=288.0 + 0.1 * i / 4),
         )
         for i in range(5)
     ]

@@ -16,7 +16,7 @@ from analysis.flights.campaign.campaign import Campaign
 from analysis.flights.electrical import compare_electrical, electrical_pool, pooled_results
 from analysis.flights.evidence import NOT_ONE_VEHICLE
 from analysis.pages.pooled_page import render_electrical_flights
-from analysis.records.flight import ElectricalFlight, EvidenceKind, Trust
+from analysis.records.flight import POWER_FORMAT, EvidenceKind, Kind, Results, Trust
 from analysis.records.pool import ELECTRICAL_FORMAT
 from flight.command_line import ExitCode
 from flight.errors import InputError
@@ -24,7 +24,6 @@ from flight.errors import InputError
 V = np.linspace(12.0, 20.0, 13)
 IDLE_W, OWN, SHARED = 4.0, 0.03, 0.02
 WEIGHT_N, RHO = 38.0, 1.2
-SPEED = {"speed_mps": None, "lo_mps": None, "hi_mps": None, "inside_flown_range": False}
 
 
 def power_of(V: np.ndarray, weight_N: float = WEIGHT_N, rho: float = RHO, drag: float = 1.0) -> np.ndarray:
@@ -33,35 +32,36 @@ def power_of(V: np.ndarray, weight_N: float = WEIGHT_N, rho: float = RHO, drag: 
     return IDLE_W + rho / 2 * V**3 * 0.46 * drag * (0.04 + 0.05 * CL**2) / (0.6 - 0.1 * CL)
 
 
-def flight(log: str = "a", error: np.ndarray | float = 0.0, **of) -> ElectricalFlight:
+def flight(log: str = "a", error: np.ndarray | float = 0.0, **of) -> Results:
     """Own errors: a share OWN of power, correlated over 3 m/s; shared: a share of power at all speeds."""
     name, drag = of.pop("name", "A"), of.pop("drag", 1.0)
     weight_N, rho, speeds = of.pop("weight_N", WEIGHT_N), of.pop("rho", RHO), of.pop("speeds", V)
     truth = power_of(speeds, weight_N, rho, drag)
     power = truth * (1 + error)
     own = OWN**2 * np.outer(truth, truth) * np.exp(-(((speeds[:, None] - speeds) / 3.0) ** 2))
-    pooling = {
-        "speed_mps": speeds.tolist(), "power_W": power.tolist(), "own_covariance": own.tolist(),
-        "shared": {"current": (SHARED * truth).tolist()},
+    condition = {"weight_N": weight_N, "air_density_kgpm3": rho}
+    statistics = {
+        "format": POWER_FORMAT, "speed_mps": speeds.tolist(), "power_W": power.tolist(),
+        "own_covariance": own.tolist(), "shared": {"current": (SHARED * truth).tolist()},
     }  # fmt: skip
+    points = [
+        {"speed_mps": v, "power_W": p, "power_lo_W": 0.9 * p, "power_hi_W": 1.1 * p}
+        for v, p in zip(speeds.tolist(), power.tolist(), strict=True)
+    ]
     content = {
-        "log": log, "software_version": "0", "evidence": [],
+        "log": log, "software_version": "0", "kind": Kind.ELECTRICAL, "test": condition,
         "aircraft": {"name": name, "title": name, "wing_area_m2": 0.46, "span_m": 1.75, "propeller": ""},
-        "vehicle": of.pop("vehicle", ""), "test": {"weight_N": weight_N, "air_density_kgpm3": rho},
-        "electrical_power": [
-            {"speed_mps": v, "power_W": p, "power_lo_W": 0.9 * p, "power_hi_W": 1.1 * p}
-            for v, p in zip(speeds.tolist(), power.tolist(), strict=True)
-        ],
-        "electrical": {
-            "least_power_speed": SPEED, "best_range_speed": SPEED, "endurance_s": None, "range_m": None,
-            "interval_parts": [], "residual_W": 1.0, "idle_power_W": IDLE_W, "airspeed_scale": None, "wind_mps": None,
-            "wind_from_deg": None, "flown_s": 300.0, "withheld": [], "pooling": pooling,
+        "vehicle": of.pop("vehicle", ""),
+        "curves": {
+            Kind.ELECTRICAL: {
+                "condition": condition, "points": points, "idle_power_W": IDLE_W, "statistics": statistics,
+            }
         },
     }  # fmt: skip
-    return msgspec.convert(content, ElectricalFlight)
+    return msgspec.convert(content, Results)
 
 
-def drawn(rng: np.random.Generator, count: int, common: float | None = None, **of) -> list[ElectricalFlight]:
+def drawn(rng: np.random.Generator, count: int, common: float | None = None, **of) -> list[Results]:
     """Flights of one aircraft, whose shared error is drawn once."""
     shape = np.exp(-(((V[:, None] - V) / 3.0) ** 2))
     shared = SHARED * rng.standard_normal() if common is None else common
@@ -69,7 +69,7 @@ def drawn(rng: np.random.Generator, count: int, common: float | None = None, **o
     return [flight(f"{i}", error, **of) for i, error in enumerate(errors)]
 
 
-def half_shares(flights: Sequence[ElectricalFlight]) -> np.ndarray:
+def half_shares(flights: Sequence[Results]) -> np.ndarray:
     pool = electrical_pool(flights)
     return np.sqrt(np.diag(pool.curve.power_W.covariance)) / pool.curve.power_W.value
 
@@ -169,7 +169,7 @@ def test_what_is_not_pooled_is_said() -> None:
     with pytest.raises(InputError, match="same flight"):
         electrical_pool([flight("a"), flight("b")])
     with pytest.raises(InputError, match="earlier version"):
-        electrical_pool([msgspec.structs.replace(flight("a"), electrical=None)])
+        electrical_pool([flight("a").with_curve(Kind.ELECTRICAL, statistics=None)])
     with pytest.raises(InputError, match="no speeds in common"):
         compare_electrical([flight("a")], [flight("b", speeds=V + 20.0)])
 

@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from fleet_flights import flights_of
@@ -10,6 +11,7 @@ from typer.testing import CliRunner
 
 from analysis.cli.fleet import app
 from flight.errors import InputError
+from tests.analysis.missions.route_data import electrical_flight
 
 
 def called(*words: object) -> str:
@@ -63,6 +65,6 @@ def test_what_cannot_be_used_is_one_line(
 def test_flights_of_electrical_power_alone_are_no_fleet(tmp_path: Path) -> None:
     folder = tmp_path / "flights" / "00000001"
     folder.mkdir(parents=True)
-    (folder / "results.json").write_text(json.dumps({"log": "00000001.BIN", "electrical": {}}))
+    (folder / "results.json").write_text(msgspec.json.encode(electrical_flight()).decode())
     with pytest.raises(InputError, match="00000001: gives electrical power only"):
         called("add", tmp_path / "flights", "--to", tmp_path / "fleet")

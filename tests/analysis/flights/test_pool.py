@@ -230,9 +230,9 @@ def test_a_flight_given_twice_and_results_without_statistics_are_refused(tmp_pat
     path = tmp_path / "results.json"
     for content, said in (
         ({**results, "pooling": None}, "no statistics"),
-        ({**results, "pooling": {**results["pooling"], "format": "flightpower-pooling-0"}}, "in the format"),
+        ({**results, "pooling": {**results["pooling"], "format": "flightpower-pooling-0"}}, "no statistics"),
         ({**results, "pooling": {**results["pooling"], "values": [1.0]}}, "malformed"),
-        ([], "not a results.json"),
+        ([], "not a JSON object"),
     ):
         path.write_text(json.dumps(content), "utf-8")
         with pytest.raises(InputError, match=said) as error:

@@ -15,19 +15,21 @@ from analysis.missions.prediction import RESOLUTION, Air, Flight, Route
 from analysis.performance.propagation import ParameterVector
 from analysis.records.flight import (
     AircraftResult,
+    AirFound,
     AvailableResult,
+    BatteryResult,
     ComputationModel,
     ConditionResult,
+    CurveResult,
     CurveStatus,
-    ElectricalResult,
-    ElectricalStatistics,
+    Kind,
     PerformanceResult,
+    PowerStatistics,
     PowerTrainResult,
     PropellerRow,
     PropellerTable,
     Results,
     SlowestFlown,
-    SpeedInterval,
 )
 from flight.propeller_files import load_propeller
 
@@ -39,7 +41,7 @@ VALUES = {
     "unloaded_revps": 165.0, "revps_per_Nm": 60.0,
 }  # fmt: skip
 SHARES = {"A0": 0.03, "A1": 0.05, "A2": 0.04, "shaft_scale": 0.03, "friction": 0.1, "copper": 0.1}  # standard errors
-UNKNOWN = SpeedInterval(speed_mps=None, lo_mps=None, hi_mps=None, inside_flown_range=False)
+AT = ConditionResult(weight_N=WEIGHT_N, air_density_kgpm3=RHO)
 CALM = Wind(0.0, 0.0, 0.0)
 BATTERY = Battery(energy_J=74 * 3600.0, reserve=0.2)
 
@@ -80,7 +82,7 @@ def aerodynamic_flight(**changed: Any) -> Results:
     )  # fmt: skip
     train = PowerTrainResult(measured=True, basis="", parameters=[], efficiency=[], points=[])
     use = PerformanceResult(
-        battery_energy_Wh=74.0, usable=0.8, power_train=train, available=available, loadings=[], costs=[],
+        power_train=train, available=available, loadings=[], costs=[],
         field_table=[], model=model,
     )  # fmt: skip
     slowest = SlowestFlown(
@@ -88,7 +90,8 @@ def aerodynamic_flight(**changed: Any) -> Results:
         lift_coefficient=FLOWN_CL[1],
         largest_lift_coefficient=1.2,
     )
-    return _results(**{"use": use, "slowest_flown": slowest} | changed)
+    battery = BatteryResult(energy_Wh=74.0, usable=0.8)
+    return _results(**{"use": use, "battery": battery, "slowest_flown": slowest} | changed)
 
 
 def electrical_results(**changed: Any) -> RouteInput:
@@ -99,30 +102,24 @@ def electrical_flight(**changed: Any) -> Results:
     """A curve of electrical power with 8 W of idle power in it."""
     V = np.linspace(11.0, 22.0, 13)
     power_W = 8 + 0.022 * V**3 + 500 / V
-    statistics = ElectricalStatistics(
+    statistics = PowerStatistics(
         speed_mps=V.tolist(),
         power_W=power_W.tolist(),
         own_covariance=np.diag((0.01 * power_W) ** 2).tolist(),
         shared={"current": (0.02 * power_W).tolist()},
     )
-    found = ElectricalResult(
-        least_power_speed=UNKNOWN, best_range_speed=UNKNOWN, endurance_s=None, range_m=None, interval_parts=[],
-        residual_W=3.0, idle_power_W=8.0, airspeed_scale=None, wind_mps=None, wind_from_deg=None, flown_s=600.0,
-        withheld=[], pooling=statistics,
-    )  # fmt: skip
-    return _results(**{"electrical": found} | changed)
+    curve = CurveResult(condition=AT, points=[], idle_power_W=8.0, statistics=statistics)
+    return _results(**{"kind": Kind.ELECTRICAL, "curves": {Kind.ELECTRICAL: curve}} | changed)
 
 
 def _results(**more: Any) -> Results:
-    at = ConditionResult(weight_N=WEIGHT_N, air_density_kgpm3=RHO)
     return Results(
         **{
             "software_version": "0", "log": "log.mcap", "aircraft": AircraftResult(
                 name="a", title="A", wing_area_m2=AREA_M2, span_m=1.75, propeller="apc-12x8e"
-            ), "test": at, "standard": at, "air_temperature_K": 288.15, "air_pressure_Pa": 1.19 * 287.05287 * 288.15,
-            "runs": [], "rejected": [], "parameters": [], "drag_polar": None, "power_required": [],
-            "power_required_standard": [], "cross_check": [], "minimum_power_speed": UNKNOWN,
-            "best_range_speed": UNKNOWN, "status": CurveStatus.CONVERGED, "verdict": "", "warnings": [],
+            ), "test": AT, "air": AirFound(temperature_K=288.15, pressure_Pa=1.19 * 287.05287 * 288.15),
+            "kind": Kind.POWER_REQUIRED, "curves": {Kind.POWER_REQUIRED: CurveResult(condition=AT, points=[])},
+            "status": CurveStatus.CONVERGED,
         }
         | more
     )  # fmt: skip

@@ -17,7 +17,7 @@ from analysis.missions.inputs import RouteInput
 from analysis.missions.power import source_of
 from analysis.missions.prediction import predict
 from analysis.performance.stored_model import LOSSES, model_of, part
-from analysis.records.flight import ElectricalFlight
+from analysis.results.read import upgraded
 from tests.analysis.flights.synthetic_flights import flight as statistics_of
 from tests.analysis.flights.synthetic_flights import truth
 from tests.analysis.missions.route_data import (
@@ -43,14 +43,14 @@ def contents(*, measured: tuple[bool, ...] = (True, True, True), use: bool = Tru
         whole["use"]["model"]["values"][at] = scale
         whole["use"]["power_train"]["measured"] = known
         whole["slowest_flown"]["largest_lift_coefficient"] += 0.1 * number
-        taken = {name: whole[name] for name in ("air_pressure_Pa", "slowest_flown", *(["use"] if use else []))}
-        found.append(statistics_of(x, rng, str(number)) | taken)
+        taken = {name: whole[name] for name in ("air", "slowest_flown", "battery", *(["use"] if use else []))}
+        found.append({**upgraded(statistics_of(x, rng, str(number))), **taken})
     return found
 
 
 def route_input(pool: Pool) -> RouteInput:
     """As written and read."""
-    return msgspec.json.decode(msgspec.json.encode(pool.results()), type=RouteInput)
+    return msgspec.convert(upgraded(msgspec.to_builtins(pool.results())), RouteInput)
 
 
 def test_polar_and_thrust_are_those_of_the_pool_with_their_joint_covariance() -> None:
@@ -101,11 +101,10 @@ def test_power_by_a_pool_has_the_spread_of_the_pool_and_less_than_that_of_a_flig
 
 
 def test_a_pool_of_one_flight_of_electrical_power_is_that_flight() -> None:
-    content = msgspec.convert(electrical_flight(), ElectricalFlight, from_attributes=True)
-    written = msgspec.json.encode(pooled_results(electrical_pool([content])))
+    written = msgspec.to_builtins(pooled_results(electrical_pool([electrical_flight()])))
+    pooled_input = msgspec.convert(upgraded(written), RouteInput)
     one, pooled = (
-        source_of(results, None, 2000, np.random.default_rng(2))
-        for results in (electrical_results(), msgspec.json.decode(written, type=RouteInput))
+        source_of(results, None, 2000, np.random.default_rng(2)) for results in (electrical_results(), pooled_input)
     )
     V, at = np.array([12.0, 15.0, 20.0]), one.reference
     assert pooled.flown_CL == pytest.approx(one.flown_CL)
@@ -113,9 +112,7 @@ def test_a_pool_of_one_flight_of_electrical_power_is_that_flight() -> None:
         powers = [getattr(source, of).battery_W(V, at, 0.0, 1.0) for source in (one, pooled)]
         assert powers[1].mean(axis=0) == pytest.approx(powers[0].mean(axis=0), rel=3e-3)
         assert powers[1].std(axis=0) == pytest.approx(powers[0].std(axis=0), rel=0.08)
-    heavier = predict(
-        msgspec.json.decode(written, type=RouteInput), legs("3 km 000"), flight(weight_N=1.2 * at.weight_N)
-    )
+    heavier = predict(pooled_input, legs("3 km 000"), flight(weight_N=1.2 * at.weight_N))
     assert heavier.energy_Wh.value > 1.1 * predict(electrical_results(), legs("3 km 000"), flight()).energy_Wh.value
 
 

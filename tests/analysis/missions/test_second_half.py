@@ -10,7 +10,7 @@ from analysis.methods.whole_flight.curve import FlownAircraft, estimate
 from analysis.methods.whole_flight.fit import samples_of
 from analysis.methods.whole_flight.flight_table import FlightTable, flight_table
 from analysis.missions.power import source_of
-from analysis.results.electrical import ElectricalFindings, electrical_results
+from analysis.results.energy_balance import EnergyBalanceFindings, assemble_energy_balance
 from analysis.results.provenance import provenance_of_file
 from analysis.sources.px4 import read_px4
 from flight.units import GRAVITY_MPS2
@@ -43,10 +43,10 @@ def only(flight: FlightTable, rows: slice) -> FlightTable:
 def predicted(first: FlightTable, second: FlightTable) -> Half:
     found = estimate(first, WEIGHT_N, AREA_M2, SPAN_M)
     rho = found.conditions.rho
-    results = electrical_results(
+    results = assemble_energy_balance(
         LOG,
         FlownAircraft("Seaway-Mini", WEIGHT_N, AREA_M2, SPAN_M),
-        ElectricalFindings(first, found),
+        EnergyBalanceFindings(first, found),
         provenance_of_file(LOG, "", None, ""),
     )
     rng = np.random.default_rng(0)

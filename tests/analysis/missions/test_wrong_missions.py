@@ -5,11 +5,11 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from route_data import aerodynamic_results, electrical_flight, electrical_results
+from route_data import aerodynamic_results, electrical_results
 from test_mission_files import KML, SQUARE, item, plan_text, waypoints_text
 
 from analysis.cli import route
-from analysis.records.flight import Evidence, EvidenceKind, PartOfResult, Trust
+from analysis.records.flight import BatteryResult, Evidence, EvidenceKind, PartOfResult, Trust
 
 WIND = ("--wind", "5 m/s from 270")
 LEGS = ("--legs", "3 km 045, 2 km 135")
@@ -100,9 +100,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         "results.json": results,
         "distrusted.json": msgspec.structs.replace(results, trust=Trust.NOT_TO_BE_TRUSTED, evidence=[against]),
         "electrical.json": electrical_results(),
-        "with its battery.json": electrical_results(
-            electrical=msgspec.structs.replace(electrical_flight().electrical, battery_energy_Wh=74.0)
-        ),
+        "with its battery.json": electrical_results(battery=BatteryResult(energy_Wh=74.0, usable=0.8)),
         "bare.json": msgspec.structs.replace(results, use=None),
     }
     for name, content in contents.items():

@@ -6,14 +6,18 @@ from msgspec.structs import replace
 
 from analysis.records.flight import (
     AircraftResult,
+    AirFound,
     AvailableResult,
+    BatteryResult,
     ConditionResult,
+    CurveResult,
     CurveStatus,
     DisagreementResult,
     DragPolar,
     FieldRow,
     Interval,
     IntervalPart,
+    Kind,
     LevelEfficiencyPoint,
     MethodPoint,
     MethodResult,
@@ -58,22 +62,25 @@ def results() -> Results:
         text="PIW-VIW lies 10 % above: the propeller's table <gives> too much.",
     )  # fmt: skip
     none = SpeedInterval(speed_mps=None, lo_mps=None, hi_mps=None, inside_flown_range=False)
+    at = ConditionResult(weight_N=37.0, air_density_kgpm3=1.2)
+    required = CurveResult(
+        condition=at, points=curve(dashed_above=20.0), standard=curve(), least_power_speed=none,
+        best_range_speed=SpeedInterval(speed_mps=13.1, lo_mps=12.8, hi_mps=13.4, inside_flown_range=True),
+        interval_parts=[IntervalPart(speed_mps=v, noise_W=1.0, systematic_W=2.0) for v in (12.0, 18.0, 24.0)],
+    )  # fmt: skip
     return Results(
         software_version="0", log="flight.mcap",
         aircraft=AircraftResult(name="n", title="A & B", wing_area_m2=0.46, span_m=1.7, propeller="p"),
-        test=ConditionResult(weight_N=37.0, air_density_kgpm3=1.2),
+        test=at,
         standard=ConditionResult(weight_N=38.0, air_density_kgpm3=1.225),
-        air_temperature_K=290.0, air_pressure_Pa=1e5, runs=[run], rejected=[], parameters=[],
+        air=AirFound(temperature_K=290.0, pressure_Pa=1e5), runs=[run],
+        kind=Kind.POWER_REQUIRED, curves={Kind.POWER_REQUIRED: required}, cross_check=curve(1.02),
         drag_polar=DragPolar(
             A0=0.045, A1=0.0, A2=0.065, CD0=0.045, K=0.065, CL_minD=0.0, oswald_efficiency=0.75,
             maximum_lift_to_drag=9.2,
         ),
-        power_required=curve(dashed_above=20.0), power_required_standard=curve(), cross_check=curve(1.02),
-        minimum_power_speed=none,
-        best_range_speed=SpeedInterval(speed_mps=13.1, lo_mps=12.8, hi_mps=13.4, inside_flown_range=True),
         status=CurveStatus.CONVERGED, verdict="converged", warnings=["mind <this>"],
         methods=[steady, failed], disagreements=[disagreement],
-        interval_parts=[IntervalPart(speed_mps=v, noise_W=1.0, systematic_W=2.0) for v in (12.0, 18.0, 24.0)],
     )  # fmt: skip
 
 
@@ -111,8 +118,8 @@ def with_battery(results: Results) -> Results:
         extrapolated=True,
     )  # fmt: skip
     use = PerformanceResult(
-        battery_energy_Wh=74.0, usable=0.8, power_train=train, available=available,
+        power_train=train, available=available,
         loadings=[flown], costs=["Costs <b>."],
         field_table=[row],
     )  # fmt: skip
-    return replace(results, use=use)
+    return replace(results, use=use, battery=BatteryResult(energy_Wh=74.0, usable=0.8))

@@ -16,6 +16,7 @@ from analysis.records.flight import (
     Check,
     ConsistencyCheck,
     Interval,
+    Kind,
     PathResult,
     PerformanceResult,
     Results,
@@ -46,9 +47,9 @@ def test_with_a_battery_the_answers_are_those_on_the_battery(with_battery: Resul
 def test_an_answer_that_is_not_sure_says_so(with_battery: Results, use: PerformanceResult) -> None:
     """At an end of the speeds flown, outside the propeller table, at a speed not flown, or at full throttle unknown."""
     at_end = replace(use.loadings[0], endurance_at_slowest=True, range_at_fastest=True, extrapolated=True)
+    slow = replace(with_battery.best_range_speed, speed_mps=10.2)
     results = replace(
-        with_battery,
-        minimum_power_speed=replace(with_battery.best_range_speed, speed_mps=10.2),
+        with_battery.with_curve(Kind.POWER_REQUIRED, least_power_speed=slow),
         use=replace(
             use,
             loadings=[at_end],

@@ -5,7 +5,7 @@ from msgspec.structs import replace
 
 from analysis.pages.sections.performance import autopilot_section
 from analysis.performance.autopilot_parameters import of_power_required
-from analysis.records.flight import PowerPoint, Results
+from analysis.records.flight import Kind, PowerPoint, Results
 
 
 def with_parameters(results: Results) -> Results:
@@ -24,7 +24,7 @@ def test_no_speed_lies_below_the_slowest_flown(results: Results) -> None:
 
 def test_sink_is_power_required_over_weight(results: Results) -> None:
     flat = [PowerPoint(speed_mps=v, power_W=75.0, power_lo_W=70.0, power_hi_W=80.0) for v in (12.0, 20.0)]
-    parameters = with_parameters(replace(results, power_required=flat, use=None)).autopilot_parameters
+    parameters = with_parameters(results.with_curve(Kind.POWER_REQUIRED, points=flat)).autopilot_parameters
     sink = next(one for one in parameters if one.name == "TECS_SINK_MIN")
     weight_N = results.test.weight_N
     assert (sink.lo * weight_N, sink.value * weight_N, sink.hi * weight_N) == pytest.approx((70.0, 75.0, 80.0))

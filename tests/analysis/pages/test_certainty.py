@@ -20,6 +20,7 @@ from analysis.records.flight import (
     Correlation,
     CurveStatus,
     IntervalPart,
+    Kind,
     ParameterResult,
     PathResult,
     Results,
@@ -35,6 +36,11 @@ def part(noise_W: float, systematic_W: float) -> IntervalPart:
     return IntervalPart(speed_mps=13.0, noise_W=noise_W, systematic_W=systematic_W)
 
 
+def drag(results: Results, **of: object) -> Results:
+    """The results with other fields of the curve of power required."""
+    return results.with_curve(Kind.POWER_REQUIRED, **of)
+
+
 def test_noise_alone_is_halved_by_four_times_the_runs() -> None:
     assert more_runs_to_halve(part(2.0, 0.0), 5) == 15
 
@@ -46,19 +52,19 @@ def test_a_part_that_all_runs_share_takes_more_runs_or_forbids_it() -> None:
 
 
 def test_the_sentence_says_how_many_runs_or_why_not(results: Results) -> None:
-    few = halving(replace(results, interval_parts=[part(2.0, 0.0)]))
+    few = halving(drag(results, interval_parts=[part(2.0, 0.0)]))
     assert few and few.by_more_runs
     assert few.text.startswith("To halve ±2.0 W at 13.0 m/s, fly 3 more runs like these 1:")
-    never = halving(replace(results, interval_parts=[part(1.0, 2.0)]))
+    never = halving(drag(results, interval_parts=[part(1.0, 2.0)]))
     assert never and not never.by_more_runs
     assert "±2.0 W is common to all runs" in never.text
     assert "Four times the runs would give ±2.1 W." in never.text  # sqrt(0.5^2 + 2^2)
-    assert halving(replace(results, interval_parts=[])) is None
+    assert halving(drag(results, interval_parts=[])) is None
 
 
 def test_the_next_flight_of_the_results_is_told_first_and_nothing_twice(results: Results) -> None:
-    by_runs = replace(results, interval_parts=[part(2.0, 0.0)])
-    shared = replace(results, interval_parts=[part(1.0, 2.0)])
+    by_runs = drag(results, interval_parts=[part(2.0, 0.0)])
+    shared = drag(results, interval_parts=[part(1.0, 2.0)])
     assert next_flight(by_runs)[0].startswith("To halve")
     sentence = "The next twenty minutes: porpoise. The interval is widest by the slope of angle of attack."
     first, *others = next_flight(replace(by_runs, next_flight=[sentence]))
@@ -111,7 +117,7 @@ def test_the_verdict_is_the_curve_at_the_speed_of_least_drag(results: Results) -
     at, meaning = reference_point(results)
     assert (at.speed_mps, meaning) == (13.1, "the speed of least drag")
     unknown = replace(results.best_range_speed, speed_mps=None)
-    middle, meaning = reference_point(replace(results, best_range_speed=unknown, minimum_power_speed=unknown))
+    middle, meaning = reference_point(drag(results, best_range_speed=unknown, least_power_speed=unknown))
     ends = results.power_required[0].speed_mps, results.power_required[-1].speed_mps
     assert middle.speed_mps == pytest.approx(np.mean(ends), abs=0.3) and meaning == "the middle of those flown"
     assert at.power_lo_W < at.power_W < at.power_hi_W

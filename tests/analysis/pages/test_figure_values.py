@@ -15,7 +15,7 @@ from analysis.maneuvers.kinds import ACCELERATION, STANDING
 from analysis.pages import electrical_page, pooled_page
 from analysis.pages.charts import flight, power
 from analysis.pages.charts.figure import Band, Dash, Figure, Line, Mark, Points, Symbol
-from analysis.records.flight import MeasuredEfficiencyPoint, PowerPoint, Results
+from analysis.records.flight import Kind, MeasuredEfficiencyPoint, PowerPoint, Results
 from analysis.records.pool import Deviation
 from analysis.trajectory.consistency import ANGLES, SPEED, Consistency
 from flight.units import GRAVITY_MPS2
@@ -151,7 +151,7 @@ def test_a_flight_of_a_pool_lies_off_the_pool_by_its_difference() -> None:
 
 def test_the_battery_s_power_and_the_flight_are_drawn_whole(results: Results) -> None:
     estimate = SimpleNamespace(measured_V_mps=np.array([12.0, 14.0]), measured_W=np.array([50.0, 60.0]))
-    shown = replace(results, electrical_power=results.power_required)
+    shown = replace(results, curves={Kind.ELECTRICAL: results.main})
     figure = electrical_page.electrical_power(shown, estimate)  # type: ignore[arg-type]
     highest = max(point.power_hi_W for point in results.power_required)
     assert figure.y.limits is not None and highest < figure.y.limits[1] < 1.5 * highest

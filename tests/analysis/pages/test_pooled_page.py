@@ -17,7 +17,7 @@ from analysis.pages.pooled_page import (
     render_electrical_flights,
     render_pooled,
 )
-from analysis.records.flight import ElectricalFlight
+from analysis.records.flight import Kind, Results
 from analysis.records.pool import Agreement, ComparisonResults, PooledResults, PowerDifference
 from tests.browser import AXE, CHROMIUM, NO_AXE, Browser
 
@@ -184,10 +184,10 @@ def test_a_program_finds_no_barrier_in_pools_and_comparisons(browser: Browser, t
 
 def test_electrical_flights_stand_side_by_side() -> None:
     one = {
-        "log": "a", "software_version": "0", "aircraft": AIRCRAFT, "test": CONDITION,
-        "electrical_power": [power(v) for v in V],
+        "log": "a", "software_version": "0", "aircraft": AIRCRAFT, "test": CONDITION, "kind": Kind.ELECTRICAL,
+        "curves": {Kind.ELECTRICAL: {"condition": CONDITION, "points": [power(v) for v in V]}},
     }  # fmt: skip
-    flights = msgspec.convert([one, {**one, "log": "b"}], list[ElectricalFlight])
+    flights = msgspec.convert([one, {**one, "log": "b"}], list[Results])
     text = body(render_electrical_flights(flights, ["c.ulg: torn"]))
     assert "2 flights" in text and "(46 to 47)" in text and "c.ulg: torn" in text
     assert "3.84 kg" in text, "37.7 N over 9.80665 m/s^2"

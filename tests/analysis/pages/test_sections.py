@@ -12,7 +12,7 @@ from analysis.pages.sections.summary import summary_section
 from analysis.records.flight import AirFound, ConditionResult, Interval, PowerPoint, RejectedResult, Results
 
 AIR = AirFound(
-    wind_mps=5.0, wind_from_deg=310.0, wind_standard_error_mps=0.5, gust_mps=0.25, temperature_K=290.0,
+    wind_mps=5.0, wind_from_deg=310.0, wind_standard_error_mps=0.5, gust_mps=0.25, temperature_K=290.0, pressure_Pa=1e5,
     density_altitude_m=250.0, lowest_height_m=40.0, highest_height_m=60.0,
 )  # fmt: skip
 
@@ -23,7 +23,7 @@ def found(**facts: object) -> SimpleNamespace:
 
 def test_the_head_of_the_page_is_in_kilograms_and_degrees_celsius(results: Results) -> None:
     at = ConditionResult(weight_N=4.0 * 9.80665, air_density_kgpm3=1.2)
-    said = summary_section(replace(results, test=at, air_temperature_K=290.15)).condition
+    said = summary_section(replace(results, test=at, air=AirFound(temperature_K=290.15))).condition
     assert said.startswith("4.00 kg, air 1.200 kg/m³ (17 °C)")
 
 

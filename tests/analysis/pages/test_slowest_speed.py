@@ -3,7 +3,7 @@
 import numpy as np
 from msgspec.structs import replace
 
-from analysis.curve import Condition, Cost, Polar, speed_at
+from analysis.curve import Condition, Polar, speed_at
 from analysis.pages.answers import headline_answers
 from analysis.pages.sections.performance import to_markdown
 from analysis.performance.analysis import flight_performance
@@ -11,12 +11,21 @@ from analysis.performance.full_throttle import FullThrottle
 from analysis.performance.level_flight import PerformanceModel
 from analysis.performance.power_train import PowerTrainModel
 from analysis.performance.propagation import ParameterVector, combine_independent, exact
-from analysis.performance.request import Request, TitledCondition
-from analysis.records.flight import ConditionResult, MethodResult, Results, SlowestFlown, SpeedReason
-from analysis.results.curves import drag_polar, power_curve
+from analysis.performance.request import TitledCondition
+from analysis.records.flight import (
+    BatteryResult,
+    ConditionResult,
+    Kind,
+    MethodResult,
+    Results,
+    SlowestFlown,
+    SpeedReason,
+)
+from analysis.results.curves import curve_result, drag_polar, power_curve
 from tests.analysis.pages.named_speeds import below_slowest
 
 SEEDS = range(50)
+BATTERY = BatteryResult(energy_Wh=50.0, usable=0.8)
 LOSSLESS = PowerTrainModel(exact(shaft_scale=1.0, friction=0.0, copper=0.0, meter_scale=0.0), 0.0, True, "", ())
 REST = exact(thrust_scale=0.0, thrust_slope=0.0, alpha_0=0.0, alpha_CL=0.0)
 
@@ -32,7 +41,7 @@ def drawn(seed: int, template: Results, nexstar, propeller, performs: bool = Tru
     parameters = combine_independent(ParameterVector(("A0", "A1", "A2"), *polar), REST, LOSSLESS.parameters)
     model = PerformanceModel(parameters, LOSSLESS, FullThrottle(None, reason="not flown"), propeller, flown_CL)
     heavier = TitledCondition("heavier", at._replace(weight_N=1.1 * at.weight_N, rho=0.9 * at.rho))
-    performance = flight_performance(model, at, [heavier], Request(battery_Wh=50.0)) if performs else None
+    performance = flight_performance(model, at, [heavier], BATTERY) if performs else None
     found = power_curve(polar, at, flown_CL)
     curve = found.points()
     method = MethodResult(name="direct", title="direct", drag_polar=A.tolist(), power_required=curve)
@@ -43,11 +52,9 @@ def drawn(seed: int, template: Results, nexstar, propeller, performs: bool = Tru
         standard=ConditionResult(weight_N=at.weight_N, air_density_kgpm3=1.225),
         aircraft=replace(template.aircraft, wing_area_m2=at.wing_area_m2),
         drag_polar=drag_polar(polar, nexstar),
-        power_required=curve,
-        power_required_standard=power_curve(polar, standard, flown_CL).points(),
+        curves={Kind.POWER_REQUIRED: curve_result(found, standard, parts=[])},
+        battery=BATTERY,
         cross_check=curve,
-        minimum_power_speed=found.best(Cost.POWER),
-        best_range_speed=found.best(Cost.ENERGY_PER_METER),
         slowest_flown=SlowestFlown(
             speed_mps=float(speed_at(flown_CL[1], at)),
             lift_coefficient=flown_CL[1],
@@ -56,7 +63,6 @@ def drawn(seed: int, template: Results, nexstar, propeller, performs: bool = Tru
         methods=[method],
         one_by_one=[method],
         disagreements=[],
-        interval_parts=[],
         use=performance,
     )
 

@@ -15,11 +15,12 @@ from analysis.missions.information import read_results
 from analysis.pages.one_log import Report
 from analysis.records.flight import (
     CurveStatus,
-    ElectricalResult,
+    EnergyBalanceResult,
     Evidence,
     EvidenceKind,
     ImplausibleReadings,
     Interval,
+    Kind,
     LevelEfficiencyPoint,
     MethodTried,
     PartOfResult,
@@ -28,7 +29,6 @@ from analysis.records.flight import (
     PriorMeasurementStatistics,
     Results,
     RunAgainstOthers,
-    SpeedInterval,
     Trust,
     WhyNot,
 )
@@ -50,25 +50,27 @@ from flight.messages import Comparison
 NOT_TRUSTED = {
     EvidenceKind.NOT_CONVERGED: lambda r: replace(r, status=CurveStatus.NOT_CONVERGED, verdict="at a bound: A0 = 0"),
     EvidenceKind.TRAJECTORY_NOT_CONVERGED: lambda r: replace(r, status=CurveStatus.TRAJECTORY_NOT_CONVERGED),
-    EvidenceKind.INTERVAL_REACHES_ZERO: lambda r: replace(
-        r, power_required=[replace(r.power_required[0], power_lo_W=-1.0)]
-    ),
+    EvidenceKind.INTERVAL_REACHES_ZERO: lambda r: drag(r, points=[replace(r.power_required[0], power_lo_W=-1.0)]),
     EvidenceKind.POLAR_CURVES_DOWNWARD: lambda r: replace(r, drag_polar=replace(r.drag_polar, A2=-0.01)),
-    EvidenceKind.THRUST_TABLE: lambda r: replace(r, pooling=statistics(thrust_scale=-19.0)),
+    EvidenceKind.THRUST_TABLE: lambda r: drag(r, statistics=statistics(thrust_scale=-19.0)),
     EvidenceKind.MOTOR_SPEED: lambda r: replace(r, speed_over_motor_constant=0.79),
     EvidenceKind.RUN_AGAINST_OTHERS: lambda r: replace(r, runs_against_others=[compared(0.5), compared(-9.0)]),
-    EvidenceKind.SENSOR_ERROR: lambda r: replace(r, path=path(V_scale=-7.3), pooling=with_error("V_scale", 0.9)),
+    EvidenceKind.SENSOR_ERROR: lambda r: drag(
+        replace(r, path=path(V_scale=-7.3)), statistics=with_error("V_scale", 0.9)
+    ),
 }
 DOUBTFUL = {
     EvidenceKind.CROSS_CHECK: lambda r: replace(r, cross_check_differs=True),
-    EvidenceKind.THRUST_TABLE: lambda r: replace(r, pooling=statistics(thrust_slope=4.0)),
+    EvidenceKind.THRUST_TABLE: lambda r: drag(r, statistics=statistics(thrust_slope=4.0)),
     EvidenceKind.MOTOR_SPEED: lambda r: replace(r, speed_over_motor_constant=14 / 12),
     EvidenceKind.RUN_AGAINST_OTHERS: lambda r: replace(r, runs_against_others=[compared(0.5), compared(-6.0)]),
-    EvidenceKind.OUTSIDE_TABLE: lambda r: replace(
-        r, power_required=[replace(point, extrapolated=True) for point in r.power_required]
+    EvidenceKind.OUTSIDE_TABLE: lambda r: drag(
+        r, points=[replace(point, extrapolated=True) for point in r.power_required]
     ),
     EvidenceKind.IMPLAUSIBLE_READINGS: lambda r: doubted(r, Comparison.AIRSPEED),
-    EvidenceKind.SENSOR_ERROR: lambda r: replace(r, path=path(V_scale=-4.8), pooling=with_error("V_scale", 0.9)),
+    EvidenceKind.SENSOR_ERROR: lambda r: drag(
+        replace(r, path=path(V_scale=-4.8)), statistics=with_error("V_scale", 0.9)
+    ),
 }
 
 
@@ -132,7 +134,7 @@ def efficiency(results: Results, propeller: Interval, motor: Interval) -> Result
 @pytest.mark.parametrize("name", ["dp_alpha_zero", "q_c_zero", "alpha_per_g"])
 def test_a_sensor_error_is_named_in_words(results: Results, name: str) -> None:
     """Also the zeros, which are not listed among the sensor errors of the path."""
-    (one,) = with_trust(replace(results, path=path(**{name: -9.5}), pooling=statistics())).evidence
+    (one,) = with_trust(drag(replace(results, path=path(**{name: -9.5})), statistics=statistics())).evidence
     assert (one.subject, one.figure) == (name, -9.5)
     assert name not in one.text and "-9.5 times the standard deviation" in one.text
 
@@ -146,7 +148,9 @@ def test_an_interval_that_did_not_grow_to_the_size_of_a_conflict_is_not_to_be_tr
     results: Results, sigmas: float, half_widths: float, trust: Trust
 ) -> None:
     """Another defect may look like a sensor's error, and the curve be the one without its correction. Limit 3.5."""
-    changed = with_trust(replace(results, path=path(V_scale=sigmas), pooling=with_error("V_scale", half_widths)))
+    changed = with_trust(
+        drag(replace(results, path=path(V_scale=sigmas)), statistics=with_error("V_scale", half_widths))
+    )
     assert changed.trust is trust
 
 
@@ -219,11 +223,11 @@ def test_the_evidence_of_a_sound_result_is_none(with_battery: Results) -> None:
 def test_thrust_within_what_noise_and_prior_allow_is_no_evidence(results: Results) -> None:
     """Three corrections of a sound flight: one in 300 flights beyond 3.3 standard deviations."""
     assert 3.2 < noise_limit(3) < 3.4
-    assert evidence_against(replace(results, pooling=statistics(thrust_scale=3.0))) == []
+    assert evidence_against(drag(results, statistics=statistics(thrust_scale=3.0))) == []
 
 
 def test_a_stand_that_the_flight_denies_is_evidence(results: Results) -> None:
-    (one,) = evidence_against(replace(results, pooling=statistics(stand=5.0)))
+    (one,) = evidence_against(drag(results, statistics=statistics(stand=5.0)))
     assert one.kind is EvidenceKind.THRUST_TABLE and one.figure == pytest.approx(5.0)
 
 
@@ -293,22 +297,22 @@ def test_a_shaft_that_takes_what_no_motor_gives_is_told(results: Results, share:
 
 def balanced(results: Results, **more: Any) -> Results:
     """A curve of electrical power alone."""
-    unknown = SpeedInterval(speed_mps=None, lo_mps=None, hi_mps=None, inside_flown_range=False)
-    found = ElectricalResult(
-        least_power_speed=unknown, best_range_speed=unknown, endurance_s=None, range_m=None, interval_parts=[],
-        residual_W=3.0, idle_power_W=8.0, airspeed_scale=None, wind_mps=None, wind_from_deg=None, flown_s=600.0,
-        withheld=[], **more,
-    )  # fmt: skip
-    return replace(
-        results, drag_polar=None, power_required=[], electrical_power=results.power_required, electrical=found
-    )
+    found = EnergyBalanceResult(residual_W=3.0, flown_s=600.0, airspeed_scale=None, **more)
+    curves = {Kind.ELECTRICAL: results.main}
+    return replace(results, drag_polar=None, kind=Kind.ELECTRICAL, curves=curves, balance=found)
+
+
+def drag(results: Results, **of: Any) -> Results:
+    """The results with other fields of the curve of power required."""
+    return results.with_curve(Kind.POWER_REQUIRED, **of)
 
 
 def test_the_cause_is_told_before_what_follows_from_it_and_the_worst_first(with_battery: Results) -> None:
     both = replace(
         efficiency(with_battery, Interval(value=1.1, lo=1.05, hi=1.15), Interval(value=0.8, lo=0.7, hi=0.9)),
-        speed_over_motor_constant=1.17, pooling=statistics(thrust_scale=-19.0), cross_check_differs=True,
+        speed_over_motor_constant=1.17, cross_check_differs=True,
     )  # fmt: skip
+    both = drag(both, statistics=statistics(thrust_scale=-19.0))
     assert [one.kind for one in evidence_against(both)] == [
         EvidenceKind.THRUST_TABLE, EvidenceKind.PROPELLER_EFFICIENCY, EvidenceKind.MOTOR_SPEED, EvidenceKind.CROSS_CHECK
     ]  # fmt: skip
@@ -320,8 +324,7 @@ def test_the_motor_s_constants_may_be_wrong_by_some_percent(results: Results) ->
 
 
 def test_a_result_without_curve_of_drag_can_be_trusted(results: Results) -> None:
-    electrical = replace(results, drag_polar=None, power_required=[], electrical_power=results.power_required)
-    assert reasons_not_to_trust(electrical) == []
+    assert reasons_not_to_trust(balanced(results)) == []
 
 
 def test_an_export_of_such_a_result_is_written_and_ends_with_exit_code_1(

@@ -30,12 +30,12 @@ from analysis.performance.analysis import (
 from analysis.performance.full_throttle import FullThrottle, fit_full_throttle
 from analysis.performance.level_flight import PerformanceModel
 from analysis.performance.propagation import ParameterVector, combine_independent, exact
-from analysis.performance.request import Request, TitledCondition
-from analysis.records.flight import CurveStatus, Interval
+from analysis.performance.request import TitledCondition
+from analysis.records.flight import BatteryResult, CurveStatus, Interval
 from flight.runs import AIRCRAFT_SIZE
 from sim.plant import plant_of
 
-BATTERY = Request(battery_Wh=50.0, usable=0.8)
+BATTERY = BatteryResult(energy_Wh=50.0, usable=0.8)
 UNKNOWN = FullThrottle(None, reason="not flown")
 
 
@@ -135,7 +135,7 @@ def test_the_model_holds_polar_thrust_incidence_losses_and_full_throttle(model, 
 def test_performance_of_a_flight_covers_the_flown_speeds(model, at) -> None:
     heavier = TitledCondition("heavier", at._replace(weight_N=1.1 * at.weight_N))
     found = flight_performance(model, at, [heavier], BATTERY)
-    assert found is not None and BATTERY.usable_energy_J == pytest.approx(50 * 3600 * 0.8)
+    assert found is not None and BATTERY.usable_J == pytest.approx(50 * 3600 * 0.8)
     slowest, fastest = speed_at(FLOWN_CL[1], at), speed_at(FLOWN_CL[0], at)
     speeds = [point.speed_mps for point in found.power_train.efficiency]
     assert len(speeds) == 31 and (speeds[0], speeds[-1]) == pytest.approx((slowest, fastest))

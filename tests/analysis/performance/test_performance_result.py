@@ -12,8 +12,8 @@ from analysis.performance.climb import FullThrottlePerformance, available_result
 from analysis.performance.level_flight import LevelFlight
 from analysis.performance.power_train import PowerTrainModel
 from analysis.performance.propagation import ParameterVector, UncertainValue
-from analysis.performance.request import Request, TitledCondition
-from analysis.records.flight import AvailableResult, PerformanceCase
+from analysis.performance.request import TitledCondition
+from analysis.records.flight import AvailableResult, BatteryResult, PerformanceCase
 
 BATTERY_W = np.array([60.0, 64.0, 70.0, 80.0])
 TEST = Condition(weight_N=37.7, rho=1.2, wing_area_m2=0.4636)
@@ -77,9 +77,9 @@ def test_intervals_are_of_95_percent_and_end_at_the_slowest_speed_flown() -> Non
 
 def test_the_field_table_divides_the_usable_energy_by_battery_power() -> None:
     """50 Wh of which 80 % are used are 144 kJ: at 60 W 2400 s, in which 12 m/s make 28.8 km."""
-    battery = Request(battery_Wh=50.0, usable=0.8)
+    battery = BatteryResult(energy_Wh=50.0, usable=0.8)
     flight = level(np.array([60.0, np.nan, 72.0, 80.0]))
-    first, third, last = field_rows(flight, full_throttle(), battery.usable_energy_J)
+    first, third, last = field_rows(flight, full_throttle(), battery.usable_J)
     assert (first.speed_mps, third.speed_mps, last.speed_mps) == (12.0, 16.0, 18.0), "no row without battery power"
     assert (first.endurance_s, first.range_m) == pytest.approx((2400.0, 28_800.0))
     assert (third.power_required_W, third.battery_W, third.endurance_s) == pytest.approx((46.0, 72.0, 2000.0))

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from analysis.curve import Condition, Curve, Kind, maximum_lift_to_drag, power_points, speed_of_least
+from analysis.curve import Condition, Curve, maximum_lift_to_drag, power_points, speed_of_least
 from analysis.estimation.noise import NORMAL_95
 from analysis.methods.whole_flight.airspeed_gps import AirspeedErrors
 from analysis.methods.whole_flight.drag import DragWithheld
@@ -13,14 +13,8 @@ from analysis.methods.whole_flight.energy_balance import FlightConditions
 from analysis.methods.whole_flight.parameters import DRAG, unpack
 from analysis.methods.whole_flight.simulated_truth import SimulatedTruth
 from analysis.performance.autopilot_parameters import flight_values
-from analysis.records.flight import SpeedInterval
-from analysis.results.electrical import (
-    ElectricalFindings,
-    UsedBattery,
-    _beside_the_curve,
-    _polar,
-    _warnings,
-)
+from analysis.records.flight import BatteryResult, CurveResult, Kind, SpeedInterval
+from analysis.results.energy_balance import EnergyBalanceFindings, _balance, _polar, _warnings, electrical_curve
 from analysis.sources.grid_settings import FLIGHT
 from analysis.uncertain import Uncertain
 from flight.atmosphere import SEA_LEVEL_DENSITY
@@ -28,7 +22,7 @@ from flight.units import GRAVITY_MPS2
 
 V = np.linspace(10.0, 20.0, 41)
 POWER_W = 50.0 + (V - 14.0) ** 2
-BATTERY = UsedBattery(125.0, 0.8)
+BATTERY = BatteryResult(energy_Wh=125.0, usable=0.8)
 EFFICIENCY = Uncertain(0.7 - 0.01 * (V - 10.0), np.diag((0.02 + 0.01 * abs(V - 14.0)) ** 2), {})
 FLOWN = SimpleNamespace(flown=np.ones(3000, dtype=bool))
 
@@ -51,41 +45,44 @@ def uncertain(value: np.ndarray, half_width: np.ndarray) -> Uncertain:
     return Uncertain(value, np.diag((half_width / NORMAL_95) ** 2))
 
 
-def beside(drag=DragWithheld(), **of):
-    return _beside_the_curve(ElectricalFindings(FLOWN, estimate(**of), drag, "apc-12x8e", BATTERY))
+def curve(battery: BatteryResult | None = BATTERY, **of) -> CurveResult:
+    return electrical_curve(estimate(**of), Condition(30.0, SEA_LEVEL_DENSITY, 0.5), battery)
+
+
+def balance(drag=DragWithheld(), **of):
+    return _balance(EnergyBalanceFindings(FLOWN, estimate(), drag, "apc-12x8e", **of))
 
 
 def test_endurance_is_energy_over_the_least_power_and_range_over_that_per_speed() -> None:
-    found = beside()
+    found = curve()
     assert found.endurance_s.value == pytest.approx(BATTERY.usable_J / 50.0)
     assert found.range_m.value == pytest.approx(BATTERY.usable_J / np.min(POWER_W / V))
     for interval in (found.endurance_s, found.range_m):
         ends = interval.value / (1 + 1.96 * 0.03), interval.value / (1 - 1.96 * 0.03)
         assert (interval.lo, interval.hi) == pytest.approx(ends, rel=0.015)  # 400 draws
-    assert _beside_the_curve(ElectricalFindings(FLOWN, estimate())).endurance_s is None
+    assert curve(battery=None).endurance_s is None
 
 
 def test_efficiency_is_told_at_the_speed_where_it_is_known_best_and_never_of_a_simulation() -> None:
-    found = beside().thrust_efficiency
+    found = balance().thrust_efficiency
     half = NORMAL_95 * 0.02
     assert (found.value, found.lo, found.hi) == pytest.approx((0.66, 0.66 - half, 0.66 + half))
-    simulated = ElectricalFindings(FLOWN, estimate(), simulated=SimulatedTruth(0.0, 0.01, 0, np.nan))
-    assert _beside_the_curve(simulated).thrust_efficiency is None
+    assert balance(simulated=SimulatedTruth(0.0, 0.01, 0, np.nan)).thrust_efficiency is None
 
 
 def test_best_speeds_are_those_of_the_least_power_and_of_the_least_energy_per_meter() -> None:
     """A scale of all power moves neither; noise moves both."""
-    found = beside()
+    found = curve()
     assert found.least_power_speed.speed_mps == 14.0 and found.best_range_speed.speed_mps == V[np.argmin(POWER_W / V)]
     assert (found.least_power_speed.lo_mps, found.least_power_speed.hi_mps) == (14.0, 14.0)
     assert found.best_range_speed.lo_mps == found.best_range_speed.hi_mps == found.best_range_speed.speed_mps > 15.5
-    noisy = beside(noise_W=1.0).least_power_speed
+    noisy = curve(noise_W=1.0).least_power_speed
     assert 12.0 < noisy.lo_mps < 13.5 and 14.5 < noisy.hi_mps < 16.0 and noisy.inside_flown_range
 
 
 def test_a_power_of_less_than_a_tenth_is_not_believed() -> None:
     """A curve that is known to 60 % only has no longer endurance than ten times that of its value."""
-    found = beside(share=0.6)
+    found = curve(share=0.6)
     assert found.endurance_s.hi == pytest.approx(10 * found.endurance_s.value)
     assert found.range_m.hi == pytest.approx(10 * found.range_m.value)
 
@@ -105,12 +102,14 @@ def test_a_best_speed_at_the_slowest_flown_has_no_lower_end() -> None:
 
 
 def test_what_is_beside_the_curve_has_intervals_of_95_per_cent() -> None:
-    found = beside(noise_W=2.0)
+    found = curve(noise_W=2.0)
     first, systematic_W = found.interval_parts[0], 0.03 * POWER_W[0]
     assert (first.noise_W, first.systematic_W) == pytest.approx((NORMAL_95 * 2.0, NORMAL_95 * systematic_W))
-    scale = found.airspeed_scale
+    of_balance = balance()
+    scale = of_balance.airspeed_scale
     assert (scale.value, scale.lo, scale.hi) == pytest.approx((0.02, 0.02 - 0.01 * NORMAL_95, 0.02 + 0.01 * NORMAL_95))
-    assert found.residual_W == pytest.approx(np.sqrt(12.5)) and found.flown_s == pytest.approx(3000 * FLIGHT.step_s)
+    assert of_balance.residual_W == pytest.approx(np.sqrt(12.5))
+    assert of_balance.flown_s == pytest.approx(3000 * FLIGHT.step_s)
 
 
 def test_a_power_s_interval_ends_at_zero_and_what_is_not_known_is_left_out() -> None:
@@ -134,12 +133,9 @@ def test_the_basis_of_thrust_tells_the_efficiency_in_per_cent() -> None:
         drag = SimpleNamespace(
             measured_speed=measured,
             motor_efficiency=0.72,
-            V_mps=V,
-            shaft=uncertain(POWER_W, 0.1 * NORMAL_95 * POWER_W),
         )
-        found = beside(drag)
+        found = balance(drag)
         assert "an efficiency of 72 %" in found.thrust_basis and text in found.thrust_basis
-        assert found.shaft_power[0].power_hi_W == pytest.approx(POWER_W[0] * (1 + 0.1 * NORMAL_95))
 
 
 @pytest.mark.parametrize(

@@ -28,7 +28,8 @@ def test_the_wind_is_the_mean_over_the_runs_and_named_by_where_it_comes_from(nor
     """Not that over the rest of the flight; without rows of runs that over all of the flight."""
     during = (T_S >= 110) & (T_S < 120)
     flown = pd.DataFrame(
-        {"height_m": [40.0, np.nan, 55.0, 31.0], "temperature_K": [280.0, 281.0, 282.0, 285.0]}, index=[110.0] * 4
+        {"height_m": [40.0, np.nan, 55.0, 31.0], "temperature_K": [280.0, 281.0, 282.0, 285.0], "static_Pa": 1e5},
+        index=[110.0] * 4,
     )
     flown.index = [t for t in T_S if 110 <= t < 110.8]
     wind = trajectory(np.where(during, north, 50.0), np.where(during, east, 50.0))

@@ -14,8 +14,10 @@ from analysis.records.flight import (
     AircraftResult,
     AvailableResult,
     ConditionResult,
+    CurveResult,
     Evidence,
     EvidenceKind,
+    Kind,
     PartOfResult,
     PerformanceCase,
     PerformanceResult,
@@ -23,13 +25,11 @@ from analysis.records.flight import (
     PowerTrainResult,
     Results,
     SlowestFlown,
-    SpeedInterval,
     Trust,
 )
 from analysis.results.parameter_file import CRUISE, FASTEST, SLOWEST, For, StallMargin, parameter_file
 from flight.errors import InputError
 
-NONE = SpeedInterval(speed_mps=None, lo_mps=None, hi_mps=None, inside_flown_range=False)
 NO_STALL = StallMargin(1.0)  # far below anything flown
 
 
@@ -47,9 +47,8 @@ def results(largest_CL: float | None = None, logged: dict[str, float] | None = N
         **{
             "software_version": "0", "log": "log.ulg", "aircraft": AircraftResult(
                 name="a", title="A", wing_area_m2=0.4636, span_m=1.75, propeller=""
-            ), "test": at, "standard": at, "air_temperature_K": 288.0, "air_pressure_Pa": 1e5, "runs": [],
-            "rejected": [], "parameters": [], "drag_polar": None, "power_required": [], "power_required_standard": [],
-            "cross_check": [], "minimum_power_speed": NONE, "best_range_speed": NONE, "verdict": "", "warnings": [],
+            ), "test": at, "kind": Kind.POWER_REQUIRED,
+            "curves": {Kind.POWER_REQUIRED: CurveResult(condition=at, points=changed.pop("points", []))},
             "slowest_flown": slowest or None, "autopilot_parameters": found, "autopilot_parameters_withheld": withheld,
         }
         | changed
@@ -105,7 +104,10 @@ def test_no_airspeed_is_below_the_stall_margin(firmware: For, stall_mps: float |
 def test_where_no_stall_is_known_the_slowest_flown_stands_for_it(firmware: For) -> None:
     """As for a route: an autopilot's log tells no largest lift coefficient. 12 m/s true are 11.83 m/s equivalent."""
     points = [PowerPoint(speed_mps=v, power_W=80.0, power_lo_W=70.0, power_hi_W=90.0) for v in (12.0, 22.0)]
-    text = parameter_file(results(electrical_power=points), firmware)
+    found = results()
+    curve = CurveResult(condition=found.test, points=points)
+    electrical = msgspec.structs.replace(found, kind=Kind.ELECTRICAL, curves={Kind.ELECTRICAL: curve})
+    text = parameter_file(electrical, firmware)
     least = 1.2 * 12.0 * (1.19 / 1.225) ** 0.5
     for name, value in read(text, firmware).items():
         if name in SLOWEST | CRUISE:
@@ -151,10 +153,10 @@ def test_climb_and_sink_are_limited_by_full_throttle_and_by_drag(firmware: For, 
     )  # fmt: skip
     train = PowerTrainResult(measured=True, basis="", parameters=[], efficiency=[], points=[])
     use = PerformanceResult(
-        battery_energy_Wh=74.0, usable=0.8, power_train=train, available=available, loadings=[case], costs=[],
+        power_train=train, available=available, loadings=[case], costs=[],
         field_table=[],
     )  # fmt: skip
-    values = read(parameter_file(results(use=use, power_required=points), firmware, NO_STALL), firmware)
+    values = read(parameter_file(results(use=use, points=points), firmware, NO_STALL), firmware)
     assert values[climb] == pytest.approx(4.5 * 0.9, rel=1e-3)
     assert values[sink] == pytest.approx(120 / 37.66, rel=1e-3)
     without = msgspec.structs.replace(use, available=msgspec.structs.replace(available, best_climb_mps=None))

@@ -86,10 +86,7 @@ def test_csv_rows_hold_their_condition_speed_power_and_interval() -> None:
     results = SimpleNamespace(
         test=ConditionResult(weight_N=37.7, air_density_kgpm3=1.19),
         standard=ConditionResult(weight_N=36.0, air_density_kgpm3=1.225),
-        power_required=curve(44.0),
-        power_required_standard=curve(55.0),
-        electrical_power=[],
-        electrical=None,
+        main=SimpleNamespace(points=curve(44.0), standard=curve(55.0)),
     )
     test, standard = csv.DictReader(io.StringIO(to_csv(results)))  # type: ignore[arg-type]
     assert test == {

@@ -4,14 +4,14 @@ import hashlib
 from pathlib import Path
 from types import SimpleNamespace
 
-import msgspec
 import numpy as np
 import pandas as pd
 import pytest
 
 from analysis.air.contents import Replacements
 from analysis.flight import Recorded
-from analysis.records.flight import Provenance
+from analysis.records.flight import AircraftResult, ConditionResult, CurveResult, Kind, Provenance, Results
+from analysis.results.files import to_json
 from analysis.results.flight_found import autocorrelation, parameter_correlation, track
 from analysis.results.previous import replaced
 from analysis.results.provenance import provenance
@@ -85,6 +85,20 @@ def test_implausible_readings_last_until_they_are_plausible_again_or_the_log_end
     assert found == [(Comparison.AIRSPEED, 10.0, 20.0), (Comparison.MOTOR, 50.0, 60.0)]
 
 
+def written_with(provenance: Provenance) -> bytes:
+    """A results.json of a flight that had this origin."""
+    at = ConditionResult(weight_N=37.0, air_density_kgpm3=1.2)
+    aircraft = AircraftResult(name="a", title="A", wing_area_m2=0.46, span_m=1.75, propeller="")
+    kind = Kind.POWER_REQUIRED
+    curves = {kind: CurveResult(condition=at, points=[])}
+    return to_json(
+        Results(
+            software_version="0", log="log.mcap", aircraft=aircraft, test=at, kind=kind, curves=curves,
+            provenance=provenance,
+        )
+    )  # fmt: skip
+
+
 @pytest.mark.parametrize(("models", "notes"), [([8, 8], 0), ([None, None], 0), ([8, 0], 1)])
 def test_a_receiver_that_smooths_velocity_is_noted(log: Log, models: list[int | None], notes: int) -> None:
     log.entries["/gps"] = entries_of([LogEntry(START_NS, 0, Gps(dynamic_model=model)) for model in models])
@@ -124,7 +138,7 @@ def test_only_other_options_are_told(log: Log, tmp_path: Path, command: str, say
     before = made(log, "analyze log.mcap --usable=70%" if says else "analyze log.mcap")
     if command.startswith("analyze --usable"):
         before = made(log, "analyze log.mcap --usable 80%")
-    (tmp_path / "results.json").write_bytes(msgspec.json.encode({"provenance": before}))
+    (tmp_path / "results.json").write_bytes(written_with(before))
     note = replaced(tmp_path, SimpleNamespace(provenance=made(log, command)))
     assert says in note and bool(note) == bool(says)
 
@@ -147,7 +161,7 @@ def test_another_log_or_file_is_told(log: Log, tmp_path: Path) -> None:
     assert replaced(tmp_path, now) == "", "nothing was there"
     (tmp_path / "results.json").write_text("{}")
     assert "not known" in replaced(tmp_path, now), "of an earlier version"
-    (tmp_path / "results.json").write_bytes(msgspec.json.encode({"provenance": now.provenance}))
+    (tmp_path / "results.json").write_bytes(written_with(now.provenance))
     log.attachments["probe.json"] = b"edited"
     assert "another probe calibration" in replaced(tmp_path, SimpleNamespace(provenance=made(log)))
     log.path.write_bytes(b"another")

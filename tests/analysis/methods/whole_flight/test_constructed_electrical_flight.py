@@ -8,6 +8,7 @@ from typing import NamedTuple, cast
 
 import numpy as np
 import pytest
+from analysis.results.electrical import ElectricalFindings, UsedBattery, _warnings, electrical_results
 
 from analysis.estimation.model import NamedValues, PriorMeasurement
 from analysis.methods.whole_flight.airspeed_gps import airspeed_errors, one_way
@@ -20,7 +21,6 @@ from analysis.methods.whole_flight.parameters import Source
 from analysis.methods.whole_flight.thrust_balance import PARAMETERS, MotorConstants
 from analysis.performance.autopilot_parameters import flight_values
 from analysis.records.flight import EvidenceKind, Provenance, SpeedInterval, Trust
-from analysis.results.electrical import ElectricalFindings, UsedBattery, _warnings, electrical_results
 from analysis.sources import recording
 from analysis.sources.recording import Channel, FlightRecording
 from analysis.uncertain import Uncertain

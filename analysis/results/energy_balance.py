@@ -1,4 +1,4 @@
-"""The electrical power of level flight in the form of `results.json`."""
+"""The results of a flight by its energy balance: electrical power, and power required where thrust is known."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.curve import Cost, maximum_lift_to_drag, power_points
+from analysis.curve import Condition, maximum_lift_to_drag, power_points
 from analysis.estimation.noise import NORMAL_95
 from analysis.methods.whole_flight.curve import ElectricalEstimate, FlownAircraft
 from analysis.methods.whole_flight.drag import DragEstimate, DragWithheld
@@ -14,27 +14,29 @@ from analysis.methods.whole_flight.energy_balance import QuarticPolar, level_eff
 from analysis.methods.whole_flight.flight_table import FlightTable
 from analysis.methods.whole_flight.simulated_truth import SimulatedTruth
 from analysis.performance.autopilot_parameters import flight_values, typed_in
+from analysis.performance.request import density_altitude_m
 from analysis.records.flight import (
+    UNKNOWN_SPEED,
     AircraftResult,
-    ConditionResult,
+    AirFound,
+    BatteryResult,
+    CurveResult,
     CurveStatus,
     DragPolar,
-    ElectricalResult,
-    ElectricalStatistics,
+    EnergyBalanceResult,
     Interval,
-    IntervalPart,
+    Kind,
     MethodTried,
     Provenance,
     Results,
-    SpeedInterval,
 )
+from analysis.results.curves import condition_result, curve_result, power_statistics
 from analysis.results.evidence import with_trust
 from analysis.settings import CURVES
 from analysis.sources.grid_settings import FLIGHT
 from flight.atmosphere import SEA_LEVEL_DENSITY
 from flight.version import version
 
-UNKNOWN = SpeedInterval(speed_mps=None, lo_mps=None, hi_mps=None, inside_flown_range=False)
 LARGE_SCALE = 0.03
 LARGE_HALF_WIDTH = 0.3
 
@@ -44,18 +46,7 @@ WITHHELD_CLIMB = (
 )
 
 
-class UsedBattery(NamedTuple):
-    """usable : share of its energy"""
-
-    energy_Wh: float
-    usable: float
-
-    @property
-    def usable_J(self) -> float:
-        return 3600 * self.energy_Wh * self.usable
-
-
-class ElectricalFindings(NamedTuple):
+class EnergyBalanceFindings(NamedTuple):
     """What is known of a flight.
 
     propeller : name of the table that drag follows from          battery : None where its energy is not known
@@ -67,54 +58,84 @@ class ElectricalFindings(NamedTuple):
     estimate: ElectricalEstimate
     drag: DragEstimate | DragWithheld = DragWithheld()
     propeller: str = ""
-    battery: UsedBattery | None = None
+    battery: BatteryResult | None = None
     logged: Mapping[str, float] = {}
     simulated: SimulatedTruth | None = None
     vehicle: str = ""
     tried: Sequence[MethodTried] = ()
 
 
-def electrical_results(
-    log: Path, aircraft: FlownAircraft, found: ElectricalFindings, provenance: Provenance
+def assemble_energy_balance(
+    log: Path, aircraft: FlownAircraft, found: EnergyBalanceFindings, provenance: Provenance
 ) -> Results:
     """The contents of `results.json`."""
-    flight, estimate, drag, propeller, _, logged, simulated, vehicle, tried = found
-    beside, known = _beside_the_curve(found), None if isinstance(drag, DragWithheld) else drag
-    parameters, withheld = typed_in(flight_values(estimate, beside.best_range_speed, logged, known))
-    rows = flight.table[flight.flown]
-    weight = ConditionResult(weight_N=aircraft.weight_N, air_density_kgpm3=estimate.conditions.rho)
-    results = Results(
-        software_version=version(),
-        log=str(log),
-        aircraft=AircraftResult(
-            name=aircraft.name, title=aircraft.name, wing_area_m2=aircraft.wing_area_m2, span_m=aircraft.span_m,
-            propeller=propeller,
-        ),
-        vehicle=vehicle,
-        test=weight,
-        standard=ConditionResult(weight_N=aircraft.weight_N, air_density_kgpm3=SEA_LEVEL_DENSITY),
-        air_temperature_K=flight.air_temperature_K,
-        air_pressure_Pa=float(rows["static_Pa"].mean()),
-        runs=[],
-        rejected=[],
-        parameters=[],
-        drag_polar=_polar(known, aircraft) if known else None,
-        power_required=known.curve.points() if known else [],
-        power_required_standard=[],
-        cross_check=[],
-        minimum_power_speed=UNKNOWN,
-        best_range_speed=UNKNOWN,
-        status=CurveStatus.CONVERGED,
-        verdict="converged",
-        methods_tried=list(tried),
-        warnings=[*flight.notes, *_warnings(estimate), *([simulated.sentence()] if simulated else [])],
-        electrical_power=estimate.curve.points(),
-        electrical=beside,
-        autopilot_parameters=parameters,
-        autopilot_parameters_withheld=withheld,
-        provenance=provenance,
-    )  # fmt: skip
-    return with_trust(results)
+    flight, estimate, drag, propeller, battery, logged, simulated, vehicle, tried = found
+    known = None if isinstance(drag, DragWithheld) else drag
+    condition = estimate.curve.condition
+    standard = condition._replace(rho=SEA_LEVEL_DENSITY)
+    electrical = electrical_curve(estimate, standard, battery)
+    curves = {Kind.ELECTRICAL: electrical}
+    if known:
+        curves[Kind.POWER_REQUIRED] = curve_result(known.curve, standard)
+        curves[Kind.SHAFT] = CurveResult(
+            condition=condition_result(condition),
+            points=power_points(known.V_mps, known.shaft.value, known.shaft.half_width),
+        )
+    best = electrical.best_range_speed or UNKNOWN_SPEED
+    parameters, withheld = typed_in(flight_values(estimate, best, logged, known))
+    return with_trust(
+        Results(
+            software_version=version(),
+            log=str(log),
+            aircraft=AircraftResult(
+                name=aircraft.name,
+                title=aircraft.name,
+                wing_area_m2=aircraft.wing_area_m2,
+                span_m=aircraft.span_m,
+                propeller=propeller,
+            ),
+            vehicle=vehicle,
+            test=condition_result(condition),
+            standard=condition_result(standard),
+            kind=Kind.ELECTRICAL,
+            curves=curves,
+            air=_air(flight, estimate),
+            battery=battery,
+            drag_polar=_polar(known, aircraft) if known else None,
+            status=CurveStatus.CONVERGED,
+            verdict="converged",
+            methods_tried=list(tried),
+            warnings=[*flight.notes, *_warnings(estimate), *([simulated.sentence()] if simulated else [])],
+            withheld=[drag.sentence(), WITHHELD_CLIMB] if isinstance(drag, DragWithheld) else [WITHHELD_CLIMB],
+            balance=_balance(found),
+            autopilot_parameters=parameters,
+            autopilot_parameters_withheld=withheld,
+            provenance=provenance,
+        )
+    )
+
+
+def electrical_curve(estimate: ElectricalEstimate, standard: Condition, battery: BatteryResult | None) -> CurveResult:
+    """Electrical power with what a pool needs of it, at as many speeds as the curve is smooth between."""
+    at = np.linspace(0, len(estimate.V_mps) - 1, 1 + CURVES.points // 5).round().astype(int)
+    statistics = power_statistics(estimate.V_mps[at], estimate.among_flights.at(at))
+    return curve_result(estimate.curve, standard, statistics=statistics, battery=battery)
+
+
+def _air(flight: FlightTable, estimate: ElectricalEstimate) -> AirFound:
+    rows, airspeed = flight.table[flight.flown], estimate.airspeed
+    of_wind = airspeed.mean_wind_covariance
+    return AirFound(
+        temperature_K=flight.air_temperature_K,
+        pressure_Pa=float(rows["static_Pa"].mean()),
+        wind_mps=airspeed.wind_mps,
+        wind_from_deg=airspeed.wind_from_deg,
+        wind_standard_error_mps=None if of_wind is None else float(np.sqrt(np.mean(np.diag(of_wind)))),
+        gust_mps=estimate.gust_mps,
+        density_altitude_m=float(density_altitude_m(estimate.conditions.rho)),
+        lowest_height_m=float(rows["height_m"].min()),
+        highest_height_m=float(rows["height_m"].max()),
+    )
 
 
 def _polar(drag: DragEstimate, aircraft: FlownAircraft) -> DragPolar:
@@ -137,35 +158,16 @@ def _thrust_basis(drag: DragEstimate, propeller: str) -> str:
     )
 
 
-def _beside_the_curve(found: ElectricalFindings) -> ElectricalResult:
-    flight, estimate, drag, propeller, battery, *_ = found
-    curve, power = estimate.curve, estimate.curve.power_W
-    noise, systematic = (NORMAL_95 * np.sqrt(np.diag(part)) for part in (power.own, power.by_shared))
+def _balance(found: EnergyBalanceFindings) -> EnergyBalanceResult:
+    flight, estimate, drag, propeller, *_ = found
     scale, half_scale = estimate.airspeed.scale, NORMAL_95 * float(np.sqrt(estimate.airspeed.scale_variance))
-    return ElectricalResult(
-        least_power_speed=curve.best(Cost.POWER),
-        best_range_speed=curve.best(Cost.ENERGY_PER_METER),
-        endurance_s=curve.longest(Cost.POWER, battery.usable_J) if battery else None,
-        range_m=curve.longest(Cost.ENERGY_PER_METER, battery.usable_J) if battery else None,
-        battery_energy_Wh=battery.energy_Wh if battery else None,
-        interval_parts=[
-            IntervalPart(speed_mps=float(v), noise_W=float(n), systematic_W=float(s))
-            for v, n, s in zip(curve.V_mps, noise, systematic, strict=True)
-        ],
+    return EnergyBalanceResult(
         residual_W=float(np.sqrt(np.mean(estimate.residual_W**2))),
-        idle_power_W=estimate.conditions.idle_power_W,
+        flown_s=float(flight.flown.sum() * FLIGHT.step_s),
         airspeed_scale=Interval(value=scale, lo=scale - half_scale, hi=scale + half_scale)
         if estimate.airspeed.wind is None
         else None,
-        wind_mps=estimate.airspeed.wind_mps,
-        wind_from_deg=estimate.airspeed.wind_from_deg,
-        flown_s=float(flight.flown.sum() * FLIGHT.step_s),
-        withheld=[drag.sentence(), WITHHELD_CLIMB] if isinstance(drag, DragWithheld) else [WITHHELD_CLIMB],
-        shaft_power=[]
-        if isinstance(drag, DragWithheld)
-        else power_points(drag.V_mps, drag.shaft.value, drag.shaft.half_width),
         thrust_basis="" if isinstance(drag, DragWithheld) else _thrust_basis(drag, propeller),
-        pooling=_statistics(estimate),
         shaft_over_electrical=drag.motor_efficiency,
         thrust_efficiency=None if found.simulated else _thrust_efficiency(estimate),
     )
@@ -182,18 +184,6 @@ def _thrust_efficiency(estimate: ElectricalEstimate) -> Interval | None:
     at = known[np.argmin(error[known] / value[known])]
     half = NORMAL_95 * error[at]
     return Interval(value=float(value[at]), lo=float(value[at] - half), hi=float(value[at] + half))
-
-
-def _statistics(estimate: ElectricalEstimate) -> ElectricalStatistics:
-    """At as many speeds as a curve is smooth between."""
-    at = np.linspace(0, len(estimate.V_mps) - 1, 1 + CURVES.points // 5).round().astype(int)
-    found = estimate.among_flights.at(at)
-    return ElectricalStatistics(
-        speed_mps=estimate.V_mps[at].tolist(),
-        power_W=found.value.tolist(),
-        own_covariance=found.own.tolist(),
-        shared={str(name): change.tolist() for name, change in found.shared.items()},
-    )
 
 
 def _warnings(estimate: ElectricalEstimate) -> list[str]:
