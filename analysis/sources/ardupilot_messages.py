@@ -1,18 +1,19 @@
 """The messages of an ArduPilot log that are read, by kind and instance, in SI units or those of their fields."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.sources.dataflash import DataflashLog, Form
 from analysis.sources.matlab_log import MatlabLog
-from analysis.sources.recording import vehicle_of
-from analysis.sources.telemetry import TelemetryLog
+from analysis.sources.recording import AllChannels, Channel, channel, vehicle_of
+from analysis.sources.telemetry import RawTelemetryLog, TelemetryLog
 from analysis.sources.text_log import TextLog
 from flight.errors import InputError
 from flight.formats import Format, format_of
@@ -75,14 +76,43 @@ class Messages:
 
 def _opened(path: Path) -> DataflashLog | TelemetryLog | TextLog | MatlabLog:
     """The reader of a log's format. Raises InputError where it cannot be read."""
+    return _read(path, TelemetryLog, KINDS_READ)
+
+
+def all_channels(path: Path) -> AllChannels:
+    """Every field of every message: `BARO.Alt`, of later instances `BARO 1.Alt`; of telemetry by MAVLink's names.
+
+    Raises InputError where the log cannot be read.
+    """
+    log = _read(path, RawTelemetryLog, ())
+    found: dict[str, Callable[[], Channel]] = {}
+    for kind in log.names():
+        for (_, number), table in _instances(kind, log.columns(kind), ()):
+            name = f"{kind} {number}" if number else kind
+            found |= {
+                f"{name}.{field}": partial(channel, table["t_s"], table[field]) for field in table if field != "t_s"
+            }
+    return found
+
+
+Telemetry = TypeVar("Telemetry")
+
+
+def _read(
+    path: Path, telemetry: Callable[[bytes], Telemetry], kinds: tuple[str, ...]
+) -> Telemetry | DataflashLog | TextLog | MatlabLog:
+    """telemetry : reads a .tlog     kinds : of messages in a text or a .mat file; none stands for all
+
+    Raises InputError where the file cannot be read.
+    """
     try:
         match format_of(path):
             case Format.DATAFLASH_TEXT:
-                return TextLog(path, KINDS_READ)
+                return TextLog(path, kinds)
             case Format.TELEMETRY:
-                return TelemetryLog(path.read_bytes())
+                return telemetry(path.read_bytes())
             case Format.MAT:
-                return MatlabLog(path, KINDS_READ)
+                return MatlabLog(path, kinds)
             case _:
                 return DataflashLog(path.read_bytes())
     except OSError as error:
@@ -101,7 +131,7 @@ def read_messages(path: Path) -> Messages:
         _refuse_wingless(path, text)
     boards = (found[1] for text in texts if (found := SERIAL_NUMBER.match(text)))
     vehicle = next((vehicle_of(number) for number in boards), "")
-    tables = {key: table for kind in FIELDS for key, table in _instances(kind, log.columns(kind))}
+    tables = {key: table for kind in FIELDS for key, table in _instances(kind, log.columns(kind), FIELDS[kind])}
     told, multipliers = log.columns("FMTU"), log.columns("MULT")
     for (kind, _), table in tables.items():
         for field, unit in _units(log.form(kind), told, multipliers).items():
@@ -158,11 +188,13 @@ def _times_s(kind: str, columns: Mapping[str, NDArray[Any]], count: int) -> list
     return [float(t) for t in columns[clock[0]] * clock[1]]
 
 
-def _instances(kind: str, columns: dict[str, NDArray[Any]]) -> Iterator[tuple[tuple[str, int], Table]]:
-    """The times [s] and FIELDS of each instance of a kind of message."""
+def _instances(
+    kind: str, columns: dict[str, NDArray[Any]], fields: tuple[str, ...]
+) -> Iterator[tuple[tuple[str, int], Table]]:
+    """The times [s] and fields of each instance of a kind of message; no fields stand for all."""
     numbers = {name: values for name, values in columns.items() if values.dtype.kind == "f"}
     clock = _clock(kind, numbers)
-    fields = FIELDS[kind] or tuple(numbers)
+    fields = fields or tuple(numbers)
     if clock is None or not set(fields) & set(numbers):
         return
     t_s = numbers[clock[0]] * clock[1]

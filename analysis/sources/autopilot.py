@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, assert_never
 from analysis.sources.recognize import Autopilot
 
 if TYPE_CHECKING:
-    from analysis.sources.recording import FlightRecording
+    from analysis.sources.recording import AllChannels, FlightRecording
 
 
 def read_autopilot_log(path: Path, autopilot: Autopilot) -> "FlightRecording":
@@ -24,4 +24,22 @@ def read_autopilot_log(path: Path, autopilot: Autopilot) -> "FlightRecording":
             from analysis.sources.paparazzi import read_paparazzi
 
             return read_paparazzi(path)
+    assert_never(autopilot)
+
+
+def all_channels(path: Path, autopilot: Autopilot) -> "AllChannels":
+    """Every number that a log has over time. Raises InputError where it cannot be read."""
+    match autopilot:
+        case Autopilot.PX4:
+            from analysis.sources import px4
+
+            return px4.all_channels(path)
+        case Autopilot.ARDUPILOT:
+            from analysis.sources import ardupilot_messages
+
+            return ardupilot_messages.all_channels(path)
+        case Autopilot.PAPARAZZI:
+            from analysis.sources import paparazzi
+
+            return paparazzi.all_channels(path)
     assert_never(autopilot)

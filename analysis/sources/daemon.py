@@ -5,6 +5,7 @@ Samples that failed, were stale or saturated are left out. Long gaps are not int
 
 import math
 from collections.abc import Mapping
+from functools import partial
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from analysis.sources.grid import on_grid
 from analysis.sources.grid_settings import CHANNELS, STATISTICS
-from analysis.sources.recording import Event, EventKind
+from analysis.sources.recording import AllChannels, Channel, Event, EventKind
 from analysis.sources.resolution import step_of
 from flight import runs
 from flight.aircraft import Aircraft
@@ -61,6 +62,20 @@ def events(log: Log, start_ns: int) -> list[Event]:
     entries = log.entries.get("/daq/event", NO_ENTRIES)
     reported = zip(times_ns(entries), entries.columns["text"][:], strict=True) if len(entries) else ()
     return [Event((int(t) - start_ns) / 1e9, EventKind.MESSAGE, str(text)) for t, text in reported]
+
+
+def all_channels(log: Log, start_ns: int) -> AllChannels:
+    """Every field of numbers: `/imu angular_rate_x_radps`, on the clock that starts at `start_ns`."""
+
+    def read(entries: Entries, field: str) -> Channel:
+        return Channel(*samples(entries, field, start_ns))
+
+    return {
+        f"{topic} {field}": partial(read, entries, field)
+        for topic, entries in log.entries.items()
+        for field, column in (entries.columns.items() if len(entries) else ())
+        if column.numbers is not None
+    }
 
 
 def samples(entries: Entries, field: str, start_ns: int) -> tuple[Array, Array]:

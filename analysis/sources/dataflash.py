@@ -77,6 +77,10 @@ class DataflashLog:
         self._kinds[number] = _Kind(name, codes, fields, dtype)
         return int(number)
 
+    def names(self) -> list[str]:
+        """The kinds of message that the log holds, in order of their numbers."""
+        return [kind.name for number, kind in sorted(self._kinds.items()) if len(self._offsets[number])]
+
     def form(self, name: str) -> Form | None:
         """How messages of a name are packed; None where the log has none."""
         found = next(((number, kind) for number, kind in self._kinds.items() if kind.name == name), None)

@@ -22,7 +22,7 @@ def is_matlab_log(path: Path) -> bool:
 
 
 class MatlabLog:
-    """The messages of a file by kind, as `dataflash.DataflashLog` gives them."""
+    """The messages of a file by kind, as `dataflash.DataflashLog` gives them. kinds : to read; none stands for all."""
 
     notes = ("The log was converted to a .mat file, which has not all that the log has: the .BIN shows more.",)
 
@@ -31,6 +31,10 @@ class MatlabLog:
 
     def form(self, name: str) -> None:
         """How messages are packed: their units are those of their fields here."""
+
+    def names(self) -> list[str]:
+        """The kinds of message that the file holds."""
+        return list(self._messages)
 
     def columns(self, name: str) -> dict[str, NDArray[Any]]:
         """The fields of all messages of a name, (n,): numbers as float64, texts as bytes."""
@@ -43,9 +47,10 @@ def _messages(path: Path, kinds: tuple[str, ...]) -> dict[str, dict[str, NDArray
     wanted = [name for kind in kinds for name in (kind, kind + LABEL)]
     try:
         with warnings.catch_warnings(action="ignore"):
-            variables = loadmat(path, variable_names=wanted, squeeze_me=True, struct_as_record=False)
+            variables = loadmat(path, variable_names=wanted or None, squeeze_me=True, struct_as_record=False)
     except Exception:  # damaged files lead to errors of many kinds
         return {}
+    kinds = kinds or tuple(name for name in variables if not name.startswith("__") and not name.endswith(LABEL))
     found = {kind: _columns(variables[kind], variables.get(kind + LABEL)) for kind in kinds if kind in variables}
     return {kind: columns for kind, columns in found.items() if columns}
 

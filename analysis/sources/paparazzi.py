@@ -6,14 +6,24 @@ order and units of the fields are those of Paparazzi's messages.xml.
 
 import gzip
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+from itertools import zip_longest
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.sources import recording
-from analysis.sources.recording import Channel, FlightRecording, channel, in_order, modes, without_jumps
+from analysis.sources.recording import (
+    AllChannels,
+    Channel,
+    FlightRecording,
+    channel,
+    in_order,
+    modes,
+    without_jumps,
+)
 from flight.arrays import Array
 from flight.atmosphere import pressure_at
 from flight.errors import InputError
@@ -85,6 +95,36 @@ def _lines(path: Path) -> Iterator[list[bytes]]:
     with gzip.open(path) if packed else path.open("rb") as stream:
         for line in stream:
             yield line.split()
+
+
+def all_channels(path: Path) -> AllChannels:
+    """Every number of every message: `GPS.speed_cmps`, by its place where its name is not known, `DL_VALUE.2`.
+
+    Raises InputError where the log cannot be read.
+    """
+    rows: dict[str, list[list[float]]] = defaultdict(list)
+    try:
+        for words in _lines(path):
+            if len(words) > 3:
+                rows[words[2].decode("ascii", "replace")].append([_number(word) for word in (words[0], *words[3:])])
+    except (OSError, EOFError) as error:
+        raise InputError(f"{path}: cannot be read ({error})") from None
+    found: dict[str, Callable[[], Channel]] = {}
+    for message, values in sorted(rows.items()):
+        table = np.array(list(zip_longest(*values, fillvalue=np.nan)))
+        names = FIELDS.get(message, ())
+        for i, column in enumerate(table[1:]):
+            if np.isfinite(column).any():
+                name = names[i] if i < len(names) else i + 1
+                found[f"{message}.{name}"] = partial(channel, table[0], column)
+    return found
+
+
+def _number(word: bytes) -> float:
+    try:
+        return float(word)
+    except ValueError:
+        return np.nan
 
 
 def _tables(path: Path) -> dict[str, Table]:

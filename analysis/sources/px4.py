@@ -3,7 +3,9 @@
 import contextlib
 import io
 from collections import Counter
+from collections.abc import Callable
 from enum import IntEnum
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -15,6 +17,7 @@ from analysis.sources import recording
 from analysis.sources.autopilot_settings import READABLE
 from analysis.sources.position import places
 from analysis.sources.recording import (
+    AllChannels,
     Battery,
     Channel,
     Event,
@@ -130,13 +133,32 @@ class _Advancing:
         return place
 
 
-def _topics(path: Path) -> tuple[dict[str, list[_Topic]], dict[str, float], list[str], str, list[Event]]:
-    """The topics by name, the autopilot's parameters, notes, the vehicle, and the messages to its pilot."""
+def _opened(path: Path, topics: list[str] | None) -> ULog:
+    """With these topics, or all. Raises InputError where it cannot be read."""
     try:
         with path.open("rb") as stream, contextlib.redirect_stdout(io.StringIO()):
-            log = ULog(_Advancing(stream), list(TOPICS))
+            return ULog(_Advancing(stream), topics)
     except Exception as error:  # a torn or altered file raises whatever its bytes lead to
         raise InputError(f"{path}: cannot be read as a PX4 log ({type(error).__name__}: {_line(error)})") from None
+
+
+def all_channels(path: Path) -> AllChannels:
+    """Every field of every topic: `battery_status.voltage_v`, of later instances `battery_status 1.voltage_v`.
+
+    Raises InputError where the log cannot be read.
+    """
+    found: dict[str, Callable[[], Channel]] = {}
+    for data in _opened(path, None).data_list:
+        if "timestamp" not in data.data:
+            continue
+        topic, instance = _Topic(data.data, int(data.multi_id)), f" {data.multi_id}" if data.multi_id else ""
+        found |= {f"{data.name}{instance}.{field}": partial(topic.channel, field) for field in data.data}
+    return found
+
+
+def _topics(path: Path) -> tuple[dict[str, list[_Topic]], dict[str, float], list[str], str, list[Event]]:
+    """The topics by name, the autopilot's parameters, notes, the vehicle, and the messages to its pilot."""
+    log = _opened(path, list(TOPICS))
     topics: dict[str, list[_Topic]] = {}
     for data in sorted(log.data_list, key=lambda one: one.multi_id):
         if "timestamp" in data.data and len(data.data["timestamp"]):

@@ -1,7 +1,7 @@
 """The channels of an ordinary flight, each with its own times; of several sensors, the one that is used."""
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import reduce
@@ -49,6 +49,10 @@ class Channel(NamedTuple):
 
     t_s: Array
     value: Array
+
+
+# Every number that a log has over time, by its own name, on the clock of the recording; read when it is called for.
+AllChannels = Mapping[str, Callable[[], Channel]]
 
 
 class EventKind(StrEnum):

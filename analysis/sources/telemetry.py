@@ -47,7 +47,7 @@ class TelemetryLog:
 
     def __init__(self, data: bytes):
         rows: dict[str, list[list[Any]]] = defaultdict(list)
-        for time_us, message in _messages(data):
+        for time_us, message in _messages(data, USED_IDS):
             if message.get_type() == "BATTERY_STATUS":
                 cells = [x for x in message.voltages if x != 65535]  # UINT16_MAX: no such cell
                 more = [x for x in message.voltages_ext if x not in (0, 65535)]  # the 11th to 14th
@@ -66,8 +66,27 @@ class TelemetryLog:
         return self._columns.get(name, {})
 
 
-def _messages(data: bytes) -> Iterator[tuple[int, Any]]:
-    """Time of reception and message, of the autopilot alone."""
+class RawTelemetryLog:
+    """All messages of a recording, under MAVLink's names and in its units."""
+
+    def __init__(self, data: bytes):
+        rows: dict[str, list[list[Any]]] = defaultdict(list)
+        for time_us, message in _messages(data, frozenset(mavlink.mavlink_map)):
+            values = [getattr(message, name) for name in message.fieldnames]
+            rows[message.get_type()].append([time_us, *(x if isinstance(x, int | float) else np.nan for x in values)])
+        self._columns = {name: _as_numbers(_table(name, many)) for name, many in rows.items()}
+
+    def names(self) -> list[str]:
+        """The kinds of message that the recording holds."""
+        return list(self._columns)
+
+    def columns(self, name: str) -> Columns:
+        """The fields of all messages of a name, (n,); NaN throughout for texts and arrays."""
+        return self._columns.get(name, {})
+
+
+def _messages(data: bytes, ids: frozenset[int]) -> Iterator[tuple[int, Any]]:
+    """Time of reception and message, of the autopilot alone. ids : numbers of the kinds that are decoded"""
     decoder = mavlink.MAVLink(None)
     at, autopilot = 0, None
     while at + 20 <= len(data):
@@ -80,7 +99,7 @@ def _messages(data: bytes) -> Iterator[tuple[int, Any]]:
         number = int.from_bytes(data[start + 7 : start + 10], "little") if second else data[start + 5]
         sender = data[start + 5 if second else start + 3]
         try:
-            wanted = number in USED_IDS and autopilot in (None, sender)
+            wanted = number in ids and autopilot in (None, sender)
             message = decoder.decode(bytearray(data[start : start + length])) if wanted else None
         except Exception:  # altered bytes lead to errors of many kinds
             at += 1

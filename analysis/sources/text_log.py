@@ -23,7 +23,10 @@ class _Reader(DFReader.DFReader_text):  # type: ignore[misc]
 
 
 class TextLog:
-    """The messages of a file by kind, as `dataflash.DataflashLog` gives them. Raises ValueError where it has none."""
+    """The messages of a file by kind, as `dataflash.DataflashLog` gives them. kinds : to read; none stands for all.
+
+    Raises ValueError where it has none.
+    """
 
     notes = ()
 
@@ -32,12 +35,16 @@ class TextLog:
         try:
             with contextlib.redirect_stdout(io.StringIO()):
                 reader = _Reader(str(path))
-                while (message := reader.recv_match(type=set(kinds))) is not None:
+                while (message := reader.recv_match(type=set(kinds) or None)) is not None:
                     self._rows[message.get_type()].append(message)
         except Exception as error:  # altered lines lead to errors of many kinds
             if not self._rows:
                 raise ValueError(f"{type(error).__name__} in its text") from None
         self._formats = {name: rows[0].fmt for name, rows in self._rows.items()}
+
+    def names(self) -> list[str]:
+        """The kinds of message that the log holds."""
+        return list(self._rows)
 
     def form(self, name: str) -> Form | None:
         """The fields of messages of a name; None where the log has none."""

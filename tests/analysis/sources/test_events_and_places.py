@@ -7,9 +7,9 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from analysis.sources import recording
-from analysis.sources.autopilot import read_autopilot_log
+from analysis.sources.autopilot import all_channels, read_autopilot_log
 from analysis.sources.position import places
-from analysis.sources.recognize import autopilot_of
+from analysis.sources.recognize import Autopilot, autopilot_of
 from analysis.sources.recording import EventKind, FlightRecording, modes
 from sim.dataflash_writer import DataflashMessages, write_dataflash, write_text
 from sim.telemetry_writer import BOOTED_US, write_telemetry
@@ -118,3 +118,37 @@ def test_a_mode_is_one_event_until_it_changes_and_an_unknown_one_keeps_its_numbe
     found = modes([0.0, 1.0, 2.0, np.nan, 3.0, 4.0], [10, 10, 99, 5, 99, 10], {10: "AUTO"})
     assert [(one.t_s, one.text) for one in found] == [(0.0, "AUTO"), (2.0, "mode 99"), (4.0, "AUTO")]
     assert modes([], [], {}) == []
+
+
+@pytest.mark.parametrize("suffix", [".BIN", ".log", ".ulg"])
+def test_every_number_of_a_log_can_be_drawn(tmp_path: Path, suffix: str) -> None:
+    """Also of messages that no reader of the analysis uses, on the clock of the recording."""
+    path = tmp_path / f"flight{suffix}"
+    (ulog if suffix == ".ulg" else dataflash)(path)
+    autopilot = autopilot_of(path)
+    assert autopilot is not None
+    found = all_channels(path, autopilot)
+    names = {".ulg": ("airspeed.indicated_airspeed_m_s", "vehicle_status.nav_state")}
+    speed, mode = (found[name]() for name in names.get(suffix, ("ARSP.Airspeed", "MODE.Rsn")))
+    assert speed.t_s == pytest.approx(T_S, abs=1e-5) and speed.value == pytest.approx(15 + np.sin(T_S), rel=1e-6)
+    assert mode.t_s[0] == pytest.approx(10.0) and "MSG.Message" not in found
+
+
+def test_telemetry_is_drawn_by_mavlink_s_own_names(tmp_path: Path) -> None:
+    path = tmp_path / "flight.tlog"
+    plane = mavlink.MAVLink(None, 1, 1)
+    frames = [(0.0, mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_FIXED_WING, 3, 0, 11, 0, 3))]
+    frames += [(0.1 * k, mavlink.MAVLink_attitude_message(0, 0.01 * k, 0, 0, 0, 0, 0)) for k in range(50)]
+    path.write_bytes(
+        b"".join((BOOTED_US + int(1e6 * t)).to_bytes(8, "big") + bytes(one.pack(plane)) for t, one in frames)
+    )
+    found = all_channels(path, Autopilot.ARDUPILOT)
+    assert found["ATTITUDE.roll"]().value == pytest.approx(0.01 * np.arange(50), abs=1e-7)
+
+
+def test_paparazzi_s_unknown_fields_have_numbers(tmp_path: Path) -> None:
+    path = tmp_path / "flight.data"
+    path.write_text("".join(f"{k}.0 20 DL_VALUE 3 {k / 2}\n{k}.5 20 ENERGY 55 11.5 1.7\n" for k in range(40)))
+    found = all_channels(path, Autopilot.PAPARAZZI)
+    assert list(found["DL_VALUE.2"]().value) == [k / 2 for k in range(40)]
+    assert set(found["ENERGY.voltage_V"]().value) == {11.5}
