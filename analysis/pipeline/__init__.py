@@ -2,7 +2,7 @@
 
 import contextlib
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from analysis.options import Options, refuse_autopilot_options, refuse_drag_options
 from analysis.sources.daemon_log import gives_electrical_power, lacks_drag_topics
@@ -14,10 +14,35 @@ if TYPE_CHECKING:
     from analysis.maneuvers.runs_file import NoCurve
     from analysis.pipeline.runs import Analysis
     from analysis.pipeline.whole_flight import WholeFlightAnalysis
-    from analysis.records.flight import MethodTried
+    from analysis.records.flight import Kind, MethodTried
     from analysis.sources.recording import FlightRecording
 
 Progress = Callable[[str], None]
+
+
+class Way(NamedTuple):
+    """The curve that a log gives.
+
+    without_drag : why options of drag have no effect; empty where they may have one
+    reason : why sensors of drag give no drag, in a sentence; empty where none are there, or they do
+    """
+
+    kind: "Kind"
+    without_drag: str = ""
+    reason: str = ""
+
+
+def way_of(source: "Log | FlightRecording", options: Options = Options()) -> Way:
+    """Which curve `analyze` gives by what a log holds: drag by its runs, or electrical power of the whole flight."""
+    from analysis.records.flight import Kind
+
+    if not isinstance(source, Log):
+        return Way(Kind.ELECTRICAL, "the log is an autopilot's")
+    if lacks_drag_topics(source):
+        return Way(Kind.ELECTRICAL, "the log lacks flow angles or motor speed, and gives no drag")
+    if reason := _why_power_only(source, options):
+        return Way(Kind.ELECTRICAL, reason=reason)
+    return Way(Kind.POWER_REQUIRED)
 
 
 def analyze(
@@ -36,21 +61,21 @@ def analyze(
     """
     if options.mass_kg is not None and options.weight_N is not None:
         raise InputError(f"{source.path}: --mass and --weight: one quantity in two units; give one of them")
+    from analysis.records.flight import Kind
+
+    way = way_of(source, options)
+    if way.without_drag:
+        refuse_drag_options(source.path, way.without_drag, **options.for_drag())
     if not isinstance(source, Log):
-        refuse_drag_options(source.path, "the log is an autopilot's", **options.for_drag())
         from analysis.pipeline.whole_flight import analyze_recording
 
         return analyze_recording(source, options, progress, command_line=command_line)
-    if lacks_drag_topics(source):
-        why = "the log lacks flow angles or motor speed, and gives no drag"
-        refuse_drag_options(source.path, why, **options.for_drag())
-        return _by_energy(source, options, progress, command_line)
-    if is_table(source.path):
+    if is_table(source.path) and not way.without_drag:
         from analysis.sources.table import refuse_without_method
 
         refuse_without_method(source)
-    if reason := _why_power_only(source, options):
-        return _by_energy(source, options, progress, command_line, reason)
+    if way.kind is Kind.ELECTRICAL:
+        return _by_energy(source, options, progress, command_line, way.reason)
     if options.leave_out is not None:
         raise InputError(
             f"{source.path}: --leave-out: has no effect, since the curve is by runs; leave runs out with --runs FILE"

@@ -12,7 +12,8 @@ if TYPE_CHECKING:
     from analysis.sources.recording import FlightRecording
 
 # Readable files by their suffix. What a file is, its first bytes tell; the suffix is for lists and dialogs.
-SUFFIXES = (".mcap", ".ulg", ".bin", ".log", ".tlog")
+SUFFIXES = (".mcap", ".ulg", ".bin", ".log", ".tlog", ".data")
+TABLES = (".csv", ".parquet", ".mat")
 
 
 def open_source(path: Path, columns: Path | None = None) -> "Log | FlightRecording":
@@ -31,6 +32,11 @@ def open_source(path: Path, columns: Path | None = None) -> "Log | FlightRecordi
     if columns is not None:
         raise InputError(f"{path}: --columns: only for tables (CSV, Parquet, .mat), and this is none")
     return read_log(path)
+
+
+def has_log_suffix(name: str) -> bool:
+    """Whether a file's name is that of a log or a table, also of a compressed one."""
+    return Path(name.lower().removesuffix(".gz")).suffix in (*SUFFIXES, *TABLES)
 
 
 def is_table(path: Path) -> bool:

@@ -1,6 +1,7 @@
 """Figures of a flight and its estimation: over time, over the ground, the fit of each run, residuals, convergence."""
 
 from collections.abc import Mapping, Sequence
+from typing import Protocol
 
 import numpy as np
 import pandas as pd
@@ -27,6 +28,20 @@ from analysis.trajectory.consistency import ANGLES, SPEED, Consistency
 from analysis.trajectory.reconstruction import Trajectory
 from flight.arrays import Array
 from flight.motion import body_from_earth
+
+
+class OnMap(Protocol):
+    """A stretch of a flight that a map colors."""
+
+    @property
+    def kind(self) -> str: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def start_s(self) -> float: ...
+    @property
+    def end_s(self) -> float: ...
+
 
 NOT_SHADED = ("standing", "flying")
 
@@ -164,7 +179,7 @@ def air_and_path(trajectory: Trajectory, overlaid: int = 600) -> Figure:
     return figure
 
 
-def ground_track(track: Track, runs: Sequence[Maneuver], air: AirFound | None) -> Figure:
+def ground_track(track: Track, runs: Sequence[OnMap], air: AirFound | None) -> Figure:
     """The path over the ground with equal axes, runs colored by kind, and the direction of the wind."""
     figure = Figure(equal=True, cursor=Cursor.NEAREST, x=Axis("east", "m"))
     figure.y = Axis("north", "m")
@@ -181,14 +196,19 @@ def ground_track(track: Track, runs: Sequence[Maneuver], air: AirFound | None) -
             )
         )  # fmt: skip
     figure.add(Points(x=east[:1], y=north[:1], name="start", symbol=Symbol.STAR, size=14, color=INK, value=""))
-    if air and air.wind_mps is not None and air.wind_from_deg is not None:
-        length = 0.15 * max(float(np.ptp(north)), float(np.ptp(east)), 1.0)
-        toward = np.radians(air.wind_from_deg + 180)
-        x, y = float(east.min()), float(north.max())
-        ends = np.array([x, x + length * np.sin(toward)]), np.array([y, y + length * np.cos(toward)])
-        name = f"wind, {air.wind_mps:.1f} m/s"
-        figure.add(Line(x=ends[0], y=ends[1], color=ORANGE, width=3, arrow=True, name=name, value=""))
+    if air is not None and air.wind_mps is not None and air.wind_from_deg is not None:
+        figure.add(wind_arrow(track, air.wind_mps, air.wind_from_deg))
     return figure
+
+
+def wind_arrow(track: Track, wind_mps: float, from_deg: float) -> Line:
+    """An arrow with the wind, at the corner of a path over the ground."""
+    north, east = np.array(track.north_m), np.array(track.east_m)
+    length = 0.15 * max(float(np.ptp(north)), float(np.ptp(east)), 1.0)
+    toward = np.radians(from_deg + 180)
+    x, y = float(east.min()), float(north.max())
+    ends = np.array([x, x + length * np.sin(toward)]), np.array([y, y + length * np.cos(toward)])
+    return Line(x=ends[0], y=ends[1], color=ORANGE, width=3, arrow=True, name=f"wind, {wind_mps:.1f} m/s", value="")
 
 
 LINES = ((BLUE, Symbol.CIRCLE), (ORANGE, Symbol.SQUARE))

@@ -35,7 +35,7 @@ def map_svg(result: RouteResult, mission: Mission, wind: Wind) -> str:
     def reach(radii: Iterable[tuple[Direction, float]]) -> list[tuple[float, float]]:
         return [at(r * sin(radians(one.course_deg)), r * cos(radians(one.course_deg))) for one, r in radii]
 
-    ring_m = _round_length(farthest_m / 2)
+    ring_m = round_length(farthest_m / 2)
     x, y = at(0.0, 0.0)
     parts = [
         _polygon(reach((one, one.radius_m) for one in result.directions), f'stroke="{GRAY}" stroke-dasharray="6 4"'),
@@ -66,7 +66,7 @@ def map_svg(result: RouteResult, mission: Mission, wind: Wind) -> str:
     )
 
 
-def _round_length(length_m: float) -> float:
+def round_length(length_m: float) -> float:
     """The largest of 1, 2, 5, 10 … m below a length."""
     decade = 10 ** int(log10(max(length_m, 1.0)))
     return float(max(step * decade for step in (1, 2, 5) if step * decade <= max(length_m, 1.0)))

@@ -1,5 +1,6 @@
 """The command `flightpower open`: arguments and messages."""
 
+import os
 import secrets
 import signal
 import socket
@@ -10,10 +11,10 @@ from concurrent.futures import Future, ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Annotated
+from urllib.parse import quote
 
 import typer
 
-from analysis.pages.lean_imports import import_lean
 from flight.command_line import application, run
 from flight.errors import InputError
 from flight.log_reader import Log, read_log
@@ -51,11 +52,15 @@ def open_page(
             signal.signal(getattr(signal, closing), lambda *_: sys.exit(0))
     with _listening(port) as at, tempfile.TemporaryDirectory(prefix="flightpower-") as workspace:
         token = secrets.token_urlsafe(24)
-        address = f"http://127.0.0.1:{at.getsockname()[1]}/{token}/" + (f"#{first}" if first else "")
+        address = f"http://127.0.0.1:{at.getsockname()[1]}/{token}/" + (f"#{quote(first)}" if first else "")
         reading = _read_apart(folder / first) if first.endswith(".mcap") else None
         print(f"{address}\nThe page of {folder} is open until Ctrl-C.", flush=True)
         if browser:
             webbrowser.open(address)
+        # A pool of threads costs several times the processor time of these small matrices.
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+        from analysis.pages.lean_imports import import_lean  # loads NumPy, which then has one thread
+
         import_lean()
         from analysis.pages.open.flights import Folder  # the browser starts in the meantime
         from analysis.pages.open.server import serve

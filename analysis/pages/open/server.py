@@ -12,18 +12,26 @@ import logging
 import os
 from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
+from enum import StrEnum
 from http import HTTPStatus
 from importlib import resources
+from pathlib import Path
 from socket import socket
 from threading import Lock, Thread
 from typing import IO, Any, NamedTuple
+from urllib.parse import quote
 
 import msgspec
 import numpy as np
 
+from analysis.files import write_file
 from analysis.pages.charts.svg import chart_script, chart_style
-from analysis.pages.open.flights import LIMITS, POLARS, Folder, Values
+from analysis.pages.open.flights import Folder
+from analysis.pages.open.folder_files import POLARS, is_polar
+from analysis.pages.open.request import LIMITS, FieldError, Values
 from analysis.pages.predicted_polar import read_predicted_polar
+from analysis.sources.column_map import BESIDE, load_map, map_files
+from analysis.sources.open import is_table
 from analysis.sources.recognize import autopilot_of
 from flight.errors import InputError
 from flight.log_reader import read_log
@@ -52,12 +60,13 @@ HEADERS = [
 
 
 class Answer(NamedTuple):
-    """Type and content of an answer, and what its page may do."""
+    """Type and content of an answer, and what its page may do. field : at which the page shows a message"""
 
     kind: str
     body: bytes
     policy: str = POLICY
     status: HTTPStatus = HTTPStatus.OK
+    field: str = ""
 
 
 class RefusedError(Exception):
@@ -80,8 +89,10 @@ class LocalPage:
             answer = self._answer(*self.checked(environ), environ)
         except (RefusedError, InputError) as error:
             status = error.status if isinstance(error, RefusedError) else HTTPStatus.UNPROCESSABLE_ENTITY
-            answer = Answer(PLAIN, str(error).encode("utf-8", "replace"), status=status)
+            field = error.field if isinstance(error, FieldError) else ""
+            answer = Answer(PLAIN, str(error).encode("utf-8", "replace"), status=status, field=field)
         headers = [*HEADERS, ("Content-Type", answer.kind), ("Content-Security-Policy", answer.policy)]
+        headers.append(("X-Field", quote(answer.field)))
         headers.append(("Content-Length", str(len(answer.body))))
         start_response(f"{answer.status.value} {answer.status.phrase}", headers)
         return [answer.body]
@@ -119,7 +130,7 @@ class LocalPage:
                 return _json(
                     {"folder": str(self.folder.path), "logs": self.folder.listed(), "polars": self.folder.polars()}
                 )
-            case "POST", ["open" | "curve" | "write" as action]:
+            case "POST", ["open" | "curve" | "write" | "channels" | "strips" as action]:
                 return self._computed(action, _values(environ))
             case "PUT", ["file", name]:
                 return self._kept(name, environ)
@@ -128,9 +139,16 @@ class LocalPage:
     def _computed(self, action: str, values: Values) -> Answer:
         with self._computing:
             flight = self.folder.flight(values.file)
-            if action == "open":
-                return _json(flight.shown)
-            return _json(flight.curve(values) if action == "curve" else flight.write(values))
+            match action:
+                case "open":
+                    return _json(flight.shown)
+                case "curve":
+                    return _json(flight.curve(values))
+                case "channels":
+                    return _json({"names": list(flight.channels)})
+                case "strips":
+                    return _json(flight.drawn(values))
+            return _json(flight.write(values))
 
     def read_ahead(self, name: str) -> None:
         """Prepare what the page shows of a log. What is wrong with it is said when the page asks."""
@@ -138,22 +156,20 @@ class LocalPage:
             _ = self.folder.flight(name).shown
 
     def _kept(self, name: str, environ: Environ) -> Answer:
-        """A log or predicted polar that was dropped on the page, written into the folder if it is one."""
+        """A log, a predicted polar or a map of columns that was dropped, written into the folder if it is one."""
         path = self.folder.new_file(name)
-        polar = path.suffix.lower() in POLARS
-        length = _length(environ, LIMITS.request_bytes if polar else LIMITS.log_bytes)
+        small = path.suffix.lower() in (".txt", ".dat", ".toml")
+        length = _length(environ, LIMITS.request_bytes if small else LIMITS.log_bytes)
         partly = path.with_name(f".{path.name}.part")
         try:
             with partly.open("xb") as stream:
                 _copy(environ["wsgi.input"], stream, length)
             try:
-                if polar:
-                    read_predicted_polar(partly)
-                elif not autopilot_of(partly):
-                    read_log(partly)
+                kind = _recognized(partly, path.suffix.lower())
             except InputError as error:
                 raise InputError(str(error).replace(str(partly), name)) from None
             partly.rename(path)
+            note = _drafted_map(path) if kind is Dropped.TABLE else ""
         except FileExistsError:
             raise InputError(f"{name}: is being written already") from None
         except OSError as error:
@@ -161,7 +177,52 @@ class LocalPage:
         finally:
             with suppress(OSError):
                 partly.unlink()
-        return _json({"file": name})
+        return _json({"file": name, "kind": kind, "note": note})
+
+
+class Dropped(StrEnum):
+    """What a file is that was dropped on the page."""
+
+    LOG = "log"
+    TABLE = "table"
+    POLAR = "polar"
+    MAP = "map"
+
+
+def _recognized(path: Path, suffix: str) -> Dropped:
+    """What a file is, by its contents. Raises InputError where it is nothing that the page shows."""
+    if suffix == ".toml":
+        load_map(path)
+        return Dropped.MAP
+    if suffix in POLARS and path.stat().st_size <= LIMITS.request_bytes:
+        if is_polar(path):
+            return Dropped.POLAR
+        if suffix != ".csv":
+            read_predicted_polar(path)  # says why it is none
+    if autopilot_of(path):
+        return Dropped.LOG
+    if is_table(path):
+        from analysis.sources.table_file import read_columns
+
+        if not read_columns(path):
+            raise InputError(f"{path}: a table without a column of numbers; export the flight's channels")
+        return Dropped.TABLE
+    read_log(path)
+    return Dropped.LOG
+
+
+def _drafted_map(table: Path) -> str:
+    """A map of a table's columns by their names, written beside it where there is none; what to do with it."""
+    if map_files(table, None):
+        return ""
+    from analysis.sources.map_draft import draft
+
+    beside = table.with_name(f"{table.name}.{BESIDE}")
+    try:
+        write_file(beside, draft(table, beside))
+    except InputError as error:
+        return f"{error}; write {beside.name} beside it"
+    return f"its columns are taken by their names: look through {beside.name}, and correct it where it is wrong"
 
 
 def _length(environ: Environ, most: int) -> int:

@@ -3,9 +3,12 @@
 
 const at = id => document.getElementById(id);
 const NOT_IN_CURVE = {standing: "not in the curve: at rest on the ground", flying: "not in the curve: from take-off to landing"};
+const ELECTRICAL = "electrical_power", BY_HAND = "left out by hand";
 const KEYS = {a: "acceleration", d: "deceleration", s: "steady"};
 let flight = null;  // what the server says of the opened log
-let runs = [], edited = false, selected = -1, changed = {}, propeller = "";
+let runs = [], edited = false, selected = -1, changed = {}, propeller = "";  // runs; of a whole flight the stretches left out
+let airborne = [];  // stretches of a whole flight that are in the curve: [start, end]
+let drawnChannels = [], typed = {};  // channels drawn besides the usual; the aircraft typed for another log
 let last = null, first = null;  // the newest curve, and that of the flight as it was opened
 let other = null;  // another log to compare with, and its curve
 let polar = "";  // the file of a predicted polar
@@ -15,14 +18,30 @@ let pointed = NaN, asked = 0;  // time under the pointer; number of the newest q
 async function ask(path, body) {
   const options = body === undefined ? {} : {method: "POST", headers: {"Content-Type": "application/json"}, body: JSON.stringify(body)};
   const answer = await fetch(path, options);
-  if (!answer.ok) throw new Error(await answer.text());
-  return answer.json();
+  return answered(answer);
 }
 
+async function answered(answer) {
+  if (answer.ok) return answer.json();
+  throw Object.assign(new Error(await answer.text()), {field: decodeURIComponent(answer.headers.get("X-Field") || "")});
+}
+
+const whole = () => Boolean(flight) && flight.kind === ELECTRICAL;
+
 function say(text) { at("said").textContent = text; }
+
+// A message stands in the status, which stays in view, and at its field, which gets a red border.
 function complain(error) {
   at("wrong").textContent = error ? error.message : "";
   at("wrong").hidden = !error;
+  for (const box of document.querySelectorAll("[aria-invalid]")) { box.removeAttribute("aria-invalid"); box.removeAttribute("aria-describedby"); }
+  for (const text of document.querySelectorAll(".at-field")) text.remove();
+  const boxes = error && error.field ? [...document.querySelectorAll("[data-field]")].filter(box => box.dataset.field === error.field) : [];
+  if (!boxes.length) return;
+  for (const box of boxes) { box.setAttribute("aria-invalid", "true"); box.setAttribute("aria-describedby", "at-field"); }
+  const closed = boxes[0].closest("details");
+  if (closed) closed.open = true;
+  put(boxes[0].parentElement, "p", {class: "at-field", id: "at-field"}, error.message);
 }
 
 async function working(text, action) {
@@ -43,22 +62,43 @@ function put(parent, name, attributes = {}, text = "") {
   return element;
 }
 
-// A chart that the server has drawn, in place of the one that was there.
-function draw(id, text) {
+// A chart that the server has drawn, in place of the one that was there: zoomed as that was, the same lines hidden.
+function draw(id, text, fresh = false) {
+  const before = fresh ? null : [...at(id).querySelectorAll(".plot")].map(plot => charts[plot.id])[0];
+  const kept = before && {
+    name: before.plot.id, hidden: [...(before.hiddenByReader || [])],
+    views: before.panels.filter(panel => String(panel.view) !== String(panel.home)).map(panel => {
+      const [x, y, width, height] = panel.view;
+      return {title: panelTitle(panel), x: [x, x + width].map(one => before.xValue(one)), y: [y, y + height].map(one => before.value(panel, one))};
+    })};
   at(id).innerHTML = text || "";
   startCharts(at(id));
+  const now = kept && text ? charts[kept.name] : null;
+  if (!now) return;
+  for (const name of kept.hidden) { now.toggle(name, false); (now.hiddenByReader = now.hiddenByReader || new Set()).add(name); }
+  for (const {title, x, y} of kept.views) {
+    const panel = now.panels.find(one => panelTitle(one) === title);
+    if (!panel) continue;
+    const [left, right] = x.map(one => now.xUnits(one)), [top, bottom] = y.map(one => now.yUnits(one, panel));
+    now.look(panel, [left, top, right - left, bottom - top]);
+  }
+  if (kept.views.length || kept.hidden.length) now.told(true);
 }
+
+const panelTitle = panel => (panel.element.querySelector(".title") || {textContent: ""}).textContent;
 
 // ---- logs
 
 async function list() {
-  const {folder, logs, polars} = await ask("logs"), ul = at("logs").querySelector("ul");
+  const {folder, logs, polars} = await ask("logs"), body = at("logs").querySelector("tbody");
   at("folder").textContent = folder;
-  ul.replaceChildren();
+  body.replaceChildren();
   for (const log of logs) {
-    const button = put(put(ul, "li"), "button", {type: "button", "aria-current": String(Boolean(flight && flight.file === log.name))},
-                       `${log.name}, ${log.MB} MB${log.report ? ", has a report" : ""}`);
+    const row = put(body, "tr");
+    put(put(row, "td"), log.of_file ? "em" : "span", {}, log.date);
+    const button = put(put(row, "td"), "button", {type: "button", "aria-current": String(Boolean(flight && flight.file === log.name))}, log.name);
     button.addEventListener("click", () => open(log.name));
+    for (const text of [log.length, `${log.kind}, ${log.MB} MB`, log.report ? "yes" : ""]) put(row, "td", {}, text);
   }
   const choice = at("other"), others = logs.filter(log => flight && log.name !== flight.file);
   choice.replaceChildren();
@@ -68,27 +108,37 @@ async function list() {
   at("predicted").replaceChildren();
   for (const name of ["", ...polars]) put(at("predicted"), "option", {value: name}, name || "none");
   at("predicted").value = polar;
-  if (!logs.length) put(ul, "li", {}, "No log in this folder yet.");
+  if (!logs.length) put(put(body, "tr"), "td", {colspan: 5}, "No log in this folder yet.");
   return logs;
 }
 
-function open(file) {
+function open(file, note = "") {
   return working(`reading ${file} …`, async () => {
     flight = await ask("open", {file});
-    location.hash = file;
+    location.hash = encodeURIComponent(file);
     [runs, edited, selected, changed, propeller, last, first, other, method, polar] = [flight.runs || [], false, -1, {}, "", null, null, null, "", ""];
+    [airborne, drawnChannels] = [[], []];
+    if (flight.remembered) changed = {...(Object.keys(flight.remembered).length ? flight.remembered : typed)};
     at("title").textContent = file;
-    at("flight").hidden = flight.kind !== "drag";
-    at("values").hidden = at("done").hidden = false;
+    for (const [name, on] of [["whole", whole()], ["by-runs", !whole()]]) at("flight").classList.toggle(name, on);
+    at("runs-title").textContent = whole() ? "Stretches of the flight" : "Runs";
+    at("add").textContent = whole() ? "leave out a stretch" : "new run";
+    at("flight").hidden = at("done").hidden = false;
     at("command").textContent = flight.command;
     draw("over-speed", "");
     draw("from-above", "");
-    at("sources").replaceChildren();
-    at("number").textContent = "";
+    for (const id of ["sources", "number"]) at(id).replaceChildren();
+    at("guessed").hidden = at("notes").hidden = true;
     showForm();
-    const listed = (await list()).find(log => log.name === file);
-    showReport(listed && listed.report);
-    if (flight.kind === "drag") { draw("over-time", flight.strips); drawBands(); showRuns(); await compute(); }
+    showEvents();
+    showChannels();
+    draw("over-time", flight.strips, true);
+    drawBands();
+    showRuns();
+    const log = (await list()).find(one => one.name === file);
+    showReport(log && log.report);
+    await compute();
+    if (note) say(`${file}: ${note}`);
   });
 }
 
@@ -100,20 +150,72 @@ function showReport(there) {
 
 async function drop(file) {
   await working(`adding ${file.name} …`, async () => {
-    const answer = await fetch(`file/${encodeURIComponent(file.name)}`, {method: "PUT", body: file});
-    if (!answer.ok) throw new Error(await answer.text());
-    if (!/\.(txt|csv|dat)$/i.test(file.name)) return open(file.name);
-    polar = file.name;
+    const {kind, note} = await answered(await fetch(`file/${encodeURIComponent(file.name)}`, {method: "PUT", body: file}));
+    if (kind === "log" || kind === "table") return open(file.name, note);
+    if (kind === "polar") polar = file.name;
     await list();
-    if (flight && flight.kind === "drag") recompute();
+    if (kind === "polar" && flight && !whole()) recompute();
+    if (kind === "map") say(`${file.name} is the map of its table now; open the table`);
+  });
+}
+
+// ---- modes, messages, channels
+
+function showEvents() {
+  const body = at("events").querySelector("tbody");
+  body.replaceChildren();
+  at("events").hidden = !flight.events.length;
+  for (const {t_s, kind, text} of flight.events) {
+    const row = put(body, "tr"), button = put(put(row, "td"), "button", {type: "button"}, t_s.toFixed(1));
+    put(row, "td", {}, kind === "mode" ? `mode ${text}` : text);
+    button.addEventListener("click", () => {
+      const panel = charts.strips.panels[0];
+      charts.strips.show({panel, x: Math.min(UNITS, Math.max(0, charts.strips.xUnits(t_s))), y: UNITS / 2});
+      at("strips").scrollIntoView({block: "nearest"});
+    });
+  }
+}
+
+async function nameChannels() {
+  if (at("channel-names").children.length || !at("channels").open) return;
+  await working("listing the channels …", async () => {
+    const {names} = await ask("channels", {file: flight.file});
+    at("channel-names").replaceChildren(...names.map(value => Object.assign(document.createElement("option"), {value})));
+  });
+}
+
+function showChannels() {
+  at("channel-names").replaceChildren();
+  at("channel").value = "";
+  nameChannels();
+  chips();
+}
+
+function chips() {
+  const ul = at("channels").querySelector("ul");
+  ul.replaceChildren();
+  for (const name of drawnChannels) {
+    const button = put(put(ul, "li"), "button", {type: "button"}, `take away ${name}`);
+    button.addEventListener("click", () => drawChannels(drawnChannels.filter(one => one !== name)));
+  }
+}
+
+function drawChannels(wanted) {
+  return working("drawing …", async () => {
+    const {strips} = await ask("strips", {file: flight.file, channels: wanted});
+    drawnChannels = wanted;
+    draw("over-time", strips);
+    drawBands();
+    chips();
   });
 }
 
 // ---- the curve
 
 function values() {
-  return {file: flight.file, runs: edited ? runs.map(({kind, start_s, end_s, keep, why}) => ({kind, start_s, end_s, keep, why})) : null,
-          aircraft: changed, propeller, method, polar};
+  const stretch = ({start_s, end_s}) => [start_s, end_s];
+  return {file: flight.file, runs: edited && !whole() ? runs.map(({kind, start_s, end_s, keep, why}) => ({kind, start_s, end_s, keep, why})) : null,
+          left_out: whole() ? runs.map(stretch) : [], aircraft: changed, propeller, method, polar};
 }
 
 async function compute() {
@@ -123,14 +225,17 @@ async function compute() {
   last = found;
   first = first || found.curve;
   at("command").textContent = found.command;
-  if (!edited) runs = found.runs;
+  if (whole()) airborne = found.airborne;
+  else if (!edited) runs = found.runs;
   else for (const run of runs) {
     const same = found.runs.find(one => Math.abs(one.start_s - run.start_s) < 0.06 && Math.abs(one.end_s - run.end_s) < 0.06 && one.keep === run.keep);
     run.why = same ? same.why : run.why;
   }
   if (other) await compare(other.file);
+  showGuess();
   showRuns();
-  showMethods();
+  if (!whole()) showMethods();
+  drawBands();
   drawCurve();
   draw("from-above", found.figures.track);
   const ul = at("notes").querySelector("ul");
@@ -143,7 +248,9 @@ async function compute() {
 async function compare(file) {
   const condition = [last.mass_kg, last.density_kgpm3];
   if (other && other.file === file && String(other.condition) === String(condition)) return;
-  const found = await ask("curve", {file, at: condition});
+  const aircraft = whole() ? Object.fromEntries(Object.entries(changed).filter(([key]) => key in flight.needed)) : {};
+  const found = await ask("curve", {file, at: condition, aircraft});
+  if (found.kind !== last.kind) throw new Error(`${file} gives ${found.kind}, this flight ${last.kind}: they are not compared`.replaceAll("_", " "));
   other = {file, condition, curve: found.curve};
 }
 
@@ -202,15 +309,16 @@ function drawCurve() {
   charts.curve.add("beside", [
     ...beside("as opened", moved ? first : null, "#5b6b78", {dash: "9 6", width: 2}),
     ...beside(other && other.file, other && other.curve, "#d95f02", {dash: "3 4", band: true}),
+    ...beside("thrust times airspeed", last.required, "#00693e", {dash: "12 6", band: true}),
     ...beside(last.method && last.method.title, last.method && last.method.curve, "#1b9e77", {dash: "12 6", band: true}),
     ...beside(predicted && `predicted by ${predicted.name}`, predicted, "#8a2f8f", {width: 2}),
   ]);
   at("by-polar").textContent = predicted ? `Thin: predicted by ${predicted.name}.` : "Drop a file of XFLR5, AVL or AeroSandbox on this page.";
   at("compared").textContent = other ? comparison() : "";
-  at("by-method").textContent = byMethod();
+  at("by-method").textContent = whole() ? "" : byMethod();
   const k = last.least_power === null ? 0 : V.reduce((best, v, i) => Math.abs(v - last.least_power) < Math.abs(V[best] - last.least_power) ? i : best, 0);
   const where = last.least_power === null ? "the slowest flown; power still decreases there" : "the speed of least power";
-  at("number").textContent = `${P[k].toFixed(1)} W (95 % interval ${lo[k].toFixed(1)} to ${hi[k].toFixed(1)}) at ${V[k].toFixed(1)} m/s, ${where}, `
+  at("number").textContent = `${last.kind === ELECTRICAL ? "Electrical power " : ""}${P[k].toFixed(1)} W (95 % interval ${lo[k].toFixed(1)} to ${hi[k].toFixed(1)}) at ${V[k].toFixed(1)} m/s, ${where}, `
     + `for ${last.mass_kg.toFixed(2)} kg in air of ${last.density_kgpm3.toFixed(3)} kg/m³. ` + (moved ? "Dashed: as opened. " : "")
     + "The verdict is in the report.";
   const sources = at("sources");
@@ -227,18 +335,19 @@ function drawCurve() {
 
 // ---- the flight over time and from above
 
-const kindClass = run => `${run.kind.replace(/[^a-z]+/g, "-")}${run.keep ? "" : " left-out"}`;
+const kindClass = run => run.kind === BY_HAND ? "left-out-by-hand" : `${run.kind.replace(/[^a-z]+/g, "-")}${run.keep ? "" : " left-out"}`;
 
 // Where a time is, in px from the left of the strips.
 const time = t => charts.strips.place(t, 0)[0] - at("strips").getBoundingClientRect().left;
-const last_s = () => charts.strips.panels[0].x[1];
+const last_s = () => at("strips") ? charts.strips.panels[0].x[1] : flight.end_s || 0;
 
 function drawBands() {
-  if (!charts.strips) return;
+  if (!at("strips")) return;
   const {svg, panels: [{view: [left, , width]}]} = charts.strips, share = t => 100 * (charts.strips.xUnits(t) - left) / width;
   const focused = document.activeElement && document.activeElement.dataset && document.activeElement.dataset.end;
   const bands = svg.querySelector(".bands") || put(svg, "svg", {class: "bands"});
   bands.replaceChildren();
+  for (const [start, end] of airborne) put(bands, "rect", {class: "run airborne", x: `${share(start)}%`, width: `${share(end) - share(start)}%`, height: "100%"});
   runs.forEach((run, i) => {
     const chosen = i === selected, from = share(run.start_s), to = share(run.end_s);
     const band = put(bands, "rect", {class: `run ${kindClass(run)}${chosen ? " selected" : ""}`, x: `${from}%`, width: `${Math.max(0.1, to - from)}%`, height: "100%", "data-run": i});
@@ -292,9 +401,11 @@ function listen() {
   document.addEventListener("keydown", event => {
     if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches("input, select, textarea")) return;
     const key = event.key.toLowerCase();
-    if (key === "n" && flight && flight.kind === "drag") add();
+    if (key === "n" && flight) add();
     if (selected < 0) return;
-    if (key in KEYS) { runs[selected].kind = KEYS[key]; changedRuns(); }
+    if (whole() && (key === "x" || key === "delete")) takeAgain(selected);
+    else if (whole() && key !== "escape") return;
+    else if (key in KEYS) { runs[selected].kind = KEYS[key]; changedRuns(); }
     else if (key === "x" || key === "delete") { runs[selected].keep = !runs[selected].keep; changedRuns(); }
     else if (key === "escape") select(-1);
   });
@@ -302,11 +413,21 @@ function listen() {
   at("predicted").addEventListener("change", () => { polar = at("predicted").value; recompute(); });
   at("other").addEventListener("change", () => working("reading the other flight …", async () => {
     const file = at("other").value;
-    if (file) await compare(file); else other = null;
-    drawCurve();
+    try { if (file) await compare(file); else other = null; }
+    catch (error) { other = null; at("other").value = ""; throw error; }
+    finally { drawCurve(); }
   }));
+  at("channels").addEventListener("toggle", nameChannels);
+  const wanted = () => {
+    const name = at("channel").value.trim();
+    if (!name || drawnChannels.includes(name)) return;
+    at("channel").value = "";
+    drawChannels([...drawnChannels, name]);
+  };
+  at("draw").addEventListener("click", wanted);
+  at("channel").addEventListener("keydown", event => { if (event.key === "Enter") wanted(); });
   at("add").addEventListener("click", add);
-  at("as-found").addEventListener("click", () => { edited = false; selected = -1; runs = flight.runs; changedRuns(false); });
+  at("as-found").addEventListener("click", () => { edited = false; selected = -1; runs = flight.runs || []; changedRuns(false); });
   at("as-recorded").addEventListener("click", () => { changed = {}; propeller = ""; showForm(); recompute(); });
   at("write").addEventListener("click", () => working("analyzing the log and writing the report …", async () => {
     const {said, kept, command} = await ask("write", values());
@@ -336,10 +457,23 @@ function move(end, by, atOnce) {
 }
 
 function add() {
-  const start_s = Math.round(10 * (Number.isNaN(pointed) ? last_s() / 2 : pointed)) / 10;
+  const start_s = Math.round(10 * (Number.isNaN(pointed) ? last_s() / 2 : Math.max(0, pointed))) / 10;
+  if (whole()) return leaveOut(Math.min(start_s, last_s() - 1), Math.min(last_s(), start_s + 30));
   runs.push({kind: "deceleration", start_s, end_s: Math.min(last_s(), start_s + 10), keep: true, why: ""});
   selected = runs.length - 1;
   changedRuns();
+}
+
+function leaveOut(start_s, end_s) {
+  runs.push({kind: BY_HAND, start_s, end_s, keep: false, why: BY_HAND});
+  selected = runs.length - 1;
+  changedRuns();
+}
+
+function takeAgain(i) {
+  runs.splice(i, 1);
+  selected = -1;
+  changedRuns(runs.length > 0);
 }
 
 function changedRuns(byHand = true) {
@@ -359,19 +493,26 @@ function showRuns() {
   const body = at("runs").tBodies[0], active = document.activeElement, place = active && active.dataset && active.dataset.place;
   body.replaceChildren();
   at("as-found").disabled = !edited;
+  if (whole()) airborne.forEach(([start, end], i) => {
+    const row = put(body, "tr"), keep = put(put(row, "td"), "input", {type: "checkbox", "aria-label": `use stretch ${i + 1}`, "data-place": `a${i}`});
+    keep.checked = true;
+    keep.addEventListener("change", () => leaveOut(start, end));
+    for (const text of ["in the air", start.toFixed(1), end.toFixed(1), ""]) put(row, "td", {}, text);
+  });
   runs.forEach((run, i) => {
     const row = put(body, "tr", i === selected ? {class: "selected"} : {}), cells = Array.from({length: 5}, () => put(row, "td"));
     const keep = put(cells[0], "input", {type: "checkbox", "aria-label": `use run ${i + 1}`, "data-place": `${i} keep`});
     keep.checked = run.keep;
-    keep.addEventListener("change", () => { run.keep = keep.checked; changedRuns(); });
-    const kind = put(cells[1], "select", {"aria-label": `kind of run ${i + 1}`, "data-place": `${i} kind`});
-    for (const name of flight.kinds) put(kind, "option", name === run.kind ? {selected: ""} : {}, name);
+    keep.addEventListener("change", () => { if (whole()) return takeAgain(i); run.keep = keep.checked; changedRuns(); });
+    if (whole()) cells[1].textContent = run.kind;
+    const kind = whole() ? document.createElement("select") : put(cells[1], "select", {"aria-label": `kind of run ${i + 1}`, "data-place": `${i} kind`});
+    for (const name of flight.kinds || []) put(kind, "option", name === run.kind ? {selected: ""} : {}, name);
     kind.addEventListener("change", () => { run.kind = kind.value; changedRuns(); });
     for (const [cell, end, name] of [[2, "start_s", "start"], [3, "end_s", "end"]]) {
-      const box = put(cells[cell], "input", {type: "number", step: 0.1, min: 0, "aria-label": `${name} of run ${i + 1}, s`, value: run[end].toFixed(2), "data-place": `${i} ${end}`});
+      const box = put(cells[cell], "input", {type: "number", step: 0.1, min: 0, "aria-label": `${name} of run ${i + 1}, s`, value: run[end].toFixed(2), "data-place": `${i} ${end}`, "data-field": `run ${i}`});
       box.addEventListener("change", () => { if (Number.isFinite(box.valueAsNumber)) { run[end] = box.valueAsNumber; changedRuns(); } });
     }
-    cells[4].textContent = run.why || NOT_IN_CURVE[run.kind] || "";
+    if (!whole()) cells[4].textContent = run.why || NOT_IN_CURVE[run.kind] || "";
     row.addEventListener("click", event => { if (event.target.tagName === "TD") select(i); });
     row.addEventListener("focusin", () => { if (selected !== i) { selected = i; drawBands(); [...body.rows].forEach((one, k) => one.classList.toggle("selected", k === i)); } });
   });
@@ -381,31 +522,57 @@ function showRuns() {
 // ---- values
 
 function showForm() {
-  const div = at("form").querySelector("div");
+  const [group, ...more] = flight.form, rest = at("form").querySelector("div");
+  at("first-title").textContent = group.title;
+  showFields(at("first"), group.fields);
+  rest.replaceChildren();
+  for (const {title, fields} of more) { put(rest, "h3", {}, title); showFields(put(rest, "div", {class: "fields"}), fields); }
+  at("values").hidden = !more.length;
+  recorded();
+}
+
+function recorded() { at("as-recorded").disabled = !Object.keys(changed).length && !propeller; }
+
+function showFields(div, fields) {
   div.replaceChildren();
-  const recorded = () => { at("as-recorded").disabled = !Object.keys(changed).length && !propeller; };
-  if (flight.propellers) {
-    const label = put(div, "label");
-    put(label, "span", {}, "propeller flown");
-    const choice = put(label, "select", {"data-key": "propeller"});
-    put(choice, "option", {value: ""}, `${flight.propeller} (as in the log)`);
-    for (const name of flight.propellers) put(choice, "option", {value: name}, name);
-    choice.addEventListener("change", () => { propeller = choice.value; recorded(); recompute(); });
-  }
-  for (const {key, value, meaning} of flight.form) {
+  for (const {key, label: words, value, meaning, example} of fields) {
     const label = put(div, "label", {title: meaning});
-    put(label, "span", {}, key);
-    const box = put(label, "input", {"data-key": key});
-    box.value = value;
-    box.addEventListener("focus", () => { at("meaning").textContent = meaning ? `${key}: ${meaning}` : ""; });
+    put(label, "span", {}, words);
+    const box = key === "propeller" ? choiceOfPropeller(label) : put(label, "input", {"data-key": key, "data-field": key, placeholder: example, autocomplete: "off"});
+    box.addEventListener("focus", () => { at("meaning").textContent = meaning ? `${words}: ${meaning}` : ""; });
+    if (key === "propeller") continue;
+    box.value = key in changed ? changed[key] : value;
+    box.classList.toggle("changed", key in changed);
     box.addEventListener("change", () => {
       if (box.value === value) delete changed[key]; else changed[key] = box.value;
+      if (flight.needed && key in flight.needed) typed[key] = box.value;
       box.classList.toggle("changed", box.value !== value);
       recorded();
-      if (flight.kind === "drag") recompute();
+      recompute();
     });
   }
-  recorded();
+}
+
+function choiceOfPropeller(label) {
+  const choice = put(label, "select", {"data-key": "propeller", "data-field": "propeller"});
+  put(choice, "option", {value: ""}, flight.propeller ? `${flight.propeller} (as in the log)` : "not known");
+  for (const name of flight.propellers) put(choice, "option", {value: name}, name);
+  choice.value = propeller;
+  choice.addEventListener("change", () => { propeller = choice.value; recorded(); recompute(); });
+  return choice;
+}
+
+// What was guessed stands in its field in gray, until it is typed.
+function showGuess() {
+  const guessed = Object.entries(last.guessed || {});
+  for (const box of at("first").querySelectorAll("input")) box.classList.remove("guessed");
+  for (const [key, text] of guessed) {
+    const box = at("first").querySelector(`[data-key="${key}"]`);
+    box.placeholder = `guessed: ${text}`;
+    box.classList.add("guessed");
+  }
+  at("guessed").hidden = !guessed.length;
+  at("guessed").textContent = guessed.length ? "Drawn with a guessed aircraft, by speed and power of this flight: type mass, wing area and span." : "";
 }
 
 listen();

@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from analysis.pages.open.flights import LIMITS, Folder
+from analysis.pages.open.flights import Folder
+from analysis.pages.open.request import LIMITS
 from analysis.pages.open.server import LocalPage, server_of
 
 HOST, TOKEN = "127.0.0.1:5555", "the-secret-of-this-page"
@@ -156,7 +157,10 @@ def test_an_attack_is_refused_in_words_and_leaves_everything_as_it_was(page: Loc
 def test_a_dropped_log_is_kept_and_opens(page: LocalPage, flown: bytes) -> None:
     answer = asked(page, "PUT", of("file/dropped flight (2).mcap"), flown)
     assert answer.status == 200
-    assert json.loads(asked(page, "POST", of("open"), values(file="dropped flight (2).mcap")).body)["kind"] == "drag"
+    assert (
+        json.loads(asked(page, "POST", of("open"), values(file="dropped flight (2).mcap")).body)["kind"]
+        == "power_required"
+    )
 
 
 def test_a_report_is_shown_where_it_can_reach_nothing(page: LocalPage) -> None:

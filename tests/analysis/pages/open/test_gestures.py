@@ -146,7 +146,7 @@ def test_another_weight_changes_the_curve_and_back(page: Browser) -> None:
     )
     power = page.value_of("last.curve.power_W[20]")
     page.value_of(f"document.getElementById('form').open = true; {box}.focus()")
-    assert page.value_of("document.getElementById('meaning').textContent").startswith("mass.weight: ")
+    assert page.value_of("document.getElementById('meaning').textContent").startswith("weight in flight: ")
     changed_curve(page, type_in.format("4.6 kg"))
     assert "for 4.60 kg" in page.value_of("document.getElementById('number').textContent")
     page.value_of(type_in.format("heavy"))
@@ -233,7 +233,9 @@ def test_the_report_is_written_and_shown_and_a_log_is_added(
         page.value_of("document.getElementById('write').click()")
         page.wait_for(f"!document.getElementById('report').hidden && {QUIET}")
     results = json.loads((folder / "log.report" / "results.json").read_text("utf-8"))
-    assert page.value_of("last.curve.power_W") == pytest.approx([one["power_W"] for one in results["power_required"]])
+    assert page.value_of("last.curve.power_W") == pytest.approx(
+        [one["power_W"] for one in results["curves"]["power_required"]["points"]]
+    )
     assert page.value_of("at('apart').querySelector('a').href") == page.value_of("at('report').src") != ""
     name = f"other-{page.value_of('innerWidth')}.mcap"
     (tmp_path / name).write_bytes(flown)

@@ -13,7 +13,8 @@ from urllib.request import urlopen
 import pytest
 
 from analysis.pages.open.command import _read_apart, opened_folder
-from analysis.pages.open.flights import OpenedFlight
+from analysis.pages.open.flights import open_flight
+from analysis.pages.open.runs_flight import RunsFlight
 from flight.errors import InputError
 from flight.log_reader import Log
 
@@ -38,15 +39,17 @@ def test_a_log_is_read_in_another_process_and_here_if_that_ends(flown: bytes, tm
     assert reading is not None
     apart, ended = reading.result(20), Future[Log]()
     ended.set_exception(BrokenExecutor("killed"))
-    assert OpenedFlight(log, tmp_path, reading).log is apart
-    here = OpenedFlight(log, tmp_path, ended).log
+    taken, opened = (open_flight(log, tmp_path, one) for one in (reading, ended))
+    assert isinstance(taken, RunsFlight) and isinstance(opened, RunsFlight)
+    assert taken.log is apart
+    here = opened.log
     for topic, entries in here.entries.items():
         assert list(apart.entries[topic]) == list(entries)
     assert apart.attachments == here.attachments
     log.write_bytes(b"no log")
     refused = _read_apart(log)
     with pytest.raises(InputError, match="text, which is not read"):
-        _ = OpenedFlight(log, tmp_path, refused).log
+        open_flight(log, tmp_path, refused)
 
 
 @pytest.mark.parametrize("closing", [signal.SIGHUP, signal.SIGINT])

@@ -12,16 +12,22 @@ import pytest
 
 from analysis.maneuvers.runs_file import load
 from analysis.options import Options
-from analysis.pages.open import flights
-from analysis.pages.open.flights import LIMITS, Folder, Kind, OpenedFlight, Run, Values, runs_text
+from analysis.pages.open import runs_flight
+from analysis.pages.open.flights import Folder
+from analysis.pages.open.opened import OpenedFlight
+from analysis.pages.open.request import LIMITS, Run, Values
+from analysis.pages.open.runs_flight import RunsFlight, runs_text
 from analysis.pages.open.server import LocalPage
+from analysis.records.flight import Kind
 from flight.errors import InputError
-from tests.unchanged.commands import flight, run
+from tests.unchanged.commands import run
 
 
 @pytest.fixture
-def log(shared: Folder) -> OpenedFlight:
-    return shared.flight("log.mcap")
+def log(shared: Folder) -> RunsFlight:
+    found = shared.flight("log.mcap")
+    assert isinstance(found, RunsFlight)
+    return found
 
 
 @pytest.fixture
@@ -30,26 +36,34 @@ def new_log(opened: Folder) -> OpenedFlight:
     return opened.flight("log.mcap")
 
 
-def runs_of(log: OpenedFlight) -> list[Run]:
+def runs_of(log: RunsFlight) -> list[Run]:
     return [Run(**one) for one in log.curve(Values("log.mcap"))["runs"]]
 
 
-def without_the_acceleration(log: OpenedFlight) -> Values:
+def without_the_acceleration(log: RunsFlight) -> Values:
     runs = runs_of(log)
     for one in runs:
         one.keep = one.keep and one.kind != "acceleration"
     return Values("log.mcap", runs=runs, aircraft={"mass.weight": "4.2 kg"})
 
 
-def test_a_flight_is_shown_with_its_runs_and_the_reasons_of_those_left_out(log: OpenedFlight) -> None:
+def test_a_flight_is_shown_with_its_runs_and_the_reasons_of_those_left_out(log: RunsFlight) -> None:
     shown = log.shown
-    assert shown["kind"] is Kind.DRAG
+    assert shown["kind"] is Kind.POWER_REQUIRED
     titles = re.findall(r'class="title"><text[^>]*>([^<]*)', shown["strips"])
     assert titles[2:5] == ["motor, rpm", "throttle, %", "angle of attack, deg"]
     used = [one["kind"] for one in shown["runs"] if one["keep"]]
     assert used.count("acceleration") == used.count("deceleration") == 1
     assert all(one["why"] for one in shown["runs"] if not one["keep"])
-    assert {"mass.weight", "probe.position", "propulsion.battery_energy"} <= {field["key"] for field in shown["form"]}
+    first, *_ = shown["form"]
+    assert [field["label"] for field in first["fields"]][:3] == [
+        "weight in flight",
+        "propeller flown",
+        "battery energy",
+    ]
+    by_key = {field["key"]: field for group in shown["form"] for field in group["fields"]}
+    assert by_key["probe.position"]["value"].count(", ") == 2 and "[" not in by_key["probe.position"]["value"]
+    assert not {"mass.Ix", "propulsion.max_rpm", "elevator.rate", "aerodynamics.CL0"} & by_key.keys()
 
 
 def test_a_log_is_read_ahead_once_and_what_is_wrong_is_said_when_it_is_asked_for(
@@ -58,8 +72,8 @@ def test_a_log_is_read_ahead_once_and_what_is_wrong_is_said_when_it_is_asked_for
     page = LocalPage(opened, set(), "secret")
     for name in ("log.mcap", "missing.mcap"):
         page.read_ahead(name)
-    monkeypatch.setattr(flights, "read_log", None)
-    monkeypatch.setattr(flights, "synchronized", None)
+    monkeypatch.setattr("analysis.pages.open.flights.open_source", None)
+    monkeypatch.setattr(runs_flight, "synchronized", None)
     assert opened.flight("log.mcap").shown["runs"]
     with pytest.raises(InputError):
         opened.flight("missing.mcap")
@@ -75,7 +89,9 @@ def test_the_page_s_curve_is_that_of_the_files_and_of_the_command_that_it_shows(
     written = log.path.parent / "log.report"
     results = json.loads((written / "results.json").read_text("utf-8"))
     for name, drawn in curve.items():
-        assert drawn == pytest.approx([point[name] for point in results["power_required"]], rel=1e-12)
+        assert drawn == pytest.approx(
+            [point[name] for point in results["curves"]["power_required"]["points"]], rel=1e-12
+        )
     of_report = {method["name"]: method["power_required"] for method in results["methods"]}
     assert of_report["direct"]
     for method in ("direct", "whole-flight"):
@@ -87,12 +103,12 @@ def test_the_page_s_curve_is_that_of_the_files_and_of_the_command_that_it_shows(
     _, *words = shlex.split(told)
     assert run("analyze", *words, "-o", tmp_path / "again")["exit code"] == 0
     again = json.loads((tmp_path / "again" / "results.json").read_text("utf-8"))
-    for key in ("power_required", "runs", "methods", "use", "trust"):
+    for key in ("curves", "runs", "methods", "use", "trust"):
         assert again[key] == results[key], key
     assert {path.name for path in (tmp_path / "again").iterdir()} <= {path.name for path in written.iterdir()}
 
 
-def test_another_weight_and_density_keep_the_polar(log: OpenedFlight) -> None:
+def test_another_weight_and_density_keep_the_polar(log: RunsFlight) -> None:
     """At one lift coefficient, speed goes with the root of weight over density, and power with weight times speed."""
     flown = log.curve(Values("log.mcap"))
     asked = log.curve(Values("log.mcap", at=(1.3 * flown["mass_kg"], 0.9 * flown["density_kgpm3"])))
@@ -122,7 +138,7 @@ def test_other_runs_keep_the_trajectory_and_other_values_do_not(
         return lambda *given: (computed.append(function.__name__), function(*given))[1]
 
     for name in ("synchronized", "flight_path"):
-        monkeypatch.setattr(flights, name, counted(getattr(flights, name)))
+        monkeypatch.setattr(runs_flight, name, counted(getattr(runs_flight, name)))
     before = new_log.curve(Values("log.mcap"))
     assert computed == ["synchronized", "flight_path"]
     runs = [Run(**one) for one in before["runs"]]
@@ -140,7 +156,7 @@ def test_other_runs_keep_the_trajectory_and_other_values_do_not(
     assert computed == ["synchronized", "flight_path"] * 2, "as recorded stays"
 
 
-def test_other_methods_are_listed_as_far_as_runs_were_flown_for_them(log: OpenedFlight) -> None:
+def test_other_methods_are_listed_as_far_as_runs_were_flown_for_them(log: RunsFlight) -> None:
     shown = log.curve(Values("log.mcap"))
     names = {one["name"]: one["missing"] for one in shown["methods"]}
     assert shown["method"] is None and "dynamic" not in names
@@ -172,7 +188,7 @@ def test_what_is_drawn_beside_the_curve_is_in_the_command_and_in_the_report(
 
 def test_the_last_curves_are_kept(new_log: OpenedFlight, monkeypatch: pytest.MonkeyPatch) -> None:
     computed: list[Values] = []
-    monkeypatch.setattr(OpenedFlight, "_curve", lambda _, values: computed.append(values) or {})
+    monkeypatch.setattr(RunsFlight, "_curve", lambda _, values: computed.append(values) or {})
     asked = [Values("log.mcap", at=(4.0, 1 + k / 100)) for k in range(LIMITS.curves + 1)]
     for values in [*asked, *asked[1:]]:
         new_log.curve(values)
@@ -185,21 +201,6 @@ def test_a_log_that_changed_is_read_again(opened: Folder, new_log: OpenedFlight)
     assert opened.flight("log.mcap") is new_log
     new_log.path.write_bytes(new_log.path.read_bytes() + b"\0")
     assert opened.flight("log.mcap") is not new_log
-
-
-@pytest.mark.parametrize("plan, as_, kind", [("ordinary-flight", "ardupilot", Kind.AUTOPILOT)])
-def test_a_log_of_an_autopilot_needs_three_values(opened: Folder, plan: str, as_: str, kind: Kind) -> None:
-    (opened.path / "flight.BIN").write_bytes(flight(plan, "--as", as_, "--seed", "3"))
-    log = opened.flight("flight.BIN")
-    shown = log.shown
-    assert shown["kind"] is kind and [field["key"] for field in shown["form"]] == ["mass", "wing area", "span"]
-    with pytest.raises(InputError):
-        log.write(Values("flight.BIN"))
-    values = Values("flight.BIN", aircraft={"mass": "3.84 kg", "wing area": "0.464 m^2", "span": "1.75 m"})
-    assert shlex.split(log.write(values)["command"])[2:] == [
-        "--mass", "3.84 kg", "--wing-area", "0.464 m^2", "--span", "1.75 m",
-    ]  # fmt: skip
-    assert (opened.path / "flight.report" / "results.json").is_file()
 
 
 @pytest.mark.parametrize(
@@ -225,7 +226,7 @@ def test_a_log_of_an_autopilot_needs_three_values(opened: Folder, plan: str, as_
     ],
     ids=str,
 )  # fmt: skip
-def test_wrong_values_are_refused_and_nothing_is_written(log: OpenedFlight, values: Values) -> None:
+def test_wrong_values_are_refused_and_nothing_is_written(log: RunsFlight, values: Values) -> None:
     before = sorted(path.name for path in log.path.parent.rglob("*"))
     with pytest.raises(InputError) as refused:
         log.write(values)
@@ -233,11 +234,11 @@ def test_wrong_values_are_refused_and_nothing_is_written(log: OpenedFlight, valu
     assert sorted(path.name for path in log.path.parent.rglob("*")) == before
 
 
-def test_what_was_typed_stays_text_number_or_list(log: OpenedFlight) -> None:
+def test_what_was_typed_stays_text_number_or_list(log: RunsFlight) -> None:
     typed = {"title": '"]] = 3', "probe.upwash_per_CL": "2 deg", "imu_position": '["1 cm", "0 m", "0 m"]'}
     text = log.aircraft_text(Values("log.mcap", aircraft=typed))
     assert 'title = "\\"]] = 3"\n' in text and 'imu_position = ["1 cm", "0 m", "0 m"]\n' in text
-    assert flights.parse_aircraft(text, "form").title == '"]] = 3'
+    assert runs_flight.parse_aircraft(text, "form").title == '"]] = 3'
 
 
 def test_the_list_of_runs_is_the_file_that_analyze_reads(tmp_path: Path) -> None:

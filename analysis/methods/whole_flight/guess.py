@@ -1,0 +1,46 @@
+"""A first guess of the aircraft from its flight alone, for a picture before the user has said what was flown.
+
+An aircraft of the prior's drag, in the middle of possible aspect ratios, cruises at its best glide. Electrical power of
+level flight is measured, so that its curve depends on the guess by changes of height and speed alone, and roughly.
+"""
+
+import numpy as np
+
+from analysis.methods.whole_flight.curve import FlownAircraft
+from analysis.methods.whole_flight.settings import CURVE, PRIOR
+from analysis.sources import recording
+from analysis.sources.recording import FlightRecording
+from flight.arrays import Array
+from flight.errors import InputError
+from flight.units import SEA_LEVEL_DENSITY
+
+
+def guessed_aircraft(flight: FlightRecording) -> FlownAircraft:
+    """Mass, wing area and span that go with airspeed and power of the faster half of a flight. Raises InputError."""
+    channels = flight.channels
+    needed = {recording.VOLTAGE, recording.CURRENT}
+    if not channels.keys() >= needed or not (
+        recording.AIRSPEED_PRESSURE in channels or channels.keys() >= set(recording.GPS)
+    ):
+        raise InputError(f"{flight.path}: no guess of the aircraft; the log lacks speed or power")
+    t_s, q_Pa = _dynamic_pressure(flight)
+    power_W = np.interp(t_s, *channels[recording.VOLTAGE]) * np.interp(t_s, *channels[recording.CURRENT])
+    cruising = q_Pa >= float(np.percentile(q_Pa, 95)) / 2
+    q, P = float(np.median(q_Pa[cruising])), float(np.median(power_W[cruising]))
+    if q <= 0 or P <= 0:
+        raise InputError(f"{flight.path}: no guess of the aircraft; it did not fly, or its power is not measured")
+    aspect_ratio = float(np.sqrt(CURVE.aspect_ratio[0] * CURVE.aspect_ratio[1]))
+    # At the best glide half of the drag is induced: CL^2 = pi e A CD0, CD = 2 CD0.
+    CL = float(np.sqrt(np.pi * PRIOR.oswald.mean * aspect_ratio * PRIOR.CD0.mean))
+    V = float(np.sqrt(2 * q / SEA_LEVEL_DENSITY))
+    weight_N = P * PRIOR.efficiency.mean / V * CL / (2 * PRIOR.CD0.mean)
+    area_m2 = weight_N / (q * CL)
+    return FlownAircraft("Guessed aircraft", weight_N, area_m2, float(np.sqrt(aspect_ratio * area_m2)))
+
+
+def _dynamic_pressure(flight: FlightRecording) -> tuple[Array, Array]:
+    """Times [s] and dynamic pressure [Pa] (n,): above the least of the pitot, or of the speed over the ground."""
+    if (pitot := flight.channels.get(recording.AIRSPEED_PRESSURE)) is not None:
+        return pitot.t_s, pitot.value - (0.0 if flight.zeroed else float(np.percentile(pitot.value, 5)))
+    north, east, _ = (flight.channels[name] for name in recording.GPS)
+    return north.t_s, SEA_LEVEL_DENSITY / 2 * (north.value**2 + np.interp(north.t_s, *east) ** 2)

@@ -1,0 +1,205 @@
+"""The values of a flight as a form: groups and words for the keys of the aircraft file and for options of `analyze`."""
+
+import json
+import tomllib
+from collections.abc import Callable, Collection, Iterator, Mapping
+from typing import Any, NamedTuple, get_type_hints
+
+from analysis.options import Options
+from analysis.pages.open.request import FieldError, Json
+from flight.aircraft_keys import KEYS, LINES
+from flight.errors import InputError
+
+PROPELLER = "propeller"  # the field that is a choice of shipped tables
+FIRST = "Weight, propeller, battery"
+# Keys of the aircraft file that the analysis of a log uses, in words; the page shows no others. LINE as in KEYS.
+AIRCRAFT: dict[str, dict[str, str]] = {
+    FIRST: {
+        "mass.weight": "weight in flight",
+        PROPELLER: "propeller flown",
+        "propulsion.battery_energy": "battery energy",
+        "geometry.span": "wing span",
+        "geometry.wing_area": "wing area",
+    },
+    "Motor and propeller": {
+        "propulsion.motor_kv_rpm_per_volt": "motor's speed constant, rpm/V",
+        "propulsion.motor_resistance": "motor's resistance",
+        "propulsion.motor_no_load_current": "motor's current without load",
+        "propulsion.propeller_inertia": "inertia of propeller and motor",
+        "propulsion.beyond_zero_thrust": "propeller below zero thrust",
+        "propulsion.static_thrust_ratio": "thrust at rest over the table's",
+    },
+    "Probe, tubes and IMU": {
+        "probe.position": "probe's tip: forward, right, down",
+        "probe.upwash_per_CL": "upwash per lift coefficient",
+        "probe.boom_bending": "bending of the boom per g",
+        "probe.lines.LINE.length": "tube of LINE: length",
+        "probe.lines.LINE.diameter": "tube of LINE: inner diameter",
+        "probe.lines.LINE.cavity": "tube of LINE: volume at its end",
+        "imu_position": "IMU: forward, right, down",
+        "installation.accelerometer_vibration": "offset by vibration: forward, right, down",
+    },
+    "Names and the standard condition": {
+        "title": "title",
+        "name": "short name",
+        "installation.name": "installation",
+        "mass.standard_weight": "standard weight",
+        "geometry.chord": "mean chord",
+    },
+    "Standard deviations": {
+        "uncertainty.weight": "weight",
+        "uncertainty.updraft": "mean updraft",
+        "uncertainty.air_density": "air density",
+        "uncertainty.gust_length": "length of gusts over height",
+        "uncertainty.transducer_zero": "zeros of the transducers",
+        "uncertainty.hysteresis": "hysteresis of the transducers",
+        "uncertainty.angle_of_attack_offset": "offset of the angle of attack",
+        "uncertainty.angle_of_attack_slope": "slope of the angle of attack",
+        "uncertainty.airspeed_scale": "scale of the airspeed",
+        "uncertainty.airspeed_per_lift": "airspeed by lift",
+        "uncertainty.air_data_lag": "lag of the air data",
+        "uncertainty.accelerometer_offset": "offset of the accelerometers",
+        "uncertainty.accelerometer_vibration": "offset of the accelerometers by vibration",
+        "uncertainty.boom_bending": "bending of the boom",
+        "uncertainty.thrust_scale": "scale of thrust",
+        "uncertainty.thrust_slope": "slope of thrust",
+        "uncertainty.static_thrust_ratio": "thrust at rest",
+        "uncertainty.thrust_curvature": "curvature of thrust",
+    },
+}
+LINE_NAMES = dict(
+    zip(LINES, ("the angle of attack", "the sideslip", "the airspeed", "the static pressure"), strict=True)
+)
+# Keys that the form offers although the file lacks them: a value makes the interval narrower, or gives an answer.
+OFFERED = ("imu_position", "probe.position", "probe.upwash_per_CL", "propulsion.battery_energy")
+OF_WHOLE_FLIGHTS = (FIRST, "Motor and propeller")  # groups that an energy balance uses
+
+
+class OptionField(NamedTuple):
+    """A value of the form that is an option of `analyze`. field : of `Options`"""
+
+    label: str
+    field: str
+    example: str
+    meaning: str
+
+    def parsed(self, text: str) -> Any:
+        """As the command reads it. Raises InputError."""
+        parser: Callable[[str], Any] | None = (
+            get_type_hints(Options, include_extras=True)[self.field].__metadata__[0].parser
+        )
+        return text if parser is None else parser(text)
+
+
+# By the name of the option, without its dashes.
+OPTIONS: dict[str, OptionField] = {
+    "mass": OptionField("mass in flight", "mass_kg", "9.4 kg", "Ready to fly, with battery."),
+    "wing-area": OptionField("wing area", "wing_area_m2", "1.5 m^2", "With the part inside the fuselage."),
+    "span": OptionField("wing span", "span_m", "4 m", "From tip to tip."),
+    "battery-Wh": OptionField(
+        "battery energy, Wh", "battery_Wh", "5000 mAh, 14.8 V", "Charged; for endurance and range."
+    ),
+    "air-temperature": OptionField(
+        "air temperature",
+        "air_temperature_K",
+        "20 degC",
+        "In flight; without it that of the log, or of the standard air.",
+    ),
+}
+NEEDED = ("mass", "wing-area", "span")  # without which no balance is made
+
+
+def aircraft_form(keys: Mapping[str, Any], groups: Collection[str] = tuple(AIRCRAFT)) -> list[Json]:
+    """The groups of fields for the values of an aircraft file, by key; those it lacks are shown if OFFERED."""
+    return [
+        {
+            "title": title,
+            "fields": [
+                _field(key, label, typed(keys.get(key, "")), _meaning(pattern))
+                for pattern, named in AIRCRAFT[title].items()
+                for key, label in _expanded(pattern, named)
+                if key in keys or key in OFFERED or key == PROPELLER
+            ],
+        }
+        for title in groups
+    ]
+
+
+def options_form() -> list[Json]:
+    """The one group of fields for a log without an aircraft file."""
+    fields = [_field(key, one.label, "", one.meaning, one.example) for key, one in OPTIONS.items()]
+    return [{"title": FIRST, "fields": [*fields, _field(PROPELLER, "propeller flown", "", _meaning(PROPELLER))]}]
+
+
+def _expanded(pattern: str, label: str) -> Iterator[tuple[str, str]]:
+    if "LINE" not in pattern:
+        yield pattern, label
+        return
+    for line, name in LINE_NAMES.items():
+        yield pattern.replace("LINE", line), label.replace("LINE", name)
+
+
+def _field(key: str, label: str, value: str, meaning: str, example: str = "") -> Json:
+    return {"key": key, "label": label, "value": value, "meaning": meaning, "example": example}
+
+
+def _meaning(pattern: str) -> str:
+    entry = KEYS.get("propulsion.propeller" if pattern == PROPELLER else pattern)
+    if entry is None:
+        return ""
+    return f"{entry.meaning} {entry.measure}" + (f" Without it: {entry.without}." if entry.without else "")
+
+
+def pattern_of(key: str) -> str:
+    """The entry of KEYS for a key of an aircraft file."""
+    for line in LINES:
+        if key.startswith(f"probe.lines.{line}."):
+            return key.replace(f".{line}.", ".LINE.")
+    return key
+
+
+def typed(value: object) -> str:
+    """A value of a TOML file as it is typed: text without quotation marks, a list with commas."""
+    if isinstance(value, list) and all(isinstance(one, str | int | float) for one in value):
+        return ", ".join(typed(one) for one in value)
+    return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+
+
+def as_toml(key: str, text: str) -> str:
+    """What was typed as a TOML value: a list where the key has one; numbers, true and false as such, else text."""
+    if _is_list(key) and not text.lstrip().startswith("["):
+        parts = text.split(";" if ";" in text else ",")
+        return f"[{', '.join(_one(part.strip()) for part in parts)}]"
+    return _one(text)
+
+
+def _one(text: str) -> str:
+    try:
+        value = tomllib.loads(f"value = {text}")
+        if len(value) == 1 and isinstance(value["value"], bool | int | float | list):
+            return json.dumps(value["value"], ensure_ascii=False)
+    except (tomllib.TOMLDecodeError, ValueError):
+        pass
+    return json.dumps(text, ensure_ascii=False)
+
+
+def _is_list(key: str) -> bool:
+    entry = KEYS.get(pattern_of(key))
+    return entry is not None and isinstance(tomllib.loads(f"value = {entry.example}")["value"], list)
+
+
+def option_values(given: Mapping[str, str]) -> Json:
+    """Fields of `Options` from what was typed, by key. Raises FieldError for a value that cannot be used."""
+    found: Json = {}
+    for key, text in given.items():
+        if key not in OPTIONS:
+            raise InputError(f"{key[:60]!r}: not a value of the form")
+        if not text.strip():
+            continue
+        one = OPTIONS[key]
+        try:
+            found[one.field] = one.parsed(text)
+            Options(**{one.field: found[one.field]})
+        except InputError as error:
+            raise FieldError(str(error), key) from None
+    return found

@@ -1,0 +1,156 @@
+"""One log that the page shows: what both kinds of flight have in common."""
+
+import os
+import shlex
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from analysis.curve import Condition, Cost, Curve
+from analysis.options import Options
+from analysis.pages.one_log import Report
+from analysis.pages.open.request import LIMITS, Json, Values
+from analysis.records.flight import Kind, PowerPoint, SpeedInterval
+from analysis.sources.recording import AllChannels, Channel
+from flight.errors import InputError
+from flight.units import GRAVITY_MPS2
+
+
+class OpenedFlight(ABC):
+    """A log, with what was computed of it so far. workspace : a folder for the list of runs while it is edited"""
+
+    kind: Kind
+
+    def __init__(self, path: Path, workspace: Path):
+        self.path, self.workspace = path, workspace
+        self._stat = _stat(path)
+        self._curves: dict[bytes, Json] = {}  # by what was asked
+
+    def changed(self) -> bool:
+        """Whether the file is another one than when it was opened."""
+        return _stat(self.path) != self._stat
+
+    @cached_property
+    @abstractmethod
+    def shown(self) -> Json:
+        """Kind, time histories, modes and messages, and the form of the flight as recorded."""
+
+    @abstractmethod
+    def strips(self, channels: dict[str, Channel]) -> str:
+        """The time histories, with further channels."""
+
+    @abstractmethod
+    def _curve(self, values: Values) -> Json: ...
+
+    @abstractmethod
+    def _options(self, values: Values, folder: Path) -> Options:
+        """Raises InputError where a value is missing or wrong."""
+
+    @abstractmethod
+    def _words(self, values: Values, folder: Path) -> list[str]:
+        """The options of the command that gives the same."""
+
+    @abstractmethod
+    def _write_inputs(self, values: Values, folder: Path) -> Iterator[Path | None]:
+        """Write the files that the command names, and yield where other content of theirs is kept."""
+
+    @cached_property
+    @abstractmethod
+    def channels(self) -> AllChannels:
+        """Every number of the log over time, on the clock of the page. Raises InputError where it cannot be read."""
+
+    def curve(self, values: Values) -> Json:
+        """The curve as the report will have it. Raises InputError."""
+        asked = msgspec.json.encode(values)
+        if asked not in self._curves:
+            began = time.process_time()
+            found = self._curve(values)
+            found["seconds"] = time.process_time() - began
+            while len(self._curves) >= LIMITS.curves:
+                self._curves.pop(next(iter(self._curves)))
+            self._curves[asked] = found
+        return self._curves[asked]
+
+    def drawn(self, values: Values) -> Json:
+        """The time histories with the channels that were asked for. Raises InputError for one that there is none of."""
+        if len(values.channels) > LIMITS.channels:
+            raise InputError(f"{len(values.channels)} channels: {LIMITS.channels} are drawn at most; take some away")
+        unknown = [name for name in values.channels if name not in self.channels]
+        if unknown:
+            raise InputError(f"{unknown[0][:80]!r}: no such channel in {self.path.name}; choose one of the list")
+        return {"strips": self.strips({name: self.channels[name]() for name in values.channels})}
+
+    def write(self, values: Values) -> Json:
+        """Write what `analyze` writes, and return what it says. Raises InputError; then no result was written."""
+        from analysis.pages.one_log import analyze_log
+
+        folder = report_folder(self.path)
+        self.curve(msgspec.structs.replace(values, method=""))  # what is wrong is said before anything is written
+        options = self._options(values, folder)
+        kept = [path.name for path in self._write_inputs(values, folder) if path]
+        done = analyze_log(self.path, folder, options, lambda _: None, self.command(values))
+        return {"said": _said(done), "kept": kept, "command": self.command(values)}
+
+    def command(self, values: Values) -> str:
+        """The command that gives the same files."""
+        folder = report_folder(Path(os.path.relpath(self.path)))
+        return shlex.join(["analyze", os.path.relpath(self.path), *self._words(values, folder)])
+
+
+def curve_json(curve: Curve) -> Json:
+    """What the page has of a curve."""
+    return {
+        "kind": curve.kind,
+        "curve": columns(curve.points()),
+        "least_power": _speed(curve.best(Cost.POWER)),
+        "mass_kg": curve.condition.weight_N / GRAVITY_MPS2,
+        "density_kgpm3": curve.condition.rho,
+    }
+
+
+def condition_at(flown: Condition, at: tuple[float, float] | None) -> Condition:
+    """The condition flown at another mass and density. Raises InputError for one that nothing flies at."""
+    if at is None:
+        return flown
+    mass_kg, rho = at
+    if not (0 < mass_kg < 1000 and 0 < rho < 2):
+        raise InputError(f"mass {mass_kg:g} kg in air of {rho:g} kg/m³: no flight to compare at")
+    return flown._replace(weight_N=mass_kg * GRAVITY_MPS2, rho=rho)
+
+
+def columns(points: list[PowerPoint]) -> Json:
+    """The points of a curve by quantity."""
+    names = ("speed_mps", "power_W", "power_lo_W", "power_hi_W")
+    return {name: [getattr(point, name) for point in points] for name in names}
+
+
+def shares(variances: Mapping[Any, Any]) -> list[list[Any]]:
+    """The share of each source of error in the variance."""
+    whole = sum(float(np.ravel(variance)[0]) for variance in variances.values())
+    return [[str(source), float(np.ravel(variance)[0]) / whole] for source, variance in variances.items()]
+
+
+def report_folder(log: Path) -> Path:
+    """Where `analyze` writes by default."""
+    return log.parent / f"{log.stem}.report"
+
+
+def _stat(path: Path) -> tuple[int, int]:
+    found = path.stat()
+    return found.st_mtime_ns, found.st_size
+
+
+def _speed(found: SpeedInterval) -> float | None:
+    return found.speed_mps if found.inside_flown_range else None
+
+
+def _said(done: Report) -> list[str]:
+    """The verdict, and what was replaced."""
+    results = done.results
+    return [f"{results.aircraft.title}: {results.trust}"] + ([done.replaced_report] if done.replaced_report else [])

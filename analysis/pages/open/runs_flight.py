@@ -1,0 +1,309 @@
+"""A flight with the sensors of drag: its runs and values are edited, and the curve follows.
+
+Reading, synchronizing and reconstructing are done once for each set of values; another list of runs is a matter of the
+regression alone.
+"""
+
+import json
+import os
+import tomllib
+from collections.abc import Collection, Iterator
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+
+from analysis.air.contents import Replacements
+from analysis.curve import Condition
+from analysis.files import write_file, write_keeping_previous
+from analysis.flight import FlightPath, Measured, flight_path, reconstructed, recorded, synchronized, with_runs
+from analysis.maneuvers.kinds import KINDS, Maneuvers
+from analysis.maneuvers.runs_file import NoCurve, head
+from analysis.options import Options
+from analysis.pages.open import form
+from analysis.pages.open.folder_files import polars_in
+from analysis.pages.open.opened import OpenedFlight, columns, condition_at, curve_json, shares
+from analysis.pages.open.pictures import curve_chart, map_chart, rows_of_runs, strips
+from analysis.pages.open.request import FieldError, Json, Run, Values
+from analysis.records.flight import Kind, PowerPoint
+from analysis.sources.daemon import all_channels, events, times_ns
+from analysis.sources.recording import AllChannels, Channel, in_order
+from flight.aircraft import parse_aircraft
+from flight.errors import InputError
+from flight.log_reader import Log
+from flight.propeller_files import load_propeller
+from flight.shipped_propellers import shipped_propellers
+
+
+class _Prepared(NamedTuple):
+    """What does not depend on the runs. path : None until a curve is asked for"""
+
+    measured: Measured
+    path: FlightPath | None
+
+
+class RunsFlight(OpenedFlight):
+    """A log whose curve is by its runs."""
+
+    kind = Kind.POWER_REQUIRED
+
+    def __init__(self, path: Path, workspace: Path, log: Log):
+        super().__init__(path, workspace)
+        self.log = log
+        self._prepared: dict[tuple[str, str], _Prepared] = {}
+
+    @cached_property
+    def aircraft_keys(self) -> Json:
+        """The keys of the log's aircraft file with their values."""
+        return aircraft_keys(self.log)
+
+    @cached_property
+    def shown(self) -> Json:
+        measured = self._measured(Values(""))
+        return {
+            "file": self.path.name,
+            "kind": self.kind,
+            "kinds": KINDS,
+            "command": self.command(Values("")),
+            "form": form.aircraft_form(self.aircraft_keys),
+            "strips": self.strips({}),
+            "events": msgspec.to_builtins(self._events),
+            "runs": self._found(measured),
+            "propellers": shipped_propellers(),
+            "propeller": measured.propeller.name,
+        }
+
+    @property
+    def _start_ns(self) -> int:
+        return int(times_ns(self.log.entries["/imu"])[0])
+
+    @cached_property
+    def _events(self) -> Any:
+        return in_order(events(self.log, self._start_ns))
+
+    @cached_property
+    def channels(self) -> AllChannels:
+        return all_channels(self.log, self._start_ns)
+
+    def strips(self, channels: dict[str, Channel]) -> str:
+        table = self._measured(Values("")).table
+        return strips(rows_of_runs(table), channels, self._events, float(table.index[-1]))
+
+    def _curve(self, values: Values) -> Json:
+        from analysis.methods.interval_sources import variance_by_source
+        from analysis.methods.ladder import estimate, estimate_by_runs  # the first picture does not wait for these
+        from analysis.pages.open.methods import listed, method_curve
+        from analysis.results.curves import power_curve
+        from analysis.results.flight_found import air_found, track
+
+        measured = self._measured(values)
+        path = self._path(values, measured)
+        runs_file = self._runs_file(values, self.workspace / "runs.toml")
+        flight = reconstructed(with_runs(measured, runs_file), path)
+        main, headline, _ = estimate_by_runs(flight)
+        flown_CL = flight.flown_CL
+        if main is None:
+            drag = estimate(flight)
+            main, flown_CL, headline = drag.main, drag.flown_CL, drag.ladder[-1]
+        condition = condition_at(flight.condition, values.at)
+        curve = power_curve(main.polar, condition, flown_CL, (flight.rows_flown, flight.condition))
+        points = curve.points()
+        at = points[len(points) // 2].speed_mps
+        path_flown = track(flight.trajectory)
+        air = air_found(flight.trajectory, flight.rows_flown, flight.condition)
+        wind = (air.wind_mps, air.wind_from_deg)
+        other = method_curve(flight, values.method, condition, flown_CL[1]) if values.method else None
+        return curve_json(curve) | {
+            "headline": headline.title,
+            "methods": listed(flight.maneuvers.maneuvers, headline.name),
+            "method": other
+            and {
+                "name": other.name,
+                "title": other.title,
+                "curve": columns(other.power_required),
+                "notes": other.notes,
+            },
+            "sources": shares(variance_by_source(main, flight.aircraft, condition, np.array([at]))),
+            "sources_at_mps": at,
+            "predicted": self._predicted(values, condition, points, flight.aircraft.aspect_ratio),
+            "runs": _runs(flight.maneuvers),
+            "track": msgspec.to_builtins(path_flown),
+            "figures": {
+                "curve": curve_chart(self.kind, points),
+                "track": path_flown and map_chart(path_flown, flight.maneuvers.maneuvers, wind),
+            },
+            "notes": [*flight.notes, *main.warnings],
+            "command": self.command(values),
+        }
+
+    def _words(self, values: Values, folder: Path) -> list[str]:
+        words = []
+        if values.aircraft:
+            words += ["--aircraft", str(folder / "aircraft.toml")]
+        if values.propeller:
+            words += ["--propeller", values.propeller]
+        if values.runs is not None:
+            words += ["--runs", str(folder / "runs.toml")]
+        if values.polar:
+            words += ["--polar", os.path.relpath(self.path.parent / values.polar)]
+        if _by_likelihood(values.method):
+            words += ["--likelihood"]
+        return words
+
+    def aircraft_text(self, values: Values) -> str:
+        """The aircraft file with the values of the page. Raises InputError for a key that there is none of."""
+        return aircraft_text(self.aircraft_keys, values, self.path.name)
+
+    def _measured(self, values: Values) -> Measured:
+        return self._prepare(values).measured
+
+    def _path(self, values: Values, measured: Measured) -> FlightPath:
+        key = (self.aircraft_text(values), values.propeller)
+        path = self._prepared[key].path or flight_path(measured)
+        self._prepared[key] = _Prepared(measured, path)
+        return path
+
+    def _prepare(self, values: Values) -> _Prepared:
+        key = (self.aircraft_text(values), values.propeller)
+        if key not in self._prepared:
+            if values.aircraft:
+                check_fields(self.aircraft_keys, values, self.path.name)
+            aircraft = parse_aircraft(key[0], "aircraft file") if values.aircraft else None
+            propeller = load_propeller(values.propeller) if shipped(values.propeller) else None
+            flight = recorded(self.log, Replacements(aircraft=aircraft, propeller=propeller))
+            while len(self._prepared) > 2:  # as recorded, the last and this one
+                self._prepared.pop(list(self._prepared)[1])
+            self._prepared[key] = _Prepared(synchronized(flight), None)
+        return self._prepared[key]
+
+    def _found(self, measured: Measured) -> list[Json]:
+        try:
+            return _runs(with_runs(measured, None).maneuvers)
+        except NoCurve as error:
+            return _runs(error.maneuvers)
+
+    def _runs_file(self, values: Values, path: Path) -> Path | None:
+        """The list of runs as a file. Raises InputError for a kind that there is none of."""
+        if values.runs is None:
+            return None
+        write_file(path, runs_text(values.runs, self.path.name).encode())
+        return path
+
+    def _polar_file(self, name: str) -> Path:
+        path = polars_in(self.path.parent).get(name)
+        if path is None:
+            raise FieldError(f"{name[:80]}: no such file with a polar in {self.path.parent}", "polar")
+        return path
+
+    def _predicted(
+        self, values: Values, condition: Condition, points: list[PowerPoint], aspect_ratio: float
+    ) -> Json | None:
+        """The curve by a predicted polar, a tenth of speed beyond the measured one on both sides. Raises InputError."""
+        from analysis.pages.predicted_polar import check_of_aircraft, read_predicted_polar
+
+        if not values.polar:
+            return None
+        predicted = read_predicted_polar(self._polar_file(values.polar))
+        check_of_aircraft(predicted, aspect_ratio)
+        V = np.linspace(0.9 * points[0].speed_mps, 1.1 * points[-1].speed_mps, len(points))
+        return {"name": predicted.name, "speed_mps": V, "power_W": predicted.power_W(V, condition)}
+
+    def _options(self, values: Values, folder: Path) -> Options:
+        return Options(
+            aircraft=folder / "aircraft.toml" if values.aircraft else None,
+            propeller=values.propeller or None,
+            runs=folder / "runs.toml" if values.runs is not None else None,
+            likelihood=_by_likelihood(values.method),
+            polar=self._polar_file(values.polar) if values.polar else None,
+        )
+
+    def _write_inputs(self, values: Values, folder: Path) -> Iterator[Path | None]:
+        folder.mkdir(exist_ok=True)
+        if values.aircraft:
+            yield write_keeping_previous(folder / "aircraft.toml", self.aircraft_text(values))
+        if values.runs is not None:
+            yield write_keeping_previous(folder / "runs.toml", runs_text(values.runs, self.path.name))
+
+
+def shipped(propeller: str) -> bool:
+    """Whether a propeller was chosen. Raises FieldError for one that is not shipped."""
+    if propeller and propeller not in shipped_propellers():
+        raise FieldError(f"propeller {propeller[:60]!r}: none that `flightpower propellers` lists", form.PROPELLER)
+    return bool(propeller)
+
+
+def aircraft_keys(log: Log) -> Json:
+    """The keys of the log's aircraft file with their values; empty where it has none. Raises InputError."""
+    text = log.attachments.get("aircraft.toml", b"").decode("utf-8", errors="replace")
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{log.path}: aircraft.toml: not valid TOML ({error})") from None
+    return dict(_leaves(table))
+
+
+def aircraft_text(recorded_keys: Json, values: Values, log: str) -> str:
+    """The aircraft file with the values of the page. Raises InputError for a key that there is none of."""
+    unknown = [key for key in values.aircraft if key not in {*recorded_keys, *form.OFFERED}]
+    if unknown:
+        raise InputError(f"{unknown[0][:60]!r}: no such key in the aircraft file of {log}")
+    lines = {key: json.dumps(value, ensure_ascii=False) for key, value in recorded_keys.items()}
+    lines |= {key: form.as_toml(key, text) if text.strip() else "" for key, text in values.aircraft.items()}
+    return "".join(f"{key} = {value}\n" for key, value in lines.items() if value)
+
+
+def check_fields(recorded_keys: Json, values: Values, log: str) -> None:
+    """Raises FieldError for a changed value of the aircraft file that alone cannot be used."""
+    for key, text in values.aircraft.items():
+        alone = msgspec.structs.replace(values, aircraft={key: text})
+        try:
+            parse_aircraft(aircraft_text(recorded_keys, alone, log), "aircraft file")
+        except InputError as error:
+            raise FieldError(str(error), key) from None
+
+
+def runs_text(runs: Collection[Run], log: str) -> str:
+    """`runs.toml` of the runs of the page. Raises FieldError for a kind that there is none of, or an endless time."""
+    text = head(log)
+    order = sorted(range(len(runs)), key=lambda i: list(runs)[i].start_s)
+    for i in order:
+        run = list(runs)[i]
+        if run.kind not in KINDS or not np.isfinite([run.start_s, run.end_s]).all():
+            what = f"run {run.kind[:40]!r}, {run.start_s} to {run.end_s} s: not a run of {', '.join(KINDS)}"
+            raise FieldError(what, f"run {i}")
+        if run.keep and not 0 <= run.start_s < run.end_s:
+            raise FieldError(
+                f"{run.kind}: its start, {run.start_s:g} s, must lie before its end, {run.end_s:g} s, and not before 0",
+                f"run {i}",
+            )
+        text += (
+            f'\n[[run]]\nkind = "{run.kind}"\nstart = "{run.start_s:.2f} s"\nend = "{run.end_s:.2f} s"\n'
+            f"keep = {json.dumps(run.keep)}\n"
+        )
+    return text
+
+
+def _leaves(table: Json, section: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in table.items():
+        if isinstance(value, dict):
+            yield from _leaves(value, f"{section}{key}.")
+        else:
+            yield section + key, value
+
+
+def _runs(maneuvers: Maneuvers) -> list[Json]:
+    """In order of time; those that are not used with the reason."""
+    runs = [Run(run.kind, run.start_s, run.end_s, True, "; ".join(run.notes)) for run in maneuvers.maneuvers]
+    runs += [Run(one.kind, one.start_s, one.end_s, False, one.reason) for one in maneuvers.rejected]
+    found: list[Json] = msgspec.to_builtins(sorted(runs, key=lambda run: run.start_s))
+    return found
+
+
+def _by_likelihood(method: str) -> bool:
+    if not method:
+        return False
+    from analysis.pages.open.methods import by_likelihood
+
+    return by_likelihood(method)

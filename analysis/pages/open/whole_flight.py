@@ -1,0 +1,228 @@
+"""A flight whose energy balance gives its curve: of an autopilot, of a table, or of a log without sensors of drag.
+
+Weight and size are typed beside the curve; until they are known, a guess from the flight stands for them. Stretches
+can be left out by hand.
+"""
+
+from collections.abc import Iterator
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from analysis.files import write_file, write_keeping_previous
+from analysis.methods.whole_flight.curve import ElectricalEstimate
+from analysis.methods.whole_flight.guess import guessed_aircraft
+from analysis.methods.whole_flight.method import recording_of
+from analysis.options import Options, stretches_text
+from analysis.pages.open import form
+from analysis.pages.open.opened import OpenedFlight, columns, condition_at, curve_json, report_folder, shares
+from analysis.pages.open.pictures import Stretch, curve_chart, map_chart, rows_of_recording, strips, track_of
+from analysis.pages.open.request import FieldError, Json, Values
+from analysis.pages.open.runs_flight import aircraft_keys, aircraft_text, check_fields, shipped
+from analysis.pipeline import analyze
+from analysis.pipeline.whole_flight import WholeFlightAnalysis
+from analysis.records.flight import Kind
+from analysis.sources import autopilot, daemon, recording
+from analysis.sources.daemon import times_ns
+from analysis.sources.recognize import autopilot_of
+from analysis.sources.recording import AllChannels, Channel, Event, FlightRecording
+from flight.log_reader import Log
+from flight.shipped_propellers import shipped_propellers
+from flight.units import GRAVITY_MPS2
+
+AIRBORNE = "in the curve"
+
+
+class WholeFlight(OpenedFlight):
+    """A log whose curve is by the energy balance of its whole flight."""
+
+    kind = Kind.ELECTRICAL
+
+    def __init__(self, path: Path, workspace: Path, source: Log | FlightRecording):
+        super().__init__(path, workspace)
+        self.source = source
+
+    @cached_property
+    def recording(self) -> FlightRecording:
+        return recording_of(self.source) if isinstance(self.source, Log) else self.source
+
+    @cached_property
+    def aircraft_keys(self) -> Json:
+        """The keys of the log's aircraft file with their values; empty where it has none."""
+        return aircraft_keys(self.source) if isinstance(self.source, Log) else {}
+
+    @cached_property
+    def shown(self) -> Json:
+        groups = (
+            form.aircraft_form(self.aircraft_keys, form.OF_WHOLE_FLIGHTS) if self.aircraft_keys else form.options_form()
+        )
+        return {
+            "file": self.path.name,
+            "kind": self.kind,
+            "command": self.command(Values("")),
+            "form": groups,
+            "strips": self.strips({}),
+            "events": msgspec.to_builtins([self._from_start(one) for one in self.recording.events]),
+            "propellers": shipped_propellers(),
+            "propeller": self.aircraft_keys.get("propulsion.propeller", ""),
+            "remembered": {} if self.aircraft_keys else remembered(report_folder(self.path)),
+            "needed": {} if self.aircraft_keys else {key: form.OPTIONS[key].label for key in form.NEEDED},
+            "end_s": self.end_s,
+        }
+
+    @cached_property
+    def start_s(self) -> float:
+        """The first moment of the airspeed, or of the velocity by GPS, as of the table of the flight."""
+        found = self.recording.channels
+        main = found.get(recording.AIRSPEED_PRESSURE, found.get(recording.GPS[0]))
+        return float(main.t_s[0]) if main is not None and len(main.t_s) else 0.0
+
+    @cached_property
+    def end_s(self) -> float:
+        ends = [float(one.t_s[-1]) for one in self.recording.channels.values() if len(one.t_s)]
+        return max([end - self.start_s for end in ends], default=1.0)
+
+    @cached_property
+    def channels(self) -> AllChannels:
+        if isinstance(self.source, Log):
+            first = next(topic for topic in ("/probe/airspeed", "/gps") if self.source.entries.get(topic))
+            return daemon.all_channels(self.source, int(times_ns(self.source.entries[first])[0]))
+        found = autopilot_of(self.path)
+        return {} if found is None else autopilot.all_channels(self.path, found)
+
+    def strips(self, channels: dict[str, Channel]) -> str:
+        rows = rows_of_recording(self.recording, self.start_s)
+        shifted = {name: Channel(one.t_s - self.start_s, one.value) for name, one in channels.items()}
+        return strips(rows, shifted, [self._from_start(one) for one in self.recording.events], self.end_s)
+
+    def _from_start(self, event: Event) -> Event:
+        return event._replace(t_s=event.t_s - self.start_s)
+
+    def _curve(self, values: Values) -> Json:
+        guessed = self._guessed(values)
+        options = self._options(values, self.workspace, guessed)
+        if values.aircraft and self.aircraft_keys:
+            write_file(
+                self.workspace / "aircraft.toml", aircraft_text(self.aircraft_keys, values, self.path.name).encode()
+            )
+        done = analyze(self.source, options)
+        assert isinstance(done, WholeFlightAnalysis)
+        estimate, flight = done.estimate, done.flight
+        curve = estimate.curve.at(condition_at(estimate.curve.condition, values.at))
+        points = curve.points()
+        middle = len(points) // 2
+        seconds = flight.table.index.to_numpy()
+        airborne = [[float(seconds[rows.start]), float(seconds[rows.stop - 1])] for rows in flight.airborne]
+        path = track_of(self.recording, flight.start_s, float(seconds[-1]))
+        wind = (estimate.airspeed.wind_mps, estimate.airspeed.wind_from_deg)
+        stretches = [Stretch(AIRBORNE, start, end) for start, end in airborne]
+        return curve_json(curve) | {
+            "guessed": {key: f"{value:.2g}" for key, value in guessed.items()},
+            "airborne": airborne,
+            "required": columns(done.results.power_required) if done.results.power_required else None,
+            "sources": shares(_variances(estimate, middle)),
+            "sources_at_mps": points[middle].speed_mps,
+            "track": msgspec.to_builtins(path),
+            "figures": {
+                "curve": curve_chart(self.kind, points, estimate if values.at is None else None),
+                "track": path and map_chart(path, stretches, wind),
+            },
+            "notes": list(done.results.warnings),
+            "command": self.command(values),
+        }
+
+    def _guessed(self, values: Values) -> dict[str, float]:
+        """What is needed for a curve and was not typed, in SI units by key of the form."""
+        missing = [key for key in form.NEEDED if not values.aircraft.get(key, "").strip()]
+        if self.aircraft_keys or not missing:
+            return {}
+        guess = guessed_aircraft(self.recording)
+        found = {
+            "mass": guess.weight_N / GRAVITY_MPS2, "wing-area": guess.wing_area_m2, "span": guess.span_m,
+        }  # fmt: skip
+        return {key: found[key] for key in missing}
+
+    def _options(self, values: Values, folder: Path, guessed: dict[str, float] | None = None) -> Options:
+        given: Json = {"leave_out": self._left_out(values) or None}
+        if shipped(values.propeller):
+            given["propeller"] = values.propeller
+        if self.aircraft_keys:
+            if values.aircraft:
+                check_fields(self.aircraft_keys, values, self.path.name)
+                given["aircraft"] = folder / "aircraft.toml"
+            return Options(**given)
+        given |= form.option_values(values.aircraft)
+        for key in form.NEEDED:
+            one = form.OPTIONS[key]
+            if given.get(one.field) is None:
+                if not guessed:
+                    raise FieldError(f"{one.label}: is only guessed; type it, such as {one.example}", key)
+                given[one.field] = guessed[key]
+        return Options(**given)
+
+    def _left_out(self, values: Values) -> str:
+        """The stretches as --leave-out has them. Raises FieldError for one without length or outside the log."""
+        for i, (start_s, end_s) in enumerate(values.left_out):
+            if not 0 <= start_s < end_s <= self.end_s + 1:
+                raise FieldError(
+                    f"{start_s:g} to {end_s:g} s: the start must lie before the end, and both in the log, from 0 to"
+                    f" {self.end_s:.0f} s",
+                    f"run {i}",
+                )
+        return stretches_text(values.left_out)
+
+    def _words(self, values: Values, folder: Path) -> list[str]:
+        if self.aircraft_keys:
+            words = ["--aircraft", str(folder / "aircraft.toml")] if values.aircraft else []
+        else:
+            words = [word for key, text in values.aircraft.items() if text for word in (f"--{key}", text)]
+        if values.propeller:
+            words += ["--propeller", values.propeller]
+        if values.left_out:
+            words += ["--leave-out", stretches_text(values.left_out)]
+        return words
+
+    def _write_inputs(self, values: Values, folder: Path) -> Iterator[Path | None]:
+        if values.aircraft and self.aircraft_keys:
+            folder.mkdir(exist_ok=True)
+            yield write_keeping_previous(
+                folder / "aircraft.toml", aircraft_text(self.aircraft_keys, values, self.path.name)
+            )
+
+
+def remembered(report: Path) -> dict[str, str]:
+    """Mass, wing area and span of the last report of a log, as typed; empty where there is none."""
+    try:
+        found = msgspec.json.decode((report / "results.json").read_bytes(), type=_Flown)
+    except (OSError, msgspec.MsgspecError):
+        return {}
+    return {
+        "mass": f"{found.test.weight_N / GRAVITY_MPS2:.4g} kg",
+        "wing-area": f"{found.aircraft.wing_area_m2:.4g} m^2",
+        "span": f"{found.aircraft.span_m:.4g} m",
+    }
+
+
+class _Weight(msgspec.Struct):
+    weight_N: float
+
+
+class _Size(msgspec.Struct):
+    wing_area_m2: float
+    span_m: float
+
+
+class _Flown(msgspec.Struct):
+    """What of `results.json` says which aircraft flew."""
+
+    test: _Weight
+    aircraft: _Size
+
+
+def _variances(estimate: ElectricalEstimate, at: int) -> dict[str, Any]:
+    """Of the power at one of its speeds, by noise and by each error that the flight shares."""
+    power = estimate.curve.power_W
+    by_shared = {str(source): float(change[at]) ** 2 for source, change in power.shared.items()}
+    return {"motion of the air, and what the flight does not tell apart": float(power.own[at, at]), **by_shared}

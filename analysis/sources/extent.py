@@ -1,0 +1,133 @@
+"""When a log began, and how long it is, by its first and last bytes: for a list of many logs.
+
+Nothing is said of a file whose times are not found there; the analysis says what is wrong with it.
+"""
+
+import gzip
+import re
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from analysis.sources.dataflash import DataflashLog
+from flight.formats import GZIP_MAGIC, Format, format_of, is_telemetry
+
+TEXT_TIME = re.compile(rb"^[A-Z][A-Z0-9]+, (\d{4,})[,\s]", re.MULTILINE)
+PAPARAZZI_LINE = re.compile(rb"\d+\.\d+ \d+ [A-Z][A-Z0-9_]+( |$)")  # time, aircraft, message
+ULOG_TYPES = frozenset(b"ABCDFILMOPQRS")
+
+
+class Extent(NamedTuple):
+    """kind : what wrote the log, in words     start_s : Unix time, if the log says it     length_s : if it is known"""
+
+    kind: str
+    start_s: float | None = None
+    length_s: float | None = None
+
+
+def extent(path: Path) -> Extent:
+    """What the edges of a file say of its log. Raises OSError where it cannot be read."""
+    first, last = _edges(path)
+    match format_of(path):
+        case Format.ULOG:
+            return Extent("PX4", None, _length(_ulog_times_s(first, last)))
+        case Format.PAPARAZZI:
+            return Extent("Paparazzi", None, _length(_line_times_s(first + b"\n" + last)))
+        case Format.TELEMETRY:
+            times = list(_telemetry_times_s(first, last))
+            return Extent("ArduPilot, by radio", times[0] if times else None, _length(times))
+        case Format.DATAFLASH_TEXT:
+            times = [1e-6 * float(text) for text in TEXT_TIME.findall(first + b"\n" + last)]
+            return Extent("ArduPilot, as text", None, _length(times))
+        case Format.DATAFLASH:
+            return Extent("ArduPilot", None, _length(_dataflash_times_s(first + last)))
+        case Format.DAEMON:
+            return _mcap(path)
+    return Extent("table")
+
+
+def _length(times_s: list[float]) -> float | None:
+    return max(times_s) - min(times_s) if len(times_s) > 1 else None
+
+
+def _edges(path: Path, count: int = 1 << 17) -> tuple[bytes, bytes]:
+    """The first and the last bytes, of a compressed file those of its contents."""
+    with path.open("rb") as stream:
+        start = stream.read(count)
+        if start.startswith(GZIP_MAGIC):
+            try:
+                whole = gzip.decompress(start + stream.read())
+            except (EOFError, gzip.BadGzipFile):
+                return b"", b""
+            return whole[:count], whole[count:][-count:]
+        size = path.stat().st_size
+        stream.seek(max(count, size - count))
+        return start, stream.read()
+
+
+def _ulog_times_s(first: bytes, last: bytes) -> list[float]:
+    """The time in the head, and the last one of the data, from a place whence messages follow to the end."""
+    (start_us,) = struct.unpack_from("<Q", first, 8) if len(first) >= 16 else (0,)
+    data = last or first[16:]
+    for begin in range(min(len(data), 1 << 16)):
+        times = _ulog_chain_us(data, begin)
+        if times:
+            return [1e-6 * start_us, 1e-6 * times[-1]]
+    return []
+
+
+def _ulog_chain_us(data: bytes, at: int) -> list[int]:
+    """Times of data from a message on; empty unless ten messages or more follow each other to the end."""
+    times: list[int] = []
+    count = 0
+    while at + 3 <= len(data):
+        size, kind = struct.unpack_from("<HB", data, at)
+        if kind not in ULOG_TYPES or size == 0:
+            return []
+        if kind == ord("D") and at + 13 <= len(data):
+            times += struct.unpack_from("<Q", data, at + 5)
+        at, count = at + 3 + size, count + 1
+    return times if count >= 10 else []
+
+
+def _dataflash_times_s(data: bytes) -> list[float]:
+    log = DataflashLog(data)
+    found = []
+    for name in log.names():
+        for field, unit in (("TimeUS", 1e-6), ("TimeMS", 1e-3)):
+            times = log.columns(name).get(field, np.zeros(0)) if name != "GPS" or field == "TimeUS" else np.zeros(0)
+            found += [unit * float(t) for t in times if t > 0]
+    # A damaged byte makes a time of years.
+    usual = float(np.median(found)) if found else 0.0
+    return [t for t in found if abs(t - usual) < 1e5]
+
+
+def _telemetry_times_s(first: bytes, last: bytes) -> Iterator[float]:
+    for data in (first, last):
+        for at in range(len(data) - 9):
+            if is_telemetry(data[at : at + 9]):
+                yield int.from_bytes(data[at : at + 8], "big") * 1e-6
+
+
+def _line_times_s(text: bytes) -> list[float]:
+    return [float(line.split(b" ", 1)[0]) for line in text.splitlines() if PAPARAZZI_LINE.match(line)]
+
+
+def _mcap(path: Path) -> Extent:
+    """By the statistics at the end of the file; a torn one has none."""
+    from mcap.exceptions import McapError
+    from mcap.reader import SeekingReader
+
+    with path.open("rb") as stream:
+        try:
+            summary = SeekingReader(stream).get_summary()
+        except (McapError, struct.error, EOFError):
+            summary = None
+    if summary is None or summary.statistics is None:
+        return Extent("flightpower")
+    found = summary.statistics
+    start_s = found.message_start_time / 1e9
+    return Extent("flightpower", start_s if start_s > 946_684_800 else None, found.message_end_time / 1e9 - start_s)
