@@ -125,10 +125,16 @@ def flown(
 @lru_cache(maxsize=4)
 def _flown(arguments: bytes) -> Flown:
     """The flight by its arguments, pickled: they have no hash."""
+    flight, table = fly_and_measure(arguments)
+    _, errors, _, _ = pickle.loads(arguments)
+    return Flown(flight, FlightSensorTruth(flight, errors), table)
+
+
+def fly_and_measure(arguments: bytes) -> tuple[Flight, pd.DataFrame]:
+    """The flight, and the table of its sensors. Tests take both from their corpus (tests/corpus.py)."""
     aircraft, errors, plan, seed = pickle.loads(arguments)
     flight = fly(aircraft, plan, seed=seed, deviations=errors.deviations)
-    sensor_truth = FlightSensorTruth(flight, errors)
-    return Flown(flight, sensor_truth, sensor_table(sensor_truth, aircraft))
+    return flight, sensor_table(FlightSensorTruth(flight, errors), aircraft)
 
 
 def sensor_table(sensor_truth: FlightSensorTruth, aircraft: Aircraft) -> pd.DataFrame:

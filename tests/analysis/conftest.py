@@ -12,6 +12,10 @@ from flight.propeller_files import load_propeller
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import flights
 
+from tests.corpus import from_corpus
+
+flights.fly_and_measure = from_corpus(flights.fly_and_measure)
+
 
 @pytest.fixture(scope="session")
 def probe():

@@ -16,6 +16,7 @@ import typer
 
 from analysis.flights.pool import pool_results
 from analysis.pages import write
+from tests.corpus import from_corpus
 from tests.documented_commands import MODULES
 from tests.unchanged.stored_values import numbers_printed, of_files
 
@@ -55,12 +56,20 @@ def new_folder() -> Iterator[Path]:
         yield Path(folder)
 
 
-@cache
 def flight(plan: str, *options: str) -> bytes:
-    """The log of a simulated flight."""
+    """The log of a simulated flight, by the plan's name or its text."""
+    return _flight(plan, options)
+
+
+@cache
+@from_corpus
+def _flight(plan: str, options: tuple[str, ...]) -> bytes:
     with new_folder() as folder:
+        if "\n" in plan:
+            Path("plan.toml").write_text(plan, "utf-8")
         directly = [] if "--as" in options else ["--no-hardware"]
-        done = run("sim", "fly", *directly, "--plan", plan, "-o", folder / "flight", *options)
+        named = "plan.toml" if "\n" in plan else plan
+        done = run("sim", "fly", *directly, "--plan", named, "-o", folder / "flight", *options)
         assert done["exit code"] == 0, done
         (log,) = (path for path in (folder / "flight").iterdir() if path.suffix in (".mcap", ".ulg", ".BIN"))
         return log.read_bytes()
@@ -99,11 +108,8 @@ def steady_log() -> bytes:
     return flight("steady-points", "--seed", "3", "--errors", "study")
 
 
-@cache
 def maneuvers_log() -> bytes:
-    with new_folder() as folder:
-        (folder / "plan.toml").write_text(PLAN, "utf-8")
-        return flight(str(folder / "plan.toml"), "--seed", "6", "--errors", "harsh")
+    return flight(PLAN, "--seed", "6", "--errors", "harsh")
 
 
 def demonstration() -> Contents:

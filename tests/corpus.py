@@ -1,0 +1,83 @@
+"""One corpus of simulated flights: each is flown once for all processes and runs of the tests.
+
+A flight lies in build/test-flights, in a folder named by the sources that fly it. What other sources flew is removed after a day.
+"""
+
+import contextlib
+import hashlib
+import os
+import pickle
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from functools import cache, wraps
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, TypeVar
+
+try:
+    import fcntl
+except ImportError:  # Windows: two processes may then fly the same
+    fcntl = None  # type: ignore[assignment]
+
+Made = TypeVar("Made")
+
+ROOT = Path(__file__).parents[1]
+FLIGHTS = ROOT / "build" / "test-flights"
+# What makes a flight and its log. Data of aircraft, worlds and plans lie among them.
+SOURCES = ("sim", "flight", "flightpower", "hw_fakes", "daq", "benchmarks/flights.py")
+DAY_S = 86400
+LIBRARIES = ("numpy", "scipy", "pandas", "casadi")
+
+
+def of_sources(root: Path, names: tuple[str, ...] = SOURCES) -> str:
+    """A fingerprint of all files that fly, and of the libraries' versions."""
+    digest = hashlib.sha256(" ".join(version(name) for name in LIBRARIES).encode())
+    for name in names:
+        files = sorted((root / name).rglob("*")) if (root / name).is_dir() else [root / name]
+        for path in files:
+            if path.is_file() and path.suffix != ".pyc":
+                digest.update(f"{path.relative_to(root)} {path.stat().st_size} ".encode() + path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+@cache
+def folder() -> Path:
+    """The folder of these sources; others are removed after a day, when no process still reads them."""
+    mine = FLIGHTS / of_sources(ROOT)
+    mine.mkdir(parents=True, exist_ok=True)
+    for other in FLIGHTS.iterdir():
+        if other != mine and time.time() - other.stat().st_mtime > DAY_S:
+            shutil.rmtree(other, ignore_errors=True)
+    return mine
+
+
+def kept(at: Path, key: bytes, make: Callable[[], Made]) -> Made:
+    """What `make` gives, or gave to whichever process asked first for this key; the others wait for it."""
+    path = at / hashlib.sha256(key).hexdigest()[:24]
+    with _alone(path.with_suffix(".lock")):
+        with contextlib.suppress(FileNotFoundError):
+            return pickle.loads(path.read_bytes())  # type: ignore[no-any-return]
+        made = make()
+        written = path.with_suffix(f".{os.getpid()}")
+        written.write_bytes(pickle.dumps(made))
+        written.replace(path)
+    return made
+
+
+@contextlib.contextmanager
+def _alone(lock: Path) -> Iterator[None]:
+    with lock.open("wb") as stream:
+        if fcntl is not None:
+            fcntl.flock(stream, fcntl.LOCK_EX)
+        yield
+
+
+def from_corpus(make: Callable[..., Made]) -> Callable[..., Made]:
+    """A function of what can be pickled, whose results are taken from the corpus."""
+
+    @wraps(make)
+    def taken(*arguments: Any) -> Made:
+        return kept(folder(), pickle.dumps((make.__qualname__, arguments)), lambda: make(*arguments))
+
+    return taken

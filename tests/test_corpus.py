@@ -1,0 +1,42 @@
+"""A simulated flight is flown once for all tests, and anew when what flies it has changed."""
+
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from tests import corpus
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no locks of files")
+def test_all_who_ask_get_one_flight(tmp_path: Path) -> None:
+    flown: list[int] = []
+
+    def fly() -> list[int]:
+        flown.append(len(flown))
+        return list(flown)
+
+    with ThreadPoolExecutor(8) as pool:
+        asked = [pool.submit(corpus.kept, tmp_path, b"a", fly) for _ in range(8)]
+        assert [one.result() for one in asked] == [[0]] * 8
+    assert corpus.kept(tmp_path, b"b", fly) == [0, 1]
+    assert len(flown) == 2
+
+
+def test_a_flight_that_failed_is_flown_again(tmp_path: Path) -> None:
+    def fall() -> int:
+        raise ArithmeticError
+
+    with pytest.raises(ArithmeticError):
+        corpus.kept(tmp_path, b"a", fall)
+    assert corpus.kept(tmp_path, b"a", lambda: 3) == 3
+
+
+def test_another_source_or_value_is_another_corpus(tmp_path: Path) -> None:
+    (tmp_path / "sim").mkdir()
+    seen = set()
+    for name, text in (("fly.py", "1"), ("fly.py", "2"), ("wind.toml", "1"), ("wind.toml", ""), ("fly.pyc", "1")):
+        (tmp_path / "sim" / name).write_text(text, "utf-8")
+        seen.add(corpus.of_sources(tmp_path, ("sim",)))
+    assert len(seen) == 4, "each but compiled code"
