@@ -1,6 +1,7 @@
 """One corpus of simulated flights: each is flown once for all processes and runs of the tests.
 
-A flight lies in build/test-flights, in a folder named by the sources that fly it. What other sources flew is removed after a day.
+A flight lies in build/test-flights, in a folder named by the sources that fly it. What other sources flew is removed
+after a day.
 """
 
 import contextlib

@@ -1,10 +1,10 @@
 """The names that `import flightpower` gives to programs."""
 
 import ast
-import json
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -14,23 +14,6 @@ from flightpower import interface
 from tests.documented_commands import ROOT
 
 PAGE = (ROOT / "docs" / "understand" / "python.md").read_text("utf-8")
-# Of the libraries the interface needs little, and checking them takes half a minute.
-LIBRARIES = "numpy.*,scipy.*,pandas.*,casadi.*,plotly.*,jinja2.*,mcap.*,rich.*,pint.*,pyulog.*,pymavlink.*"
-PROGRAM = """
-from pathlib import Path
-from flightpower import Comparison, Flight, Options, Pool, analyze, compare, estimation, plan, pool, read, tables
-
-flight: Flight = analyze(read("log.mcap"), Options(aircraft=Path("my.toml"), weight_N=39.2))
-power_W: float = flight.results.power_required[0].power_W
-many: Pool = pool([flight, "results.json"])
-difference: Comparison = compare(many, many)
-p: float = difference.results().p
-names: list[str] = list(tables(flight))
-wind_kt: float = plan("nexstar").request.wind_kt
-reveal_type(estimation)
-wrong: str = flight.results.power_required[0].power_W
-analyze("log.mcap", Options(mass="9 kg"))
-"""
 
 
 def test_the_names_are_those_of_the_interface_and_of_its_page() -> None:
@@ -49,19 +32,12 @@ def test_the_program_on_the_page_imports_names_that_exist_and_calls_what_they_ta
     assert {one.name for one in imported.names} <= {*flightpower.__all__}
 
 
-@pytest.mark.slow
-def test_a_type_checker_sees_the_names(tmp_path: Path) -> None:
-    """What is right passes; a float taken for a text and an option that does not exist are found."""
-    for name, program in (("user", PROGRAM), ("page", re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)[0])):
-        (tmp_path / f"{name}.py").write_text(program, "utf-8")
-    (tmp_path / "mypy.ini").write_text(f"[mypy]\nfollow_imports = silent\n[mypy-{LIBRARIES}]\nfollow_imports = skip\n")
-    command = [sys.executable, "-m", "mypy", "--config-file", str(tmp_path / "mypy.ini"), "--output", "json"]
-    found = subprocess.run(
-        [*command, str(tmp_path / "user.py"), str(tmp_path / "page.py")], capture_output=True, text=True, cwd=ROOT
-    )
-    lines = [json.loads(line) for line in found.stdout.splitlines() if line.startswith("{")]
-    errors = {(Path(one["file"]).name, one["code"]) for one in lines if one["severity"] == "error"}
-    assert errors == {("user.py", "assignment"), ("user.py", "call-arg")}, found.stdout
+def test_the_program_on_the_page_is_the_one_whose_types_are_checked() -> None:
+    """`make types` takes it and what is right and wrong in typed_program.py."""
+    (program,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    assert Path(__file__).with_name("typed_page.py").read_text("utf-8").partition("\n")[2] == program
+    checked = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["mypy"]["files"]
+    assert {f"tests/flightpower/typed_{name}.py" for name in ("page", "program")} <= {*checked}
 
 
 @pytest.mark.parametrize("name", ["analysis", "flight"])
