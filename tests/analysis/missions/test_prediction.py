@@ -18,7 +18,7 @@ from route_data import (
 
 from analysis.curve import Condition
 from analysis.missions.energy import energy_and_time
-from analysis.missions.mission import Wind
+from analysis.missions.mission import Speed, Wind
 from analysis.missions.power import AerodynamicPower
 from analysis.missions.prediction import Objective, Route, predict
 from analysis.performance.stored_model import model_of
@@ -215,6 +215,25 @@ def test_a_launch_takes_the_kinetic_energy() -> None:
         *(energy_and_time(r.legs, energies[0].V, r.nominal, BATTERY)[0][0, 0] for r in reversed(energies))
     )
     assert difference_J == pytest.approx(WEIGHT_N / 9.80665 * V**2 / 2 / 0.6, rel=1e-3)
+
+
+def test_a_faster_leg_takes_the_gain_of_kinetic_energy_and_a_slower_one_gives_it_back() -> None:
+    """15 to 19 m/s: m (19^2 - 15^2) / 2, at the efficiency of a climb."""
+    steps = legs("3 km 000, 3 km 000").steps
+    at = [Speed(mps, over_ground=False) for mps in (15.0, 19.0)]
+    mission = legs("3 km 000, 3 km 000")
+
+    def energy_J(first: Speed, second: Speed) -> np.ndarray:
+        flown = mission._replace(steps=(steps[0]._replace(speed=first), steps[1]._replace(speed=second)))
+        route = route_of(electrical_results(), flown, flight(CALM))
+        return energy_and_time(route.legs, route.V, route.nominal, BATTERY)[0][0]
+
+    slow, fast = (energy_J(one, one)[1] for one in at)
+    route = route_of(electrical_results(), mission, flight(CALM))
+    to_true = 1 / np.sqrt(route.legs.condition.rho[1] / 1.225)
+    gain_J = WEIGHT_N / 9.80665 * (19.0**2 - 15.0**2) * to_true**2 / 2 / 0.6
+    assert energy_J(at[0], at[1])[1] - fast == pytest.approx(gain_J, rel=2e-3)
+    assert slow - energy_J(at[1], at[0])[1] == pytest.approx(gain_J, rel=2e-3)
 
 
 def test_the_same_mission_gives_the_same_result() -> None:

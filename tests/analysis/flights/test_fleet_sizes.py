@@ -1,0 +1,52 @@
+"""Numbers of a fleet by their size: scatter among airframes, what is known of another, which flights are one pool."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fleet_flights import POLAR, flights_of
+
+from analysis.curve import Polar
+from analysis.flights.airframes import FleetCurve, airframes, fleet_curve, random_effects
+from analysis.flights.dataset import Dataset
+
+
+@pytest.mark.parametrize("count", [3, 5, 12])
+def test_the_scatter_of_a_few_airframes_known_exactly_is_that_of_their_sample(count: int) -> None:
+    """Restricted likelihood: over n - 1, not n, which would make three airframes a third more alike."""
+    values = np.random.default_rng(count).normal(2.0, 3.0, (count, 1))
+    found = random_effects(values, np.full((count, 1, 1), 1e-6))
+    assert found[0, 0] == pytest.approx(np.var(values, ddof=1), rel=1e-3)
+
+
+def test_another_airframe_is_as_uncertain_as_the_mean_and_the_scatter_together() -> None:
+    mean, among = np.diag([4.0, 1.0, 9.0]), np.array([[5.0, 1, 0], [1, 3, 0], [0, 0, 2]])
+    curve = FleetCurve(Polar(POLAR, mean), among)
+    assert curve.of_another.covariance == pytest.approx(np.array([[9.0, 1, 0], [1, 4, 0], [0, 0, 11]]))
+    assert curve.of_another.A == pytest.approx(POLAR)
+
+
+def test_the_mean_of_a_fleet_is_known_as_well_as_its_airframes_allow(tmp_path: Path) -> None:
+    """The inverse of the sum of what each airframe says, whose variance is its own and the scatter."""
+    dataset = Dataset(str(tmp_path / "fleet"))
+    rng = np.random.default_rng(3)
+    for i in range(4):
+        dataset.add(flights_of(f"airframe-{i}", i, 3 + i, polar=POLAR * (1 + 0.05 * rng.standard_normal()), noise=0.3))
+    fleet = airframes(dataset, 1.0, [])
+    curve = fleet_curve(fleet)
+    information = sum(np.linalg.inv(one.pool.polar.covariance + curve.among_airframes) for one in fleet)
+    assert curve.mean.covariance == pytest.approx(np.linalg.inv(information), rel=1e-6)
+
+
+@pytest.mark.parametrize("key", ["propeller_table", "installation", "probe_calibration"])
+def test_flights_with_another_propeller_installation_or_calibration_are_another_configuration(
+    key: str, tmp_path: Path
+) -> None:
+    """An error that two flights do not share must not be estimated as one."""
+    flights = flights_of("mine", 5, 5, noise=0.3)
+    for one in flights[3:]:
+        one["pooling"][key] = "another"
+    dataset = Dataset(str(tmp_path / "fleet"))
+    dataset.add(flights)
+    assert sorted(len(of_one) for of_one in dataset.flights("mine").values()) == [2, 3]
+    assert sorted(len(one.flights) for one in airframes(dataset, 1.0, [])) == [2, 3]
