@@ -1,0 +1,86 @@
+"""Limits by the number of tests: of so many, the least probable is found as seldom as a single one would be."""
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+from synthetic_flights import flight, truth
+
+from analysis.flights.agreement import ErrorParts, mounted_anew, trends
+from analysis.flights.changes import Change
+from analysis.flights.flight_statistics import POOLED
+from analysis.flights.pool import Pool, pool_results
+from analysis.records.fleet import Shape, What
+from analysis.records.pool import TrendQuantity
+from analysis.results.evidence import noise_limit
+from analysis.results.settings import TRUST
+from analysis.settings import EVIDENCE
+
+
+@pytest.mark.parametrize("tests", [1, 2, 5, 20])
+def test_noise_exceeds_the_limit_of_evidence_as_seldom_as_stated(tests: int) -> None:
+    """In any of so many values, on either side."""
+    within = 1 - 2 * norm.sf(noise_limit(tests))
+    assert 1 - within**tests == pytest.approx(TRUST.false_alarm_rate, rel=0.01)
+
+
+def campaign(drag: float, alpha: float = 0.0, count: int = 5) -> Pool:
+    """Of the last flight drag differs by a share, and the angle of attack of its probe by so much [rad]."""
+    rng = np.random.default_rng(8)
+    x = truth(rng)
+    flights = []
+    for i in range(count):
+        now = x.copy()
+        if i == count - 1:
+            now[:3] *= 1 + drag
+            now[POOLED.index("alpha_bias")] += alpha
+        flights.append(flight(now, rng, f"{i}", 0.3))
+    return pool_results(flights)
+
+
+def test_a_flight_is_an_outlier_by_the_limit_of_two_tests_of_each_flight() -> None:
+    """Of polar and installation. Its evidence states the same limit."""
+    limit, between = TRUST.false_alarm_rate / (2 * 5), 0
+    for drag in np.linspace(0.0, 0.02, 41):
+        pooled = campaign(drag)
+        p = [min(one.p, one.p_installation) for one in pooled.differences]
+        assert bool(pooled.outliers) is bool(min(p) < limit)
+        assert bool(pooled.outlying_curves) is any(one.p < limit for one in pooled.outliers.values())
+        between += limit < min(p) < TRUST.false_alarm_rate
+        for one in pooled.evidence:
+            assert one.limit == pytest.approx(limit if one.log else TRUST.false_alarm_rate)
+    assert between > 1, "the difference of both limits was tried"
+
+
+def test_a_flight_whose_probe_moved_is_named_by_the_same_rule() -> None:
+    """Its polar agrees: it is an outlier, and not of the curves. It alone is taken to be mounted anew."""
+    pooled = campaign(0.0, alpha=0.03)
+    assert list(pooled.outliers) == [4] and pooled.outliers[4].p_installation < TRUST.false_alarm_rate / 10
+    assert mounted_anew(pooled.as_stated, pooled.prior) == {4} == pooled.anew
+    assert pooled.outlying_curves == [] or pooled.outliers[4].p < TRUST.false_alarm_rate / 10
+
+
+@pytest.mark.parametrize(("drag", "thrust"), [(1, 1), (-1, 1), (1, -1)])
+def test_drag_and_thrust_have_both_changed_beyond_the_limit_of_both_sides(drag: int, thrust: int) -> None:
+    limit = norm.isf(EVIDENCE.rare_false_alarms / 2)
+
+    def of(z: float) -> What:
+        covariance = np.diag([0.01**2, 0.02**2])
+        return Change(Shape.STEP, 3, 5, drag * 0.01 * (z + 1), thrust * 0.02 * z, covariance).what
+
+    assert of(limit + 0.05) is What.BOTH
+    assert of(limit - 0.05) is What.DRAG
+
+
+def test_a_trend_is_the_change_over_the_range_with_the_error_of_a_straight_line() -> None:
+    """0.2 % a kelvin over 20 K, each flight known to 1 %: 4 % with 1 % over the root of the sum of squares."""
+    rng = np.random.default_rng(2)
+    x = truth(rng)
+    temperatures = np.array([280.0, 284.0, 290.0, 291.0, 296.0, 300.0])
+    pooled = pool_results([flight(x, rng, f"{i}", temperature_K=T) for i, T in enumerate(temperatures.tolist())])
+    errors = ErrorParts(np.full((6, 1, 1), 1.0), np.zeros((6, 1, 1)))
+    (found,) = trends(pooled.flights, 0.2 * (temperatures - 290.0), errors)
+    error = 20 / np.sqrt(np.sum((temperatures - temperatures.mean()) ** 2))
+    assert found.quantity is TrendQuantity.TEMPERATURE and found.flights == 6
+    assert (found.lowest, found.highest) == (280.0, 300.0)
+    assert (found.change_percent, found.standard_error_percent) == pytest.approx((4.0, error))
+    assert found.p == pytest.approx(2 * norm.sf(4.0 / error))
