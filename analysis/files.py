@@ -1,24 +1,11 @@
-"""Atomic writing of small files, and keeping of earlier versions that a user may have edited."""
+"""Keeping of earlier versions of small files that a user may have edited."""
 
-from collections.abc import Callable
 from itertools import count
 from pathlib import Path
-from typing import TypeVar
 
-from flight.errors import InputError
+from flight.files import write_error, write_file
 
-T = TypeVar("T")
-
-
-def write_file(path: Path, data: str | bytes) -> None:
-    """Write a file atomically, with its folder: `path` never holds a part of it.
-
-    Raises InputError when it cannot be written.
-    """
-    _or_input_error(path, lambda: path.parent.mkdir(parents=True, exist_ok=True))
-    partial = path.with_name(path.name + ".part")
-    _or_input_error(path, lambda: partial.write_bytes(data.encode() if isinstance(data, str) else data))
-    _or_input_error(path, lambda: partial.replace(path))
+__all__ = ["write_file", "write_keeping_previous"]
 
 
 def write_keeping_previous(path: Path, data: str) -> Path | None:
@@ -28,7 +15,10 @@ def write_keeping_previous(path: Path, data: str) -> Path | None:
     Returns the path of the content kept; None where there was none, or it was the same. Raises InputError when
     the file cannot be written.
     """
-    previous = _or_input_error(path, lambda: path.read_bytes() if path.exists() else b"")
+    try:
+        previous = path.read_bytes() if path.exists() else b""
+    except OSError as error:
+        raise write_error(path, error) from None
     if previous == data.encode():
         return None
     kept = None
@@ -37,11 +27,3 @@ def write_keeping_previous(path: Path, data: str) -> Path | None:
         write_file(kept, previous)
     write_file(path, data)
     return kept
-
-
-def _or_input_error(path: Path, step: Callable[[], T]) -> T:
-    """The result of `step`; an OSError becomes an InputError."""
-    try:
-        return step()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None

@@ -10,6 +10,7 @@ from daq.config import Tray
 from daq.daemon import refuse_devices_in_use, sensor_supervisors
 from daq.sampling_loop import cycles
 from daq.sensors import Sample
+from flight.errors import InputError
 
 SETTLING_S = 2.0  # for the sensors' startup; readings of this time are discarded
 
@@ -28,9 +29,17 @@ class DryRun(NamedTuple):
 def dry_run(tray: Tray, *, buses: Buses, clock: Clock, seconds: float, threaded: bool = False) -> DryRun:
     """Read every sensor for `seconds`. threaded: see `cycles`.
 
-    Raises InputError when the configuration is incomplete, or another program has one of the devices open.
+    Raises InputError when the configuration is incomplete, another program has one of the devices open, or none of them
+    is on this computer.
     """
-    refuse_devices_in_use(tray, buses)
+    missing = refuse_devices_in_use(tray, buses)
+    several = len(set(missing)) > 1  # where one is missing, it is unplugged
+    if several and len(missing) == len(tray.sensors):
+        devices = ", ".join(dict.fromkeys(missing))
+        raise InputError(
+            f"none of the tray's devices is here ({devices}): run this on the aircraft's computer, or correct `bus`"
+            " and `port` in the tray file"
+        )
     supervisors = sensor_supervisors(tray, buses, load_attachments(tray).aircraft)
     settled_ns = clock.now_ns() + round(SETTLING_S * 1e9)
     until_ns = settled_ns + round(seconds * 1e9)

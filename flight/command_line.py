@@ -5,8 +5,10 @@ What is wrong with the input is one line on stderr.
 
 import inspect
 import math
+import os
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import fields
 from enum import IntEnum
 from io import TextIOWrapper
@@ -14,7 +16,7 @@ from typing import Annotated, Any, TypeVar, get_type_hints
 
 import typer
 
-from flight.errors import InputError
+from flight.errors import STORAGE_FAILS, InputError, StorageError
 from flight.units import to_si
 from flight.version import version
 
@@ -44,11 +46,16 @@ def run(app: typer.Typer, name: str, prefix: str = "error") -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="replace")  # characters that the terminal's encoding lacks
+    if not _is_count(os.environ.get("COLUMNS", "1")):  # as of a terminal that does not say its width
+        del os.environ["COLUMNS"]
     try:
         _check_encoding(sys.argv[1:])
         code = command_of(app)(prog_name=name, standalone_mode=False)
+        sys.stdout.flush()
     except UsageError as error:
         _stop(prefix, _usage(error, name))
+    except StorageError as error:
+        _stop(prefix, str(error), ExitCode.FAILURE)
     except InputError as error:
         _stop(prefix, str(error))
     except ModuleNotFoundError as error:
@@ -56,11 +63,17 @@ def run(app: typer.Typer, name: str, prefix: str = "error") -> None:
             raise
         _stop(prefix, f"{name}: runs on Linux only, on the aircraft's computer ({error.name} is missing)")
     except BrokenPipeError:
+        _discard_output()
         sys.exit(ExitCode.FAILURE)
     except OSError as error:
-        if not isinstance(error.filename, str):
+        named = isinstance(error.filename, str)
+        if not named and error.errno not in STORAGE_FAILS:
             raise
-        _stop(prefix, f"{error.filename}: cannot be read or written ({error.strerror or error})")
+        if not named:
+            _discard_output()
+        code = ExitCode.FAILURE if error.errno in STORAGE_FAILS else ExitCode.BAD_INPUT
+        what = f"{error.filename}: cannot be read or written" if named else "the output cannot be written"
+        _stop(prefix, f"{what} ({error.strerror or error})", code)
     else:
         if code:
             sys.exit(code)
@@ -143,9 +156,19 @@ def _check_encoding(arguments: list[str]) -> None:
             ) from None
 
 
-def _stop(prefix: str, message: str) -> None:
+def _stop(prefix: str, message: str, code: ExitCode = ExitCode.BAD_INPUT) -> None:
     print(f"{prefix}: {' '.join(message.splitlines())}", file=sys.stderr)
-    sys.exit(ExitCode.BAD_INPUT)
+    sys.exit(code)
+
+
+def _discard_output() -> None:
+    """What could not be written is not tried again when the interpreter ends."""
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _is_count(text: str) -> bool:
+    return text.isdecimal() and int(text) > 0
 
 
 def _usage(error: Any, name: str) -> str:

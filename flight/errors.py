@@ -1,4 +1,8 @@
-"""The exception whose message is meant for the user."""
+"""The exceptions whose message is meant for the user."""
+
+import errno
+
+STORAGE_FAILS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # numbers of an OSError
 
 
 class InputError(Exception):
@@ -6,4 +10,11 @@ class InputError(Exception):
 
     The message is one line: what is wrong, where, and what to do. The commands print it on stderr and exit with
     code 2, without a traceback and without having written a file.
+    """
+
+
+class StorageError(InputError):
+    """A file cannot be written because the disk is full or fails, which is no mistake of the input.
+
+    The commands print the message on stderr and exit with code 1, and leave nothing of the file.
     """

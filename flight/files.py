@@ -1,7 +1,8 @@
-"""Files that people name: reading text and JSON, and whether one can be written."""
+"""Files that people name: reading text and JSON, whether one can be written, and writing several as one."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -9,7 +10,7 @@ from typing import Generic, Protocol, TypeVar
 
 import msgspec
 
-from flight.errors import InputError
+from flight.errors import STORAGE_FAILS, InputError, StorageError
 
 
 def read_text(path: Path) -> str:
@@ -26,6 +27,59 @@ def read_text(path: Path) -> str:
         raise InputError(f"{path}: cannot be read ({cause})") from None
 
 
+PARTIAL = ".part"  # ends of the names of files that are not complete
+
+
+def write_error(path: Path, error: OSError) -> InputError:
+    """What to raise when a file cannot be written: the name that was asked for, and why."""
+    kind = StorageError if error.errno in STORAGE_FAILS else InputError
+    return kind(f"{path}: cannot be written ({error.strerror or error})")
+
+
+def write_files(files: Mapping[Path, str | bytes]) -> None:
+    """Write files with their folders, all or none: they get their names when all are complete.
+
+    Raises InputError when one cannot be written, StorageError when the disk is full or fails; nothing is left then.
+    """
+    made: list[Path] = []
+    parts = {path: path.with_name(path.name + PARTIAL) for path in files}
+    path = Path()
+    try:
+        for path, content in files.items():
+            made += _make_folders(path)
+            parts[path].write_bytes(content.encode() if isinstance(content, str) else content)
+        for path, part in parts.items():
+            part.replace(path)
+    except OSError as error:
+        _remove(parts.values(), made)
+        raise write_error(path, error) from None
+    except BaseException:  # Ctrl-C
+        _remove(parts.values(), made)
+        raise
+
+
+def write_file(path: Path, data: str | bytes) -> None:
+    """Write a file with its folder: `path` never holds a part of it. Raises errors as `write_files`."""
+    write_files({path: data})
+
+
+def _make_folders(path: Path) -> list[Path]:
+    """Make the folders of a file; returns those that were missing."""
+    missing = [folder for folder in reversed(path.parents) if not folder.exists()]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return missing
+
+
+def _remove(files: Iterable[Path], folders: list[Path]) -> None:
+    """Remove files, and folders that are empty then."""
+    for path in files:
+        with suppress(OSError):
+            path.unlink(missing_ok=True)
+    for folder in reversed(folders):
+        with suppress(OSError):
+            folder.rmdir()
+
+
 def check_writable(path: Path) -> None:
     """Raises InputError unless a file of this name can be written, with its folder. Leaves nothing behind."""
     made: list[Path] = []
@@ -39,6 +93,8 @@ def check_writable(path: Path) -> None:
         with TemporaryFile(dir=path.parent):
             pass
     except OSError as error:
+        if error.errno in STORAGE_FAILS:
+            raise write_error(path, error) from None
         raise InputError(f"{path}: cannot be written ({error.strerror or error}); give another name") from None
     finally:
         for folder in reversed(made):

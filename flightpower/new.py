@@ -13,7 +13,7 @@ import typer
 from flight.aircraft import shipped_aircraft
 from flight.command_line import application
 from flight.errors import InputError
-from flight.files import check_new_file
+from flight.files import check_new_file, write_file
 from flightpower import templates
 
 app = application(help="Write a commented file to fill in.")
@@ -94,9 +94,5 @@ def _write(text: str, output: Path | None, replace: bool) -> None:
         print(text, end="")
         return
     check_new_file(output, replace=replace)
-    try:
-        output.parent.mkdir(parents=True, exist_ok=True)
-        output.write_text(text, "utf-8")
-    except OSError as error:
-        raise InputError(f"{output}: cannot be written ({error.strerror or error})") from None
+    write_file(output, text)
     print(f"wrote {output}")

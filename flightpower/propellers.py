@@ -10,7 +10,7 @@ import typer
 
 from flight.command_line import ExitCode, application
 from flight.errors import InputError
-from flight.files import check_new_file
+from flight.files import check_new_file, write_files
 from flight.propeller import Origin
 from flight.propeller_search import (
     Cost,
@@ -112,9 +112,7 @@ def _write(tables: list[Table], folder: Path, replace: bool) -> list[Path]:
         raise InputError("-o: no table of --folder matches; nothing was written")
     for path in paths:
         check_new_file(path, replace=replace)
-    folder.mkdir(parents=True, exist_ok=True)
-    for path, table in zip(paths, tables, strict=True):
-        path.write_text(table.to_csv(), "utf-8")
+    write_files({path: table.to_csv() for path, table in zip(paths, tables, strict=True)})
     return paths
 
 

@@ -16,8 +16,8 @@ from rich.console import Console
 from flight.aircraft import aircraft_text
 from flight.command_line import application, run
 from flight.complete_aircraft import CompleteAircraft, load_complete_aircraft
-from flight.errors import InputError
-from flight.files import check_new_file
+from flight.errors import InputError, StorageError
+from flight.files import check_new_file, write_file
 from sim.options import (
     AircraftOption,
     BankOption,
@@ -40,6 +40,7 @@ from sim.output_folder import (
     check_output,
     check_probe,
     probe_text,
+    whole_or_nothing,
     write_flight,
 )
 
@@ -133,19 +134,21 @@ def fly(
         drawn = of_installation(drawn, draw(flown_in.errors, crc32(installation.encode())))
     with progress_bar("flying") as report:
         flight = fly_plan(craft, flight_plan, seed=seed, deviations=drawn.deviations, progress=report)
-    write_flight(output, flight, drawn, flown_in, aircraft=aircraft, calibration=calibration)
-    sensor_truth = FlightSensorTruth(flight, drawn)
-    if recorder is not None:
-        written = write_autopilot_log(output, recorder, flight, sensor_truth, drawn, faults=traps)
-        print(f"{written}: {flight.duration_s:.0f} s of {craft.title}, {flight_plan.title}", file=sys.stderr)
-        return
+    written, sensor_truth = output / LOG, FlightSensorTruth(flight, drawn)
     variant = _tray_variant(craft, flight_plan.air.time_of_day_s)
-    with progress_bar("recording", flight.duration_s) as report:
-        if no_hardware:
-            _write_without_hardware(output, sensor_truth, seed, variant, craft, report=report)
+    with whole_or_nothing(output):
+        write_flight(output, flight, drawn, flown_in, aircraft=aircraft, calibration=calibration)
+        if recorder is not None:
+            written = write_autopilot_log(output, recorder, flight, sensor_truth, drawn, faults=traps)
         else:
-            _record(output, sensor_truth, variant, seed=seed, faults=schedule, real_time=real_time, report=report)
-    print(f"{output / LOG}: {flight.duration_s:.0f} s of {craft.title}, {flight_plan.title}", file=sys.stderr)
+            with progress_bar("recording", flight.duration_s) as report:
+                if no_hardware:
+                    _write_without_hardware(output, sensor_truth, seed, variant, craft, report=report)
+                else:
+                    _record(
+                        output, sensor_truth, variant, seed=seed, faults=schedule, real_time=real_time, report=report
+                    )
+    print(f"{written}: {flight.duration_s:.0f} s of {craft.title}, {flight_plan.title}", file=sys.stderr)
 
 
 def _aircraft(name: str, like: str | None, installation: str | None) -> CompleteAircraft:
@@ -186,7 +189,7 @@ def _record(
     clock = SystemClock() if real_time else SimulatedClock(unix_at_start_ns=_believed_unix_ns(variant.utc_at_start))
     start_ns = clock.now_ns()
     tray = FakeTray(sensor_truth, clock, seed, variant=variant, faults=faults)
-    record(
+    recording = record(
         load_tray(output / TRAY),
         buses=tray,
         clock=clock,
@@ -194,6 +197,8 @@ def _record(
         until_ns=start_ns + int(sensor_truth.duration_s * 1e9),
         progress=report,
     )
+    if recording.write_error:
+        raise StorageError(f"{output / LOG}: cannot be written ({recording.write_error})")
 
 
 def _believed_unix_ns(now: datetime) -> int:
@@ -356,11 +361,7 @@ def plot(
     check_new_file(output, replace=replace)
     table, metadata = read_truth(truth / TRUTH if truth.is_dir() else truth)
     drawn = figure(table, metadata)
-    try:
-        output.parent.mkdir(parents=True, exist_ok=True)
-        drawn.write_html(output, include_plotlyjs=True)
-    except OSError as error:
-        raise InputError(f"{output}: cannot be written ({error.strerror or error})") from None
+    write_file(output, drawn.to_html(include_plotlyjs=True))
     print(f"{output}: {len(table)} samples", file=sys.stderr)
 
 

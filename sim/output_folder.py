@@ -1,12 +1,14 @@
 """The folder of a simulated flight: which files it holds, and what must not be replaced there."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flight.aircraft import aircraft_text
 from flight.errors import InputError
-from flight.files import check_writable, json_object_text
+from flight.files import check_writable, json_object_text, write_error
 
 if TYPE_CHECKING:
     from sim.fly import Flight
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
 TRUTH, CURVE, TRAY, LOG = "truth.parquet", "truth_power_required.csv", "tray.toml", "log.mcap"
 AUTOPILOT_LOGS = {"px4": "log.ulg", "ardupilot": "log.BIN", "ardupilot-telemetry": "log.tlog"}  # by --as
 OUTPUT_FILES = (TRUTH, CURVE, TRAY, LOG, *AUTOPILOT_LOGS.values())
+UNFINISHED = ".unfinished"  # while files are written
 AIRCRAFT, PROPELLER, PROBE = "aircraft.toml", "propeller.csv", "probe.json"
 
 
@@ -23,12 +26,39 @@ def check_output(output: Path, replace: bool) -> None:
     """Raise InputError if writing would replace something else than an earlier simulation."""
     if output.exists() and not output.is_dir():
         raise InputError(f"{output}: not a folder; give another one")
+    if (output / UNFINISHED).exists():  # of a simulation that was killed
+        return check_writable(output / LOG)
     taken = [name for name in OUTPUT_FILES if (output / name).exists()]
     if taken and not replace:
         raise InputError(f"{output}: already contains {taken[0]}; give another folder, or --replace")
     if taken and not (output / TRUTH).exists():
         raise InputError(f"{output}: contains a log without {TRUTH}, so not a simulated flight; give another folder")
     check_writable(output / LOG)
+
+
+@contextmanager
+def whole_or_nothing(output: Path) -> Iterator[None]:
+    """For what is written into the folder: where that fails or is interrupted, nothing of it is left.
+
+    Raises StorageError when the disk is full or fails, InputError when the folder cannot be written.
+    """
+    new_folder, others = not output.exists(), (AIRCRAFT, PROPELLER, PROBE)
+    kept = [name for name in others if (output / name).exists()]
+    mark = output / UNFINISHED
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+        mark.touch()
+        yield
+        mark.unlink()
+    except BaseException as error:
+        with suppress(OSError):
+            for name in (*OUTPUT_FILES, *(name for name in others if name not in kept), UNFINISHED):
+                (output / name).unlink(missing_ok=True)
+            if new_folder:
+                output.rmdir()
+        if isinstance(error, OSError):
+            raise write_error(output, error) from None
+        raise
 
 
 def probe_text(probe: Path | None) -> str:
@@ -52,23 +82,19 @@ def check_probe(output: Path, calibration: str, probe: Path | None) -> None:
 def write_flight(
     output: Path, flight: "Flight", drawn: "DrawnErrors", world: "World", *, aircraft: str, calibration: str
 ) -> None:
-    """Write all but the log. Raises InputError when something cannot be written.
+    """Write all but the log. Raises OSError when something cannot be written.
 
     aircraft: name or file     calibration: of the probe
     """
     from sim.truth import write_truth
 
-    try:
-        output.mkdir(parents=True, exist_ok=True)
-        for name in OUTPUT_FILES:
-            (output / name).unlink(missing_ok=True)
-        metadata = {**flight.metadata, "world": world.name, "errors": drawn.as_dict()}
-        write_truth(output / TRUTH, flight.truth, metadata, flight.power_required)
-        flight.power_required.to_csv(output / CURVE, index=False)
-        (output / TRAY).write_text(_tray_text(_aircraft(output, flight, world, aircraft)), "utf-8")
-        (output / PROBE).write_bytes(calibration.encode())
-    except OSError as error:
-        raise InputError(f"{output}: cannot be written ({error.strerror or error})") from None
+    for name in OUTPUT_FILES:
+        (output / name).unlink(missing_ok=True)
+    metadata = {**flight.metadata, "world": world.name, "errors": drawn.as_dict()}
+    write_truth(output / TRUTH, flight.truth, metadata, flight.power_required)
+    flight.power_required.to_csv(output / CURVE, index=False)
+    (output / TRAY).write_text(_tray_text(_aircraft(output, flight, world, aircraft)), "utf-8")
+    (output / PROBE).write_bytes(calibration.encode())
 
 
 def _aircraft(output: Path, flight: "Flight", world: "World", name: str) -> str:

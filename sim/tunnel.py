@@ -11,8 +11,7 @@ import numpy as np
 import pandas as pd
 
 from flight.atmosphere import density
-from flight.errors import InputError
-from flight.files import check_new_file
+from flight.files import check_new_file, write_file
 from sim.sensors.noise import rng_of
 from sim.sensors.probe import port_pressures
 
@@ -74,8 +73,4 @@ def simulated_measurements(tunnel: WindTunnel = WindTunnel(), seed: int = 0) -> 
 def write_calibration(path: Path, table: pd.DataFrame, *, replace: bool = False) -> None:
     """The table as CSV. Raises InputError when the file exists and is not to be replaced."""
     check_new_file(path, replace=replace)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        table.to_csv(path, index=False, float_format="%.4f")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
+    write_file(path, table.to_csv(index=False, float_format="%.4f"))

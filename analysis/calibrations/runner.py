@@ -9,10 +9,9 @@ from typing import Annotated, Any, NamedTuple, get_type_hints
 import msgspec
 import typer
 
-from analysis.files import write_file
 from analysis.options import ReplaceOption
 from flight.command_line import ExitCode, as_command
-from flight.files import check_new_file
+from flight.files import check_new_file, write_files
 
 LogFile = Annotated[Path, typer.Argument(metavar="LOG", help="A log recorded by the daemon.")]
 CalibrationFile = Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="Calibration file to write.")]
@@ -94,8 +93,7 @@ def _write(found: Calibrated, output: Path | None) -> None:
         print(found.content if isinstance(found.content, str) else "", end="")
         return
     text = found.content if isinstance(found.content, str) else _json(found.content)
-    for path, content in {output: text, **found.pages}.items():
-        write_file(path, content)
+    write_files({output: text, **found.pages})
     print(f"wrote {' and '.join(map(str, (output, *found.pages)))}{found.remark}")
 
 

@@ -9,7 +9,7 @@ from rich.console import Console
 from analysis.options import ReplaceOption
 from flight.command_line import application, quantity, run
 from flight.errors import InputError
-from flight.files import check_new_file
+from flight.files import check_new_file, write_files
 
 app = application()
 
@@ -82,7 +82,6 @@ def show(
             check_new_file(output / name, replace=replace)
     import msgspec
 
-    from analysis.files import write_file
     from analysis.flights.airframes import airframes
     from analysis.flights.dataset import Dataset
     from analysis.flights.fleet_summary import fleet_results
@@ -93,8 +92,8 @@ def show(
     results = fleet_results(airframes(Dataset(dataset), false_alarms, unread, airframe or ()), unread)
     page = output and output / "fleet.html"
     if output is not None:
-        write_file(output / "fleet.json", msgspec.json.encode(results))
-        write_file(output / "fleet.html", render_fleet(results))
+        text = msgspec.json.encode(results)
+        write_files({output / "fleet.json": text, output / "fleet.html": render_fleet(results)})
     print_fleet(results, page, Console())
 
 

@@ -9,7 +9,7 @@ from analysis.cli.route import StallOptions, read_results
 from analysis.options import ReplaceOption
 from analysis.results.parameter_file import For, StallMargin, parameter_file
 from flight.command_line import application, run, takes_options
-from flight.files import check_new_file
+from flight.files import check_new_file, write_file
 
 app = application()
 
@@ -35,7 +35,7 @@ def parameters(
     """
     check_new_file(output, replace=replace)
     stall = StallMargin(options.stall_mps, options.stall_margin)
-    output.write_text(parameter_file(read_results(results), firmware, stall), "utf-8")
+    write_file(output, parameter_file(read_results(results), firmware, stall))
     print(f"wrote {output}")
 
 

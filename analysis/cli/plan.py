@@ -17,7 +17,7 @@ from analysis.options import ReplaceOption
 from flight.aircraft import Aircraft, load_aircraft, shipped_aircraft
 from flight.command_line import application, quantity, run, takes_options
 from flight.errors import InputError
-from flight.files import check_new_file
+from flight.files import check_new_file, write_files
 
 if TYPE_CHECKING:
     from analysis.missions.search import FlightPlan
@@ -225,9 +225,7 @@ def plan(
         where = Home(*place, radians(options.first_leg_deg or 0.0))
         files["mission.plan"] = qgroundcontrol_plan(made, where, options.firmware)
         files["mission.waypoints"] = waypoint_file(made, where)
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, text in files.items():
-        (folder / name).write_text(text, "utf-8")
+    write_files({folder / name: text for name, text in files.items()})
     _print(made, folder, list(files), stall_given=options.stall_mps is not None)
     if options.propeller is not None:
         print(f'before you rehearse it, put propeller = "{options.propeller}" into the aircraft file')

@@ -11,7 +11,7 @@ import typer
 from analysis.options import ReplaceOption
 from flight.command_line import ExitCode, application, quantity, run, takes_options
 from flight.errors import InputError
-from flight.files import check_new_file
+from flight.files import check_new_file, write_file
 
 if TYPE_CHECKING:
     from analysis.missions.inputs import RouteInput
@@ -257,7 +257,7 @@ def route(
     if map_file is not None:
         from analysis.pages.charts.route_map import map_svg
 
-        map_file.write_text(map_svg(result, flown, wind), "utf-8")
+        write_file(map_file, map_svg(result, flown, wind))
     raise typer.Exit(ExitCode.DONE if result.probability >= result.sure else ExitCode.FAILURE)
 
 
@@ -295,7 +295,7 @@ def _flight(results: "RouteInput", wind: "Wind", speed: "Speed | Objective | Non
     """Raises InputError where the battery's energy or the air is not known."""
     from analysis.missions.energy import Battery
     from analysis.missions.prediction import Air, Flight
-    from analysis.performance.request import parse_request, voltage_of
+    from analysis.performance.request import parse_request, unusual_battery, unusual_weight, voltage_of
     from flight.atmosphere import pressure_at, temperature_at
 
     asked = parse_request(options.battery_Wh, options.usable)
@@ -318,11 +318,18 @@ def _flight(results: "RouteInput", wind: "Wind", speed: "Speed | Objective | Non
         temperature_K, pressure_Pa = float(temperature_at(options.elevation_m)), float(pressure_at(options.elevation_m))
     if temperature_K is None or pressure_Pa is None:
         raise InputError("the results do not know the air; analyze the logs again, or give --elevation of home")
+    weight_N = options.weight_N or results.test.weight_N
+    for question in (
+        unusual_weight("--weight", weight_N, results.test.weight_N),
+        unusual_battery(asked.battery_Wh, weight_N),
+    ):
+        if question:
+            print(f"note: {question}", file=sys.stderr)
     return Flight(
         wind,
         battery,
         Air(pressure_Pa, options.temperature_K or temperature_K),
-        options.weight_N or results.test.weight_N,
+        weight_N,
         stall_mps=options.stall_mps,
         stall_margin=options.stall_margin,
         speed=speed,

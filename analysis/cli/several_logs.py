@@ -29,7 +29,7 @@ from analysis.sources.column_map import map_files
 from analysis.sources.recognize import autopilot_of
 from flight.aircraft import load_aircraft, parse_aircraft
 from flight.command_line import ExitCode
-from flight.errors import InputError
+from flight.errors import InputError, StorageError
 from flight.log_index import FOOTER_BYTES, MAGIC, RECORD_HEAD
 from flight.shipped_propellers import shipped_propellers
 
@@ -125,6 +125,8 @@ def _pool(campaign: Campaign, output: Path, quiet: bool) -> ExitCode:
             try:
                 curve = pooled_results(electrical_pool(flights), found.left_out, campaign.failures)
                 write_electrical_pool(flights, curve, output)
+            except StorageError:
+                raise
             except InputError as error:  # each flight keeps its own curve
                 refused = str(error)
                 write_electrical_flights(flights, campaign.failures, output)
@@ -135,7 +137,7 @@ def _pool(campaign: Campaign, output: Path, quiet: bool) -> ExitCode:
         if found.to_pool:
             print_pooled(pooled, page, Console())
         elif refused:
-            Console().print(f"not pooled: {refused}\nreport: {page}", highlight=False, markup=False)
+            Console().print(f"not pooled: {refused}\nreport: {page}", highlight=False, markup=False, soft_wrap=True)
         else:
             print_electrical_pool(curve, page, Console())
 

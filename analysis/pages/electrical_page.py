@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.files import write_file
 from analysis.methods.whole_flight.curve import ElectricalEstimate
 from analysis.methods.whole_flight.fit import samples_of
 from analysis.methods.whole_flight.flight_table import FlightTable
@@ -21,6 +20,7 @@ from analysis.pages.wording import every, verdict
 from analysis.records.flight import UNKNOWN_SPEED, CurveResult, Kind, Results, SpeedInterval
 from analysis.results.files import to_csv, to_json
 from analysis.results.previous import replaced
+from flight.files import write_files
 from flight.units import GRAVITY_MPS2
 
 NOTHING_AGAINST = "Nothing speaks against this flight."
@@ -34,8 +34,7 @@ def write_electrical_report(results: Results, flight: FlightTable, estimate: Ele
     files: dict[str, str | bytes] = {"results.json": to_json(results), "electrical_power.csv": to_csv(results)}
     before = replaced(folder, results, files)
     files["report.html"] = _page(results, flight, estimate, before)
-    for name, content in files.items():
-        write_file(folder / name, content)
+    write_files({folder / name: content for name, content in files.items()})
     return before
 
 

@@ -113,4 +113,4 @@ def _print_notes(console: Console, notes: Iterable[str]) -> None:
 
 
 def _print_page(console: Console, page: Path) -> None:
-    console.print(f"report: {escape(str(page))}", highlight=False)
+    console.print(f"report: {escape(str(page))}", highlight=False, soft_wrap=True)

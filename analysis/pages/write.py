@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.estimation.noise import NORMAL_95
-from analysis.files import write_file, write_keeping_previous
+from analysis.files import write_keeping_previous
 from analysis.maneuvers.kinds import Maneuvers
 from analysis.maneuvers.runs_file import blocks, head, to_toml
 from analysis.pages import page
@@ -25,6 +25,7 @@ from analysis.results.previous import replaced
 from analysis.trajectory.equations import GUST_FILTER_STATES, STATES
 from analysis.trajectory.reconstruction import Trajectory
 from flight.arrays import Array
+from flight.files import write_files
 
 COLUMNS = {name: f"{name}_mps" for name in STATES}
 COLUMNS |= {"phi": "roll_rad", "theta": "pitch_rad", "psi": "yaw_rad", "height": "height_m"}
@@ -70,8 +71,7 @@ def write_report(analysis: Analysis, folder: Path, predicted: PredictedPolar | N
         replaced=before,
         predicted=comparison(predicted, results) if predicted else "",
     )
-    for name, content in files.items():
-        write_file(folder / name, content)
+    write_files({folder / name: content for name, content in files.items()})
     return before
 
 
@@ -122,8 +122,8 @@ def write_comparison(comparison: ComparisonResults, folder: Path) -> None:
 
 
 def _write(page: str, content: object, folder: Path) -> None:
-    write_file(folder / "results.json", msgspec.json.format(msgspec.json.encode(content), indent=1))
-    write_file(folder / "report.html", page)
+    text = msgspec.json.format(msgspec.json.encode(content), indent=1)
+    write_files({folder / "results.json": text, folder / "report.html": page})
 
 
 Json = dict[str, Any]

@@ -47,13 +47,46 @@ class Request:
         return None if energy_Wh is None else BatteryResult(energy_Wh=energy_Wh, usable=self.usable)
 
     def notes(self, aircraft: Aircraft) -> list[str]:
-        """A sentence where the battery's energy is not known."""
+        """A sentence where the battery's energy is not known, and questions about values that are far from usual."""
         if self.battery(aircraft) is not None:
-            return []
+            return self.questions(aircraft.mass.weight_N)
         return [
+            *self.questions(aircraft.mass.weight_N),
             "No endurance, range or climb: the aircraft file lacks propulsion.battery_energy, such as"
-            ' battery_energy = "74 W h"; or give --battery-Wh.'
+            ' battery_energy = "74 W h"; or give --battery-Wh.',
         ]
+
+    def questions(self, flown_weight_N: float) -> list[str]:
+        """What is asked for and far from the aircraft, each as a question."""
+        asked = [unusual_weight("--weights", weight_N, flown_weight_N) for weight_N in self.weights_N]
+        return [one for one in (*asked, unusual_battery(self.battery_Wh, flown_weight_N)) if one]
+
+
+def unusual_weight(option: str, weight_N: float, flown_weight_N: float) -> str:
+    """A question about a weight three times that flown or more, or a third of it or less; else empty."""
+    most = 3.0  # batteries and payload of small aircraft double the weight at most
+    ratio = weight_N / flown_weight_N
+    if 1 / most < ratio < most:
+        return ""
+    flown_kg, asked_kg = flown_weight_N / GRAVITY_MPS2, weight_N / GRAVITY_MPS2
+    return (
+        f"Is {option} {asked_kg:.3g} kg right? It is {ratio:.2g} times the weight flown, {flown_kg:.3g} kg, at which"
+        " drag and propeller were measured."
+    )
+
+
+def unusual_battery(energy_Wh: float | None, weight_N: float) -> str:
+    """A question about a battery that the aircraft cannot carry, or that lasts for seconds; else empty."""
+    if energy_Wh is None:
+        return ""
+    least, most = 1.0, 300.0  # Wh/kg: a minute of hover takes more; the best cells, without any aircraft, have as much
+    share = energy_Wh * GRAVITY_MPS2 / weight_N
+    if least < share < most:
+        return ""
+    return (
+        f"Is --battery-Wh {energy_Wh:.3g} Wh right? That is {share:.2g} Wh for each kilogram of the aircraft; 20 to 150"
+        " are usual."
+    )
 
 
 def parse_request(
@@ -84,9 +117,11 @@ def _battery_Wh(text: str) -> float:
     value = _si_or_nan(found["charge"], "A h") * _si_or_nan(found["voltage"], "V") if found else _number(text, "W h")
     if math.isnan(value) and not math.isnan(_si_or_nan(text, "A h")):
         raise InputError(f'--battery-Wh {text}: a charge; give the voltage as well, such as "{text.strip()}, 14.8 V"')
-    if not (0 < value < math.inf):
+    most_Wh = 300.0 * ASKED.heaviest_kg  # nothing but the best cells
+    if not (0 < value < most_Wh):
         raise InputError(
-            f'--battery-Wh {text}: should be watt hours above zero, such as 74, "74 Wh" or "5000 mAh, 14.8 V"'
+            f"--battery-Wh {text}: should be watt hours above zero and below {most_Wh:.0f}, such as 74,"
+            ' "74 Wh" or "5000 mAh, 14.8 V"'
         )
     return value
 

@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from msgspec import structs
+
 from analysis.air.contents import propeller_of
 from analysis.flight import Progress
 from analysis.methods.thrust_prior import stand_measurements
@@ -128,6 +130,8 @@ def analyze_recording(
     )
     provenance = provenance_of_file(path, weighed, options.aircraft, command_line)
     results = assemble_energy_balance(path, flown, known, provenance)
+    questions = options.request.questions(flown.weight_N)
+    results = structs.replace(results, warnings=[*results.warnings, *questions])
     return WholeFlightAnalysis(log=recording, flight=flight, estimate=found, results=results)
 
 

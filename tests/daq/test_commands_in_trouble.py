@@ -226,6 +226,19 @@ def test_check_says_what_is_wrong_and_leaves_with_1(tmp_path):
     assert "not fit to fly" in done.stdout
 
 
+@pytest.mark.parametrize("command", ["check", "zero"])
+def test_away_from_the_aircraft_s_computer_one_line_says_so(tmp_path, command):
+    two = tray_file(tmp_path, "/dev/ttyUSB-none")
+    autopilot = '[[sensors]]\ndriver = "autopilot"\nport = "/dev/ttyACM-none"\nbaud = 57600\n'
+    two.write_text(two.read_text() + autopilot)
+    done = daq(command, "-c", two, "--seconds", "4")
+    assert done.returncode == 2 and done.stdout == ""
+    assert done.stderr.startswith(
+        "daq: none of the tray's devices is here (/dev/ttyUSB-none, /dev/ttyACM-none): run this"
+    )
+    assert done.stderr.count("\n") == 1
+
+
 def test_a_terminal_that_is_closed_finishes_the_log(tmp_path, counter):
     """A hang-up from the terminal is no wish for a new file: nobody could stop the recording any more."""
     tray = tray_file(tmp_path, counter.path)

@@ -33,7 +33,7 @@ from analysis.flights.campaign.processes import Analyze, Job, Outcome, load_ahea
 from analysis.flights.flight_statistics import without_details
 from analysis.records.flight import Kind, Results
 from analysis.results.read import read_json, read_results
-from flight.errors import InputError
+from flight.errors import InputError, StorageError
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,8 @@ def run(
 ) -> Campaign:
     """Analyze logs into folders below `output`, `jobs` at a time, or on the cluster of a scheduler.
 
-    `output` belongs to the caller (`folders.exclusive`). Raises InputError when it cannot be written.
+    `output` belongs to the caller (`folders.exclusive`). Raises InputError when it cannot be written, and StorageError,
+    with the rest of the logs left as they are, when the disk is full or fails.
     """
     if scheduler is None:
         load_ahead(work.preload)
@@ -105,6 +106,8 @@ def run(
     place = processors(work.analyze, jobs, step) if scheduler is None else cluster(scheduler, work.analyze, step)
     with place as computers:
         for job, partial, outcome in run_jobs((one.job for one in planned.values()), computers, new_folder):
+            if outcome.storage:
+                raise StorageError(outcome.error.replace(str(partial), str(output / job.name)))
             if outcome.error:
                 shutil.rmtree(partial, ignore_errors=True)
                 campaign.failures.append(outcome.error)

@@ -22,6 +22,7 @@ import msgspec
 from analysis.files import write_file
 from analysis.flights.campaign.addresses import Log, content_digest
 from flight.errors import InputError
+from flight.files import write_error
 
 PACKAGES = ("analysis", "flight")  # their files, data included, are part of the version
 LIBRARIES = ("casadi", "numpy", "pandas", "scipy")
@@ -314,4 +315,4 @@ def _as_input_error(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
+        raise write_error(path, error) from None

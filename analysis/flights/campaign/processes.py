@@ -19,7 +19,8 @@ from typing import Any, NamedTuple, Protocol
 
 from analysis.flights.campaign.addresses import Log, as_file, name_by_address
 from analysis.flights.campaign.settings import CAMPAIGN
-from flight.errors import InputError
+from flight.errors import InputError, StorageError
+from flight.files import write_files
 
 Progress = Callable[[str], None]
 
@@ -50,7 +51,7 @@ class Job:
 class Outcome(NamedTuple):
     """How a job ended: elapsed and processor time, the most memory of its process, and one line where it failed.
 
-    digest: SHA-256 of a log that was at an address.
+    digest: SHA-256 of a log that was at an address. storage: the error is that nothing more can be written.
     """
 
     error: str = ""
@@ -58,19 +59,20 @@ class Outcome(NamedTuple):
     processor_seconds: float = 0.0
     peak_bytes: int = 0
     digest: str = ""
+    storage: bool = False
 
 
 def run_job(analyze: Analyze, job: Job, folder: Path, progress: Progress) -> Outcome:
     """Run one job in this process, which is its own: the memory of the process is limited. Never raises."""
     start, processor_start = time.monotonic(), time.process_time()
     limit_memory(round(CAMPAIGN.memory_GB * 2**30))
-    error, found = "", ""
+    error, found, storage = "", "", False
     try:
         with as_file(job.log, folder) as (log, found):
             analyze(log, folder, job.runs, progress)
             name_by_address(folder, log, job.log)
     except InputError as cause:
-        error = str(cause)
+        error, storage = str(cause), isinstance(cause, StorageError)
     except MemoryError:
         error = f"{job.log}: needs more than {CAMPAIGN.memory_GB:.0f} GB of memory; analyze it alone"
     except BaseException as cause:
@@ -80,7 +82,7 @@ def run_job(analyze: Analyze, job: Job, folder: Path, progress: Progress) -> Out
             " software; analyze it alone for the details, and report it"
         )
     seconds, processor_seconds = time.monotonic() - start, time.process_time() - processor_start
-    return Outcome(" ".join(error.splitlines()), seconds, processor_seconds, peak_bytes(), found)
+    return Outcome(" ".join(error.splitlines()), seconds, processor_seconds, peak_bytes(), found, storage)
 
 
 def below(root: Path, path: Path) -> Path:
@@ -147,10 +149,7 @@ def _outcome(future: "Future[Returned]", job: Job, folder: Path) -> Outcome:
         outcome, files = future.result()
     except (Exception, CancelledError) as error:
         return Outcome(f"{job.log}: could not be analyzed ({type(error).__name__}: {error})".splitlines()[0])
-    for name, content in files.items():
-        path = folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(content)
+    write_files({folder / name: content for name, content in files.items()})
     return outcome
 
 

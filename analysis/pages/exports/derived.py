@@ -15,7 +15,6 @@ import numpy as np
 import pandas as pd
 from mcap.writer import Writer
 
-from analysis.files import write_file
 from analysis.methods import consider as covariance
 from analysis.methods.forces import FlightForces
 from analysis.methods.thrust_prior import J_REFERENCE, thrust_prior
@@ -23,6 +22,7 @@ from analysis.sources.daemon import is_good, times_ns, values
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
 from flight.arrays import Array
+from flight.files import write_files
 from flight.log_reader import Log
 from flight.propeller import Propeller
 from flight.runs import AIRCRAFT_SIZE
@@ -128,9 +128,9 @@ def write_derived_log(tables: Mapping[str, pd.DataFrame], log: Log, path: Path) 
     _write_table(writer, RUNS, tables["runs"].set_index(tables["runs"]["start_s"]), start_ns)
     _write_location(writer, log)
     writer.finish()
-    write_file(path, stream.getvalue())
-    for layout in LAYOUTS:
-        write_file(path.parent / layout, (resources.files("analysis.pages.exports") / "layouts" / layout).read_bytes())
+    folder = resources.files("analysis.pages.exports") / "layouts"
+    layouts = {path.parent / layout: (folder / layout).read_bytes() for layout in LAYOUTS}
+    write_files({path: stream.getvalue(), **layouts})
 
 
 def _write_table(writer: Writer, topic: str, table: pd.DataFrame, start_ns: int) -> None:

@@ -10,7 +10,6 @@ import msgspec
 import numpy as np
 import pandas as pd
 
-from analysis.files import write_file
 from analysis.pages.exports import KINDS
 from analysis.pages.exports.derived import ERROR, derived, write_derived_log
 from analysis.pages.write import COLUMNS as STATE_COLUMNS
@@ -20,6 +19,7 @@ from analysis.records.flight import Kind, PowerPoint
 from analysis.sources.recording import FlightRecording
 from analysis.trajectory.equations import GUST_FILTER_STATES
 from flight.errors import InputError
+from flight.files import write_file, write_files
 from flight.log_reader import Log
 
 # Columns of the air data table whose own names lack a unit, or are of use inside the program only.
@@ -108,9 +108,11 @@ WITH_UNITS = {"rho": "rho_kgpm3"}
 
 def write_csv(tables: Mapping[str, pd.DataFrame], folder: Path) -> None:
     """One CSV file a table, `folder`/NAME.csv. Raises InputError when the folder cannot be written."""
-    for name, table in tables.items():
-        text = _flat(table).to_csv(index=False, float_format="%.9g", lineterminator="\n")
-        write_file(folder / f"{name}.csv", text)
+    texts = {
+        folder / f"{name}.csv": _flat(table).to_csv(index=False, float_format="%.9g", lineterminator="\n")
+        for name, table in tables.items()
+    }
+    write_files(texts)
 
 
 def write_parquet(tables: Mapping[str, pd.DataFrame], folder: Path) -> None:
@@ -119,10 +121,10 @@ def write_parquet(tables: Mapping[str, pd.DataFrame], folder: Path) -> None:
         import pyarrow  # noqa: F401
     except ModuleNotFoundError:
         raise InputError('Parquet needs pyarrow; run: pip install pyarrow, or export with "--to csv"') from None
-    for name, table in tables.items():
-        stream = BytesIO()
+    streams = {folder / f"{name}.parquet": BytesIO() for name in tables}
+    for table, stream in zip(tables.values(), streams.values(), strict=True):
         _flat(table).to_parquet(stream, index=False)
-        write_file(folder / f"{name}.parquet", stream.getvalue())
+    write_files({path: stream.getvalue() for path, stream in streams.items()})
 
 
 def write_mat(tables: Mapping[str, pd.DataFrame], path: Path) -> None:

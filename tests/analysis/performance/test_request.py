@@ -18,7 +18,9 @@ def test_units_are_understood() -> None:
     assert asked.density_altitudes_m == pytest.approx((0.0, 1524.0, -200.0))
 
 
-@pytest.mark.parametrize("text", ["0", "-5", "nan", "inf", "seventy", "", "74 W", "5000 mAh, 14.8", "5000 mAh, 0 V"])
+@pytest.mark.parametrize(
+    "text", ["0", "-5", "nan", "inf", "1e99 Wh", "seventy", "", "74 W", "5000 mAh, 14.8", "5000 mAh, 0 V"]
+)
 def test_an_energy_that_is_none(text: str) -> None:
     with pytest.raises(InputError, match=r"--battery-Wh.*watt hours above zero"):
         parse_request(battery_Wh=text)
@@ -29,6 +31,18 @@ def test_an_energy_that_is_none(text: str) -> None:
 )
 def test_an_energy(text: str) -> None:
     assert parse_request(battery_Wh=text).battery_Wh == pytest.approx(74.0)
+
+
+def test_what_is_far_from_the_aircraft_is_asked_about() -> None:
+    """4 kg flown: 12.4 kg is three times that, 74 J are 5 mWh/kg, 2 kWh are more than 4 kg of the best cells."""
+    flown_N = 4 * 9.80665
+    assert parse_request("74", weights="3 kg, 9 lb, 11.9 kg, 1.4 kg").questions(flown_N) == []
+    heavy, light = parse_request(weights="4 kg, 12.4 kg, 1.3 kg").questions(flown_N)
+    assert heavy.startswith("Is --weights 12.4 kg right? It is 3.1 times the weight flown, 4 kg,")
+    assert light.startswith("Is --weights 1.3 kg right? It is 0.33 times")
+    (seconds,) = parse_request("74 J").questions(flown_N)
+    assert seconds.startswith("Is --battery-Wh 0.0206 Wh right? That is 0.0051 Wh for each kilogram")
+    assert len(parse_request("2 kWh").questions(flown_N)) == 1 and parse_request().questions(flown_N) == []
 
 
 def test_a_charge_without_its_voltage_asks_for_it() -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from analysis.flights.campaign.processes import below
-from flight.errors import InputError
+from flight.errors import InputError, StorageError
 
 
 @dataclass(frozen=True)
@@ -25,6 +25,8 @@ class Stub:
         (folder / "path.csv").write_text("written first")
         if "wrong" in words:
             raise InputError(f"{log}: wrong words")
+        if "full" in words:
+            raise StorageError(f"{folder / 'report.html'}: cannot be written (No space left on device)")
         if "broken" in words:
             raise ZeroDivisionError("two\nlines")
         if "killed" in words:

@@ -17,7 +17,7 @@ from analysis.flights.campaign.campaign import Campaign, Work, run
 from analysis.flights.campaign.cluster import Parcel, analyze_parcel
 from analysis.flights.campaign.folders import exclusive, names, software
 from analysis.flights.campaign.processes import Job
-from flight.errors import InputError
+from flight.errors import InputError, StorageError
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="processes are ended by signals")
 
@@ -71,6 +71,16 @@ def test_a_log_that_fails_costs_its_own_flight_and_is_one_line(tmp_path: Path, w
     for cause in ("wrong words", "ZeroDivisionError", "SIGKILL", "4 GB of memory", "cannot be read"):
         assert cause in said
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [".lock", "good", "last"]
+
+
+def test_a_full_disk_ends_all_at_once_by_the_name_that_was_asked_for(tmp_path: Path, work: Work, analyzed) -> None:
+    """The other logs would fail as well, each after minutes."""
+    paths = logs(tmp_path / "in", a="slow", b="full", **{f"later{i}": "x" for i in range(20)})
+    report = tmp_path / "out" / "b" / "report.html"
+    with pytest.raises(StorageError, match=rf"^{report}: cannot be written"):
+        run_in(tmp_path / "out", paths, work)
+    assert analyzed() == ["a.mcap", "b.mcap"]
+    assert [path.name for path in (tmp_path / "out").iterdir()] == [".lock"]
 
 
 def test_only_what_changed_is_analyzed_again(tmp_path: Path, work: Work, analyzed) -> None:
