@@ -194,11 +194,12 @@ def zero(
     """
     from daq.clock import SystemClock
     from daq.config import load_tray
-    from daq.dry_run import dry_run
+    from daq.dry_run import check_devices_here, dry_run
     from daq.linux_bus import LinuxBuses
     from daq.still_air_zero import NotStill, save_zero, zero_from_samples
 
     tray, clock = load_tray(config), SystemClock()
+    check_devices_here(tray)
     prepare_process()
     raise_priority()
     try:
@@ -236,9 +237,11 @@ def check(
     from daq import tray_check
     from daq.clock import SystemClock
     from daq.config import load_tray
+    from daq.dry_run import check_devices_here
     from daq.linux_bus import LinuxBuses
 
     tray = load_tray(config)
+    check_devices_here(tray)
     prepare_process()
     raise_priority()
     report = tray_check.check_tray(tray, buses=LinuxBuses(), clock=SystemClock(), seconds=seconds, threaded=True)

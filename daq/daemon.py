@@ -124,12 +124,8 @@ def check_configuration(tray: Tray, buses: Buses) -> None:
     sensor_supervisors(tray, buses, load_attachments(tray).aircraft)
 
 
-def refuse_devices_in_use(tray: Tray, buses: Buses) -> list[str]:
-    """Raises DeviceInUse when another program has one of the tray's buses or ports open.
-
-    Returns those that do not exist on this computer; other errors are ignored.
-    """
-    missing = []
+def refuse_devices_in_use(tray: Tray, buses: Buses) -> None:
+    """Raises DeviceInUse when another program has one of the tray's buses or ports open. Other errors are ignored."""
     for table in tray.sensors:
         try:
             if table.blocking:
@@ -139,9 +135,6 @@ def refuse_devices_in_use(tray: Tray, buses: Buses) -> list[str]:
         except OSError as error:
             if error.errno == errno.EBUSY:
                 raise DeviceInUse(f"{table.device}: {error.strerror}") from None
-            if error.errno == errno.ENOENT:
-                missing.append(table.device)
-    return missing
 
 
 def record(

@@ -1,6 +1,7 @@
 """Reads the whole tray for a few seconds without recording: for `daq check` and `daq zero`."""
 
 import threading
+from pathlib import Path
 from typing import NamedTuple
 
 from daq.attachments import load_attachments
@@ -26,20 +27,23 @@ class DryRun(NamedTuple):
     troubles: dict[str, str] = {}  # noqa: RUF012  at the end, by topic: why a sensor failed, or what is wrong with it
 
 
+def check_devices_here(tray: Tray) -> None:
+    """Raises InputError where none of several device files of the tray exists: this is another computer."""
+    devices = list(dict.fromkeys(table.device for table in tray.sensors))
+    missing = [device for device in devices if device.startswith("/") and not Path(device).exists()]
+    if len(missing) == len(devices) > 1:  # where one is missing, it is unplugged
+        raise InputError(
+            f"none of the tray's devices is here ({', '.join(missing)}): run this on the aircraft's computer, or"
+            " correct `bus` and `port` in the tray file"
+        )
+
+
 def dry_run(tray: Tray, *, buses: Buses, clock: Clock, seconds: float, threaded: bool = False) -> DryRun:
     """Read every sensor for `seconds`. threaded: see `cycles`.
 
-    Raises InputError when the configuration is incomplete, another program has one of the devices open, or none of them
-    is on this computer.
+    Raises InputError when the configuration is incomplete, or another program has one of the devices open.
     """
-    missing = refuse_devices_in_use(tray, buses)
-    several = len(set(missing)) > 1  # where one is missing, it is unplugged
-    if several and len(missing) == len(tray.sensors):
-        devices = ", ".join(dict.fromkeys(missing))
-        raise InputError(
-            f"none of the tray's devices is here ({devices}): run this on the aircraft's computer, or correct `bus`"
-            " and `port` in the tray file"
-        )
+    refuse_devices_in_use(tray, buses)
     supervisors = sensor_supervisors(tray, buses, load_attachments(tray).aircraft)
     settled_ns = clock.now_ns() + round(SETTLING_S * 1e9)
     until_ns = settled_ns + round(seconds * 1e9)

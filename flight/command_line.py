@@ -196,7 +196,10 @@ def quantity(
     """
     limits = (("above", above), ("at least", least), ("at most", most))
     within = " and ".join(f"{words} {limit:g}" for words, limit in limits if math.isfinite(limit))
-    wanted = f"should be {within or 'a quantity in'} {unit}: a plain number, or with a unit, such as {example}"
+    what = f"{within} {unit}".strip() if within else f"a quantity in {unit}"
+    wanted = f"should be {what}: a plain number, or with a unit, such as {example}"
+    if not unit:
+        wanted = f"should be {what}, such as {example}"
 
     def parse(text: str) -> float:
         try:

@@ -127,7 +127,7 @@ def json_object_text(path: Path, of: str) -> str:
     text = read_text(path)
     try:
         found = json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: not {of} ({error})") from None
     if not isinstance(found, dict):
         raise InputError(f"{path}: not {of} (not a JSON object)")

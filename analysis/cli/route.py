@@ -244,7 +244,10 @@ def route(
     asked = _asked_speed(options.speed)
     flown = _mission(mission, options)
     read = read_route_input(results)
-    result = predict(read, flown, _flight(read, wind, asked, options))
+    how = _flight(read, wind, asked, options)
+    result = predict(read, flown, how)
+    for question in _questions(read, how, options):
+        print(f"note: {question}", file=sys.stderr)
     if json:
         import msgspec
 
@@ -295,7 +298,7 @@ def _flight(results: "RouteInput", wind: "Wind", speed: "Speed | Objective | Non
     """Raises InputError where the battery's energy or the air is not known."""
     from analysis.missions.energy import Battery
     from analysis.missions.prediction import Air, Flight
-    from analysis.performance.request import parse_request, unusual_battery, unusual_weight, voltage_of
+    from analysis.performance.request import parse_request, voltage_of
     from flight.atmosphere import pressure_at, temperature_at
 
     asked = parse_request(options.battery_Wh, options.usable)
@@ -319,12 +322,6 @@ def _flight(results: "RouteInput", wind: "Wind", speed: "Speed | Objective | Non
     if temperature_K is None or pressure_Pa is None:
         raise InputError("the results do not know the air; analyze the logs again, or give --elevation of home")
     weight_N = options.weight_N or results.test.weight_N
-    for question in (
-        unusual_weight("--weight", weight_N, results.test.weight_N),
-        unusual_battery(asked.battery_Wh, weight_N),
-    ):
-        if question:
-            print(f"note: {question}", file=sys.stderr)
     return Flight(
         wind,
         battery,
@@ -338,6 +335,15 @@ def _flight(results: "RouteInput", wind: "Wind", speed: "Speed | Objective | Non
         sure=options.sure / 100,
         power_sd=options.power_sd / 100,
     )
+
+
+def _questions(results: "RouteInput", flight: "Flight", options: RouteOptions) -> list[str]:
+    """What was given and is far from the flight, each as a question."""
+    from analysis.performance.request import unusual_battery, unusual_weight
+
+    given_Wh = flight.battery.energy_J / 3600 if options.battery_Wh is not None else None
+    weight = unusual_weight("--weight", flight.weight_N, results.test.weight_N)
+    return [one for one in (weight, unusual_battery(given_Wh, flight.weight_N)) if one]
 
 
 def read_route_input(path: Path) -> "RouteInput":
