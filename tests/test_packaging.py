@@ -4,6 +4,7 @@ import ast
 import re
 import sys
 import tomllib
+from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -79,6 +80,16 @@ def test_what_the_aircraft_s_computer_needs_is_in_the_wheel(folder: str) -> None
     installed: dict[str, list[str]] = PROJECT["tool"]["setuptools"]["data-files"]
     there = {path for patterns in installed.values() for pattern in patterns for path in ROOT.glob(pattern)}
     assert {path for path in (ROOT / folder).iterdir() if path.is_file()} <= there
+
+
+def test_an_editable_installation_shows_its_types() -> None:
+    """Type checkers follow a path in a .pth file, but not an import hook: `import flightpower` has no types then."""
+    installed = metadata.distribution("flightpower")
+    for file in installed.files or ():
+        if file.suffix == ".pth":
+            text = file.read_text()
+            assert Path(text.strip()).is_dir(), f"{file}: an import hook; run `make .venv/.ready` again"
+    (ROOT / "flightpower" / "py.typed").stat()
 
 
 def test_the_extra_for_autopilots_has_no_casadi() -> None:
