@@ -678,8 +678,9 @@ class EnergyBalanceResult(msgspec.Struct, frozen=True, kw_only=True):
         Interval | None
     )  # fraction by which airspeed reads high, by GPS and the prior; null without a sensor
     thrust_basis: str = ""  # where thrust comes from; empty where it is not known
-    # Drag times airspeed over the motor's electrical power in level flight, where it is known best; null where that is
-    # not known, and in the log of a simulation, whose current no meter measured.
+    # Drag times airspeed over the motor's electrical power in level flight, by the flight's energy without a prior
+    # where it is known best; null where that is not known, in the log of a simulation, whose current no meter measured.
+    # Earlier versions give null, or the curve's own estimate.
     thrust_efficiency: Interval | None = None
     # Shaft power by the propeller's table over the motor's electrical power, mean of the flight under power; null where
     # thrust is not known.

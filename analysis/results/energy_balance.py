@@ -10,7 +10,7 @@ from analysis.curve import Condition, maximum_lift_to_drag, power_points
 from analysis.estimation.noise import NORMAL_95
 from analysis.methods.whole_flight.curve import ElectricalEstimate, FlownAircraft
 from analysis.methods.whole_flight.drag import DragEstimate, DragWithheld
-from analysis.methods.whole_flight.energy_balance import QuarticPolar, level_efficiency
+from analysis.methods.whole_flight.energy_balance import QuarticPolar
 from analysis.methods.whole_flight.flight_table import FlightTable
 from analysis.methods.whole_flight.simulated_truth import SimulatedTruth
 from analysis.performance.autopilot_parameters import flight_values, typed_in
@@ -174,16 +174,14 @@ def _balance(found: EnergyBalanceFindings) -> EnergyBalanceResult:
 
 
 def _thrust_efficiency(estimate: ElectricalEstimate) -> Interval | None:
-    """Of level flight at the speed at which its relative error is least; None where it is known at no speed."""
-    V = estimate.V_mps
-    efficiency = estimate.parameters.quantity(lambda parameters, given: level_efficiency(V, parameters, given))
-    value, error = efficiency.value, efficiency.standard_error
-    known = np.flatnonzero(np.isfinite(error) & (value > 0))
+    """Of level flight at the speed at which the flight's energy shows it best; None where it does at no speed."""
+    value, error = estimate.shown_efficiency.value, estimate.shown_efficiency.standard_error
+    known = np.flatnonzero(np.isfinite(value) & np.isfinite(error))
     if not len(known):
         return None
-    at = known[np.argmin(error[known] / value[known])]
-    half = NORMAL_95 * error[at]
-    return Interval(value=float(value[at]), lo=float(value[at] - half), hi=float(value[at] + half))
+    at = known[np.argmin(error[known])]
+    lo, middle, hi = np.exp(value[at] + NORMAL_95 * error[at] * np.array([-1.0, 0.0, 1.0])).tolist()
+    return Interval(value=middle, lo=lo, hi=hi)
 
 
 def _warnings(estimate: ElectricalEstimate) -> list[str]:

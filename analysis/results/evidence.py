@@ -18,6 +18,7 @@ from analysis.methods.motor_speed import PARAMETER as MOTOR_SPEED_PARAMETER
 from analysis.methods.rejected_assumptions import THRUST_TITLES
 from analysis.methods.settings import MOTOR_SPEED
 from analysis.methods.thrust_prior import STAND
+from analysis.methods.whole_flight.settings import PRIOR as POWER_TRAIN
 from analysis.methods.whole_flight.settings import THRUST
 from analysis.records.flight import (
     CurveStatus,
@@ -349,23 +350,39 @@ def _shaft(results: Results) -> Iterator[Evidence]:
 
 
 def _thrust_efficiency(results: Results) -> Iterator[Evidence]:
-    """Of the energy balance, which takes any: a current that is measured wrong makes one that nothing has."""
+    """Judges the efficiency from battery to thrust that the flight's energy alone shows.
+
+    A current that is measured wrong makes one that no power train has, or hardly any. Outside of what they have, a
+    deviation of 95 % is enough.
+    """
     found = results.balance.thrust_efficiency if results.balance else None
-    if found is None or TRUST.least_power_train <= found.value <= TRUST.best_propeller:
+    if found is None or found.lo <= 0:
         return
-    high = found.value > TRUST.best_propeller
-    beyond = "more than any power train has" if high else "less than power trains of aircraft have"
-    limit = TRUST.best_propeller if high else TRUST.least_power_train
+    usual, T = POWER_TRAIN.efficiency, TRUST
+    error = math.hypot(math.log(found.hi / found.lo) / (2 * NORMAL_95), usual.sigma * (1 - usual.mean))
+    beyond = -float(special.ndtri(T.false_alarm_rate))  # on each side: too little current, and too much
+
+    def at(sigmas: float) -> float:
+        return usual.mean * math.exp(sigmas * error)
+
+    least = max(at(-beyond), min(T.least_power_train, at(-NORMAL_95)))
+    most = min(at(beyond), max(T.best_propeller, at(NORMAL_95)))
+    if least <= found.value <= most:
+        return
+    impossible = found.value > T.best_propeller and found.lo > T.best_power_train
+    certain = impossible or not at(-T.beyond_doubt * beyond) <= found.value <= at(T.beyond_doubt * beyond)
     yield Evidence(
         kind=EvidenceKind.THRUST_EFFICIENCY,
-        level=Trust.NOT_TO_BE_TRUSTED if high and found.lo > TRUST.best_power_train else Trust.DOUBTFUL,
+        level=Trust.NOT_TO_BE_TRUSTED if certain else Trust.DOUBTFUL,
         part=PartOfResult.CURVE,
         figure=found.value,
-        limit=limit,
+        limit=least if found.value < least else most,
+        false_alarm_rate=T.false_alarm_rate,
         text=(
-            f"The energy balance finds an efficiency from battery to thrust of {found.value:.2f} ({found.lo:.2f} to"
-            f" {found.hi:.2f}), {beyond} (limit {limit:.1f}): check the scale of the current sensor against a charger"
-            " or a clamp meter, then voltage, mass and wing area."
+            "Climbs, changes of speed and drag show an efficiency from battery to thrust of"
+            f" {found.value:.2f} ({found.lo:.2f} to {found.hi:.2f}), where small aircraft have 0.4 to 0.7, as if the"
+            f" current were shown {usual.mean / found.value:.2g} times as large as it is: check the scale of the"
+            " current sensor against a charger or a clamp meter, then voltage, mass and wing area."
         ),
     )
 

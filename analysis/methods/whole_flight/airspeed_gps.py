@@ -42,7 +42,8 @@ def most_probable(
     """Maximum a posteriori parameters (m,), and the derivative (n + m + k, m) of whitened residuals and priors there.
 
     residual: of (m,), (n,). factor: (n, n), the lower Cholesky factor of its covariance. mean, sigma: (m,) of the
-    prior. measured: rows (k, m) and values (k,) of combinations that were measured before, in units of their errors.
+    prior; infinite for a parameter without one. measured: rows (k, m) and values (k,) of combinations that were
+    measured before, in units of their errors.
     """
     rows, values = measured or (np.zeros((0, len(mean))), np.zeros(0))
 
@@ -60,7 +61,8 @@ def most_probable(
             columns.append((residual(moved) - at) / (moved[i] - x[i]))
         return np.concatenate([whitened(factor, np.stack(columns, axis=1)), np.diag(1 / sigma), rows])
 
-    found = least_squares(cost, start, derivative, x_scale=sigma, ftol=TOLERANCE, xtol=TOLERANCE)
+    x_scale = np.where(np.isfinite(sigma), sigma, 1.0)
+    found = least_squares(cost, start, derivative, x_scale=x_scale, ftol=TOLERANCE, xtol=TOLERANCE)
     return found.x, np.asarray(found.jac)
 
 

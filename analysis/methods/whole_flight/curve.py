@@ -42,6 +42,7 @@ from analysis.methods.whole_flight.parameters import (
     unpack,
 )
 from analysis.methods.whole_flight.settings import CURVE, GPS, PRIOR, SHARED, WINDOWS
+from analysis.methods.whole_flight.shown_efficiency import shown_efficiency
 from analysis.records.flight import Kind
 from analysis.settings import CURVES
 from analysis.uncertain import Uncertain
@@ -97,6 +98,7 @@ class ElectricalEstimate(NamedTuple):
     measured_V_mps, measured_W : (k,) the windows reduced to level flight
     gust_mps, gust_s : standard deviation and correlation time of vertical air motion
     rho_sigma : standard deviation of the air density, relative
+    shown_efficiency : natural logarithm (n,) of that from battery to thrust, as the flight's energy alone shows it
     """
 
     curve: Curve
@@ -110,6 +112,7 @@ class ElectricalEstimate(NamedTuple):
     gust_mps: float
     gust_s: float
     rho_sigma: float
+    shown_efficiency: Uncertain
 
     @property
     def V_mps(self) -> Array:
@@ -168,15 +171,14 @@ def _estimate(
     )
     if flight.first_wind_mps is None:
         airspeed = airspeed_errors(flight, most_points)
-        balance, fit = _fitted(
-            samples_of(flight, airspeed.scale, airspeed.zero_Pa), conditions, span_m, log, most_windows
-        )
+        samples = samples_of(flight, airspeed.scale, airspeed.zero_Pa)
+        balance, fit, by_propeller = _fitted(samples, conditions, span_m, log, most_windows)
     else:
         ground = ground_velocity(flight.table, flight.flown, flight.first_wind_mps)
         wind = pack(WIND, {name: mean for name, (mean, _) in wind_prior(flight.first_wind_mps).items()})
         for _ in range(2):  # the first wind may be wrong by as much as legs differ in airspeed
             samples = samples_of(flight, 0.0, 0.0, wind)._replace(ground=ground)
-            balance, fit = _fitted(samples, conditions, span_m, log, most_windows)
+            balance, fit, by_propeller = _fitted(samples, conditions, span_m, log, most_windows)
             wind = pack(WIND, unpack(balance.names, fit.parameters))
         airspeed = by_wind(wind, block(balance.names, fit.covariance, WIND))
     conditions, p = balance.conditions, unpack(balance.names, fit.parameters)
@@ -211,6 +213,7 @@ def _estimate(
         fit.gust_mps,
         fit.gust_s,
         flight.rho_sigma,
+        shown_efficiency(flight, by_propeller, _prior(by_propeller, span_m), airspeed, V),
     )
 
 
@@ -243,8 +246,8 @@ def _among_flights(
 
 def _fitted(
     samples: Samples, conditions: FlightConditions, span_m: float, log: str, most_windows: int
-) -> tuple[EnergyBalance, Fit]:
-    """With a propeller's efficiency, or with the power law where that is far more probable."""
+) -> tuple[EnergyBalance, Fit, EnergyBalance]:
+    """With a propeller's efficiency, or with the power law where that is far more probable; and the former balance."""
     balance = EnergyBalance(samples, conditions, most_windows)
     if len(balance.windows.centers_s) < len((*DRAG, *PROPELLER, *LIFT)) + 3:  # a few more than there are parameters
         raise InputError(f"{log}: the flight is too short or too torn for an energy balance")
@@ -254,8 +257,8 @@ def _fitted(
     other = EnergyBalance(samples, conditions._replace(power_law=balance.middle()), most_windows)
     by_power_law = most_probable_fit(other, _prior(other, span_m), least_share=0.0)
     if by_power_law.minus_2_log_evidence < fit.minus_2_log_evidence - PRIOR.law_evidence:
-        return other, most_probable_fit(other, _prior(other, span_m))
-    return balance, fit
+        return other, most_probable_fit(other, _prior(other, span_m)), balance
+    return balance, fit, balance
 
 
 def _prior(balance: EnergyBalance, span_m: float) -> Prior:

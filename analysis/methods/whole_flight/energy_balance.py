@@ -186,7 +186,7 @@ class EnergyBalance:
     """The balance of one flight. windows : over which it is averaged     V_mps, power_W : (n,) their means"""
 
     def __init__(self, samples: Samples, conditions: FlightConditions, most_windows: int = WINDOWS.most):
-        self.samples, self.conditions = samples, conditions
+        self.samples, self.conditions, self.most_windows = samples, conditions, most_windows
         step_s = float(np.median(np.diff(samples.t_s)))
         length_s = sum(rows.stop - rows.start for rows in samples.stretches) * step_s
         spacing_s = step_s * round(max(WINDOWS.length_s / 4, length_s / most_windows) / step_s)

@@ -163,15 +163,16 @@ def most_probable_fit(
             equal = [0.0] * len(WINDOWS.times_s)
             angle_rad, angle_s = max(_size_and_time(*one, angles, ANGLES_RAD, equal) for one in shown)
     information = jacobian.T @ jacobian
-    estimate_covariance = np.asarray(np.linalg.inv(information), dtype=float)
-    by_residual = jacobian[: len(residual)]
-    gain = -estimate_covariance @ solve_triangular(factor, by_residual, lower=True, trans="T", check_finite=False).T
+    covariance = np.asarray(np.linalg.inv(information), dtype=float)
+    by_residual = solve_triangular(factor, jacobian[: len(residual)], lower=True, trans="T", check_finite=False)
+    gain = -covariance @ by_residual.T
+    known = np.where(np.isfinite(sigma), sigma, 1.0)
     evidence = (
         float(np.sum(whitened(factor, residual) ** 2) + np.sum(((parameters - mean) / sigma) ** 2))
         + 2 * float(np.sum(np.log(np.diag(factor))))
-        + float(np.linalg.slogdet(information * np.outer(sigma, sigma))[1])
+        + float(np.linalg.slogdet(information * np.outer(known, known))[1])
     )
-    return Fit(parameters, estimate_covariance, gain, residual[:n], gust_mps, gust_s, evidence)
+    return Fit(parameters, covariance, gain, residual[:n], gust_mps, gust_s, evidence)
 
 
 def _size_and_time(

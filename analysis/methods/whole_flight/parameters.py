@@ -26,6 +26,7 @@ LIFT = ("ln_beta_per_CY", "alpha_0", "ln_alpha_per_CL", "alpha_per_CT")
 MEAN_WIND = ("wind_north", "wind_east")
 WIND = (*MEAN_WIND, "wind_north_trend", "wind_east_trend")
 AIRSPEED = ("scale", "zero_Pa")
+POWER_SCALE = "ln_power_scale"  # of true over measured power, where it is estimated
 
 Prior = Mapping[str, tuple[float, float]]  # mean and standard deviation by parameter
 

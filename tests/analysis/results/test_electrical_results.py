@@ -23,7 +23,7 @@ from flight.units import GRAVITY_MPS2
 V = np.linspace(10.0, 20.0, 41)
 POWER_W = 50.0 + (V - 14.0) ** 2
 BATTERY = BatteryResult(energy_Wh=125.0, usable=0.8)
-EFFICIENCY = Uncertain(0.7 - 0.01 * (V - 10.0), np.diag((0.02 + 0.01 * abs(V - 14.0)) ** 2), {})
+EFFICIENCY = Uncertain(np.log(0.7 - 0.01 * (V - 10.0)), np.diag((0.02 + 0.01 * abs(V - 14.0)) ** 2), {})
 FLOWN = SimpleNamespace(flown=np.ones(3000, dtype=bool))
 
 
@@ -36,7 +36,7 @@ def estimate(*, share: float = 0.03, noise_W: float = 1e-6, wind_mps: float | No
         standard_error_W=power.standard_error,
         conditions=SimpleNamespace(idle_power_W=4.0, idle_sigma_W=1.0),
         rho_sigma=0.0, among_flights=power,
-        parameters=SimpleNamespace(quantity=lambda of: EFFICIENCY),
+        shown_efficiency=EFFICIENCY,
         airspeed=AirspeedErrors(scale, 0.0, np.diag([0.01**2, 4.0]), wind_mps, 10.0),
     )  # fmt: skip
 
@@ -65,8 +65,11 @@ def test_endurance_is_energy_over_the_least_power_and_range_over_that_per_speed(
 
 def test_efficiency_is_told_at_the_speed_where_it_is_known_best_and_never_of_a_simulation() -> None:
     found = balance().thrust_efficiency
-    half = NORMAL_95 * 0.02
-    assert (found.value, found.lo, found.hi) == pytest.approx((0.66, 0.66 - half, 0.66 + half))
+    times = np.exp(NORMAL_95 * 0.02)
+    assert (found.value, found.lo, found.hi) == pytest.approx((0.66, 0.66 / times, 0.66 * times))
+    nowhere = estimate()
+    nowhere.shown_efficiency = Uncertain(np.full(len(V), np.nan), np.eye(len(V)), {})
+    assert _balance(EnergyBalanceFindings(FLOWN, nowhere, DragWithheld(), "")).thrust_efficiency is None
     assert balance(simulated=SimulatedTruth(0.0, 0.01, 0, np.nan)).thrust_efficiency is None
 
 

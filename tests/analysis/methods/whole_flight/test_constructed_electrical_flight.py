@@ -325,11 +325,11 @@ def test_the_results_are_those_of_the_estimate(
     assert polar.oswald_efficiency == pytest.approx(AREA_M2 / (np.pi * polar.K * SPAN_M**2))
 
 
-@pytest.mark.parametrize("scale", [0.25, 1.0, 4.4])
+@pytest.mark.parametrize("scale", [0.25, 0.5, 1.0, 2.0, 4.4])
 def test_efficiency_from_battery_to_thrust_is_as_wrong_as_the_current(
     truth: Truth, table: FlightTable, electrical: ElectricalEstimate, scale: float
 ) -> None:
-    """Only a sound current is trusted; one that reads a quarter makes an efficiency that nothing has."""
+    """Only a sound current is trusted; one that reads a quarter or half makes an efficiency that nothing has."""
     if scale != 1.0:
         right = flown(truth)
         t_s, current_A = right.channels[recording.CURRENT]
@@ -344,8 +344,9 @@ def test_efficiency_from_battery_to_thrust_is_as_wrong_as_the_current(
     found = results.electrical.thrust_efficiency if results.electrical else None
     assert found is not None
     assert found.lo < np.max(true) / scale and found.hi > np.min(true) / scale
-    doubted = {0.25: Trust.NOT_TO_BE_TRUSTED, 1.0: Trust.TRUSTED, 4.4: Trust.DOUBTFUL}
-    assert results.trust is doubted[scale]
+    assert found.value == pytest.approx(np.mean(true) / scale, rel=0.05)
+    N, D, T = Trust.NOT_TO_BE_TRUSTED, Trust.DOUBTFUL, Trust.TRUSTED
+    assert results.trust is {0.25: N, 0.5: N, 1.0: T, 2.0: D, 4.4: N}[scale]
     assert [one.kind for one in results.evidence] == [EvidenceKind.THRUST_EFFICIENCY] * (scale != 1.0)
 
 
