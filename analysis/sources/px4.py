@@ -81,7 +81,7 @@ def read_px4(path: Path) -> FlightRecording:
     Raises InputError, in one line, when the file is not a readable ULog file, and for aircraft without wings.
     """
     topics, parameters, notes, vehicle, messages = _topics(path)
-    _refuse_wingless(path, topics)
+    _refuse_wingless(path, topics, parameters)
     airspeed, zeroed = _airspeed(topics)
     channels = airspeed | _static(topics) | _force(topics) | _gps(topics)
     batteries = [
@@ -211,7 +211,33 @@ class VehicleType(IntEnum):
     ROVER = 3
 
 
-def _refuse_wingless(path: Path, topics: dict[str, list[_Topic]]) -> None:
+class MavType(IntEnum):
+    """MAV_TYPE of vehicles without wings."""
+
+    QUADROTOR = 2
+    COAXIAL = 3
+    HELICOPTER = 4
+    GROUND_ROVER = 10
+    SURFACE_BOAT = 11
+    SUBMARINE = 12
+    HEXAROTOR = 13
+    OCTOROTOR = 14
+    TRICOPTER = 15
+
+
+ROVERS = {MavType.GROUND_ROVER, MavType.SURFACE_BOAT, MavType.SUBMARINE}
+MULTICOPTERS = {*MavType} - ROVERS
+
+
+def _refuse_wingless(path: Path, topics: dict[str, list[_Topic]], parameters: dict[str, float]) -> None:
+    """Raises InputError for a vehicle without wings, and where neither status nor MAV_TYPE tells the vehicle."""
+    if not topics.get("vehicle_status") and "MAV_TYPE" not in parameters:
+        raise InputError(
+            f"{path}: the log does not say which vehicle wrote it (no vehicle_status, no MAV_TYPE), and a multicopter's"
+            " gives no power of a fixed wing: log vehicle_status, or give the whole log"
+        )
+    if int(np.nan_to_num(parameters.get("MAV_TYPE", 0.0))) in MULTICOPTERS | ROVERS:
+        raise InputError(f"{path}: the log of a multicopter, rover or boat; power required is that of a fixed wing")
     for status in topics.get("vehicle_status", []):
         kinds = status.values("vehicle_type") if status.has("vehicle_type") else np.empty(0)
         mav = (
@@ -220,10 +246,9 @@ def _refuse_wingless(path: Path, topics: dict[str, list[_Topic]]) -> None:
             else set()
         )
         vtol = status.has("is_vtol") and bool(status.values("is_vtol").any())
-        multicopters, rovers = {2, 3, 4, 13, 14, 15}, {10, 11, 12}  # MAV_TYPE
-        if mav & rovers or (len(kinds) and (kinds == VehicleType.ROVER).all()):
+        if mav & ROVERS or (len(kinds) and (kinds == VehicleType.ROVER).all()):
             raise InputError(f"{path}: the log of a rover or boat; power required is that of a fixed wing")
-        if mav & multicopters or (len(kinds) and (kinds == VehicleType.ROTARY_WING).all()):
+        if mav & MULTICOPTERS or (len(kinds) and (kinds == VehicleType.ROTARY_WING).all()):
             kind = "a multicopter, or of a VTOL that never flew on its wing" if vtol else "a multicopter"
             raise InputError(f"{path}: the log of {kind}; power required is that of a fixed wing")
 

@@ -47,6 +47,7 @@ BATTERY = topic("battery_status", {"voltage_v": floats(15.0), "current_a": float
         ([status(2, 1), AIRSPEED, BATTERY], "lacks static pressure"),
         ([status(2, 1), AIRSPEED, BARO], "lacks battery"),
         ([status(2, 1)], "airspeed.*static pressure.*battery"),
+        ([AIRSPEED, BARO, BATTERY], "does not say which vehicle"),
         ([status(2, 1), AIRSPEED, BARO, BATTERY], "for 0 s in the air; 60 s"),
     ],
 )
