@@ -1,16 +1,19 @@
-"""Altered logs of autopilots through their readers and the electrical estimate: no traceback, no hang.
+"""Altered logs, tables, missions and propeller tables through their readers: no traceback, no warning, no hang.
 
     python benchmarks/altered_logs.py --inputs 1000000 --minutes 30
 
 The logs are as short as their reader, or the estimate, takes them. Each input has one to eight alterations, which
 follow from its number: bytes and bits, whole numbers and floats at their limits, stretches cut, repeated, moved. A
-defect is any exception but a refusal, 10 s for one input, or 2 GB of memory; its input is kept in tests/data/fuzz.
+defect is any exception but a refusal, a warning of a library, 10 s for one input, or 2 GB of memory; its input is kept
+in tests/data/fuzz.
 """
 
 import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import io
+import json
 import random
 import resource
 import signal
@@ -32,9 +35,16 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 import numpy as np
 import typer
 
+from analysis.missions.mission import Assumed
+from analysis.missions.mission_files import load_mission
 from analysis.sources.ardupilot import read_ardupilot
+from analysis.sources.map_draft import draft
+from analysis.sources.open import open_source
+from analysis.sources.paparazzi import read_paparazzi
 from analysis.sources.px4 import read_px4
 from flight.errors import InputError
+from flight.propeller_files import load_propeller
+from flight.shipped_propellers import FOLDER
 from sim.dataflash_writer import DataflashMessages, write_dataflash, write_text
 from sim.telemetry_writer import write_telemetry
 from sim.ulog_writer import UlogContents, UlogTopic, write_ulog
@@ -50,6 +60,88 @@ LIMITS = [struct.pack(code, x) for code, x in (
     ("<I", 0), ("<I", 2**32 - 1), ("<i", 2**31 - 1), ("<q", -1), ("<Q", 2**63), ("<H", 0), ("<H", 2**16 - 1),
     ("<B", 0), ("<B", 255), ("<B", 127),
 )]  # fmt: skip
+
+
+def small_table() -> bytes:
+    """The log of a radio, which needs no map: times of day, positions in one cell, units in brackets."""
+    lines = ["Date,Time,RSSI(dB),GPS,GSpd(kmh),Hdg(@),Alt(m),ASpd(kts),VFAS(V),Curr(A)"]
+    for i in range(60):
+        wave = np.sin(0.3 * i)
+        lines.append(
+            f"2024-05-01,12:59:{i:02d}.500,80,{48 + 1e-4 * i:.6f} 11.500000,{60 + 9 * wave:.1f},{i},"
+            f"{50 + 5 * wave:.1f},{31 + 4 * wave:.1f},{15 - 0.2 * wave:.2f},{8 + 3 * wave:.2f}"
+        )
+    return "\n".join(lines).encode()
+
+
+def european_table() -> bytes:
+    """Semicolons, decimal commas, a line of units, lines before the names."""
+    rows = [
+        f"{i / 5:.1f};{15 + np.sin(i / 9):.2f};{50 + np.sin(i / 7):.2f};14,9;{8 + np.sin(i / 9):.2f}" for i in range(60)
+    ]
+    head = ["recorder 2", "", "Zeit;airspeed;altitude;voltage;current", "s;m/s;m;V;A"]
+    return "\n".join([*head, *(row.replace(".", ",") for row in rows)]).encode()
+
+
+def matlab_structure() -> bytes:
+    from scipy.io import savemat
+
+    t_s, stream = np.arange(60) / 5, io.BytesIO()
+    v = np.stack([12 + np.sin(t_s), np.cos(t_s), 0 * t_s])
+    savemat(stream, {"log": {"times": t_s, "airspeed": 15 + np.sin(t_s), "v": v, "altitude": 50 + t_s}})
+    return stream.getvalue()
+
+
+def matlab_log() -> bytes:
+    from scipy.io import savemat
+
+    t_us, stream = 1e6 + 2e5 * np.arange(60), io.BytesIO()
+    kinds = {
+        "ARSP": ("Airspeed", 15 + np.sin(t_us / 1e6)),
+        "BARO": ("Press", 1e5 + t_us * 0),
+        "BAT": ("Volt", 15 + 0 * t_us),
+    }
+    parts: dict[str, object] = {}
+    for name, (field, value) in kinds.items():
+        parts |= {name: np.column_stack([t_us, value]), f"{name}_label": np.array(["TimeUS", field], dtype=object)}
+    names = np.empty((1, 2), dtype=object)
+    names[0] = ["TECS_CLMB_MAX", 5.0]
+    savemat(stream, parts | {"PARM": names})
+    return stream.getvalue()
+
+
+def paparazzi() -> bytes:
+    lines = []
+    for i in range(40):
+        sent = ("AIR_DATA 95000.0 140.0 15.0 1013.0 500.0 15.1 15.4", "ENERGY 50 15.0 8.0 120 1 1",
+                "GPS 3 100 200 900 500000 1500 10")  # fmt: skip
+        lines += [f"{i / 4:.2f} 7 {one}" for one in sent]
+    return "\n".join(lines).encode()
+
+
+WAYPOINTS = b"QGC WPL 110\n" + b"".join(
+    b"%d\t%d\t3\t%d\t0\t0\t0\t0\t48.%03d\t11.5\t%d\t1\n" % (i, i == 0, 22 if i == 1 else 16, i, 50 + i)
+    for i in range(8)
+)
+INAV = b'<?xml version="1.0"?>\n<mission><version value="2.3-pre8"/>' + b"".join(
+    b'<missionitem no="%d" action="WAYPOINT" lat="48.00%d" lon="11.5" alt="50" parameter1="0" parameter2="0"'
+    b' parameter3="0" flag="%d"/>' % (i, i, 165 * (i == 4))
+    for i in range(1, 5)
+) + b"</mission>"  # fmt: skip
+KML = (
+    b'<?xml version="1.0"?><kml xmlns="http://www.opengis.net/kml/2.2"><Document><Placemark><LineString><coordinates>'
+    b"11.5,48.0,50 11.6,48.1,60 11.7,48.0,50</coordinates></LineString></Placemark></Document></kml>"
+)
+
+
+def plan() -> bytes:
+    items = [{"type": "SimpleItem", "command": 22 if i == 1 else 16, "frame": 3, "doJumpId": i, "autoContinue": True,
+              "params": [0, 0, 0, None, 48 + 1e-3 * i, 11.5, 50]} for i in range(1, 6)]  # fmt: skip
+    mission = {"items": items, "plannedHomePosition": [48.0, 11.5, 500], "vehicleType": 1, "firmwareType": 12,
+               "cruiseSpeed": 15, "hoverSpeed": 5, "version": 2}  # fmt: skip
+    return json.dumps(
+        {"fileType": "Plan", "version": 1, "groundStation": "QGroundControl", "mission": mission}
+    ).encode()
 
 
 def small_log(path: Path, flown_s: float, rate_Hz: float) -> None:
@@ -100,6 +192,10 @@ def small_log(path: Path, flown_s: float, rate_Hz: float) -> None:
     {".log": write_text, ".tlog": write_telemetry}.get(path.suffix, write_dataflash)(path, logged)
 
 
+def mission(path: Path) -> object:
+    return load_mission(path, Assumed(home_deg=(48.0, 11.5)))
+
+
 @dataclass(frozen=True)
 class Target:
     """share : of all inputs"""
@@ -109,13 +205,24 @@ class Target:
     run: Callable[[Path], object]
     share: float
     log: tuple[float, float] = (READ_S, 5.0)  # duration [s], rate [Hz]
+    made: Callable[[], bytes] | None = None  # the input that is altered, if it is no log of `small_log`
 
 
 TARGETS = (
-    Target("dataflash", ".bin", read_ardupilot, 0.474),
-    Target("ulog", ".ulg", read_px4, 0.38),
-    Target("telemetry", ".tlog", read_ardupilot, 0.08),
-    Target("dataflash-text", ".log", read_ardupilot, 0.06),
+    Target("dataflash", ".bin", read_ardupilot, 0.28),
+    Target("ulog", ".ulg", read_px4, 0.20),
+    Target("telemetry", ".tlog", read_ardupilot, 0.04),
+    Target("dataflash-text", ".log", read_ardupilot, 0.03),
+    Target("matlab-log", ".mat", open_source, 0.02, made=matlab_log),
+    Target("paparazzi", ".data", read_paparazzi, 0.08, made=paparazzi),
+    Target("radio-table", ".csv", open_source, 0.01, made=small_table),
+    Target("european-table", ".csv", draft, 0.01, made=european_table),
+    Target("matlab-table", ".mat", draft, 0.01, made=matlab_structure),
+    Target("waypoints", ".waypoints", mission, 0.1, made=lambda: WAYPOINTS),
+    Target("plan", ".plan", mission, 0.1, made=plan),
+    Target("inav-mission", ".mission", mission, 0.04, made=lambda: INAV),
+    Target("map-line", ".kml", mission, 0.04, made=lambda: KML),
+    Target("propeller", ".csv", load_propeller, 0.034, made=lambda: (FOLDER / "apc-12x8e.csv").read_bytes()),
     Target("electrical", ".bin", electrical, 0.003, (FLOWN_S, 1.0)),
     Target("electrical-ulog", ".ulg", electrical, 0.003, (FLOWN_S, 1.0)),
 )
@@ -173,7 +280,6 @@ def tried(job: tuple[int, bytes, int, int, float]) -> Tally:
     """Inputs of one target from one number to before another, until a time."""
     index, data, first, stop, until = job
     target, tally = TARGETS[index], Tally()
-    warnings.simplefilter("ignore")
 
     def too_long(_: int, __: FrameType | None) -> None:
         raise Hang(f"longer than {SLOWEST_S:g} s")
@@ -190,7 +296,14 @@ def tried(job: tuple[int, bytes, int, int, float]) -> Tally:
             began = time.process_time()
             signal.setitimer(signal.ITIMER_PROF, SLOWEST_S)
             try:
-                target.run(path)
+                with warnings.catch_warnings(record=True) as warned:
+                    warnings.simplefilter("always")
+                    warnings.simplefilter("ignore", ResourceWarning)  # which Python does not show
+                    target.run(path)
+                if warned:
+                    raise RuntimeError(
+                        f"warned: {warned[0].category.__name__}: {warned[0].message} ({warned[0].filename})"
+                    )
             except InputError:
                 tally.refused += 1
             except (Exception, Hang):
@@ -211,7 +324,10 @@ def original(target: Target) -> bytes:
     """The log that is altered; raises InputError if it is refused itself."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"log{target.suffix}"
-        small_log(path, *target.log)
+        if target.made is None:
+            small_log(path, *target.log)
+        else:
+            path.write_bytes(target.made())
         target.run(path)
         return path.read_bytes()
 

@@ -5,12 +5,13 @@ Mission Planner writes a matrix for each message, with the names of its columns 
 """
 
 import re
-import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from analysis.sources.mat_file import read_mat
 
 CLOCKS = ("TimeUS", "TimeMS", "T")  # of messages: one of them tells a log from another structure
 LABEL = "_label"
@@ -42,12 +43,8 @@ class MatlabLog:
 
 
 def _messages(path: Path, kinds: tuple[str, ...]) -> dict[str, dict[str, NDArray[Any]]]:
-    from scipy.io import loadmat
-
-    wanted = [name for kind in kinds for name in (kind, kind + LABEL)]
     try:
-        with warnings.catch_warnings(action="ignore"):
-            variables = loadmat(path, variable_names=wanted or None, squeeze_me=True, struct_as_record=False)
+        variables = read_mat(path.read_bytes())
     except Exception:  # damaged files lead to errors of many kinds
         return {}
     kinds = kinds or tuple(name for name in variables if not name.startswith("__") and not name.endswith(LABEL))
@@ -57,14 +54,16 @@ def _messages(path: Path, kinds: tuple[str, ...]) -> dict[str, dict[str, NDArray
 
 def _columns(value: Any, labels: Any) -> dict[str, NDArray[Any]]:
     """The columns of a labeled matrix, a structure, or the list of parameters; empty where it is none of them."""
+    if isinstance(value, np.ndarray) and value.ndim == 1 and (value.dtype == object or labels is not None):
+        value = value[None]  # one message, or one parameter
     if isinstance(value, np.ndarray) and value.dtype == object and value.ndim == 2 and value.shape[1] == 2:
         return {"Name": _texts(value[:, 0]), "Value": np.array([_number(x) for x in value[:, 1]])}
     if isinstance(value, np.ndarray) and value.ndim == 2 and value.dtype.kind in "fiu" and labels is not None:
         names = [str(name).strip() for name in np.atleast_1d(labels)]
         if len(names) == value.shape[1] and len(set(names)) == len(names):
             return _timed(dict(zip(names, value.T.astype(np.float64), strict=True)))
-    if hasattr(value, "_fieldnames"):
-        fields = {name: np.atleast_1d(getattr(value, name)) for name in value._fieldnames}
+    if isinstance(value, dict):
+        fields = {name: np.atleast_1d(inside) for name, inside in value.items() if inside is not None}
         kept = {name: x if x.dtype.kind in "fiu" else _texts(x) for name, x in fields.items() if x.ndim == 1}
         return _timed({name: x if x.dtype.kind == "S" else x.astype(np.float64) for name, x in kept.items()})
     return {}

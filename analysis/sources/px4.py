@@ -240,11 +240,7 @@ def _refuse_wingless(path: Path, topics: dict[str, list[_Topic]], parameters: di
         raise InputError(f"{path}: the log of a multicopter, rover or boat; power required is that of a fixed wing")
     for status in topics.get("vehicle_status", []):
         kinds = status.values("vehicle_type") if status.has("vehicle_type") else np.empty(0)
-        mav = (
-            set(np.nan_to_num(status.values("system_type")).astype(int).tolist())
-            if status.has("system_type")
-            else set()
-        )
+        mav = set(status.values("system_type").tolist()) if status.has("system_type") else set()
         vtol = status.has("is_vtol") and bool(status.values("is_vtol").any())
         if mav & ROVERS or (len(kinds) and (kinds == VehicleType.ROVER).all()):
             raise InputError(f"{path}: the log of a rover or boat; power required is that of a fixed wing")

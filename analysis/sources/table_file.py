@@ -2,7 +2,6 @@
 
 import gzip
 import io
-import warnings
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from analysis.sources.autopilot_settings import READABLE
+from analysis.sources.mat_file import read_mat
 from flight.arrays import Array
 from flight.errors import InputError
 from flight.formats import (
@@ -137,17 +137,15 @@ def _mat(path: Path) -> Table:
 
     Those of another length belong to another time base, and are named.
     """
-    from scipy.io import loadmat
-
     vectors: dict[str, Array] = {}
     matrices: dict[str, Array] = {}
     others: list[str] = []
 
     def add(name: str, value: Any) -> None:
-        if hasattr(value, "_fieldnames"):
-            for field in value._fieldnames:
-                add(f"{name}.{field}", getattr(value, field))
-        elif isinstance(value, np.ndarray) and np.issubdtype(value.dtype, np.number) and not np.iscomplexobj(value):
+        if isinstance(value, dict):
+            for field, inside in value.items():
+                add(f"{name}.{field}", inside)
+        elif isinstance(value, np.ndarray) and np.issubdtype(value.dtype, np.number):
             if value.ndim == 1 and len(value) >= READABLE.fewest_samples:
                 vectors[name] = value.astype(np.float64)
             elif value.ndim == 2 and max(value.shape) >= READABLE.fewest_samples > min(value.shape):
@@ -155,16 +153,14 @@ def _mat(path: Path) -> Table:
             elif value.size >= READABLE.fewest_samples:
                 others.append(f"{name} ({' x '.join(map(str, value.shape))})")
 
-    with warnings.catch_warnings(action="ignore"):
-        variables = loadmat(path, squeeze_me=True, struct_as_record=False)
+    variables = read_mat(path.read_bytes())
     if any("_mavlink_" in name for name in variables):
         raise InputError(
             f"{path}: telemetry that Mission Planner has written with times of its own for each field, which is not"
             " read: analyze the .tlog that it was made from"
         )
     for name, value in variables.items():
-        if not name.startswith("__"):
-            add(name, value)
+        add(name, value)
     for name, matrix in matrices.items():
         columns = matrix.T if len(matrix) == max(matrix.shape) else matrix
         vectors |= {f"{name}({i + 1})": column for i, column in enumerate(columns)}

@@ -35,8 +35,9 @@ class TextLog:
         try:
             with contextlib.redirect_stdout(io.StringIO()):
                 reader = _Reader(str(path))
-                while (message := reader.recv_match(type=set(kinds) or None)) is not None:
-                    self._rows[message.get_type()].append(message)
+                with reader.filehandle:
+                    while (message := reader.recv_match(type=set(kinds) or None)) is not None:
+                        self._rows[message.get_type()].append(message)
         except Exception as error:  # altered lines lead to errors of many kinds
             if not self._rows:
                 raise ValueError(f"{type(error).__name__} in its text") from None

@@ -1,0 +1,64 @@
+"""Variables of .mat files are those of scipy's reader, and damage ends in an error that is caught."""
+
+import io
+import random
+
+import numpy as np
+import pytest
+from scipy.io import loadmat, savemat
+
+from analysis.sources.mat_file import read_mat
+
+RNG = np.random.default_rng(0)
+INSIDE: dict[str, object] = {
+    "t": RNG.normal(size=50),
+    "matrix": RNG.normal(size=(3, 40)),
+    "small": np.arange(5, dtype=np.uint8),
+    "whole": np.arange(-20, 20, dtype=np.int16),
+    "single": RNG.normal(size=30).astype(np.float32),
+    "scalar": 4.25,
+    "text": "ArduPlane V4.5",
+    "rows": np.array(["ab", "cde"]),
+    "labels": np.array(["TimeUS", "I", "Airspeed"], dtype=object),
+    "log": {"air": {"speed": RNG.normal(size=50)}, "x": 1.0},
+    "empty": np.zeros((0, 3)),
+}
+
+
+def written(compressed: bool) -> bytes:
+    stream = io.BytesIO()
+    savemat(stream, INSIDE, do_compression=compressed)
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_variables_are_those_of_a_second_reader(compressed: bool) -> None:
+    data = written(compressed)
+    found, other = read_mat(data), loadmat(io.BytesIO(data), squeeze_me=True, struct_as_record=False)
+    for name in ("t", "matrix", "small", "whole", "single", "scalar"):
+        assert found[name] == pytest.approx(other[name]) and found[name].dtype == np.asarray(other[name]).dtype, name
+    assert found["text"] == other["text"] and found["rows"].tolist() == [one.rstrip() for one in other["rows"]]
+    assert found["labels"].tolist() == other["labels"].tolist() == ["TimeUS", "I", "Airspeed"]
+    assert found["log"]["air"]["speed"] == pytest.approx(other["log"].air.speed)
+    assert found["empty"].size == 0
+
+
+def test_what_is_not_read_is_left_out() -> None:
+    stream = io.BytesIO()
+    savemat(stream, {"z": np.array([1 + 2j, 3.0]), "t": np.arange(3.0)})
+    assert read_mat(stream.getvalue()).keys() == {"t"}
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_damage_ends_in_an_error_or_in_other_values(compressed: bool) -> None:
+    """scipy.io.loadmat ends the program at some of such files."""
+    data, draw, refused = written(compressed), random.Random(1), 0
+    for _ in range(300):
+        altered = bytearray(data)
+        for _ in range(4):
+            altered[draw.randrange(128, len(altered))] = draw.randrange(256)
+        try:
+            read_mat(bytes(altered[: draw.randrange(200, len(altered))]))
+        except Exception:
+            refused += 1
+    assert refused > 100
