@@ -66,7 +66,7 @@ def listed(folder: Path) -> list[Json]:
                 "of_file": about.start_s is None,
                 "length": "" if about.length_s is None else _minutes(about.length_s),
                 "kind": about.kind,
-                "MB": round(stat.st_size / 1e6, 1),
+                "size": f"{stat.st_size / 1e6:.1f} MB" if stat.st_size > 1e5 else f"{stat.st_size / 1e3:.1f} kB",
                 "report": (report_folder(path) / "report.html").is_file(),
             }
         )

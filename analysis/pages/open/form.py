@@ -83,6 +83,11 @@ class OptionField(NamedTuple):
     example: str
     meaning: str
 
+    @property
+    def unit(self) -> str:
+        """The unit of the example."""
+        return self.example.split()[-1]
+
     def parsed(self, text: str) -> Any:
         """As the command reads it. Raises InputError."""
         parser: Callable[[str], Any] | None = (

@@ -69,7 +69,7 @@ class RunsFlight(OpenedFlight):
             "command": self.command(Values("")),
             "form": form.aircraft_form(self.aircraft_keys),
             "strips": self.strips({}),
-            "events": msgspec.to_builtins(self._events),
+            "events": [one._asdict() for one in self._events],
             "runs": self._found(measured),
             "propellers": shipped_propellers(),
             "propeller": measured.propeller.name,

@@ -64,7 +64,7 @@ class WholeFlight(OpenedFlight):
             "command": self.command(Values("")),
             "form": groups,
             "strips": self.strips({}),
-            "events": msgspec.to_builtins([self._from_start(one) for one in self.recording.events]),
+            "events": [self._from_start(one)._asdict() for one in self.recording.events],
             "propellers": shipped_propellers(),
             "propeller": self.aircraft_keys.get("propulsion.propeller", ""),
             "remembered": {} if self.aircraft_keys else remembered(report_folder(self.path)),
@@ -119,7 +119,7 @@ class WholeFlight(OpenedFlight):
         wind = (estimate.airspeed.wind_mps, estimate.airspeed.wind_from_deg)
         stretches = [Stretch(AIRBORNE, start, end) for start, end in airborne]
         return curve_json(curve) | {
-            "guessed": {key: f"{value:.2g}" for key, value in guessed.items()},
+            "guessed": {key: f"{value:.2g} {form.OPTIONS[key].unit}" for key, value in guessed.items()},
             "airborne": airborne,
             "required": columns(done.results.power_required) if done.results.power_required else None,
             "sources": shares(_variances(estimate, middle)),

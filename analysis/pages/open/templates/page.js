@@ -98,7 +98,7 @@ async function list() {
     put(put(row, "td"), log.of_file ? "em" : "span", {}, log.date);
     const button = put(put(row, "td"), "button", {type: "button", "aria-current": String(Boolean(flight && flight.file === log.name))}, log.name);
     button.addEventListener("click", () => open(log.name));
-    for (const text of [log.length, `${log.kind}, ${log.MB} MB`, log.report ? "yes" : ""]) put(row, "td", {}, text);
+    for (const text of [log.length, `${log.kind}, ${log.size}`, log.report ? "yes" : ""]) put(row, "td", {}, text);
   }
   const choice = at("other"), others = logs.filter(log => flight && log.name !== flight.file);
   choice.replaceChildren();

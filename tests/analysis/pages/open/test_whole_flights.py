@@ -1,0 +1,181 @@
+"""A flight of an autopilot on the local page: what is shown, guessed, left out by hand, and repeated by the command."""
+
+import json
+import re
+import shlex
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from analysis.curve import Kind
+from analysis.pages.open.flights import Folder
+from analysis.pages.open.request import LIMITS, FieldError, Values
+from analysis.pages.open.whole_flight import WholeFlight
+from flight.aircraft import load_aircraft
+from flight.errors import InputError
+from tests.unchanged.commands import flight, run
+
+LOGS = {"flight.BIN": "ardupilot", "flight.ulg": "px4"}
+AIRCRAFT = {"mass": "3.84 kg", "wing-area": "0.464 m^2", "span": "1.75 m"}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Folder:
+    at = tmp_path_factory.mktemp("whole")
+    for name in ("flights", "workspace"):
+        (at / name).mkdir()
+    for name, autopilot in LOGS.items():
+        (at / "flights" / name).write_bytes(flight("ordinary-flight", "--as", autopilot, "--seed", "3"))
+    return Folder(at / "flights", at / "workspace")
+
+
+@pytest.fixture(params=LOGS)
+def log(folder: Folder, request: pytest.FixtureRequest) -> WholeFlight:
+    return opened(folder, request.param)
+
+
+def opened(folder: Folder, name: str = "flight.BIN") -> WholeFlight:
+    found = folder.flight(name)
+    assert isinstance(found, WholeFlight)
+    return found
+
+
+def titles(strips: str) -> list[str]:
+    return re.findall(r'class="title"><text[^>]*>([^<]*)', strips)
+
+
+def power_at_15(curve: dict[str, Any]) -> float:
+    return float(np.interp(15.0, curve["speed_mps"], curve["power_W"]))
+
+
+def test_a_log_is_shown_with_strips_modes_track_and_curve_without_a_word_typed(log: WholeFlight) -> None:
+    shown = log.shown
+    assert shown["kind"] is Kind.ELECTRICAL
+    drawn = titles(shown["strips"])
+    assert drawn[:4] == ["indicated airspeed, m/s", "speed over ground, m/s", "height, m", "electrical power, W"]
+    assert ("modes" in drawn) == bool(shown["events"])
+    assert [field["key"] for field in shown["form"][0]["fields"]][:3] == ["mass", "wing-area", "span"]
+    found = log.curve(Values(log.path.name))
+    assert set(found["guessed"]) == {"mass", "wing-area", "span"} and found["guessed"]["mass"].endswith(" kg")
+    assert found["airborne"] and found["airborne"][-1][1] < log.end_s
+    track = found["figures"]["track"]
+    assert all(word in track for word in (">north<", ">wind, ", " m<")), "north, wind and scale"
+
+
+def test_the_guess_is_near_enough_for_a_picture_and_is_never_written(log: WholeFlight) -> None:
+    """The guessed mass may be wrong by a factor of three; power of level flight is measured, and hardly follows it."""
+    name = log.path.name
+    guessed, known = log.curve(Values(name)), log.curve(Values(name, aircraft=AIRCRAFT))
+    assert known["guessed"] == {} and known["mass_kg"] == pytest.approx(3.84)
+    assert 1 / 3 < guessed["mass_kg"] / 3.84 < 3
+    assert power_at_15(guessed["curve"]) == pytest.approx(power_at_15(known["curve"]), rel=0.15)
+    before = sorted(log.path.parent.iterdir())
+    for aircraft, field in (({}, "mass"), ({"mass": "3.84 kg", "span": "1.75 m"}, "wing-area")):
+        with pytest.raises(FieldError) as refused:
+            log.write(Values(name, aircraft=aircraft))
+        assert refused.value.field == field
+    assert sorted(log.path.parent.iterdir()) == before
+
+
+def test_what_was_left_out_by_hand_is_repeated_by_the_command(
+    folder: Folder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    log = opened(folder)
+    whole = log.curve(Values("flight.BIN", aircraft=AIRCRAFT))
+    start, end = whole["airborne"][0]
+    middle = (start + end) / 2
+    values = Values("flight.BIN", aircraft=AIRCRAFT, left_out=[(round(middle), round(middle) + 60.0)])
+    cut = log.curve(values)
+    assert len(cut["airborne"]) == len(whole["airborne"]) + 1 and cut["curve"] != whole["curve"]
+    assert not any(a < middle + 30 < b for a, b in cut["airborne"])
+    told = log.write(values)["command"]
+    results = json.loads((log.path.parent / "flight.report" / "results.json").read_text("utf-8"))
+    for name, drawn in cut["curve"].items():
+        assert drawn == pytest.approx([point[name] for point in results["electrical_power"]], rel=1e-12)
+    _, *words = shlex.split(told)
+    assert words[-2:] == ["--leave-out", f"{round(middle):.1f} to {round(middle) + 60:.1f} s"]
+    assert run("analyze", *words, "-o", tmp_path / "again")["exit code"] == 0
+    again = json.loads((tmp_path / "again" / "results.json").read_text("utf-8"))
+    assert again["electrical_power"] == results["electrical_power"]
+    assert opened(Folder(folder.path, folder.workspace)).shown["remembered"] == {
+        "mass": "3.84 kg", "wing-area": "0.464 m^2", "span": "1.75 m",
+    }, "the next time its report says what was flown"  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("changed", "field"),
+    [
+        ({"aircraft": AIRCRAFT | {"mass": "heavy"}}, "mass"),
+        ({"aircraft": AIRCRAFT | {"span": "-1 m"}}, "span"),
+        ({"aircraft": AIRCRAFT | {"battery-Wh": "a lot"}}, "battery-Wh"),
+        ({"aircraft": AIRCRAFT | {"air-temperature": "20 m"}}, "air-temperature"),
+        ({"propeller": "../../etc/passwd"}, "propeller"),
+        ({"left_out": [(10.0, 20.0), (200.0, 100.0)]}, "run 1"),
+        ({"left_out": [(-5.0, 20.0)]}, "run 0"),
+        ({"left_out": [(1e5, 2e5)]}, "run 0"),
+        ({"left_out": [(float("nan"), 20.0)]}, "run 0"),
+    ],
+    ids=str,
+)
+def test_a_wrong_value_is_refused_at_its_field(folder: Folder, changed: dict[str, Any], field: str) -> None:
+    with pytest.raises(FieldError) as refused:
+        opened(folder).curve(Values("flight.BIN", **changed))
+    assert refused.value.field == field and "\n" not in str(refused.value)
+
+
+def test_the_energy_of_the_battery_and_the_temperature_are_options_of_the_command(folder: Folder) -> None:
+    values = Values("flight.BIN", aircraft=AIRCRAFT | {"battery-Wh": "74", "air-temperature": "30 degC", "span": ""})
+    log = opened(folder)
+    assert "--battery-Wh 74 --air-temperature '30 degC'" in log.command(values) and "--span" not in log.command(values)
+    warm, usual = (
+        log.curve(Values("flight.BIN", aircraft=AIRCRAFT | {"air-temperature": text}))["density_kgpm3"]
+        for text in ("40 degC", "0 degC")
+    )
+    assert warm / usual == pytest.approx(273.15 / 313.15, rel=1e-3)
+
+
+def test_any_channel_of_the_log_is_drawn_when_it_is_asked_for(log: WholeFlight) -> None:
+    name = "vehicle_status.vehicle_type" if log.path.suffix == ".ulg" else "CTUN.ThO"
+    assert name in log.channels and len(log.channels) > 20
+    drawn = titles(log.drawn(Values(log.path.name, channels=[name]))["strips"])
+    assert name in drawn and drawn[0] == "indicated airspeed, m/s"
+    with pytest.raises(InputError, match="no such channel"):
+        log.drawn(Values(log.path.name, channels=["CTUN.Thrust"]))
+    with pytest.raises(InputError, match="drawn at most"):
+        log.drawn(Values(log.path.name, channels=[name] * (LIMITS.channels + 1)))
+
+
+def test_another_flight_is_compared_at_equal_weight_and_density(folder: Folder) -> None:
+    """At one lift coefficient speed goes with the root of weight over density."""
+    log = opened(folder)
+    flown = log.curve(Values("flight.BIN", aircraft=AIRCRAFT))
+    at = (2 * flown["mass_kg"], 0.9 * flown["density_kgpm3"])
+    asked = log.curve(Values("flight.BIN", aircraft=AIRCRAFT, at=at))
+    factor = (2 / 0.9) ** 0.5
+    assert asked["curve"]["speed_mps"] == pytest.approx(factor * np.array(flown["curve"]["speed_mps"]), rel=1e-9)
+    assert asked["kind"] == flown["kind"] == "electrical power"
+
+
+def test_a_log_of_the_daemon_without_flow_angles_keeps_its_aircraft_file(
+    flown: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its values are keys of that file; nothing is guessed."""
+    for name in ("flights", "workspace"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "flights" / "log.mcap").write_bytes(flown)
+    monkeypatch.setattr("analysis.pipeline.lacks_drag_topics", lambda _: True)
+    log = opened(Folder(tmp_path / "flights", tmp_path / "workspace"), "log.mcap")
+    keys = {field["key"] for group in log.shown["form"] for field in group["fields"]}
+    assert {"mass.weight", "geometry.span"} <= keys and not any(key.startswith("uncertainty.") for key in keys)
+    heavier = log.curve(Values("log.mcap", aircraft={"mass.weight": "4.5 kg"}))
+    assert heavier["guessed"] == {} and heavier["mass_kg"] == pytest.approx(4.5)
+    assert log.curve(Values("log.mcap"))["mass_kg"] == pytest.approx(load_aircraft("nexstar").mass.weight_N / 9.80665)
+    with pytest.raises(FieldError) as refused:
+        log.curve(Values("log.mcap", aircraft={"mass.weight": "four"}))
+    assert refused.value.field == "mass.weight"
+    assert "/imu angular_rate_x_radps" in log.channels
+    msgspec.json.encode(log.shown)
