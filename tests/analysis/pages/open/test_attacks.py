@@ -1,7 +1,9 @@
 """What other pages, programs and wrong files may try on the local page: refused, nothing written, nothing read."""
 
+import gzip
 import io
 import json
+import os
 import socket
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,6 +15,7 @@ import pytest
 from analysis.pages.open.flights import Folder
 from analysis.pages.open.request import LIMITS
 from analysis.pages.open.server import LocalPage, server_of
+from tests.unchanged.commands import flight
 
 HOST, TOKEN = "127.0.0.1:5555", "the-secret-of-this-page"
 VALUES = {"file": "log.mcap"}
@@ -126,6 +129,13 @@ ATTACKS: dict[str, tuple[str, str, bytes, dict[str, Any]]] = {
     "a polar by an absolute path": ("POST", of("write"), values(polar="/etc/passwd"), {}),
     "a log as a polar": ("POST", of("curve"), values(polar="log.mcap"), {}),
     "a program": ("PUT", of("file/run.sh"), b"x", {}),
+    "a name with a control character": ("PUT", of("file/new\x07.mcap"), b"x", {}),
+    "a map of columns that is none": ("PUT", of("file/new.columns.toml"), b"[speed]\n", {}),
+    "an aircraft file": ("PUT", of("file/new.toml"), b"x = 1\n", {}),
+    "a table without numbers": ("PUT", of("file/new.parquet"), b"PAR1 and nothing", {}),
+    "a channel that is none": ("POST", of("strips"), values(channels=["../secret"]), {}),
+    "channels without end": ("POST", of("strips"), values(channels=["/imu status"] * 100), {}),
+    "a stretch of a flight with runs": ("POST", of("curve"), values(aircraft={"mass": "1 kg"}), {}),
     "a log with a device's name": ("PUT", of("file/new.mcap:stream"), b"x", {}),
     "a log whose name is too long": ("PUT", of(f"file/{'n' * 300}.mcap"), b"x", {}),
     "a log from another page": ("PUT", of("file/new.mcap"), b"x", {"HTTP_ORIGIN": "http://evil.example"}),
@@ -161,6 +171,65 @@ def test_a_dropped_log_is_kept_and_opens(page: LocalPage, flown: bytes) -> None:
         json.loads(asked(page, "POST", of("open"), values(file="dropped flight (2).mcap")).body)["kind"]
         == "power_required"
     )
+
+
+@pytest.mark.parametrize(
+    "name", ["полёт.mcap", "उड़ान 3.mcap", "飛行.mcap", "vol d'été (2).MCAP", "رحلة.mcap", "u\u0308bung.mcap"]
+)
+def test_names_in_any_script_are_kept(page: LocalPage, flown: bytes, name: str) -> None:
+    """A path of percent-encoded bytes arrives as Latin-1 (PEP 3333)."""
+    sent = of(f"file/{name}").encode().decode("latin-1")
+    assert json.loads(asked(page, "PUT", sent, flown).body)["file"] == name
+    assert name in page.folder.logs()
+    refused = asked(page, "PUT", sent, flown)
+    assert refused.status == 422 and b"rename the file" in refused.body
+
+
+def test_a_message_says_at_which_field_it_belongs(page: LocalPage) -> None:
+    answer = asked(page, "POST", of("curve"), values(aircraft={"mass.weight": "heavy", "geometry.span": "1.8 m"}))
+    assert (answer.status, answer.headers["X-Field"]) == (422, "mass.weight")
+    answer = asked(page, "POST", of("curve"), values(runs=[RUN | {"start_s": 99.0}]))
+    assert (answer.status, answer.headers["X-Field"]) == (422, "run%200")
+    assert asked(page, "POST", of("open"), values()).headers["X-Field"] == ""
+
+
+def test_every_format_that_is_analyzed_can_be_dropped(page: LocalPage) -> None:
+    """And is listed with its kind; a table gets a map of its columns by their names, if it has none."""
+    t_s = [k / 5 for k in range(60)]
+    table = "time [s],airspeed [m/s],pressure [Pa],voltage [V],current [A]\n"
+    table += "".join(f"{t},{15 + t / 10},{101000 - t},12.5,{5 + t / 100}\n" for t in t_s)
+    lines = "".join(f"{t:.3f} 20 ENERGY 55 11.5 1.7\n" for t in t_s).encode()
+    kinds = {
+        "flight.csv": (table.encode(), "table"), "flight.csv.gz": (gzip.compress(table.encode()), "table"),
+        "radio.data": (lines, "log"), "radio.data.gz": (gzip.compress(lines), "log"),
+        "flight.BIN": (flight("ordinary-flight", "--as", "ardupilot", "--seed", "3"), "log"),
+        "mine.columns.toml": (b'[time]\ncolumn = "t"\nunit = "s"\n', "map"),
+        "polar.csv": (b"CL,CD\n0.2,0.03\n0.6,0.04\n1.0,0.08\n", "polar"),
+    }  # fmt: skip
+    for name, (content, kind) in kinds.items():
+        answer = asked(page, "PUT", of(f"file/{name}"), content)
+        assert answer.status == 200, (name, answer.body)
+        assert json.loads(answer.body)["kind"] == kind
+    drafted = (page.folder.path / "flight.csv.columns.toml").read_text("utf-8")
+    assert 'column = "current [A]"' in drafted
+    listed = {one["name"]: one["kind"] for one in json.loads(asked(page, "GET", of("logs")).body)["logs"]}
+    assert listed == {
+        "flight.csv": "table", "flight.csv.gz": "table", "radio.data": "Paparazzi", "radio.data.gz": "Paparazzi",
+        "flight.BIN": "ArduPilot", "log.mcap": "flightpower",
+    }  # fmt: skip
+
+
+def test_logs_are_listed_by_date_with_length_and_kind(page: LocalPage, flown: bytes) -> None:
+    folder = page.folder.path
+    for name, mtime_s in (("old.data", 1.5e9), ("new.data", 1.7e9)):
+        (folder / name).write_text("".join(f"{k / 2:.3f} 20 ENERGY 55 11.5 1.7\n" for k in range(600)))
+        os.utime(folder / name, (mtime_s, mtime_s))
+    answer = json.loads(asked(page, "GET", of("logs")).body)
+    assert answer["folder"] == str(folder)
+    found = [one for one in answer["logs"] if one["name"] != "log.mcap"]
+    assert [one["name"] for one in found] == ["new.data", "old.data"]
+    assert found[0]["date"].startswith("2023-11-1") and found[0]["of_file"]
+    assert found[0]["length"] == "5 min" and found[0]["kind"] == "Paparazzi" and not found[0]["report"]
 
 
 def test_a_report_is_shown_where_it_can_reach_nothing(page: LocalPage) -> None:

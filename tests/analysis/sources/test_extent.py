@@ -1,0 +1,71 @@
+"""The first and last bytes of a log say what wrote it and how long it is; what is damaged is not guessed at."""
+
+import gzip
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.sources.extent import Extent, extent
+from sim.dataflash_writer import write_dataflash, write_text
+from sim.telemetry_writer import BOOTED_US, write_telemetry
+from sim.ulog_writer import UlogContents, UlogTopic, write_ulog
+from tests.analysis.sources.test_ground_station_files import flight
+from tests.unchanged.commands import demo_log
+
+LENGTH_S = 59.9
+
+
+def ulog(path: Path, seconds: float = 700.0) -> None:
+    """Longer than what is read of its ends."""
+    t_us = (1e6 * np.arange(50.0, 50.0 + seconds, 0.05)).astype(np.uint64)
+    columns = {f"value_{i}": np.sin(t_us * 1e-7 * i).astype(np.float32) for i in range(6)}
+    write_ulog(path, UlogContents([UlogTopic("airspeed", t_us, columns)]))
+
+
+@pytest.mark.parametrize(
+    ("suffix", "kind"), [(".BIN", "ArduPilot"), (".log", "ArduPilot, as text"), (".tlog", "ArduPilot, by radio")]
+)
+def test_an_ardupilot_log_has_its_length(tmp_path: Path, suffix: str, kind: str) -> None:
+    path = tmp_path / f"flight{suffix}"
+    {".BIN": write_dataflash, ".log": write_text, ".tlog": write_telemetry}[suffix](path, flight())
+    found = extent(path)
+    assert found.kind == kind and found.length_s == pytest.approx(LENGTH_S, abs=0.11)
+    assert found.start_s == (pytest.approx(BOOTED_US / 1e6 + 10) if suffix == ".tlog" else None)
+
+
+def test_a_px4_log_is_read_at_its_ends(tmp_path: Path) -> None:
+    path = tmp_path / "flight.ulg"
+    ulog(path)
+    assert path.stat().st_size > 3 * (1 << 17)
+    assert extent(path) == Extent("PX4", None, pytest.approx(699.95, abs=0.1))
+    path.write_bytes(path.read_bytes()[:-7])  # cut within its last message
+    assert extent(path).length_s == pytest.approx(699.9, abs=0.1)
+
+
+def test_telemetry_of_paparazzi_also_compressed(tmp_path: Path) -> None:
+    lines = "".join(f"{k / 2:.3f} 20 ENERGY 55 11.5 1.7\n" for k in range(20, 20_000)).encode()
+    for path in (tmp_path / "flight.data", tmp_path / "flight.data.gz"):
+        path.write_bytes(gzip.compress(lines) if path.suffix == ".gz" else lines)
+        assert extent(path) == Extent("Paparazzi", None, pytest.approx(9989.5))
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    assert extent(path).length_s is None
+
+
+def test_a_log_of_the_daemon_has_date_and_length(tmp_path: Path) -> None:
+    path = tmp_path / "log.mcap"
+    path.write_bytes(demo_log())
+    found = extent(path)
+    assert found.kind == "flightpower" and 100 < (found.length_s or 0) < 3000
+    path.write_bytes(demo_log()[:-1000])
+    assert extent(path) == Extent("flightpower")
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"\xff" * 40, b"ULog\x01\x12\x35", b"\xa3\x95\x80", b"a,b\n1,2\n", b"\x1f\x8b\x08"]
+)
+def test_what_is_damaged_has_no_length(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "flight.ulg"
+    path.write_bytes(content)
+    assert extent(path).length_s is None
