@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from analysis.flights.flight_statistics import POOLED, FlightStatistics, M
 from analysis.flights.joint import OWN_CHANGES, stacked
-from analysis.flights.pool import Pool, pool
+from analysis.flights.joint_pool import JointPool
+from analysis.flights.pool import pool
 from sim.sensors.budget import load_budget
 
 Array = NDArray[np.float64]
@@ -51,7 +52,7 @@ class Draws:
         }
         return np.concatenate([self.polar, [errors[name] for name in POOLED[3:]]])
 
-    def pool(self, shared: Array, number: int) -> Pool:
+    def pool(self, shared: Array, number: int) -> JointPool:
         """So many flights, drawn with replacement, with new errors of the day."""
         flights = []
         for i in self._rng.integers(len(self.flights), size=number):

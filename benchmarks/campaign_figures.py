@@ -12,9 +12,11 @@ from worlds import Points, world_records
 
 from analysis.curve import Polar, power_required
 from analysis.estimation.noise import NORMAL_95
-from analysis.flights.comparison import compare, flights_to_see
+from analysis.flights.comparison import compare
 from analysis.flights.flight_statistics import read_statistics
-from analysis.flights.pool import Pool, pool_results
+from analysis.flights.joint_pool import JointPool
+from analysis.flights.pool import joint_pool
+from analysis.flights.pooled import flights_to_see
 from flight.aircraft import load_aircraft
 
 Array = NDArray[np.float64]
@@ -60,18 +62,18 @@ def groups(flights: Flights, size: int) -> Iterator[list[dict[str, Any]]]:
         yield [flights[number] for number in numbers[first : first + size]]
 
 
-def pooled(lines: list[dict[str, Any]]) -> Pool:
-    return pool_results([{"evidence": [], **line["results"]} for line in lines])
+def pooled(lines: list[dict[str, Any]]) -> JointPool:
+    return joint_pool([{"evidence": [], **line["results"]} for line in lines])
 
 
-def errors(found: Polar, pool: Pool, lines: list[dict[str, Any]], V: Array) -> tuple[Array, Array]:
+def errors(found: Polar, pool: JointPool, lines: list[dict[str, Any]], V: Array) -> tuple[Array, Array]:
     """Error and half the 95 % interval of a polar, each (speeds,), in percent of the true power."""
     truth = np.mean([line["power_W"] for line in lines], axis=0)
     power, error = power_required(V, found, pool.condition)
     return 100 * (power / truth - 1), 100 * NORMAL_95 * error / truth
 
 
-def mean_polar(pool: Pool) -> Polar:
+def mean_polar(pool: JointPool) -> Polar:
     """The mean of the flights' polars, with the covariance of a mean of independent estimates."""
     polars = [flight.polar for flight in pool.flights]
     weights = [np.linalg.inv(polar.covariance) for polar in polars]

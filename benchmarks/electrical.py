@@ -13,7 +13,8 @@ from flights import Rows, Setup, flown
 from numpy.typing import NDArray
 
 from analysis.estimation.noise import NORMAL_95
-from analysis.flights.electrical import compare_electrical, electrical_pool
+from analysis.flights.comparison import compare
+from analysis.flights.pool import pool_results
 from analysis.methods.whole_flight.curve import FlownAircraft, estimate
 from analysis.methods.whole_flight.drag import DragWithheld, ThrustSource, drag_estimate
 from analysis.methods.whole_flight.flight_table import flight_table
@@ -100,7 +101,7 @@ def one_campaign(setup: Setup, *, sizes: str = "1,3,10", changed: int = 0, blind
     name = "blind" if blind else "electrical"
     flights, rows = [_pooled_flight(setup, aircraft, n, name) for n in range(max(pools))], []
     for size in pools:
-        pool = electrical_pool([found for found, _, _ in flights[:size]])
+        pool = pool_results([found for found, _, _ in flights[:size]])
         at = np.linspace(0, len(pool.curve.V_mps) - 1, SPEEDS).round().astype(int)
         _, flight, errors = flights[0]
         truth = true_power(aircraft, flight, errors, pool.curve.V_mps[at], pool.curve.condition.rho)
@@ -111,7 +112,7 @@ def one_campaign(setup: Setup, *, sizes: str = "1,3,10", changed: int = 0, blind
         draggy = dataclasses.replace(aircraft, aerodynamics={**aircraft.aerodynamics, **drag})
         b = [_pooled_flight(setup, draggy, 100 + n, name) for n in range(changed)]
         a = [found for found, _, _ in flights[:changed]]
-        found = compare_electrical(a, [one for one, _, _ in b])
+        found = compare(pool_results(a), pool_results([one for one, _, _ in b])).results()
         V = np.array([row.speed_mps for row in found.differences])
         true = [true_power(of, one[1], one[2], V, found.test.air_density_kgpm3)
                 for of, one in ((aircraft, flights[0]), (draggy, b[0]))]  # fmt: skip
@@ -119,7 +120,7 @@ def one_campaign(setup: Setup, *, sizes: str = "1,3,10", changed: int = 0, blind
         half = np.array([row.hi_percent - row.lo_percent for row in found.differences]) / 2
         rows.append((f"difference, {changed} flights each", np.stack([error, half])))
         rows.append((f"{MORE_DRAG:.0%} of drag {'seen' if found.differs else 'not seen'}", np.empty((2, 0))))
-        halves = compare_electrical(a[::2], a[1::2])
+        halves = compare(pool_results(a[::2]), pool_results(a[1::2]))
         rows.append((f"equal configurations found {'different' if halves.differs else 'equal'}", np.empty((2, 0))))
     return rows
 

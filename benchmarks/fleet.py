@@ -49,7 +49,7 @@ from analysis.flights.changes import Series, find_changes, least_gain, series
 from analysis.flights.dataset import Dataset
 from analysis.flights.fleet_summary import fleet_results
 from analysis.flights.flight_statistics import read_statistics
-from analysis.flights.pool import pool_results
+from analysis.flights.pool import joint_pool
 from analysis.pages.fleet_page import render_fleet
 from analysis.records.fleet import What
 from tests import browser, s3_server
@@ -168,7 +168,7 @@ def change_records(airframes_: int, seed: int, noise: Sequence[float]) -> list[R
     records = []
     for factor in noise:
         like = RowModel(measured_row(), factor)
-        like_these = series(pool_results(flights_of("one", seed, 10, like=like)))
+        like_these = series(joint_pool(flights_of("one", seed, 10, like=like)))
         for name, drag, thrust, slowly in CASES:
             count = BEFORE + A_YEAR
             grown = np.clip((np.arange(count) - BEFORE) / A_YEAR, 0, 1) if slowly else np.arange(count) >= BEFORE
@@ -176,7 +176,7 @@ def change_records(airframes_: int, seed: int, noise: Sequence[float]) -> list[R
             by_theory = expected_delay(like_these, grown, (drag, thrust))
             for i in range(airframes_):
                 drawn = flights_of("one", seed + i, count, drag=drag * grown, thrust=thrust * grown, like=like)
-                found = find_changes(series(pool_results(drawn)), np.arange(float(count)), A_YEAR)
+                found = find_changes(series(joint_pool(drawn)), np.arange(float(count)), A_YEAR)
                 early = [one for one in found if one.found < BEFORE]
                 late = [one for one in found if one.found >= BEFORE]
                 false += len(found) if name == "none" else len(early)
@@ -305,7 +305,7 @@ def figures_of(fleet: Iterable[list[dict[str, Any]]]) -> dict[str, NDArray[np.fl
     """By figure, (flights,): what a flight of an airframe says of drag and thrust, and how its estimates scatter."""
     found = defaultdict[str, list[float]](list)
     for of_airframe in fleet:
-        values, by_truth, errors = series(pool_results(of_airframe))
+        values, by_truth, errors = series(joint_pool(of_airframe))
         n, sigma, weights = len(values), np.sqrt(np.einsum("fkk->fk", errors.own)), np.linalg.inv(errors.own)
         mean = np.linalg.solve(weights.sum(axis=0), np.einsum("fij,fj->i", weights, values))
         residual = (values - mean) * np.sqrt(n / (n - 1))

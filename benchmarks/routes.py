@@ -36,7 +36,7 @@ from rich.progress import track
 
 from analysis.air.flight_data import Calibrations
 from analysis.curve import Condition
-from analysis.flights.pool import pool_results
+from analysis.flights.pool import joint_pool
 from analysis.flights.power_train import pooled_use
 from analysis.methods.whole_flight.settings import GPS
 from analysis.missions.energy import Battery, ground_speed
@@ -148,7 +148,7 @@ def curve_of(setup: Setup, count: int, craft: Aircraft) -> tuple[PerformanceMode
             "battery": {"energy_Wh": 1.0, "usable": 1.0},
             "use": {"power_train": {"measured": True}, "model": msgspec.to_builtins(model_result(found.model))},
         })  # fmt: skip
-    pool = pool_results(results)
+    pool = joint_pool(results)
     use = pooled_use(pool)
     assert use is not None
     return model_of(use.model), pool.condition

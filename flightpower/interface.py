@@ -9,14 +9,11 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import msgspec
-
 from analysis import pipeline
 from analysis.cli.plan import PlanOptions, flight_plan
-from analysis.flights.comparison import Comparison as DragComparison
-from analysis.flights.either_kind import ElectricalComparison, compare_pools, pool_flights
-from analysis.flights.electrical import ElectricalPool
-from analysis.flights.pool import Pool as DragPool
+from analysis.flights.comparison import Comparison
+from analysis.flights.comparison import compare as compare_pools
+from analysis.flights.pool import Pool, pool_results
 from analysis.missions.search import FlightPlan
 from analysis.options import Options
 from analysis.pages import one_log
@@ -57,8 +54,6 @@ __all__ = [
 Paths = str | os.PathLike[str]
 # Of either kind: with drag by runs, or electrical power by the energy balance of the whole flight.
 Flight = Analysis | WholeFlightAnalysis
-Pool = DragPool | ElectricalPool
-Comparison = DragComparison | ElectricalComparison
 
 
 def read(path: Paths, columns: Paths | None = None) -> Log | Recording:
@@ -110,7 +105,7 @@ def pool(flights: Sequence[Flight | Paths | Mapping[str, Any]]) -> Pool:
     Raises InputError for none, for one flight twice, for flights of both kinds, and for flights of two aircraft,
     propellers or installations.
     """
-    return pool_flights([_results(flight) for flight in flights])
+    return pool_results([_results(flight) for flight in flights])
 
 
 def compare(a: Pool, b: Pool) -> Comparison:
@@ -121,10 +116,9 @@ def compare(a: Pool, b: Pool) -> Comparison:
     return compare_pools(a, b)
 
 
-def _results(flight: Flight | Paths | Mapping[str, Any]) -> Path | Mapping[str, Any]:
+def _results(flight: Flight | Paths | Mapping[str, Any]) -> Path | Mapping[str, Any] | Results:
     if isinstance(flight, Flight):
-        content: dict[str, Any] = msgspec.to_builtins(flight.results)
-        return content
+        return flight.results
     return flight if isinstance(flight, Mapping) else Path(flight)
 
 

@@ -41,7 +41,8 @@ def compare(
         check_writable(output / "report.html")
         _check_no_other_results(output / "results.json")
     from analysis.flights.campaign.campaign import flight_folders_of, read_flights
-    from analysis.flights.either_kind import compare_pools, pool_flights
+    from analysis.flights.comparison import compare as compare_pools
+    from analysis.flights.pool import pool_results
     from analysis.pages.terminal import print_comparison
     from analysis.pages.write import write_comparison
 
@@ -52,7 +53,7 @@ def compare(
     if bool(sides[0].to_pool) != bool(sides[1].to_pool):
         only = a if sides[1].to_pool else b
         raise InputError(f"{only}: gives electrical power only, and the other folder drag; compare flights of one kind")
-    pool_a, pool_b = (pool_flights(side.to_pool or side.electrical) for side in sides)
+    pool_a, pool_b = (pool_results(side.to_pool or side.electrical) for side in sides)
     names = [folder.resolve().name for folder in (a, b)]
     if names[0] == names[1]:
         names = [str(a), str(b)]

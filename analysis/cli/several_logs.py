@@ -108,40 +108,33 @@ def _pool(campaign: Campaign, output: Path, quiet: bool) -> ExitCode:
     """
     with Console(stderr=True, quiet=quiet).status(f"pooling {len(campaign.folders)} flights …"):
         from analysis.flights.campaign.campaign import read_flights
-        from analysis.flights.electrical import electrical_pool, pooled_results
-        from analysis.flights.evidence import against_electrical
         from analysis.flights.pool import pool_results
-        from analysis.pages.terminal import print_electrical_pool, print_pooled
-        from analysis.pages.write import write_electrical_flights, write_electrical_pool, write_pooled
+        from analysis.pages.terminal import print_pooled
+        from analysis.pages.write import write_pooled, write_side_by_side
+        from analysis.results.evidence import worst_first
 
         page, found = output / "report.html", read_flights(campaign.folders)
-        if not found.to_pool and not found.electrical:
+        flights = found.to_pool or found.electrical
+        if not flights:
             raise InputError(f"{output}: no flight to pool; {found.left_out[0]}; each flight has its folder")
-        if found.to_pool:
-            pooled = pool_results(found.to_pool).results(found.left_out, campaign.failures)
+        try:
+            pooled = pool_results(flights).results(found.left_out, campaign.failures)
             write_pooled(pooled, output)
-        else:
-            flights, refused = found.electrical, ""
-            try:
-                curve = pooled_results(electrical_pool(flights), found.left_out, campaign.failures)
-                write_electrical_pool(flights, curve, output)
-            except StorageError:
+        except StorageError:
+            raise
+        except InputError as error:
+            if found.to_pool:
                 raise
-            except InputError as error:  # each flight keeps its own curve
-                refused = str(error)
-                write_electrical_flights(flights, campaign.failures, output)
+            refused = str(error)  # each flight keeps its own curve
+            write_side_by_side(flights, refused, campaign.failures, output)
+            evidence = worst_first(one for flight in flights for one in flight.evidence)
+            text = f"not pooled: {refused}\nreport: {page}"
+            return tell(
+                evidence,
+                lambda: None if quiet else Console().print(text, highlight=False, markup=False, soft_wrap=True),
+            )
 
-    def print_results() -> None:
-        if quiet:
-            return
-        if found.to_pool:
-            print_pooled(pooled, page, Console())
-        elif refused:
-            Console().print(f"not pooled: {refused}\nreport: {page}", highlight=False, markup=False, soft_wrap=True)
-        else:
-            print_electrical_pool(curve, page, Console())
-
-    return tell(pooled.evidence if found.to_pool else against_electrical(flights), print_results)
+    return tell(pooled.evidence, lambda: None if quiet else print_pooled(pooled, page, Console()))
 
 
 def _processors() -> int:

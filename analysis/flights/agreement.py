@@ -5,14 +5,14 @@ estimate is v_f - x = a_f e + n_f + sum of c_f: e is the error of the prior's me
 the effect of errors that all flights have in common. Both tests use the covariance of the differences that follows.
 """
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from scipy.special import chdtrc, ndtr
 
 from analysis.curve import POLAR
-from analysis.flights.flight_statistics import INSTALLATION_ERRORS, POOLED, FlightStatistics, M
+from analysis.flights.flight_statistics import INSTALLATION_ERRORS, POOLED, M, PoolFlight
 from analysis.flights.joint import FlightStack, PooledEstimate, Prior, take, without_each
 from analysis.flights.pool_settings import POOLING
 from analysis.records.pool import Trend, TrendQuantity
@@ -122,27 +122,49 @@ def _differences(
     return [Difference(*one) for one in zip(values, covariance, p, p_installation, strict=True)]
 
 
-def outliers(stack: FlightStack, prior: Prior, false_alarms: float) -> dict[int, Difference]:
-    """By number, flights that differ from the pool of those that agree; the worst is taken out first.
+class Compared(Protocol):
+    """A flight compared with others. p, p_installation : as of `Difference`; the latter None where there is none"""
 
-    Polar and installation are tested, each at the level `false_alarms` over the number of tests. At most half of the
-    flights are named, and none of two: which of them is wrong is not known.
+    @property
+    def p(self) -> float: ...
+
+    @property
+    def p_installation(self) -> float | None: ...
+
+
+One = TypeVar("One", bound=Compared)
+
+
+def outliers(n: int, compared: Callable[[list[int]], Sequence[One]], false_alarms: float) -> dict[int, One]:
+    """By number, those of n flights that differ from the pool of those that agree; the worst is taken out first.
+
+    compared: of some flights, by number, each with the pool of the others. Curve and installation are tested, each at
+    the level `false_alarms` over the number of tests. At most half of the flights are named, and none of two: which of
+    them is wrong is not known.
     """
-    n = len(stack.values)
-    agreeing, differing = list(range(n)), dict[int, Difference]()
+    agreeing, differing = list(range(n)), dict[int, One]()
     while len(agreeing) > 2 and 2 * (len(differing) + 1) <= n:
-        differences = differences_to_others(take(stack, agreeing), prior)
-        p = [min(difference.p, difference.p_installation) for difference in differences]
+        found = compared(agreeing)
+        p = [least_p(one) for one in found]
         worst = int(np.argmin(p))
-        if p[worst] >= false_alarms / (2 * n):
+        if p[worst] >= outlier_level(found[worst], n, false_alarms):
             break
-        differing[agreeing[worst]] = differences[worst]
+        differing[agreeing[worst]] = found[worst]
         del agreeing[worst]
     return differing
 
 
+def least_p(one: Compared) -> float:
+    return one.p if one.p_installation is None else min(one.p, one.p_installation)
+
+
+def outlier_level(one: Compared, flights: int, false_alarms: float) -> float:
+    """Of each test, such that in all flights together one is below it by chance at the rate `false_alarms`."""
+    return false_alarms / (flights if one.p_installation is None else 2 * flights)
+
+
 def mounted_anew(stack: FlightStack, prior: Prior) -> frozenset[int]:
-    """Numbers of the flights that deny having one installation: those that differ, or all where the others differ, too.
+    """Numbers of the flights that contradict one installation: those that differ, or all where the others differ, too.
 
     stack: of the flights as their files say
     """
@@ -150,7 +172,7 @@ def mounted_anew(stack: FlightStack, prior: Prior) -> frozenset[int]:
         return frozenset()
     n = len(stack.values)
     level = EVIDENCE.false_alarms / (2 * n)
-    differing = outliers(stack, prior, EVIDENCE.false_alarms)
+    differing = outliers(n, lambda some: differences_to_others(take(stack, some), prior), EVIDENCE.false_alarms)
     moved = {i for i, difference in differing.items() if difference.p_installation < level}
     others = [i for i in range(n) if i not in moved]
     if moved and not homogeneity(take(stack, others), prior, INSTALLATION_PART).differs:
@@ -213,12 +235,30 @@ def least_squares(values: Array, design: Array, errors: ErrorParts) -> Generaliz
 
 def homogeneity(stack: FlightStack, prior: Prior, part: slice = POLAR_PART) -> Test:
     """Whether the flights differ by more than their errors: generalized least squares on common parameters."""
-    values = stack.values[:, part]
+    return common_values(stack.values[:, part], error_parts(stack, prior, np.eye(M)[part]))
+
+
+def common_values(values: Array, errors: "ErrorParts", unknown: int = 0) -> Test:
+    """Whether n flights have the same k values (n, k), by generalized least squares.
+
+    unknown: how many of the values are not known, and have errors so large that they do not count
+    """
     n, k = values.shape
-    errors = error_parts(stack, prior, np.eye(M)[part])
     chi_square = least_squares(values, np.tile(np.eye(k), (n, 1, 1)), errors).chi_square
-    degrees_of_freedom = k * (n - 1)
+    return chi_square_test(chi_square, k * (n - 1) - unknown)
+
+
+def chi_square_test(chi_square: float, degrees_of_freedom: int) -> Test:
     return Test(chi_square, degrees_of_freedom, float(chdtrc(degrees_of_freedom, chi_square)))
+
+
+def of_difference(value: Array, covariance: Array) -> Test:
+    """Whether a difference at several speeds is one at all: at the first, the middle and the last of them.
+
+    Curves have three parameters: three speeds contain all of their difference.
+    """
+    three = [0, len(value) // 2, -1]
+    return chi_square_test(float(quadratic_form(value[three], covariance[np.ix_(three, three)])), len(three))
 
 
 def likely_cause(difference: Difference) -> LikelyCause | None:
@@ -241,7 +281,7 @@ def quadratic_form(d: Array, C: Array) -> Array:
     return np.asarray(np.sum(scaled * solution, axis=-1))
 
 
-def trends(flights: Sequence[FlightStatistics], deviations_percent: Array, errors: ErrorParts) -> list[Trend]:
+def trends(flights: Sequence[PoolFlight], deviations_percent: Array, errors: ErrorParts) -> list[Trend]:
     """Change of power over date, temperature and battery voltage, by generalized least squares.
 
     deviations_percent (n,): of each flight from a common curve, with its errors (k = 1). The change is that
@@ -252,7 +292,7 @@ def trends(flights: Sequence[FlightStatistics], deviations_percent: Array, error
     for quantity, unit, values in (
         (TrendQuantity.DATE, "days since 1970", [_or_nan(f.start_unix_s) / 86400.0 for f in flights]),
         (TrendQuantity.TEMPERATURE, "K", [_or_nan(f.content.air_temperature_K) for f in flights]),
-        (TrendQuantity.BATTERY, "V", [_or_nan(f.statistics.battery_V) for f in flights]),
+        (TrendQuantity.BATTERY, "V", [_or_nan(f.battery_V) for f in flights]),
     ):
         x = np.array(values)
         known = np.isfinite(x)

@@ -9,7 +9,8 @@ from scipy.optimize import minimize
 from analysis.curve import Polar
 from analysis.flights.changes import Change, find_changes, series
 from analysis.flights.flight_statistics import FlightStatistics
-from analysis.flights.pool import Pool, pool
+from analysis.flights.joint_pool import JointPool
+from analysis.flights.pool import pool
 from flight.arrays import Array
 from flight.errors import InputError
 
@@ -27,7 +28,7 @@ class Airframe(NamedTuple):
     name: str
     configuration: str
     flights: tuple[FlightStatistics, ...]
-    pool: Pool
+    pool: JointPool
     changes: tuple[Change, ...]
 
     @property
@@ -82,7 +83,7 @@ def airframe(name: str, configuration: str, flights: Sequence[FlightStatistics],
     return Airframe(name, configuration, ordered, lately, tuple(told))
 
 
-def _changes(whole: Pool, alarms_a_year: float) -> list[Change]:
+def _changes(whole: JointPool, alarms_a_year: float) -> list[Change]:
     """By date, of three flights or more that have one."""
     flights = whole.flights
     times = np.array([one.start_unix_s for one in flights], dtype=float) / 86400.0

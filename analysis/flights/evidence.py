@@ -1,33 +1,23 @@
 """What speaks against a pool or a comparison: the evidence against each flight, and against flights as one."""
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from enum import Enum
 
 from msgspec.structs import replace
 
-from analysis.flights.agreement import Difference, LikelyCause, Test, likely_cause
-from analysis.flights.flight_statistics import FlightStatistics
+from analysis.flights.agreement import Compared, LikelyCause, Test, least_p, outlier_level
+from analysis.flights.flight_statistics import PoolFlight
 from analysis.records.flight import Evidence, EvidenceKind, PartOfResult, Results, Trust
-from analysis.results.evidence import worst_first
 from analysis.results.settings import TRUST
 from analysis.trajectory.observability import SENSOR_ERROR_KINDS, SensorErrorKind
 
 
-def against_flights(flights: Sequence[FlightStatistics]) -> Iterator[Evidence]:
+def against_flights(flights: Sequence[PoolFlight]) -> Iterator[Evidence]:
     """The evidence of each flight's own results, with its name."""
     for flight in flights:
-        yield from _of_results(flight.name, flight.content.evidence)
-
-
-def against_electrical(flights: Sequence[Results]) -> list[Evidence]:
-    """The same of flights that give electrical power only, the worst first."""
-    return worst_first(one for flight in flights for one in _of_results(flight.log, flight.evidence))
-
-
-def _of_results(log: str, evidence: list[Evidence]) -> Iterator[Evidence]:
-    for one in evidence:
-        yield replace(one, log=log)
+        for one in flight.content.evidence:
+            yield replace(one, log=flight.name)
 
 
 def against_polars(test: Test | None) -> Iterator[Evidence]:
@@ -42,14 +32,13 @@ def against_installation(test: Test | None) -> Iterator[Evidence]:
         yield _doubt(EvidenceKind.INSTALLATIONS_DIFFER, test.p, installations_text(test))
 
 
-def against_outliers(flights: Sequence[FlightStatistics], outliers: dict[int, Difference]) -> Iterator[Evidence]:
-    """Flights that differ from all others. outliers: of `agreement.outliers`."""
-    limit = TRUST.false_alarm_rate / (2 * len(flights))
-    for i, difference in sorted(outliers.items()):
-        kind = EvidenceKind.FLIGHTS_DIFFER if difference.p < limit else EvidenceKind.INSTALLATIONS_DIFFER
-        text = f"It differs from the other flights: {cause_text(likely_cause(difference))}"
-        p = min(difference.p, difference.p_installation)
-        yield _doubt(kind, p, text, log=flights[i].name, limit=limit)
+def against_outliers(flights: Sequence[PoolFlight], outliers: Mapping[int, tuple[Compared, str]]) -> Iterator[Evidence]:
+    """Flights that differ from all others. outliers: by number, how much and the likely reason"""
+    for i, (compared, reason) in sorted(outliers.items()):
+        limit = outlier_level(compared, len(flights), TRUST.false_alarm_rate)
+        kind = EvidenceKind.FLIGHTS_DIFFER if compared.p < limit else EvidenceKind.INSTALLATIONS_DIFFER
+        text = f"It differs from the other flights: {reason}"
+        yield _doubt(kind, least_p(compared), text, log=flights[i].name, limit=limit)
 
 
 def _doubt(
@@ -151,12 +140,23 @@ class SharedErrors(Enum):
     PROPELLER = "Errors of the propeller table cancel; those of the two installations do not."
     AIRCRAFT = "Errors of current meter, airspeed, mass and thermometer cancel, since both are of one aircraft."
     NONE = "No error cancels: installations and propellers differ."
+    NO_AIRCRAFT = "No error cancels: A and B are of two aircraft or autopilots."
 
 
 NOT_ONE_VEHICLE = (
     "Errors of current meter, airspeed, mass and thermometer are not taken to cancel, since A and B were logged by"
     " different autopilots: where only the board was exchanged, the interval is wider than need be."
 )
+
+
+def shape_text(share: float, error: float) -> str:
+    """Why a curve of electrical power is likely to differ. share: by which it lies above the others, with its error"""
+    where = "higher" if share > 0 else "lower"
+    return (
+        f"its power is {abs(100 * share):.0f} ± {100 * error:.0f} % {where} over the speeds:"
+        " weight, propeller, current meter, rising or sinking air, or something changed on the aircraft (surface, gear,"
+        " flaps)?"
+    )
 
 
 def one_vehicle(a: Sequence[Results], b: Sequence[Results]) -> bool:
@@ -189,7 +189,7 @@ def _listed(logs: dict[str, list[str]]) -> str:
     return "; ".join(f"{name} ({', '.join(of_name)})" for name, of_name in logs.items())
 
 
-def undated_text(flights: Sequence[FlightStatistics]) -> str:
+def undated_text(flights: Sequence[PoolFlight]) -> str:
     """Which of them are left out of changes in time. flights: one without a date, at least"""
     undated = [one.name for one in flights if not one.dated]
     return (

@@ -7,8 +7,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from msgspec.structs import replace
 
-from analysis.curve import POLAR, Condition, Polar, polar_part
-from analysis.records.flight import AircraftResult, PerformanceResult, PoolingStatistics, PowerTrainResult, Results
+from analysis.curve import POLAR, Condition, Curve, Polar, polar_part, stored_curve
+from analysis.records.flight import (
+    AircraftResult,
+    Kind,
+    PerformanceResult,
+    PoolingStatistics,
+    PowerTrainResult,
+    Results,
+)
 from analysis.results.read import read_results
 from analysis.uncertain import Uncertain
 from flight.arrays import Array
@@ -74,7 +81,17 @@ class FlightStatistics(NamedTuple):
     @property
     def start_unix_s(self) -> float | None:
         """Start of its log; None where that is not known."""
-        return self.statistics.start_unix_s
+        return self.content.start_unix_s
+
+    @property
+    def battery_V(self) -> float | None:
+        """Mean over the runs; None where it was not measured."""
+        return self.statistics.battery_V
+
+    @property
+    def key(self) -> bytes:
+        """Alike for two files of one flight."""
+        return self.parameters.value.tobytes()
 
     @property
     def statistics(self) -> PoolingStatistics:
@@ -96,6 +113,53 @@ class FlightStatistics(NamedTuple):
     def prior_vector(self) -> Array:
         """(M,), information times mean of the prior."""
         return sum((one.vector for one in self.prior_measurements), self.prior_information * self.prior_mean)
+
+
+class FlightCurve(NamedTuple):
+    """One flight that enters a pool by its curve of electrical power, at its own weight and density."""
+
+    content: Results
+    curve: Curve
+
+    @property
+    def name(self) -> str:
+        return self.content.log
+
+    @property
+    def aircraft(self) -> AircraftResult:
+        return self.content.aircraft
+
+    @property
+    def dated(self) -> bool:
+        """Whether it is known when it was flown."""
+        return self.start_unix_s is not None
+
+    @property
+    def start_unix_s(self) -> float | None:
+        """Start of its log; None where that is not known."""
+        return self.content.start_unix_s
+
+    @property
+    def battery_V(self) -> float | None:
+        return None
+
+    @property
+    def key(self) -> bytes:
+        """Alike for two files of one flight."""
+        return self.curve.power_W.value.tobytes()
+
+
+PoolFlight = FlightStatistics | FlightCurve
+
+
+def read_curve(results: Path | Mapping[str, Any] | Results) -> FlightCurve:
+    """The curve of electrical power of a flight. Raises InputError where its results have none with statistics."""
+    content = read_results(results)
+    found = content.curves.get(Kind.ELECTRICAL)
+    curve = stored_curve(found, content.aircraft.wing_area_m2) if found else None
+    if curve is None:
+        raise InputError(f"{content.log}: its results are of an earlier version; analyze the log again")
+    return FlightCurve(content, curve)
 
 
 def read_statistics(results: Path | Mapping[str, Any] | Results) -> FlightStatistics:
@@ -124,7 +188,8 @@ def without_details(results: Results) -> Results:
     curves = {kind: replace(curve, standard=[], interval_parts=[]) for kind, curve in results.curves.items()}
     kept = ("trust", "evidence", "software_version", "aircraft", "test", "kind", "air", "battery", "slowest_flown",
             "log", "vehicle", "drag_polar")  # fmt: skip
-    return Results(curves=curves, use=use, **{name: getattr(results, name) for name in kept})
+    origin = results.provenance and replace(results.provenance, files=[], sensors=[], events=[])
+    return Results(curves=curves, use=use, provenance=origin, **{name: getattr(results, name) for name in kept})
 
 
 def of_content(content: Results) -> FlightStatistics:

@@ -1,46 +1,79 @@
-"""The pool of several flights: its curve, how the flights agree with it, what each contributed."""
+"""The pool of flights with runs: the joint estimate of drag, thrust and installation, and its curve."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from msgspec import structs
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
-from analysis.curve import POLAR, Condition, Polar, PolarCurve, lift_coefficient, polar_curve, power_required
-from analysis.estimation.noise import NORMAL_95
-from analysis.flights.agreement import INSTALLATION_PART, Difference, Test, differences_to_others, homogeneity, outliers
-from analysis.flights.evidence import (
-    NOT_NAMED,
-    against_flights,
-    against_installation,
-    against_outliers,
-    against_polars,
-    installations_text,
+from analysis.curve import (
+    POLAR,
+    Condition,
+    Polar,
+    PolarCurve,
+    lift_coefficient,
+    polar_curve,
+    power_gradient,
+    power_required,
 )
-from analysis.flights.flight_statistics import FlightStatistics
-from analysis.flights.joint import FlightStack, PooledEstimate, Prior, pooled_estimate, without_each
+from analysis.estimation.noise import NORMAL_95
+from analysis.flights.agreement import (
+    INSTALLATION_PART,
+    Compared,
+    Difference,
+    ErrorParts,
+    Test,
+    differences_in_pool,
+    differences_to_others,
+    error_parts,
+    homogeneity,
+    likely_cause,
+    outliers,
+    quadratic_form,
+)
+from analysis.flights.evidence import NOT_NAMED, cause_text, installations_text
+from analysis.flights.flight_statistics import POOLED, THRUST_CORRECTIONS, FlightStatistics, M
+from analysis.flights.joint import (
+    FlightStack,
+    Group,
+    PooledEstimate,
+    Prior,
+    pooled_estimate,
+    shared_prior,
+    solve,
+    take,
+    without_each,
+)
 from analysis.flights.pool_settings import POOLING
+from analysis.flights.pooled import Pool
+from analysis.flights.power_train import pooled_use, slowest_flown
 from analysis.methods import consider as covariance
-from analysis.records.flight import Evidence, EvidenceKind
-from analysis.records.pool import Agreement
-from analysis.results.evidence import worst_first
+from analysis.methods.rejected_assumptions import Assumption
+from analysis.records.flight import CurveResult, Kind
+from analysis.records.pool import PolarCoefficients, PooledFlight, PooledResults, SharedParameter
+from analysis.results.curves import curve_result
 from analysis.results.settings import TRUST
 from flight.arrays import Array
 
 _N_POLAR = len(POLAR)
+_INSTALLATION_FROM = len(POLAR + THRUST_CORRECTIONS)
+_UNITS = {"alpha_bias": "rad", "beta_bias": "rad", "air_data_lag": "s"}
 
 
 @dataclass(frozen=True)
-class JointPool:
+class JointPool(Pool):
     """The joint estimate of one or more flights of one aircraft, propeller and installation.
 
     as_stated, stack : with the installation that the files state; with the flights `anew` mounted anew
-    anew : numbers of the flights that deny having the same installation as the others
+    anew : numbers of the flights that contradict having the same installation as the others
     condition : mean weight and density of the flights, at which curves are given
     flown_CL : lift coefficients that at least one flight covers
     """
 
+    kind = Kind.POWER_REQUIRED
     flights: tuple[FlightStatistics, ...]
     as_stated: FlightStack
     stack: FlightStack
@@ -71,15 +104,15 @@ class JointPool:
         return [one._replace(p_installation=as_said.p_installation) for one, as_said in zip(found, stated, strict=True)]
 
     @cached_property
-    def outliers(self) -> dict[int, Difference]:
-        """By number, flights that differ from the pool of those that agree."""
-        return outliers(self.as_stated, self.prior, TRUST.false_alarm_rate)
+    def outliers(self) -> dict[int, Compared]:
+        def compared(some: list[int]) -> list[Difference]:
+            return differences_to_others(take(self.as_stated, some), self.prior)
 
-    @property
-    def outlying_curves(self) -> list[str]:
-        """Names of the flights whose curve differs from those of the others."""
-        level = TRUST.false_alarm_rate / (2 * len(self.flights))
-        return [self.flights[i].name for i, one in sorted(self.outliers.items()) if one.p < level]
+        return dict(outliers(len(self.flights), compared, TRUST.false_alarm_rate))
+
+    def reason(self, difference: Compared) -> str:
+        assert isinstance(difference, Difference)  # of these flights
+        return cause_text(likely_cause(difference))
 
     @cached_property
     def homogeneity(self) -> Test | None:
@@ -91,18 +124,6 @@ class JointPool:
         """Test of whether the errors of the installation are as the same as stated; None for one flight."""
         return homogeneity(self.as_stated, self.prior, INSTALLATION_PART) if len(self.flights) > 1 else None
 
-    @cached_property
-    def evidence(self) -> list[Evidence]:
-        """Against the flights and the pool, the worst first."""
-        return worst_first(
-            [
-                *against_flights(self.flights),
-                *against_polars(self.homogeneity),
-                *against_installation(self.installation_homogeneity),
-                *against_outliers(self.flights, self.outliers),
-            ]
-        )
-
     @property
     def notes(self) -> list[str]:
         """What the reader has to know beside the evidence."""
@@ -112,25 +133,11 @@ class JointPool:
             notes.append(installations_text(installations))
         return notes
 
-    @cached_property
-    def agreement(self) -> Agreement | None:
-        """Whether the flights agree, by the evidence; None for one flight."""
-        kinds = {one.kind for one in self.evidence}
-        if len(self.flights) < 2:
-            return None
-        if EvidenceKind.FLIGHTS_DIFFER in kinds:
-            return Agreement.NOT_THE_CURVES
-        return Agreement.NOT_THE_INSTALLATION if EvidenceKind.INSTALLATIONS_DIFFER in kinds else Agreement.YES
-
     def power(self, V: Array) -> tuple[Array, Array]:
         """Power required and its standard error [W], each (n,), at speeds V (n,) [m/s]."""
         return power_required(V, self.polar, self.condition)
 
     def half_widths_percent(self, counts: Sequence[int], V: Array) -> Array:
-        """Half width (n,) of the 95 % interval at speeds V (n,), in percent of the pooled power.
-
-        counts : how many flights like each flight there are
-        """
         if len(self.flights) == 1 and counts[0] == 1:
             return self.half_widths_alone_percent(0, V)
         return self._half_width_percent(
@@ -138,11 +145,9 @@ class JointPool:
         )
 
     def half_widths_alone_percent(self, number: int, V: Array) -> Array:
-        """The same of one of the flights by number."""
         return self._half_width_percent(self.flights[number].polar_covariance, V)
 
     def half_widths_without_percent(self, V: Array) -> Array:
-        """Half widths (flights, n) without each of two flights or more, at speeds V (n,), as `half_widths_percent`."""
         if len(self.flights) == 2:  # the other alone
             covariances = [flight.polar_covariance for flight in reversed(self.flights)]
         else:
@@ -153,6 +158,122 @@ class JointPool:
     def _half_width_percent(self, polar_covariance: Array, V: Array) -> Array:
         power, error = power_required(V, Polar(self.polar.A, polar_covariance), self.condition)
         return np.asarray(100 * NORMAL_95 * error / power)
+
+    def deviations(self) -> list[tuple[Array, Array]]:
+        if len(self.flights) == 1:
+            return [(np.zeros(len(self.speeds_mps)), np.zeros(len(self.speeds_mps)))]
+        J = self._percent(self.speeds_mps)
+        deviations = []
+        for difference in differences_in_pool(self.stack, self.estimate):
+            value, C = J @ difference.value[:_N_POLAR], difference.covariance[:_N_POLAR, :_N_POLAR]
+            deviations.append((value, NORMAL_95 * np.sqrt(np.maximum(np.einsum("vi,ij,vj->v", J, C, J), 0.0))))
+        return deviations
+
+    def deviations_for_trends(self) -> tuple[Array, ErrorParts]:
+        J = self._percent(self.speeds_mps)
+        errors = error_parts(self.stack, self.prior)
+        covariance = errors.own + errors.shared @ errors.shared.transpose(0, 2, 1)
+        at = int(np.argmin(np.einsum("vi,fij,vj->v", J, covariance, J, optimize=True)))
+        deviations = np.array([J[at] @ (flight.polar.A - self.polar.A) for flight in self.flights])
+        of_power = J[at : at + 1]
+        return deviations, ErrorParts(of_power @ errors.own @ of_power.T, of_power @ errors.shared)
+
+    def noncentrality(self, flights: int, difference: float) -> float:
+        n = len(self.flights)
+        counts = np.array([len(range(i, flights, n)) for i in range(n)], dtype=float)
+        C = joint_polars(self, self, same_installation=True, same_propeller=True, counts=(counts, counts)).covariance
+        T = np.hstack([-np.eye(_N_POLAR), np.eye(_N_POLAR)])
+        return float(quadratic_form(difference * self.polar.A, T @ C @ T.T))
+
+    def curve_result(self) -> CurveResult:
+        return curve_result(self.curve, parts=[])
+
+    def _percent(self, V: Array) -> Array:
+        """Derivative (n, 3) of the power at V by the polar, in percent of the pooled power."""
+        power, _ = self.power(V)
+        return np.asarray(100 * power_gradient(V, self.condition) / power[:, None])
+
+    def _form(self, results: PooledResults) -> PooledResults:
+        error = self.estimate.parameters.standard_error
+        shared = zip(POOLED[_N_POLAR:], self.estimate.parameters.value[_N_POLAR:], error[_N_POLAR:], strict=True)
+        return structs.replace(
+            results,
+            installation=self.flights[0].installation,
+            drag_polar=_coefficients(self.polar.A),
+            polar_covariance=self.polar.covariance.tolist(),
+            parameters=[
+                SharedParameter(name=name, value=float(x), standard_error=float(e), unit=_UNITS.get(name, ""))
+                for name, x, e in shared
+            ],
+            slowest_flown=slowest_flown(self),
+            use=pooled_use(self),
+        )
+
+    def _form_of_flight(self, number: int, flight: PooledFlight) -> PooledFlight:
+        of = self.flights[number]
+        return structs.replace(
+            flight,
+            installation=of.installation,
+            drag_polar=_coefficients(of.polar.A),
+            mounted_anew=number in self.anew,
+        )
+
+
+def _coefficients(A: Array) -> PolarCoefficients:
+    return PolarCoefficients(**dict(zip(POLAR, A.tolist(), strict=True)))
+
+
+def joint_polars(
+    a: "JointPool",
+    b: "JointPool",
+    same_installation: bool,
+    same_propeller: bool,
+    counts: tuple[Array, Array] | None = None,
+) -> Polar:
+    """Polars of A and B (6,) with their joint covariance (6, 6). counts: of `Group`, of A and of B."""
+    prior_a = _prior_of_a(a, b, same_installation, same_propeller)
+    at_a, end = np.r_[0:_N_POLAR, 2 * _N_POLAR : _N_POLAR + M], _N_POLAR + M
+    thrust = slice(_N_POLAR, _INSTALLATION_FROM)
+    installation = slice(_INSTALLATION_FROM, M)
+    at_b = at_a.copy()
+    at_b[:_N_POLAR] += _N_POLAR
+    priors = [Prior(np.zeros((_N_POLAR, _N_POLAR)), np.zeros(_N_POLAR)), prior_a]
+    for shared, part in ((same_propeller, thrust), (same_installation, installation)):
+        if not shared:
+            priors.append(Prior(b.prior.information[part, part], b.prior.vector[part]))
+            at_b[part] = np.arange(end, end + len(at_b[part]))
+            end += len(at_b[part])
+
+    def cancels(error: str) -> bool:
+        """Whether this error, which no residual shows, is the same in A and in B."""
+        return error not in (Assumption.PARABOLIC_POLAR, Assumption.COUNTED_SPEED) and (
+            same_propeller if error == Assumption.THRUST_TABLE else same_installation
+        )
+
+    changes_b = {name if cancels(name) else f"{name}, B": change for name, change in b.stack.changes.items()}
+    stack_b = b.stack._replace(changes=changes_b)
+    of_a, of_b = counts or (np.ones(len(a.flights)), np.ones(len(b.flights)))
+    joint = solve(
+        [Group(a.stack, at_a, of_a), Group(stack_b, at_b, of_b)],
+        Prior(block_diag(*(p.information for p in priors)), np.concatenate([p.vector for p in priors])),
+    )
+    polars = slice(0, 2 * _N_POLAR)
+    floor = np.kron(np.ones((2, 2)) if same_installation else np.eye(2), covariance.floor())
+    return Polar(joint.parameters.value[polars], joint.parameters.covariance[polars, polars] + floor)
+
+
+def _prior_of_a(a: "JointPool", b: "JointPool", same_installation: bool, same_propeller: bool) -> Prior:
+    """The prior (M,) of the parameters of A; of those that B shares, the prior of both."""
+    of_both = shared_prior([*a.flights, *b.flights])
+    shared = np.zeros(M, dtype=bool)
+    shared[_N_POLAR:_INSTALLATION_FROM], shared[_INSTALLATION_FROM:] = (
+        same_propeller,
+        same_installation,
+    )
+    return Prior(
+        np.where(np.outer(shared, shared), of_both.information, np.where(shared, 0.0, a.prior.information)),
+        np.where(shared, of_both.vector, a.prior.vector),
+    )
 
 
 def thrust_known(flights: Sequence[FlightStatistics], CL: Array) -> NDArray[np.bool_]:

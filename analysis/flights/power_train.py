@@ -5,22 +5,25 @@ nobody knows. Whatever it is, the covariance of a mean is at most the mean of th
 """
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from analysis.curve import POLAR, speed_at
-from analysis.flights.joint_pool import JointPool
 from analysis.methods.thrust_prior import THRUST
 from analysis.performance.full_throttle import FullThrottle
 from analysis.performance.level_flight import PerformanceModel
 from analysis.performance.power_train import PowerTrainModel
 from analysis.performance.propagation import ParameterVector, combine_independent
 from analysis.performance.stored_model import FULL_THROTTLE, INCIDENCE, LOSSES, model_of, model_result, part
-from analysis.records.flight import ComputationModel, Results, SlowestFlown
+from analysis.records.flight import ComputationModel, SlowestFlown
 from analysis.records.pool import PooledUse
 
+if TYPE_CHECKING:
+    from analysis.flights.joint_pool import JointPool
 
-def pooled_use(pool: JointPool) -> PooledUse | None:
+
+def pooled_use(pool: "JointPool") -> PooledUse | None:
     """None where no flight has a power train. Losses that are measured count, where there are any, or else assumed."""
     known = [(one, one.content.use, one.content.use.model) for one in pool.flights if one.content.use]
     having = [(one, use, model) for one, use, model in known if model is not None]
@@ -28,14 +31,13 @@ def pooled_use(pool: JointPool) -> PooledUse | None:
     if not chosen:
         return None
     return PooledUse(
-        battery_energy_Wh=having[-1][0].content.battery.energy_Wh if having[-1][0].content.battery else 0.0,
         losses_of=[flight.name for flight, _, _ in chosen],
         losses_measured=chosen[0][1].power_train.measured,
         model=model_result(_pooled_model(pool, [model for _, _, model in chosen])),
     )
 
 
-def _pooled_model(pool: JointPool, flights: Sequence[ComputationModel]) -> PerformanceModel:
+def _pooled_model(pool: "JointPool", flights: Sequence[ComputationModel]) -> PerformanceModel:
     models = [model_of(one) for one in flights]
     n = len(POLAR) + len(THRUST)
     values, covariance = pool.estimate.parameters.value[:n].copy(), pool.estimate.parameters.covariance[:n, :n].copy()
@@ -64,7 +66,7 @@ def _mean(parts: Sequence[ParameterVector]) -> ParameterVector:
     return ParameterVector(parts[0].names, values, covariances)
 
 
-def slowest_flown(pool: JointPool) -> SlowestFlown | None:
+def slowest_flown(pool: "JointPool") -> SlowestFlown | None:
     """At the pool's condition, with the largest lift coefficient of any flight; None where no flight tells it."""
     known = [one.content.slowest_flown.largest_lift_coefficient for one in pool.flights if one.content.slowest_flown]
     largest_CL = pool.flown_CL[1]
@@ -74,14 +76,4 @@ def slowest_flown(pool: JointPool) -> SlowestFlown | None:
         speed_mps=float(speed_at(largest_CL, pool.condition)),
         lift_coefficient=largest_CL,
         largest_lift_coefficient=max(known),
-    )
-
-
-def mean_air(flights: Sequence[Results]) -> tuple[float | None, float | None]:
-    """Temperature [K] and pressure [Pa], the mean of the flights that tell them."""
-    temperatures_K = [one.air_temperature_K for one in flights if one.air_temperature_K is not None]
-    pressures_Pa = [one.air_pressure_Pa for one in flights if one.air_pressure_Pa is not None]
-    return (
-        float(np.mean(temperatures_K)) if temperatures_K else None,
-        float(np.mean(pressures_Pa)) if pressures_Pa else None,
     )

@@ -5,7 +5,7 @@ from pathlib import Path
 import msgspec
 
 from analysis.records.flight import ComputationModel, WithCurves
-from analysis.records.pool import ELECTRICAL_FORMAT, POOLED_FORMAT
+from analysis.records.pool import EARLIER_POOLED_FORMATS, POOLED_FORMAT
 from analysis.results.read import FORMATS, read_file
 
 
@@ -32,4 +32,4 @@ class RouteInput(WithCurves, frozen=True, kw_only=True):
 
 def read_route_input(path: Path) -> RouteInput:
     """Raises InputError where the file is something else."""
-    return read_file(path, RouteInput, (*FORMATS, POOLED_FORMAT, ELECTRICAL_FORMAT))
+    return read_file(path, RouteInput, (*FORMATS, POOLED_FORMAT, *EARLIER_POOLED_FORMATS))

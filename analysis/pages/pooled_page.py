@@ -25,12 +25,12 @@ from analysis.pages.charts.style import (
 )
 from analysis.pages.html_page import HtmlTable, html_figure, render_page
 from analysis.pages.wording import every, meaning, verdict
-from analysis.records.flight import ConditionResult, Results, Trust
+from analysis.records.flight import ConditionResult, Kind, Results, Trust
 from analysis.records.pool import (
     Agreement,
+    AgreementTest,
     ComparisonResults,
     Configuration,
-    ElectricalPooledResults,
     FlightsToSee,
     PooledFlight,
     PooledResults,
@@ -46,8 +46,10 @@ from flight.units import GRAVITY_MPS2
 
 
 class FlightRow(NamedTuple):
+    date: str
     name: str
     link: str
+    vehicle: str
     weight: str
     density: str
     alone: str
@@ -55,27 +57,17 @@ class FlightRow(NamedTuple):
     remark: str
 
 
-class ElectricalRow(NamedTuple):
-    name: str
-    link: str
-    aircraft: str
-    vehicle: str
-    weight: str
-    least_power: str
-    speed: str
-
-
 def render_pooled(pooled: PooledResults) -> str:
     """The page as one HTML file."""
-    flights = pooled.flights
-    best = min(flights, key=lambda flight: np.mean(flight.half_width_percent))
+    flights = by_date(pooled.flights)
+    best = min(flights, key=lambda flight: np.nanmean(_numbers(flight.half_width_percent)))
     more, middle = pooled.one_more, len(pooled.one_more.speed_mps) // 2
-    drawn = {"power": power_required(pooled), "half_widths": half_widths(pooled, best)}
+    drawn = {"power": pooled_power(pooled), "half_widths": half_widths(pooled, best)}
     if len(flights) > 1:
         drawn |= {"against_pool": against_pool(flights), "weights": weights(flights)}
     return render_page(
         "pooled.html",
-        title=f"{pooled.aircraft.title}: power required, {count(len(flights), 'flight')}",
+        title=f"{pooled.aircraft.title}: {pooled.kind.words}, {count(len(flights), 'flight')}",
         condition=_condition(pooled.test, pooled.aircraft.propeller, pooled.installation),
         verdict=verdict(pooled.trust, pooled.evidence),
         answers=pooled_answers(pooled),
@@ -86,64 +78,45 @@ def render_pooled(pooled: PooledResults) -> str:
             f"One flight more: another one like {more.like}, the flight that contributed most. The best flight alone"
             f" is {best.log}."
         ),
+        same="the same aircraft" if pooled.kind is Kind.ELECTRICAL else "the same installation of the probe",
         to_see=to_see_table(pooled.flights_to_see),
         agreement=[test.text for test in (pooled.homogeneity, pooled.installation_homogeneity) if test],
         compared_at=f"{more.speed_mps[middle]:.1f} m/s",
         scatter=_scatter(pooled.between_flights),
         trends=_trends(pooled.trends),
         flights=[_flight_row(flight) for flight in flights],
+        vehicles=any(flight.vehicle for flight in flights),
         left_out=[*pooled.left_out, *pooled.failures],
         parameters=_parameters(pooled.parameters),
         source=f"flightpower {pooled.software_version}, from the {count(len(flights), 'flight')} listed",
     )
 
 
-def electrical_curve_table(pooled: ElectricalPooledResults, rows: int = 12) -> HtmlTable:
-    """About `rows` points of the pooled curve."""
-    return HtmlTable(
-        ("speed, m/s", "power, W", "95 % interval, W"),
-        [
-            (f"{p.speed_mps:.1f}", f"{p.power_W:.0f}", f"{p.power_lo_W:.0f} to {p.power_hi_W:.0f}")
-            for p in every(pooled.electrical_power, rows)
-        ],
-        numbers=True,
+def render_side_by_side(flights: Sequence[Results], refused: str, failures: Sequence[str]) -> str:
+    """The page of flights that cannot be pooled: their curves side by side. refused: why"""
+    return render_page(
+        "side_by_side.html",
+        title=f"{flights[0].kind.words.capitalize()} of level flight, {count(len(flights), 'flight')}",
+        refused=refused,
+        figures={"power": html_figure(side_by_side(flights), "power")},
+        warnings=vehicle_notes(flights),
+        flights=[_result_row(flight) for flight in flights],
+        left_out=failures,
+        source=f"flightpower {flights[0].software_version}, from the {count(len(flights), 'flight')} listed",
     )
 
 
-def render_electrical_flights(
-    flights: Sequence[Results], failures: Sequence[str], pooled: ElectricalPooledResults | None = None
-) -> str:
-    """The page of flights that give electrical power only, side by side, and of their pool."""
-    rows = []
-    for flight in flights:
-        points = flight.electrical_power
-        least = min(points, key=lambda point: point.power_W)
-        rows.append(
-            ElectricalRow(
-                flight.log,
-                f"{quote(flight.log)}/report.html",
-                flight.aircraft.title,
-                flight.vehicle,
-                f"{flight.test.weight_N / GRAVITY_MPS2:.2f} kg",
-                f"{least.power_W:.0f} ({least.power_lo_W:.0f} to {least.power_hi_W:.0f})",
-                f"{least.speed_mps:.1f}",
-            )
-        )
-    figure = electrical_power(flights)
-    return render_page(
-        "electrical_flights.html",
-        title=f"Electrical power of level flight, {count(len(flights), 'flight')}",
-        verdict=verdict(pooled.trust, pooled.evidence) if pooled else None,
-        figures={"power": html_figure(figure, "power")},
-        flights=rows,
-        curve=electrical_curve_table(pooled) if pooled else None,
-        condition=_condition(pooled.test, "", "") if pooled else "",
-        warnings=vehicle_notes(flights),
-        vehicles=any(flight.vehicle for flight in flights),
-        agreement=pooled.homogeneity.text if pooled and pooled.homogeneity else "",
-        outliers=[one.log for one in pooled.flights if one.outlier] if pooled else [],
-        left_out=failures,
-        source=f"flightpower {flights[0].software_version}, from the {count(len(flights), 'flight')} listed",
+def _result_row(flight: Results) -> tuple[str, ...]:
+    """Link, name, aircraft, autopilot, weight, least power and its speed."""
+    least = min(flight.main.points, key=lambda point: point.power_W)
+    return (
+        f"{quote(flight.log)}/report.html",
+        flight.log,
+        flight.aircraft.title,
+        flight.vehicle or "–",
+        f"{flight.test.weight_N / GRAVITY_MPS2:.2f} kg",
+        f"{least.power_W:.0f} ({least.power_lo_W:.0f} to {least.power_hi_W:.0f})",
+        f"{least.speed_mps:.1f}",
     )
 
 
@@ -171,7 +144,7 @@ def render_comparison(comparison: ComparisonResults) -> str:
 
 def pooled_answers(pooled: PooledResults) -> list[HeadlineAnswer]:
     """How sure the curve is, whether the flights agree, what one more gives, and how many a comparison takes."""
-    points = pooled.power_required
+    points = pooled.main.points
     shares = [50 * (p.power_hi_W - p.power_lo_W) / p.power_W for p in points]
     least, most = int(np.argmin(shares)), int(np.argmax(shares))
     more = pooled.one_more
@@ -183,8 +156,8 @@ def pooled_answers(pooled: PooledResults) -> list[HeadlineAnswer]:
             f"Best at {points[least].speed_mps:.1f} m/s, worst at {points[most].speed_mps:.1f} m/s (95 % interval).",
         )
     ]
-    polars, installations = pooled.homogeneity, pooled.installation_homogeneity
-    if pooled.agreement and polars and installations:
+    curves, installations = pooled.homogeneity, pooled.installation_homogeneity
+    if pooled.agreement and curves:
         outliers = ", ".join(one.log for one in pooled.outliers)
         named = f"Outliers: {outliers}. " if outliers else ""
         all_but = outliers and pooled.agreement is Agreement.NOT_THE_CURVES
@@ -193,7 +166,7 @@ def pooled_answers(pooled: PooledResults) -> list[HeadlineAnswer]:
                 "Agreement of the flights",
                 f"all but {outliers}" if all_but else pooled.agreement,
                 f"{named}Probability of differences this large by the known errors alone: of the curves"
-                f" {probability(polars.p)}, of the installation {probability(installations.p)}.",
+                f" {probability(curves.p)}{_of_installation(installations)}.",
             )
         )
     answers.append(
@@ -209,6 +182,10 @@ def pooled_answers(pooled: PooledResults) -> list[HeadlineAnswer]:
                 HeadlineAnswer("To see a change of 2 %", _flights_each(one), "For each of the two configurations.")
             )
     return answers
+
+
+def _of_installation(test: AgreementTest | None) -> str:
+    return f", of the installation {probability(test.p)}" if test else ""
 
 
 def comparison_answers(comparison: ComparisonResults) -> list[HeadlineAnswer]:
@@ -242,7 +219,7 @@ def curve_table(pooled: PooledResults, rows: int = 12) -> HtmlTable:
                 f"{p.power_lo_W:.1f} to {p.power_hi_W:.1f}",
                 f"{50 * (p.power_hi_W - p.power_lo_W) / p.power_W:.1f}",
             )
-            for p in every(pooled.power_required, rows)
+            for p in every(pooled.main.points, rows)
         ],
         numbers=True,
     )
@@ -354,21 +331,33 @@ def _range(row: Trend) -> tuple[str, str]:
 
 
 def _flight_row(flight: PooledFlight) -> FlightRow:
-    half = flight.half_width_percent
+    half = [share for share in flight.half_width_percent if share is not None]
     remarks = [
         *([flight.trust] if flight.trust is not Trust.TRUSTED else []),
         *([f"outlier: {flight.reason}"] if flight.outlier else []),
         *(["taken to be mounted anew"] if flight.mounted_anew else []),
     ]
     return FlightRow(
+        date=date_text(flight.start_unix_s) or "–",
         name=flight.log,
         link=f"{quote(flight.log)}/report.html",
+        vehicle=flight.vehicle or "–",
         weight=f"{flight.test.weight_N / GRAVITY_MPS2:.2f} kg",
         density=f"{flight.test.air_density_kgpm3:.3f} kg/m³",
-        alone=f"{min(half):.1f} to {max(half):.1f}",
+        alone=f"{min(half):.1f} to {max(half):.1f}" if half else "–",
         share=f"{100 * flight.share_of_information:.0f} %",
         remark="; ".join(remarks),
     )
+
+
+def date_text(unix_s: float | None, form: str = "%Y-%m-%d %H:%M") -> str:
+    """Day and time in UTC; empty where they are not known."""
+    return "" if unix_s is None else datetime.fromtimestamp(unix_s, UTC).strftime(form)
+
+
+def _numbers(values: Sequence[float | None]) -> Array:
+    """Numbers (n,), NaN where there is none."""
+    return np.array(values, dtype=float)
 
 
 def _parameters(rows: Sequence[SharedParameter]) -> HtmlTable:
@@ -386,9 +375,10 @@ def column(rows: Sequence[Struct], name: str) -> Array:
     return np.array([getattr(row, name) for row in rows], dtype=float)
 
 
-def power_required(pooled: PooledResults) -> Figure:
+def pooled_power(pooled: PooledResults) -> Figure:
     """The pooled curve with its 95 % interval, over those of the single flights."""
-    V, P, lo, hi = curve_arrays(pooled.power_required)
+    points = pooled.main.points
+    V, P, lo, hi = curve_arrays(points)
     figure = Figure(x=true_airspeed())
     if len(pooled.flights) > 1:
         x, y = [], []
@@ -400,8 +390,8 @@ def power_required(pooled: PooledResults) -> Figure:
         figure.add(
             Line(x=np.array(x), y=np.array(y), name="each flight alone", color=GRAY, width=2, opacity=0.7, value="")
         )
-    name = "power required, all flights"
-    figure.add(band(V, (lo, hi), BLUE, 0.35, name=name), *curve_lines(pooled.power_required, name, BLUE, width=3))
+    name = f"{pooled.kind.words}, all flights"
+    figure.add(band(V, (lo, hi), BLUE, 0.35, name=name), *curve_lines(points, name, BLUE, width=3))
     figure.y = Axis("power", "W", limits=(0, 1.12 * float(np.max(hi))))
     return figure
 
@@ -417,7 +407,7 @@ def half_widths(pooled: PooledResults, best: PooledFlight) -> Figure:
     ):
         figure.add(
             Line(
-                x=np.array(more.speed_mps), y=np.array(values), name=name, color=color, width=4, dash=dash,
+                x=np.array(more.speed_mps), y=_numbers(values), name=name, color=color, width=4, dash=dash,
                 value="±{y:.1f} %",
             )
         )  # fmt: skip
@@ -432,9 +422,7 @@ def by_date(flights: Sequence[PooledFlight]) -> list[PooledFlight]:
 
 def row_name(flight: PooledFlight) -> str:
     """Date and log."""
-    if flight.start_unix_s is None:
-        return flight.log
-    return f"{datetime.fromtimestamp(flight.start_unix_s, UTC):%Y-%m-%d} {flight.log}"
+    return f"{date_text(flight.start_unix_s, '%Y-%m-%d')} {flight.log}".strip()
 
 
 def against_pool(flights: Sequence[PooledFlight]) -> Figure:
@@ -452,6 +440,8 @@ def against_pool(flights: Sequence[PooledFlight]) -> Figure:
         points = [flight.against_pool[at] for flight in ordered]
         difference, limit = (column(points, name) for name in ("difference_percent", "limit_percent"))
         for y, flight, d, most in zip(_heights(ordered), ordered, difference, limit, strict=True):
+            if np.isnan(d):  # it did not fly this speed
+                continue
             figure.add(
                 Points(
                     x=np.array([d]), y=np.array([y]), name=f"{speeds[at]:.1f} m/s", label=row_name(flight), size=10,
@@ -492,19 +482,19 @@ def _rows(names: list[str], x: Axis) -> Figure:
     return figure
 
 
-def electrical_power(flights: Sequence[Results]) -> Figure:
-    """The electrical power of each flight at its own weight and density."""
+def side_by_side(flights: Sequence[Results]) -> Figure:
+    """The curve of each flight at its own weight and density."""
     figure = Figure(height_px=480, cursor=Cursor.NEAREST, x=true_airspeed())
     named = len(flights) <= len(PALETTE)  # more would fill the page
     for i, flight in enumerate(flights):
-        V, P, _, _ = curve_arrays(flight.electrical_power)
+        V, P, _, _ = curve_arrays(flight.main.points)
         figure.add(
             Line(
                 x=V, y=P, name=flight.log if named else "", label=flight.log, color=PALETTE[i % len(PALETTE)], width=3,
                 value="{y:.0f} W",
             )
         )  # fmt: skip
-    figure.y = Axis("power from the battery", "W", from_zero=True)
+    figure.y = Axis(flights[0].kind.words, "W", from_zero=True)
     return figure
 
 
@@ -523,5 +513,5 @@ def difference(comparison: ComparisonResults) -> Figure:
     )
     figure.zero_lines.add(2)
     most = max(*column(rows, "power_a_W"), *column(rows, "power_b_W"))
-    figure.ys = [Axis("power required", "W", limits=(0, 1.12 * most)), Axis("B minus A", "%")]
+    figure.ys = [Axis(comparison.kind.words, "W", limits=(0, 1.12 * most)), Axis("B minus A", "%")]
     return figure

@@ -12,17 +12,11 @@ from analysis.pages.electrical_page import NOTHING_AGAINST, electrical_answers
 from analysis.pages.electrical_page import curve_table as electrical_table
 from analysis.pages.fleet_page import airframes_table, doubts, fleet_answers, news_table
 from analysis.pages.html_page import HtmlTable
-from analysis.pages.pooled_page import (
-    comparison_answers,
-    curve_table,
-    differences_table,
-    electrical_curve_table,
-    pooled_answers,
-)
+from analysis.pages.pooled_page import comparison_answers, curve_table, differences_table, pooled_answers
 from analysis.pages.wording import every, verdict
 from analysis.records.fleet import FleetResults
 from analysis.records.flight import Results
-from analysis.records.pool import ComparisonResults, ElectricalPooledResults, PooledResults
+from analysis.records.pool import ComparisonResults, PooledResults
 
 
 def print_summary(results: Results, page: Path, console: Console) -> None:
@@ -52,18 +46,9 @@ def print_electrical_summary(results: Results, page: Path, console: Console, rep
 
 
 def print_pooled(pooled: PooledResults, page: Path, console: Console) -> None:
-    """Print the curve, the answers, warnings, and where the page is."""
-    _print_table(console, f"{pooled.aircraft.title}: power required", curve_table(pooled, 8))
+    """Print the curve, the answers, warnings, how many flights there are, and where the page is."""
+    _print_table(console, f"{pooled.aircraft.title}: {pooled.kind.words}", curve_table(pooled, 8))
     _print_answers(console, pooled_answers(pooled))
-    _print_notes(console, [*pooled.notes, *pooled.left_out])
-    _print_page(console, page)
-
-
-def print_electrical_pool(pooled: ElectricalPooledResults, page: Path, console: Console) -> None:
-    """Print the curve, whether the flights agree, what was refused, and where the page is."""
-    _print_table(console, f"{pooled.aircraft.title}: electrical power", electrical_curve_table(pooled, 8))
-    if pooled.homogeneity:
-        console.print(escape(pooled.homogeneity.text), highlight=False)
     counted = f"{len(pooled.flights)} pooled, {len(pooled.left_out)} left out, {len(pooled.failures)} refused"
     console.print(f"flights: {counted}", highlight=False)
     _print_notes(console, [*pooled.notes, *pooled.left_out])

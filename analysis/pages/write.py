@@ -1,5 +1,6 @@
 """The files of a report: page, JSON, CSV, trajectory, table for the field; of one flight or of several."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,12 +15,12 @@ from analysis.maneuvers.runs_file import blocks, head, to_toml
 from analysis.pages import page
 from analysis.pages.charts.style import ORANGE, OTHER_RUN
 from analysis.pages.page import figures_by_name, run_fits
-from analysis.pages.pooled_page import render_comparison, render_electrical_flights, render_pooled
+from analysis.pages.pooled_page import render_comparison, render_pooled, render_side_by_side
 from analysis.pages.predicted_polar import PredictedPolar, check_of_aircraft, comparison
 from analysis.pages.sections import performance as field_table
 from analysis.pipeline.runs import Analysis
 from analysis.records.flight import Results
-from analysis.records.pool import ComparisonResults, ElectricalPooledResults, PooledResults
+from analysis.records.pool import ComparisonResults, PooledResults
 from analysis.results.files import to_csv, to_json
 from analysis.results.previous import replaced
 from analysis.trajectory.equations import GUST_FILTER_STATES, STATES
@@ -102,18 +103,13 @@ def write_pooled(pooled: PooledResults, folder: Path) -> None:
     _write(render_pooled(pooled), pooled, folder)
 
 
-def write_electrical_pool(flights: list[Results], pooled: ElectricalPooledResults, folder: Path) -> None:
-    """Write report.html and results.json. Raises InputError when the folder cannot be written."""
-    _write(render_electrical_flights(flights, [*pooled.left_out, *pooled.failures], pooled), pooled, folder)
-
-
-def write_electrical_flights(flights: list[Results], failures: list[str], folder: Path) -> None:
-    """Write report.html and results.json of flights whose electrical power stands side by side, not pooled.
+def write_side_by_side(flights: Sequence[Results], refused: str, failures: Sequence[str], folder: Path) -> None:
+    """Write report.html and results.json of flights that are not pooled. refused: why
 
     Raises InputError when the folder cannot be written.
     """
-    content = {"format": FLIGHTS_FORMAT, "flights": flights, "failures": failures}
-    _write(render_electrical_flights(flights, failures), content, folder)
+    content = {"format": FLIGHTS_FORMAT, "flights": flights, "refused": refused, "failures": failures}
+    _write(render_side_by_side(flights, refused, failures), content, folder)
 
 
 def write_comparison(comparison: ComparisonResults, folder: Path) -> None:

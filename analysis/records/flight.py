@@ -5,6 +5,7 @@ once. This module therefore imports nothing of the analysis. One file, though lo
 units. Intervals are of 95 %. Files of earlier formats are read by `analysis.results.read`.
 """
 
+from datetime import datetime
 from enum import StrEnum
 from typing import Self
 
@@ -803,6 +804,14 @@ class Results(WithCurves, frozen=True, kw_only=True):
         """Of the interval of power required."""
         required = self.curves.get(Kind.POWER_REQUIRED)
         return required.interval_parts if required else []
+
+    @property
+    def start_unix_s(self) -> float | None:
+        """Start of the log; None where it does not show that."""
+        if self.pooling:
+            return self.pooling.start_unix_s
+        start = self.provenance.start_utc if self.provenance else None
+        return datetime.fromisoformat(start).timestamp() if start else None
 
     @property
     def pooling(self) -> PoolingStatistics | None:

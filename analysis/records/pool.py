@@ -1,6 +1,7 @@
 """The contents of `results.json` of several flights together, and of a comparison (docs/understand/pooling.md).
 
-Percentages of a pool are of its power required; those of a comparison are of the power of A.
+Percentages of a pool are of its power; those of a comparison are of the power of A. Pools of drag and of electrical
+power have the same fields: what only the joint estimate of drag has is empty or null in the others.
 """
 
 from enum import StrEnum
@@ -12,15 +13,14 @@ from analysis.records.flight import (
     ComputationModel,
     ConditionResult,
     Evidence,
-    PowerPoint,
-    PowerStatistics,
-    SlowestFlown,
+    Kind,
     Trust,
+    WithCurves,
 )
 
-POOLED_FORMAT = "flightpower-pooled-2"
-ELECTRICAL_FORMAT = "flightpower-electrical-pooled-1"
-COMPARISON_FORMAT = "flightpower-comparison-1"
+POOLED_FORMAT = "flightpower-pooled-3"
+EARLIER_POOLED_FORMATS = ("flightpower-pooled-2", "flightpower-electrical-pooled-1")
+COMPARISON_FORMAT = "flightpower-comparison-2"
 
 
 class Agreement(StrEnum):
@@ -70,29 +70,30 @@ class Deviation(msgspec.Struct, frozen=True, kw_only=True):
     """One flight's curve minus the pooled one at one speed, with the 95 % limit that its errors allow."""
 
     speed_mps: float
-    difference_percent: float
-    limit_percent: float
+    difference_percent: float | None  # null where the flight did not fly this speed
+    limit_percent: float | None
 
 
 class PooledFlight(msgspec.Struct, frozen=True, kw_only=True):
     """One flight of a pool. Half widths are at the speeds of `against_pool`."""
 
     log: str
-    installation: str
+    vehicle: str = ""  # as in the flight's results
+    installation: str = ""
     test: ConditionResult
-    drag_polar: PolarCoefficients  # of this flight alone
-    half_width_percent: list[float]  # of this flight alone
-    half_width_without_percent: list[float] | None  # of the pool without it; null in a pool of one flight
+    drag_polar: PolarCoefficients | None = None  # of this flight alone
+    half_width_percent: list[float | None]  # of this flight alone; null at speeds that it did not fly
+    half_width_without_percent: list[float | None] | None  # of the pool without it; null in a pool of one flight
     share_of_information: float
     against_pool: list[Deviation]
-    # Probability of a larger difference from the other flights, of the polar and of the errors of the installation;
-    # null in a pool of one flight.
+    # Probability of a larger difference from the other flights, of the curve and of the errors of the installation;
+    # null in a pool of one flight, and where the flight shares no speeds with the others.
     p: float | None
-    p_installation: float | None
+    p_installation: float | None = None
     outlier: bool
     reason: str  # the likely one, where it is an outlier
     trust: Trust  # of its own results
-    mounted_anew: bool  # it denies the installation that the files state
+    mounted_anew: bool = False  # it contradicts the installation that the files state
     start_unix_s: float | None = None  # start of its log; null where that is not known
 
 
@@ -144,81 +145,35 @@ class Trend(msgspec.Struct, frozen=True, kw_only=True):
 class PooledUse(msgspec.Struct, frozen=True, kw_only=True):
     """What the energy of a mission is computed from (`flightpower route`)."""
 
-    battery_energy_Wh: float  # of the last flight
     losses_of: list[str]  # logs; the losses of the power train are the mean of theirs
     losses_measured: bool  # and not assumed
     model: ComputationModel
 
 
-class PooledResults(msgspec.Struct, frozen=True, kw_only=True):
-    """The contents of the `results.json` of a pool."""
+class PooledResults(WithCurves, frozen=True, kw_only=True):
+    """The contents of the `results.json` of a pool.
+
+    Weight and density of `test` are the mean of the flights, `battery` is that of the last one.
+    """
 
     format: str = POOLED_FORMAT
-    trust: Trust  # as bad as the worst of:
-    evidence: list[Evidence]  # against the flights and the pool, the worst first
-    software_version: str
-    aircraft: AircraftResult
-    installation: str
-    test: ConditionResult  # mean weight and density of the flights, at which the curve is given
-    drag_polar: PolarCoefficients
-    polar_covariance: list[list[float]]  # (3, 3)
-    parameters: list[SharedParameter]
-    power_required: list[PowerPoint]
+    installation: str = ""
+    drag_polar: PolarCoefficients | None = None
+    polar_covariance: list[list[float]] = msgspec.field(default_factory=list)  # (3, 3)
+    parameters: list[SharedParameter] = msgspec.field(default_factory=list)
     between_flights: list[Scatter]  # empty in a pool of one flight
     agreement: Agreement | None  # of the flights, by the tests and the outliers; null in a pool of one flight
-    homogeneity: AgreementTest | None  # of the polars; null in a pool of one flight
-    installation_homogeneity: AgreementTest | None
+    homogeneity: AgreementTest | None  # of the curves; null in a pool of one flight
+    installation_homogeneity: AgreementTest | None = None
     flights: list[PooledFlight]
     outliers: list[Outlier]
     one_more: OneMore
     flights_to_see: list[FlightsToSee]
     trends: list[Trend]
     notes: list[str]
-    left_out: list[str] = []  # flights that are not in the pool, and why
-    failures: list[str] = []  # logs that cannot be used, and why
-    air_temperature_K: float | None = None  # mean of the flights
-    air_pressure_Pa: float | None = None
-    slowest_flown: SlowestFlown | None = None
-    use: PooledUse | None = None  # null where no flight has a power train, and in results of earlier versions
-
-
-class ElectricalPooledFlight(msgspec.Struct, frozen=True, kw_only=True):
-    """One flight of a pool against the pool of the others."""
-
-    log: str
-    vehicle: str = ""  # as in the flight's results
-    test: ConditionResult
-    half_width_percent: list[float]  # of this flight alone, at the speeds of `against_others`
-    against_others: list[Deviation]  # empty in a pool of one flight
-    p: float | None  # probability of a larger difference from the others; null in a pool of one flight
-    outlier: bool
-
-
-class PooledElectrical(msgspec.Struct, frozen=True, kw_only=True):
-    """The curve of a pool with its joint covariance, and the power in it that the motor does not draw."""
-
-    idle_power_W: float
-    pooling: PowerStatistics
-
-
-class ElectricalPooledResults(msgspec.Struct, frozen=True, kw_only=True):
-    """The contents of the `results.json` of a pool of electrical curves."""
-
-    format: str = ELECTRICAL_FORMAT
-    trust: Trust
-    evidence: list[Evidence]
-    software_version: str
-    aircraft: AircraftResult
-    test: ConditionResult  # mean weight and density of the flights, at which the curve is given
-    electrical_power: list[PowerPoint]
-    homogeneity: AgreementTest | None  # null in a pool of one flight
-    flights: list[ElectricalPooledFlight]
-    notes: list[str] = []  # flights of several autopilots, or of one with several names
-    left_out: list[str] = []
-    failures: list[str] = []  # logs that cannot be used, and why
-    air_temperature_K: float | None = None  # mean of the flights
-    air_pressure_Pa: float | None = None
-    electrical: PooledElectrical | None = None  # null in results of earlier versions
+    left_out: list[str]  # flights that are not in the pool, and why
+    failures: list[str]  # logs that cannot be used, and why
+    use: PooledUse | None = None  # null where no flight has a power train
 
 
 class Configuration(msgspec.Struct, frozen=True, kw_only=True):
@@ -246,13 +201,14 @@ class ComparisonResults(msgspec.Struct, frozen=True, kw_only=True):
     """The contents of the `results.json` of a comparison."""
 
     format: str = COMPARISON_FORMAT
+    kind: Kind  # of the power that is compared
     trust: Trust  # as bad as the worst of:
     evidence: list[Evidence]  # against the flights of both, and against what they are said to share, the worst first
     software_version: str
     a: Configuration
     b: Configuration
     test: ConditionResult  # those of A, at which both curves are given
-    same_installation: bool  # as the files say, unless the flights deny it
+    same_installation: bool  # as the files say, unless the flights contradict it; of electrical power one aircraft
     same_propeller: bool
     differences: list[PowerDifference]
     chi_square: float

@@ -12,7 +12,7 @@ import pytest
 from mcap.reader import make_reader
 from running import command, done
 
-from analysis.flights.pool import pool_results
+from analysis.flights.pool import joint_pool
 from analysis.records.flight import Results
 from flight.aircraft import load_aircraft
 from flight.messages import SECOND_TOPICS, TYPE_OF_TOPIC
@@ -88,7 +88,7 @@ def test_the_battery_gives_a_curve_and_a_method_of_its_own(results: Results) -> 
 
 def test_one_flight_through_the_pool_equals_its_analysis_to_the_digit(flown: Path) -> None:
     path = flown / "log.report" / "results.json"
-    results, pooled = json.loads(path.read_bytes()), msgspec.to_builtins(pool_results([path]).results())
+    results, pooled = json.loads(path.read_bytes()), msgspec.to_builtins(joint_pool([path]).results())
     assert pooled["power_required"] == results["power_required"]
     assert pooled["test"] == results["test"]
     assert pooled["drag_polar"] == {name: results["drag_polar"][name] for name in ("A0", "A1", "A2")}

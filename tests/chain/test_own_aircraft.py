@@ -10,7 +10,7 @@ import pytest
 from running import done, read_once, rewritten
 
 from analysis.flights.campaign.campaign import read_results
-from analysis.flights.pool import pool_results
+from analysis.flights.pool import joint_pool
 from analysis.performance.analysis import compute
 from analysis.performance.request import Request
 from flight.aircraft import load_aircraft
@@ -79,4 +79,4 @@ def test_the_evidence_against_a_flight_is_read_for_its_pool(four: Path, tmp_path
         (of_0_1, "doubtful"),
     ):
         (tmp_path / "results.json").write_text(json.dumps(written), "utf-8")
-        assert pool_results(read_results([tmp_path]).to_pool).results().trust == found
+        assert joint_pool(read_results([tmp_path]).to_pool).results().trust == found

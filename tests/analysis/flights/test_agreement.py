@@ -23,8 +23,8 @@ from analysis.flights.agreement import (
 )
 from analysis.flights.evidence import cause_text
 from analysis.flights.flight_statistics import POOLED, M
-from analysis.flights.joint_pool import thrust_known
-from analysis.flights.pool import Pool, pool_results
+from analysis.flights.joint_pool import JointPool, thrust_known
+from analysis.flights.pool import joint_pool
 from analysis.records.flight import EvidenceKind, Trust
 from analysis.records.pool import Agreement, TrendQuantity
 
@@ -34,7 +34,7 @@ def test_homogeneity_is_calibrated_on_flights_drawn_from_the_model() -> None:
     for seed in range(80):
         rng = np.random.default_rng(seed)
         x = truth(rng)
-        pooled = pool_results([flight(x, rng, f"{i}", noise) for i, noise in enumerate((0.5, 1.0, 1.0, 3.0))])
+        pooled = joint_pool([flight(x, rng, f"{i}", noise) for i, noise in enumerate((0.5, 1.0, 1.0, 3.0))])
         assert pooled.homogeneity is not None
         assert pooled.installation_homogeneity is not None
         p.append(pooled.homogeneity.p)
@@ -51,7 +51,7 @@ def test_differences_from_the_pool_have_the_covariance_stated() -> None:
     for seed in range(40):
         rng = np.random.default_rng(seed)
         x = truth(rng)
-        pooled = pool_results([flight(x, rng, f"{i}") for i in range(3)])
+        pooled = joint_pool([flight(x, rng, f"{i}") for i in range(3)])
         for difference in differences_in_pool(pooled.stack, pooled.estimate):
             ratios += difference.standardized.tolist()
     assert np.mean(np.abs(ratios) < NORMAL_95) == pytest.approx(0.95, abs=0.03)
@@ -60,18 +60,18 @@ def test_differences_from_the_pool_have_the_covariance_stated() -> None:
 def test_errors_common_to_all_flights_do_not_widen_the_differences_between_them() -> None:
     rng = np.random.default_rng(3)
     x = truth(rng)
-    pooled = pool_results([flight(x, rng, f"{i}", 0.01) for i in range(8)])
+    pooled = joint_pool([flight(x, rng, f"{i}", 0.01) for i in range(8)])
     polar = [d.standardized[:3] for d in pooled.differences]
     assert np.sqrt(np.mean(np.square(polar))) == pytest.approx(1, abs=0.4)
 
 
-def spoiled(name: str, change: float) -> Pool:
+def spoiled(name: str, change: float) -> JointPool:
     """The pool of six calm flights, of which the third flew with another value of a parameter."""
     rng = np.random.default_rng(1)
     x = truth(rng)
     other = x.copy()
     other[POOLED.index(name)] += change
-    return pool_results([flight(other if i == 2 else x, rng, f"{i}", 0.1) for i in range(6)])
+    return joint_pool([flight(other if i == 2 else x, rng, f"{i}", 0.1) for i in range(6)])
 
 
 def test_an_outlier_is_named_and_the_scatter_between_flights_exceeds_what_is_expected() -> None:
@@ -113,7 +113,7 @@ def test_what_is_said_of_a_pool_has_the_level_of_its_verdict() -> None:
     for seed in range(80):
         rng = np.random.default_rng(seed)
         x = truth(rng)
-        found = pool_results([flight(x, rng, f"{i}", noise) for i, noise in enumerate((0.5, 1.0, 1.0, 3.0, 1.0, 1.0))])
+        found = joint_pool([flight(x, rng, f"{i}", noise) for i, noise in enumerate((0.5, 1.0, 1.0, 3.0, 1.0, 1.0))])
         said = found.results()
         doubtful += said.trust is Trust.DOUBTFUL
         if said.trust is Trust.TRUSTED:
@@ -130,7 +130,7 @@ def test_at_most_half_of_the_flights_are_named() -> None:
     others = [x.copy() for _ in range(5)]
     for i, other in enumerate(others):
         other[POOLED.index("A0")] += 0.004 * 2**i
-    found = pool_results([flight(other, rng, f"{i}", 0.1) for i, other in enumerate(others)])
+    found = joint_pool([flight(other, rng, f"{i}", 0.1) for i, other in enumerate(others)])
     assert len(found.outliers) == 2
 
 
@@ -161,7 +161,7 @@ def test_homogeneity_is_that_of_the_covariance_of_all_flights_together(part: sli
     """To 1e-8 at 200 flights, with errors that all share, an installation without a name and unlike flights."""
     rng = np.random.default_rng(5)
     x = truth(rng)
-    pooled = pool_results([flight(x, rng, f"{i}", 0.3 + 0.01 * i) for i in range(200)])
+    pooled = joint_pool([flight(x, rng, f"{i}", 0.3 + 0.01 * i) for i in range(200)])
     stack = pooled.stack
     values = stack.values[:, part]
     n, k = values.shape

@@ -7,14 +7,14 @@ from fleet_flights import flights_of
 
 from analysis.flights.agreement import ErrorParts
 from analysis.flights.changes import Change, Series, find_changes, series
-from analysis.flights.pool import pool_results
+from analysis.flights.pool import joint_pool
 from analysis.records.fleet import Shape, What
 
 A_YEAR = 200  # flights
 
 
 def changes_of(count: int = 100, seed: int = 1, **change: object) -> list[Change]:
-    flights = pool_results(flights_of("one", seed, count, **change))  # type: ignore[arg-type]
+    flights = joint_pool(flights_of("one", seed, count, **change))  # type: ignore[arg-type]
     return find_changes(series(flights), np.arange(count, dtype=float), A_YEAR)
 
 

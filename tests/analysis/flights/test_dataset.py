@@ -6,7 +6,7 @@ import pytest
 from fleet_flights import flights_of
 
 from analysis.flights.dataset import Added, Dataset
-from analysis.flights.pool import pool, pool_results
+from analysis.flights.pool import joint_pool, pool
 from flight.errors import InputError
 from tests.s3_server import running
 
@@ -22,7 +22,7 @@ def test_flights_read_back_give_the_same_pool(dataset: Dataset) -> None:
     assert dataset.add(results) == Added(6, 0)
     ((flights),) = dataset.flights("one").values()
     assert [one.name for one in flights] == [one["log"] for one in results]
-    ours, direct = pool(flights), pool_results(results)
+    ours, direct = pool(flights), joint_pool(results)
     assert (ours.polar.A == direct.polar.A).all() and (ours.polar.covariance == direct.polar.covariance).all()
 
 

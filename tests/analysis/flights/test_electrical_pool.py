@@ -13,11 +13,13 @@ from analysis.cli.compare import app as compare_command
 from analysis.cli.several_logs import _pool
 from analysis.estimation.noise import NORMAL_95
 from analysis.flights.campaign.campaign import Campaign
-from analysis.flights.electrical import compare_electrical, electrical_pool, pooled_results
+from analysis.flights.comparison import Comparison, compare
+from analysis.flights.curve_pool import CurvePool
 from analysis.flights.evidence import NOT_ONE_VEHICLE
-from analysis.pages.pooled_page import render_electrical_flights
+from analysis.flights.pool import pool_results
+from analysis.pages.pooled_page import render_pooled
 from analysis.records.flight import POWER_FORMAT, EvidenceKind, Kind, Results, Trust
-from analysis.records.pool import ELECTRICAL_FORMAT
+from analysis.records.pool import POOLED_FORMAT
 from flight.command_line import ExitCode
 from flight.errors import InputError
 
@@ -69,6 +71,16 @@ def drawn(rng: np.random.Generator, count: int, common: float | None = None, **o
     return [flight(f"{i}", error, **of) for i, error in enumerate(errors)]
 
 
+def electrical_pool(flights: Sequence[Results]) -> CurvePool:
+    pool = pool_results(flights)
+    assert isinstance(pool, CurvePool)
+    return pool
+
+
+def compared(a: Sequence[Results], b: Sequence[Results]) -> Comparison:
+    return compare(pool_results(a), pool_results(b))
+
+
 def half_shares(flights: Sequence[Results]) -> np.ndarray:
     pool = electrical_pool(flights)
     return np.sqrt(np.diag(pool.curve.power_W.covariance)) / pool.curve.power_W.value
@@ -78,7 +90,7 @@ def test_one_flight_is_its_own_pool() -> None:
     pool = electrical_pool([flight(error=0.1)])
     assert pool.curve.power_W.value == pytest.approx(1.1 * power_of(pool.curve.V_mps), rel=1e-4)
     assert half_shares([flight()]) == pytest.approx(np.hypot(OWN, SHARED), rel=1e-3)
-    found = pooled_results(pool)
+    found = pool.results()
     assert found.homogeneity is None and found.flights[0].p is None and not found.flights[0].outlier
 
 
@@ -114,15 +126,15 @@ def test_a_change_of_drag_is_seen_because_shared_errors_cancel() -> None:
     for _ in range(100):
         common = SHARED * rng.standard_normal()
         a, b, c = (drawn(rng, 5, common, drag=drag) for drag in (1.0, 1.0, 1.08))
-        changed = compare_electrical(a, c, ("old", "new"))
+        changed = compared(a, c).results("old", "new")
         seen.append(changed.differs)
-        false.append(compare_electrical(a, b).differs)
+        false.append(compared(a, b).differs)
         inside += [row.lo_percent < 100 * (power_of(row.speed_mps, drag=1.08) / power_of(row.speed_mps) - 1)
                    < row.hi_percent for row in changed.differences]  # fmt: skip
     assert np.mean(seen) > 0.9 and np.mean(false) < 0.1 and 0.91 < np.mean(inside) <= 1.0
     assert changed.a.name == "old" and changed.same_installation
     another = msgspec.structs.replace(flight().aircraft, title="B")
-    other = compare_electrical(a, [msgspec.structs.replace(one, aircraft=another) for one in c])
+    other = compared(a, [msgspec.structs.replace(one, aircraft=another) for one in c]).results()
     widths = [[row.hi_percent - row.lo_percent for row in found.differences] for found in (changed, other)]
     assert not other.same_installation and (np.array(widths[1]) > 1.2 * np.array(widths[0])).all()
     assert widths[1] == pytest.approx([2 * row.independent_half_width_percent for row in changed.differences])
@@ -130,13 +142,13 @@ def test_a_change_of_drag_is_seen_because_shared_errors_cancel() -> None:
 
 def test_a_flight_that_differs_is_an_outlier() -> None:
     flights = [flight(str(i), 1e-6 * i) for i in range(4)] + [flight("wrong", 0.2)]
-    found = pooled_results(electrical_pool(flights), ["z: left out"], ["y: torn"])
+    found = electrical_pool(flights).results(["z: left out"], ["y: torn"])
     assert [one.log for one in found.flights if one.outlier] == ["wrong"]
     assert found.homogeneity is not None and found.homogeneity.p < 1e-3
-    assert found.trust is Trust.DOUBTFUL and [one.kind for one in found.evidence] == [EvidenceKind.FLIGHTS_DIFFER]
-    assert compare_electrical(flights, [flight("b")]).trust is Trust.DOUBTFUL
+    assert found.trust is Trust.DOUBTFUL and {one.kind for one in found.evidence} == {EvidenceKind.FLIGHTS_DIFFER}
+    assert compared(flights, [flight("b", 1e-5)]).results().trust is Trust.DOUBTFUL
     assert found.left_out == ["z: left out"] and found.failures == ["y: torn"]
-    pair = pooled_results(electrical_pool(flights[-2:]))
+    pair = electrical_pool(flights[-2:]).results()
     assert not any(one.outlier for one in pair.flights), "of two it is not known which"
 
 
@@ -154,7 +166,7 @@ def test_the_commands_pool_and_compare_as_those_of_drag(tmp_path: Path, capsys: 
         assert _pool(campaign, tmp_path / name, quiet=False) == ExitCode.DONE
         assert "3 pooled, 0 left out, 1 refused" in capsys.readouterr().out
         pooled = json.loads((tmp_path / name / "results.json").read_text("utf-8"))
-        assert pooled["format"] == ELECTRICAL_FORMAT and len(pooled["flights"]) == 3
+        assert pooled["format"] == POOLED_FORMAT and len(pooled["flights"]) == 3
         assert (tmp_path / name / "report.html").stat().st_size > 1000
     words = [str(tmp_path / "old"), str(tmp_path / "new"), "-o", str(tmp_path / "difference")]
     assert CliRunner().invoke(compare_command, words).exit_code == ExitCode.DONE
@@ -171,7 +183,7 @@ def test_what_is_not_pooled_is_said() -> None:
     with pytest.raises(InputError, match="earlier version"):
         electrical_pool([flight("a").with_curve(Kind.ELECTRICAL, statistics=None)])
     with pytest.raises(InputError, match="no speeds in common"):
-        compare_electrical([flight("a")], [flight("b", speeds=V + 20.0)])
+        compared([flight("a")], [flight("b", speeds=V + 20.0)])
 
 
 @pytest.mark.parametrize(
@@ -192,11 +204,11 @@ def test_flights_of_two_autopilots_are_told_and_pooled(vehicles, names: str, tol
         flight(str(i), 1e-3 * i, vehicle=vehicle, name=name)
         for i, (vehicle, name) in enumerate(zip(vehicles, names, strict=True))
     ]
-    found = pooled_results(electrical_pool(flights))
+    found = electrical_pool(flights).results()
     assert len(found.notes) == len(told)
     assert all(note.startswith(text) for note, text in zip(found.notes, told, strict=True))
     assert [one.vehicle for one in found.flights] == list(vehicles) and found.trust is Trust.TRUSTED
-    page = render_electrical_flights(flights, [], found)
+    page = render_pooled(found)
     assert all(text in page for text in told) and "<th>autopilot</th>" in page
 
 
@@ -205,10 +217,10 @@ def test_flights_of_two_autopilots_are_told_and_pooled(vehicles, names: str, tol
 )
 def test_errors_cancel_between_flights_that_one_autopilot_logged(of_a: str, of_b: str, one: bool) -> None:
     a, b = (
-        [flight(f"{side}{i}", 1e-3 * (i + at), vehicle=v) for i, v in enumerate(vehicles or [""])]
+        [flight(f"{side}{i}", 1e-3 * (i + 10 * at), vehicle=v) for i, v in enumerate(vehicles or [""])]
         for at, (side, vehicles) in enumerate((("a", of_a), ("b", of_b)))
     )
-    found = compare_electrical(a, b)
+    found = compared(a, b).results()
     widths = [row.hi_percent - row.lo_percent for row in found.differences]
     apart = [2 * row.independent_half_width_percent for row in found.differences]
     assert found.same_installation is one and (NOT_ONE_VEHICLE in found.notes) is not one

@@ -14,7 +14,8 @@ from analysis.flights.comparison import compare
 from analysis.flights.evidence import NOT_NAMED
 from analysis.flights.flight_statistics import POOLED
 from analysis.flights.joint import _without_prior, without_each
-from analysis.flights.pool import Pool, pool_results
+from analysis.flights.joint_pool import JointPool
+from analysis.flights.pool import joint_pool, pool_results
 from analysis.flights.pool_settings import POOLING
 from analysis.methods import consider as covariance
 from analysis.records.flight import EvidenceKind, PartOfResult, Trust
@@ -27,21 +28,21 @@ def campaign(seed: int, flights: int, **facts: Any) -> list[dict[str, Any]]:
     return [flight(x, rng, f"{seed}-{i}", **facts) for i in range(flights)]
 
 
-def slowest_error_percent(pooled: Pool, A: np.ndarray) -> tuple[float, float]:
+def slowest_error_percent(pooled: JointPool, A: np.ndarray) -> tuple[float, float]:
     """Of the power by the polar A at the slowest speed: error, and half the 95 % interval of `pooled`."""
     V = pooled.speeds_mps[:1]
     power, error = pooled.power(V)
-    other, _ = Pool(**{**vars_of(pooled), "polar": Polar(A, np.zeros((3, 3)))}).power(V)
+    other, _ = JointPool(**{**vars_of(pooled), "polar": Polar(A, np.zeros((3, 3)))}).power(V)
     return float(100 * (other / power - 1)[0]), float(100 * NORMAL_95 * (error / power)[0])
 
 
-def vars_of(pooled: Pool) -> dict[str, Any]:
+def vars_of(pooled: JointPool) -> dict[str, Any]:
     return {name: getattr(pooled, name) for name in pooled.__dataclass_fields__}
 
 
 def test_one_flight_equals_its_own_analysis_and_the_equations_agree() -> None:
     (results,) = campaign(1, 1)
-    pooled = pool_results([results])
+    pooled = joint_pool([results])
     assert pooled.polar.A.tolist() == results["pooling"]["values"][:3]
     assert pooled.polar.covariance.tolist() == results["pooling"]["polar_covariance"]
     total = pooled.estimate.parameters.covariance[:3, :3] + covariance.floor()
@@ -58,7 +59,7 @@ STAND = {
 def test_a_stand_counts_once_in_a_pool(number: int) -> None:
     """The pool is that of the same flights without a stand, and then the stand's measurement: a Kalman update of drag
     and thrust for given errors of the installation, which thrust does not change."""
-    with_stand, without = (pool_results(campaign(5, number, **facts)).estimate for facts in ({"stand": STAND}, {}))
+    with_stand, without = (joint_pool(campaign(5, number, **facts)).estimate for facts in ({"stand": STAND}, {}))
     h = np.array([STAND["coefficients"].get(name, 0.0) for name in POOLED])  # type: ignore[attr-defined]
     Ch = without.prior_part @ (np.where(h, PRIOR_SIGMA, 0.0) ** 2 * h)
     gain = Ch / (h @ Ch + STAND["sigma"] ** 2)  # type: ignore[operator]
@@ -91,12 +92,12 @@ def test_flights_that_say_nothing_of_a_parameter_do_not_make_a_pool_worse() -> N
     beyond = POOLED.index("thrust_beyond")
     assert one["pooling"]["covariance"][beyond][beyond] > PRIOR_SIGMA[beyond] ** 2
     np.testing.assert_allclose(
-        pool_results([one]).estimate.parameters.value, one["pooling"]["values"], rtol=1e-7, atol=1e-10
+        joint_pool([one]).estimate.parameters.value, one["pooling"]["values"], rtol=1e-7, atol=1e-10
     )
     flown = [campaign(seed, 20, color=3.0) for seed in range(40)]
     stated, actual = [], []
     for number in (1, 5, 20):
-        pools = np.array([slowest_error_percent(pool_results(flights[:number]), POLAR) for flights in flown])
+        pools = np.array([slowest_error_percent(joint_pool(flights[:number]), POLAR) for flights in flown])
         stated.append(np.median(pools[:, 1]))
         actual.append(np.sqrt(np.mean(pools[:, 0] ** 2)))
         assert 0.7 < actual[-1] / (stated[-1] / NORMAL_95) < 1.25  # 40 draws: 1 +- 0.11
@@ -107,10 +108,10 @@ def test_flights_that_say_nothing_of_a_parameter_do_not_make_a_pool_worse() -> N
 @pytest.mark.parametrize("color", [1.0, 3.0])
 def test_the_pool_without_each_flight_is_that_of_the_others(color: float) -> None:
     flights = campaign(4, 4, color=color)
-    pooled = pool_results(flights)
+    pooled = joint_pool(flights)
     others = without_each(pooled.stack, pooled.prior)
     for i in range(4):
-        expected = pool_results([*flights[:i], *flights[i + 1 :]]).estimate
+        expected = joint_pool([*flights[:i], *flights[i + 1 :]]).estimate
         np.testing.assert_allclose(others.x[i], expected.parameters.value, rtol=1e-7, atol=1e-10)
         np.testing.assert_allclose(
             others.total(pooled.prior.covariance)[i], expected.parameters.covariance, rtol=1e-6, atol=1e-12
@@ -122,16 +123,16 @@ def test_flights_with_two_stands_are_not_one_pool() -> None:
     with pytest.raises(
         InputError, match=r"two measurements of thrust on a stand .* \+0.040 ± 0.020, .* has none; .*--thr"
     ):
-        pool_results(flights)
+        joint_pool(flights)
 
 
 def test_flights_with_different_stated_priors_are_pooled_with_the_widest() -> None:
     """The same data, analyzed with a narrower prior once: its own prior is subtracted, so the pool is the same."""
     x, narrower = truth(np.random.default_rng(0)), PRIOR_SIGMA / np.where(np.arange(len(PRIOR_SIGMA)) > 2, 2.0, 1.0)
 
-    def pooled(first: np.ndarray) -> Pool:
+    def pooled(first: np.ndarray) -> JointPool:
         rng = np.random.default_rng(1)
-        return pool_results([flight(x, rng, "first", prior_sigma=first), flight(x, rng, "second")])
+        return joint_pool([flight(x, rng, "first", prior_sigma=first), flight(x, rng, "second")])
 
     mixed, wide = pooled(narrower), pooled(PRIOR_SIGMA)
     np.testing.assert_allclose(mixed.estimate.parameters.value, wide.estimate.parameters.value, rtol=1e-6, atol=1e-9)
@@ -146,7 +147,7 @@ def test_the_prior_of_thrust_moves_a_pool_of_twenty_flights_by_its_own_share_onl
     for _ in range(campaigns):
         x = truth(rng)
         x[3:5] = [0.036, -0.22]
-        pooled = pool_results([flight(x, rng, str(i)) for i in range(20)])
+        pooled = joint_pool([flight(x, rng, str(i)) for i in range(20)])
         prior = pooled.estimate.prior_part
         errors.append(pooled.estimate.parameters.value - x - prior @ np.where(known, PRIOR_MEAN - x, 0.0))
         by_prior = prior @ np.diag(np.where(known, PRIOR_SIGMA, 0.0) ** 2) @ prior.T
@@ -158,7 +159,7 @@ def test_the_prior_of_thrust_moves_a_pool_of_twenty_flights_by_its_own_share_onl
 
 def test_one_flight_without_a_named_installation_equals_its_own_analysis_too() -> None:
     (results,) = campaign(1, 1, installation="")
-    pooled = pool_results([results])
+    pooled = joint_pool([results])
     total = pooled.estimate.parameters.covariance[:3, :3] + covariance.floor()
     np.testing.assert_allclose(pooled.estimate.parameters.value[:3], pooled.polar.A, rtol=1e-9)
     np.testing.assert_allclose(total, pooled.polar.covariance, rtol=1e-7, atol=1e-16)
@@ -169,14 +170,14 @@ def test_the_mean_of_curves_keeps_the_error_by_the_prior_that_all_flights_used()
     mean, joint = [], []
     for seed in range(40):
         results = campaign(seed, 20)
-        pooled = pool_results(results)
+        pooled = joint_pool(results)
         joint.append(slowest_error_percent(pooled, POLAR))
         polars = [f.polar for f in pooled.flights]
         of_mean = Polar(
             np.mean([polar.A for polar in polars], axis=0),
             np.mean([p.covariance for p in polars], axis=0) / len(polars),
         )
-        mean.append(slowest_error_percent(Pool(**{**vars_of(pooled), "polar": of_mean}), POLAR))
+        mean.append(slowest_error_percent(JointPool(**{**vars_of(pooled), "polar": of_mean}), POLAR))
     error, half = np.array(joint).T
     assert np.mean(np.abs(error) < half) >= 0.9
     mean_error, mean_half = np.array(mean).T
@@ -187,13 +188,13 @@ def test_the_mean_of_curves_keeps_the_error_by_the_prior_that_all_flights_used()
 @pytest.mark.parametrize("installation", ["boom", ""])
 def test_the_interval_narrows_with_flights_and_less_where_the_probe_is_mounted_anew(installation: str) -> None:
     results = campaign(3, 20, installation=installation)
-    half = [pool_results(results[:n]).half_widths_percent([1] * n, np.array([12.0]))[0] for n in (1, 2, 5, 20)]
+    half = [joint_pool(results[:n]).half_widths_percent([1] * n, np.array([12.0]))[0] for n in (1, 2, 5, 20)]
     assert half == sorted(half, reverse=True)
     assert half[0] / half[-1] > (3 if installation else 1.5)
 
 
 def test_the_common_part_of_mountings_is_known_no_better_than_their_scatter_allows() -> None:
-    named, unnamed = (pool_results(campaign(3, 6, noise=0.1, installation=name)) for name in ("boom", ""))
+    named, unnamed = (joint_pool(campaign(3, 6, noise=0.1, installation=name)) for name in ("boom", ""))
     at = POOLED.index("alpha_bias")
     scatter = 0.95 * POOLING.remounted * PRIOR_SIGMA[at] / np.sqrt(6)  # the prior knows a little more
     assert (
@@ -215,7 +216,7 @@ def test_the_common_part_of_mountings_is_known_no_better_than_their_scatter_allo
 )
 def test_flights_that_share_no_errors_are_refused(facts: dict[str, str], said: str) -> None:
     with pytest.raises(InputError, match=said) as error:
-        pool_results([*campaign(4, 1), *campaign(5, 1, **facts)])
+        joint_pool([*campaign(4, 1), *campaign(5, 1, **facts)])
     assert "4-0.mcap" in str(error.value)
     assert "5-0.mcap" in str(error.value)
     assert "compare" in str(error.value)
@@ -224,7 +225,7 @@ def test_flights_that_share_no_errors_are_refused(facts: dict[str, str], said: s
 def test_a_flight_given_twice_and_results_without_statistics_are_refused(tmp_path: Path) -> None:
     (results,) = campaign(6, 1)
     with pytest.raises(InputError, match="same flight"):
-        pool_results([results, results])
+        joint_pool([results, results])
     with pytest.raises(InputError, match="no flights"):
         pool_results([])
     path = tmp_path / "results.json"
@@ -236,7 +237,7 @@ def test_a_flight_given_twice_and_results_without_statistics_are_refused(tmp_pat
     ):
         path.write_text(json.dumps(content), "utf-8")
         with pytest.raises(InputError, match=said) as error:
-            pool_results([path])
+            joint_pool([path])
         assert str(path) in str(error.value)
 
 
@@ -245,7 +246,7 @@ def test_the_pool_of_files_equals_that_of_their_content(tmp_path: Path) -> None:
     paths = [tmp_path / f"{i}.json" for i in range(3)]
     for path, one in zip(paths, results, strict=True):
         path.write_text(json.dumps(one), "utf-8")
-    assert pool_results(paths).results() == pool_results(results).results()
+    assert joint_pool(paths).results() == joint_pool(results).results()
 
 
 def evidence(level: Trust) -> dict[str, Any]:
@@ -255,7 +256,7 @@ def evidence(level: Trust) -> dict[str, Any]:
 def test_a_pool_and_a_comparison_are_as_bad_as_their_worst_flight_and_name_it() -> None:
     good, bad, other = campaign(10, 3)
     for level in (Trust.DOUBTFUL, Trust.NOT_TO_BE_TRUSTED):
-        pools = pool_results([good, {**bad, "evidence": [evidence(level)], "trust": level}]), pool_results([other])
+        pools = joint_pool([good, {**bad, "evidence": [evidence(level)], "trust": level}]), joint_pool([other])
         (one,) = pools[0].evidence
         assert (one.log, one.level, one.kind) == ("10-1.mcap", level, EvidenceKind.MOTOR_SPEED)
         pooled, (alone, with_bad) = pools[0].results(), (compare(*order).results("old", "new") for order in (
@@ -263,12 +264,12 @@ def test_a_pool_and_a_comparison_are_as_bad_as_their_worst_flight_and_name_it() 
         assert {pooled.trust, alone.trust, with_bad.trust} == {level}
         assert [flight.trust for flight in pooled.flights] == [Trust.TRUSTED, level]
         assert [found.evidence[0].log for found in (alone, with_bad)] == ["old/10-1.mcap", "new/10-1.mcap"]
-    assert pool_results([good, other]).results().trust is Trust.TRUSTED
+    assert joint_pool([good, other]).results().trust is Trust.TRUSTED
 
 
 def test_a_flight_of_an_earlier_version_has_no_verdict() -> None:
     good, old = campaign(10, 2)
-    (one,) = pool_results([good, {name: value for name, value in old.items() if name != "evidence"}]).evidence
+    (one,) = joint_pool([good, {name: value for name, value in old.items() if name != "evidence"}]).evidence
     assert (one.log, one.kind, one.level) == ("10-1.mcap", EvidenceKind.NO_VERDICT, Trust.DOUBTFUL)
 
 
@@ -276,7 +277,7 @@ def test_a_calm_flight_contributes_most_and_another_like_it_is_offered() -> None
     rng = np.random.default_rng(8)
     x = truth(rng)
     results = [flight(x, rng, f"windy {i}", noise=3.0) for i in range(3)] + [flight(x, rng, "calm")]
-    found = pool_results(results).results()
+    found = joint_pool(results).results()
     shares = [one.share_of_information for one in found.flights]
     assert shares.index(max(shares)) == 3
     assert sum(shares) == pytest.approx(1)
@@ -293,7 +294,7 @@ def test_a_trend_over_temperature_is_found_and_none_over_date() -> None:
         factor = 1 + 0.01 * (i - 4)  # of drag, per 5 K
         drift = np.concatenate([factor * POLAR, x[3:]])
         results.append(flight(drift, rng, str(i), 0.3, temperature_K=280.0 + 5 * i, start_unix_s=1.7e9 + i % 2 * 1e6))
-    temperature, date = sorted(pool_results(results).results().trends, key=lambda trend: trend.p)
+    temperature, date = sorted(joint_pool(results).results().trends, key=lambda trend: trend.p)
     assert temperature.quantity == "air temperature"
     assert (temperature.lowest, temperature.highest) == (280.0, 315.0)
     assert temperature.change_percent == pytest.approx(7.0, abs=3 * temperature.standard_error_percent)
@@ -306,15 +307,13 @@ def test_flights_without_a_date_are_left_out_of_its_trend_which_is_said(dated: i
     rng = np.random.default_rng(9)
     x = truth(rng)
     starts = [1.7e9 + 1e6 * i if i < dated else None for i in range(8)]
-    results = pool_results(
-        [flight(x, rng, str(i), 0.3, start_unix_s=start) for i, start in enumerate(starts)]
-    ).results()
+    results = joint_pool([flight(x, rng, str(i), 0.3, start_unix_s=start) for i, start in enumerate(starts)]).results()
     over_date = [trend.flights for trend in results.trends if trend.quantity == "date"]
     assert over_date == [dated] * trends
     assert sum(f"{8 - dated} of 8 flights have no date" in note for note in results.notes) == said
 
 
 def test_half_widths_are_of_power_in_per_cent() -> None:
-    pooled, V = pool_results(campaign(3, 3)), np.array([12.0, 18.0])
+    pooled, V = joint_pool(campaign(3, 3)), np.array([12.0, 18.0])
     power, error = pooled.power(V)
     assert pooled.half_widths_percent([1, 1, 1], V) == pytest.approx(196 * error / power, rel=1e-3)

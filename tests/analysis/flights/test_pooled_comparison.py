@@ -8,17 +8,19 @@ from synthetic_flights import POLAR, PRIOR_SIGMA, flight, truth
 
 from analysis.curve import Polar, power_required
 from analysis.estimation.noise import NORMAL_95
-from analysis.flights.comparison import Comparison, compare, flights_to_see
+from analysis.flights.comparison import Comparison, compare
 from analysis.flights.evidence import SharedErrors
 from analysis.flights.flight_statistics import M
-from analysis.flights.pool import Pool, pool_results
+from analysis.flights.joint_pool import JointPool
+from analysis.flights.pool import joint_pool
+from analysis.flights.pooled import flights_to_see
 from analysis.methods.consider import DENSITY
 from analysis.methods.rejected_assumptions import Assumption
 from analysis.records.flight import EvidenceKind
 from flight.errors import InputError
 
 
-def pools(seed: int, factor: float, flights: int = 4, noise: float = 0.3, **facts: str) -> tuple[Pool, Pool]:
+def pools(seed: int, factor: float, flights: int = 4, noise: float = 0.3, **facts: str) -> tuple[JointPool, JointPool]:
     """Of one installation and propeller unless `facts` say otherwise of B, whose drag is larger by the factor."""
     rng = np.random.default_rng(seed)
     x = truth(rng)
@@ -26,8 +28,8 @@ def pools(seed: int, factor: float, flights: int = 4, noise: float = 0.3, **fact
     if "installation" in facts:
         y[6:] = truth(rng)[6:]
     return (
-        pool_results([flight(x, rng, f"a{i}", noise) for i in range(flights)]),
-        pool_results([flight(y, rng, f"b{i}", noise, **facts) for i in range(flights)]),
+        joint_pool([flight(x, rng, f"a{i}", noise) for i in range(flights)]),
+        joint_pool([flight(y, rng, f"b{i}", noise, **facts) for i in range(flights)]),
     )
 
 
@@ -59,7 +61,7 @@ def test_each_flight_has_its_own_error_of_the_density() -> None:
         for seed in range(50):
             rng = np.random.default_rng(seed)
             x = truth(rng)
-            a, b = (pool_results([measured(x, rng, f"{n}{i}", stated) for i in range(2)]) for n in "ab")
+            a, b = (joint_pool([measured(x, rng, f"{n}{i}", stated) for i in range(2)]) for n in "ab")
             found.append(compare(a, b).differs)
         return float(np.mean(found))
 
@@ -95,7 +97,7 @@ def test_another_propeller_leaves_its_thrust_error_in_the_difference() -> None:
 def test_without_a_named_installation_only_the_common_part_cancels() -> None:
     rng = np.random.default_rng(6)
     x = truth(rng)
-    a, b = (pool_results([flight(x, rng, f"{name}{i}", 0.3, installation="") for i in range(4)]) for name in ("a", "b"))
+    a, b = (joint_pool([flight(x, rng, f"{name}{i}", 0.3, installation="") for i in range(4)]) for name in ("a", "b"))
     found = compare(a, b)
     assert found.same_installation
     assert found.shared_errors is SharedErrors.COMMON_PART
@@ -131,9 +133,9 @@ def test_a_doubt_of_the_shape_never_cancels_and_one_of_thrust_with_one_propeller
     rng = np.random.default_rng(3)
     x = truth(rng)
     a, b = flight(x, rng, "a", 0.3), flight(x, rng, "b", 0.3, **facts)
-    plain = compare(pool_results([a]), pool_results([b])).half_width_percent
+    plain = compare(joint_pool([a]), joint_pool([b])).half_width_percent
     doubted = compare(
-        pool_results([with_doubt(a, about, 1.0)]), pool_results([with_doubt(b, about, 1.0)])
+        joint_pool([with_doubt(a, about, 1.0)]), joint_pool([with_doubt(b, about, 1.0)])
     ).half_width_percent
     assert np.all(doubted < 1.2 * plain) if cancels else np.all(doubted > 6.0)
 
@@ -142,8 +144,8 @@ def test_which_is_a_does_not_matter_where_only_b_has_a_wide_prior_of_thrust() ->
     rng = np.random.default_rng(4)
     x = truth(rng)
     wide = np.where(np.isin(np.arange(M), [3, 4]), 5.0, 1.0) * PRIOR_SIGMA
-    a = pool_results([flight(x, rng, "a", 3.0)])
-    b = pool_results([flight(x, rng, "b", 3.0, propeller="apc-10x5", prior_sigma=wide)])
+    a = joint_pool([flight(x, rng, "a", 3.0)])
+    b = joint_pool([flight(x, rng, "b", 3.0, propeller="apc-10x5", prior_sigma=wide)])
     there, back = compare(a, b), compare(b, a)
     assert 1 + back.difference_percent / 100 == pytest.approx(1 / (1 + there.difference_percent / 100), rel=1e-3)
 
@@ -184,7 +186,7 @@ def test_a_false_name_of_the_installation_is_denied_and_the_interval_contains_th
         x, other = truth(rng), truth(rng)
         y = np.concatenate([x[:6], other[6:]])
         a, b, c = (
-            pool_results([flight(z, rng, f"{name}{i}", 0.5) for i in range(flights)])
+            joint_pool([flight(z, rng, f"{name}{i}", 0.5) for i in range(flights)])
             for z, name in ((x, "a"), (y, "b"), (x, "c"))
         )
         found.append(compare(a, b))
@@ -194,14 +196,14 @@ def test_a_false_name_of_the_installation_is_denied_and_the_interval_contains_th
     def covered(comparisons: list[Comparison]) -> float:
         return float(np.mean([np.abs(one.difference_percent) < one.half_width_percent for one in comparisons]))
 
-    assert np.mean([one.denied is not None for one in found]) > 0.9 and covered(found) > 0.88
-    assert np.mean([one.denied is not None for one in of_one]) < 0.12 and covered(of_one) > 0.92
+    assert np.mean([one.relation.contradicted is not None for one in found]) > 0.9 and covered(found) > 0.88
+    assert np.mean([one.relation.contradicted is not None for one in of_one]) < 0.12 and covered(of_one) > 0.92
     assert np.mean(believed) < 0.5
     for one in found + of_one:
-        assert one.same_installation == (one.denied is None)
+        assert one.same_installation == (one.relation.contradicted is None)
         results = one.results("old", "new")
         told = [evidence.kind for evidence in results.evidence if not evidence.log]
-        assert one.denied is None or told == [EvidenceKind.INSTALLATIONS_DIFFER] or results.notes
+        assert one.relation.contradicted is None or told == [EvidenceKind.INSTALLATIONS_DIFFER] or results.notes
 
 
 def test_two_flights_that_deny_their_installation_are_both_mounted_anew() -> None:
@@ -210,7 +212,7 @@ def test_two_flights_that_deny_their_installation_are_both_mounted_anew() -> Non
     for seed in range(60):
         rng = np.random.default_rng(seed)
         x, other = truth(rng), truth(rng)
-        found = pool_results([flight(x, rng, "a", 0.5), flight(np.r_[x[:6], other[6:]], rng, "b", 0.5)])
+        found = joint_pool([flight(x, rng, "a", 0.5), flight(np.r_[x[:6], other[6:]], rng, "b", 0.5)])
         denied.append(found.anew == {0, 1} and all(one.mounted_anew for one in found.results().flights))
         assert denied[-1] or not found.anew
         power, error = found.power(V)
@@ -220,4 +222,4 @@ def test_two_flights_that_deny_their_installation_are_both_mounted_anew() -> Non
     rng = np.random.default_rng(1)
     x, other = truth(rng), truth(rng)
     six = [flight(np.r_[x[:6], other[6:]] if i == 2 else x, rng, f"{i}", 0.1) for i in range(6)]
-    assert pool_results(six).anew == {2}
+    assert joint_pool(six).anew == {2}

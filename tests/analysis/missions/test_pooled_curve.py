@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from analysis.cli import route
-from analysis.flights.electrical import electrical_pool, pooled_results
 from analysis.flights.flight_statistics import POOLED
-from analysis.flights.pool import Pool, pool_results
+from analysis.flights.joint_pool import JointPool
+from analysis.flights.pool import joint_pool, pool_results
 from analysis.missions.inputs import RouteInput
 from analysis.missions.power import source_of
 from analysis.missions.prediction import predict
@@ -48,13 +48,13 @@ def contents(*, measured: tuple[bool, ...] = (True, True, True), use: bool = Tru
     return found
 
 
-def route_input(pool: Pool) -> RouteInput:
+def route_input(pool: JointPool) -> RouteInput:
     """As written and read."""
     return msgspec.convert(upgraded(msgspec.to_builtins(pool.results())), RouteInput)
 
 
 def test_polar_and_thrust_are_those_of_the_pool_with_their_joint_covariance() -> None:
-    pool = pool_results(contents())
+    pool = joint_pool(contents())
     use = pool.results().use
     assert use is not None
     found = model_of(use.model).parameters
@@ -75,7 +75,7 @@ def test_losses_are_the_mean_of_the_flights_that_measured_them_and_no_surer_than
         ((True, False, True), np.mean([SCALES[0], SCALES[2]]), ["0.mcap", "2.mcap"]),
         ((False, False, False), np.mean(SCALES), ["0.mcap", "1.mcap", "2.mcap"]),
     ):
-        use = pool_results(contents(measured=measured)).results().use
+        use = joint_pool(contents(measured=measured)).results().use
         assert use is not None and use.losses_of == logs and use.losses_measured == any(measured)
         losses, single = (part(model_of(one).parameters, LOSSES) for one in (use.model, _model_of_one()))
         assert losses.values[0] == pytest.approx(scale)
@@ -93,7 +93,7 @@ def test_power_by_a_pool_has_the_spread_of_the_pool_and_less_than_that_of_a_flig
         given = contents()[:number]
         for one in given:  # of drag alone
             one["use"]["model"]["covariance"] = np.zeros((13, 13)).tolist()
-        found = route_of(route_input(pool_results(given)), legs("3 km 000"), flight(power_sd=0.0))
+        found = route_of(route_input(joint_pool(given)), legs("3 km 000"), flight(power_sd=0.0))
         power_W = found.source.drawn.battery_W(found.V, found.legs.condition, 0.0, 1.0)
         return float(np.std(power_W) / np.mean(power_W))
 
@@ -101,7 +101,7 @@ def test_power_by_a_pool_has_the_spread_of_the_pool_and_less_than_that_of_a_flig
 
 
 def test_a_pool_of_one_flight_of_electrical_power_is_that_flight() -> None:
-    written = msgspec.to_builtins(pooled_results(electrical_pool([electrical_flight()])))
+    written = msgspec.to_builtins(pool_results([electrical_flight()]).results())
     pooled_input = msgspec.convert(upgraded(written), RouteInput)
     one, pooled = (
         source_of(results, None, 2000, np.random.default_rng(2)) for results in (electrical_results(), pooled_input)
@@ -121,7 +121,7 @@ def test_the_command_takes_a_pool_and_says_whose_losses_count(
 ) -> None:
     def run(content: list[dict[str, Any]]) -> int:
         file = tmp_path / "results.json"
-        file.write_bytes(msgspec.json.encode(pool_results(content).results()))
+        file.write_bytes(msgspec.json.encode(joint_pool(content).results()))
         words = ["--legs", "1 km 000, 1 km 180", "--results", str(file), "--wind", "0", "--json"]
         monkeypatch.setattr(sys, "argv", ["route", *words])
         try:

@@ -119,8 +119,9 @@ def test_a_flight_of_a_pool_lies_off_the_pool_by_its_difference() -> None:
         )  # fmt: skip
 
     flights: Any = [flight("a", 4.0, 3.0), flight("b", -20.0, 5.0)]
-    content: Any = SimpleNamespace(power_required=[point(V) for V in (10.0, 15.0, 20.0)], flights=flights)
-    figure = pooled_page.power_required(content)
+    main = SimpleNamespace(points=[point(V) for V in (10.0, 15.0, 20.0)])
+    content: Any = SimpleNamespace(main=main, kind=Kind.POWER_REQUIRED, flights=flights)
+    figure = pooled_page.pooled_power(content)
     (alone,) = named(figure, "each flight alone")
     expected = [1.04 * 60, 1.04 * 80, np.nan, 0.8 * 60, 0.8 * 80, np.nan]
     assert np.asarray(alone.y) == pytest.approx(expected, abs=0.01, nan_ok=True)
@@ -129,7 +130,7 @@ def test_a_flight_of_a_pool_lies_off_the_pool_by_its_difference() -> None:
     assert isinstance(dashed, Line) and dashed.dash is Dash.DASHED
     assert np.isnan(solid.y[-1]) and dashed.y[-1] == 100.0
     content.flights = flights[:1]
-    assert not named(pooled_page.power_required(content), "each flight alone")
+    assert not named(pooled_page.pooled_power(content), "each flight alone")
     against = pooled_page.against_pool(flights)
     points = [mark for mark in against.marks if isinstance(mark, Points)]
     slow, middle = points[:2], points[2:4]

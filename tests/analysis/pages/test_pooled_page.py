@@ -14,8 +14,8 @@ from analysis.pages.pooled_page import (
     differences_table,
     pooled_answers,
     render_comparison,
-    render_electrical_flights,
     render_pooled,
+    render_side_by_side,
 )
 from analysis.records.flight import Kind, Results
 from analysis.records.pool import Agreement, ComparisonResults, PooledResults, PowerDifference
@@ -58,7 +58,10 @@ def pooled(flights: int) -> PooledResults:
         "software_version": "0", "aircraft": AIRCRAFT, "installation": "tray 1", "test": CONDITION,
         "trust": "doubtful", "evidence": [doubt("2026-05-01-03 <flight>")], "agreement": "no" if several else None,
         "parameters": [{"name": "V_scale", "value": 0.001, "standard_error": 0.002, "unit": ""}],
-        "power_required": [power(12 + k / 5) for k in range(61)],
+        "kind": Kind.POWER_REQUIRED,
+        "curves": {
+            Kind.POWER_REQUIRED: {"condition": CONDITION, "points": [power(12 + k / 5) for k in range(61)]},
+        },
         "between_flights": [
             {"speed_mps": v, "observed_percent": 2.0, "expected_percent": 1.0, "excess_percent": 1.7} for v in V
         ] if several else [],
@@ -93,7 +96,8 @@ def comparison() -> ComparisonResults:
         for v in V
     ]  # fmt: skip
     content = {
-        "software_version": "0", "a": side, "b": {**side, "name": "new"}, "test": CONDITION, "differences": rows,
+        "software_version": "0", "kind": Kind.POWER_REQUIRED, "a": side, "b": {**side, "name": "new"},
+        "test": CONDITION, "differences": rows,
         "p": 0.001, "differs": True, "text": "B differs from A.",
         "flights_to_see": [{"difference_percent": 1.0, "flights_each": None}],
         "trust": "doubtful", "evidence": [doubt("new/x")], "notes": ["mind <this>"],
@@ -182,14 +186,19 @@ def test_a_program_finds_no_barrier_in_pools_and_comparisons(browser: Browser, t
             assert browser.value_of("document.documentElement.scrollWidth") <= width
 
 
-def test_electrical_flights_stand_side_by_side() -> None:
+def test_flights_that_are_not_pooled_stand_side_by_side() -> None:
     one = {
         "log": "a", "software_version": "0", "aircraft": AIRCRAFT, "test": CONDITION, "kind": Kind.ELECTRICAL,
         "curves": {Kind.ELECTRICAL: {"condition": CONDITION, "points": [power(v) for v in V]}},
     }  # fmt: skip
     flights = msgspec.convert([one, {**one, "log": "b"}], list[Results])
-    text = body(render_electrical_flights(flights, ["c.ulg: torn"]))
-    assert "2 flights" in text and "(46 to 47)" in text and "c.ulg: torn" in text
+    text = body(render_side_by_side(flights, "two aircraft in one pool", ["c.ulg: torn"]))
+    assert (
+        "2 flights" in text
+        and "Not pooled: two aircraft in one pool" in text
+        and "(46 to 47)" in text
+        and "c.ulg: torn" in text
+    )
     assert "3.84 kg" in text, "37.7 N over 9.80665 m/s^2"
 
 

@@ -1,0 +1,286 @@
+"""The pool of flights that enter by their curves of electrical power: without installation, drag or thrust.
+
+At one lift coefficient power over V³ρ, and with it the efficiency's argument, are the same at every weight and
+density: curves are put together at one condition by V √(W0 ρ / (W ρ0)) and (P - idle) (W0/W)^1.5 √(ρ/ρ0).
+
+Each flight has own errors (air motion, the airspeed's zero, a mean updraft). The others are the same in all flights of
+an aircraft: the current meter's and the airspeed's scale, mass, thermometer, power with the motor off, and how far the
+priors are from the truth. They do not average out in a pool, and cancel between two pools of one aircraft.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from analysis.curve import Condition, Curve
+from analysis.flights.agreement import (
+    Compared,
+    ErrorParts,
+    Test,
+    common_values,
+    of_difference,
+    outliers,
+    quadratic_form,
+)
+from analysis.flights.evidence import shape_text, vehicle_notes
+from analysis.flights.flight_statistics import FlightCurve
+from analysis.flights.pool_settings import POOLING
+from analysis.flights.pooled import Pool, refuse_repeated
+from analysis.records.flight import CurveResult, Kind
+from analysis.results.curves import curve_result, power_statistics
+from analysis.results.settings import TRUST
+from analysis.settings import CURVES
+from analysis.uncertain import Uncertain, total
+from flight.arrays import Array
+from flight.errors import InputError
+
+
+class CurveDifference(NamedTuple):
+    """Power of one pool less that of another at V_mps (n,). power_W : of the other"""
+
+    V_mps: Array
+    power_W: Array
+    value_W: Uncertain
+
+    @property
+    def share(self) -> Uncertain:
+        """Of the power of the other (n,)."""
+        return self.value_W.through(np.diag(1 / self.power_W))
+
+    @property
+    def test(self) -> Test:
+        """Whether there is any difference."""
+        return of_difference(self.share.value, self.share.covariance)
+
+
+class FlightDifference(NamedTuple):
+    """One flight against the pool of others; p as of `agreement.Difference`. share, error : mean over the speeds"""
+
+    p: float
+    share: float
+    error: float
+
+    @property
+    def p_installation(self) -> float | None:
+        return None
+
+
+@dataclass(frozen=True)
+class CurvePool(Pool):
+    """Flights with the curve of each at the condition of the pool. V_mps : (n,) that at least one of them flew"""
+
+    kind = Kind.ELECTRICAL
+    flights: tuple[FlightCurve, ...]
+    curves: tuple[Curve, ...]
+    condition: Condition
+    V_mps: Array
+
+    @cached_property
+    def curve(self) -> Curve:
+        first, *_ = self.curves
+        idle_W = float(np.mean([one.idle_W for one in self.curves]))
+        return replace(first, V_mps=self.V_mps, power_W=self.mean(self.V_mps), idle_W=idle_W)
+
+    @cached_property
+    def ends_mps(self) -> tuple[float, float]:
+        """The slowest and the fastest speed that half of the flights reach."""
+        slow, fast = (float(np.median([curve.V_mps[at] for curve in self.curves])) for at in (0, -1))
+        return slow, fast
+
+    @cached_property
+    def speeds_mps(self) -> Array:
+        return np.linspace(*self.ends_mps, POOLING.compared_speeds)
+
+    def power(self, V: Array) -> tuple[Array, Array]:
+        """Electrical power and its standard error [W], each (k,), at speeds V (k,) [m/s] within those flown."""
+        at, power_W = self.curve.V_mps, self.curve.power_W
+        return np.interp(V, at, power_W.value), np.interp(V, at, power_W.standard_error)
+
+    def mean(self, V: Array, counts: Sequence[float] = ()) -> Uncertain:
+        """At each speed (n,) the mean of the curves that contain it, weighed by the inverse variance of their own
+        errors; NaN where there is none. counts: how many flights like each there are, each with its own errors"""
+        return total(self._parts(V, self._weights(V, counts), counts))
+
+    def some(self, numbers: Sequence[int]) -> "CurvePool":
+        """The pool of some of the flights, by number."""
+        flights, curves = tuple(self.flights[i] for i in numbers), tuple(self.curves[i] for i in numbers)
+        V = self.V_mps[np.any([_inside(one, self.V_mps) for one in curves], axis=0)]
+        return CurvePool(flights, curves, self.condition, V)
+
+    def _weights(self, V: Array, counts: Sequence[float] = ()) -> Array:
+        """(flights, n), of which each column has the sum 1."""
+        times = np.ones(len(self.curves)) if len(counts) == 0 else np.array(counts, dtype=float)
+        B = self._interpolation(V)
+        variance = np.stack(
+            [np.einsum("vi,ij,vj->v", b, one.power_W.own, b) for b, one in zip(B, self.curves, strict=True)]
+        )
+        weight = np.where([_inside(one, V) for one in self.curves], times[:, None] / variance, 0.0)
+        with np.errstate(invalid="ignore"):
+            return np.asarray(weight / weight.sum(axis=0))
+
+    def _parts(self, V: Array, weights: Array, counts: Sequence[float] = ()) -> list[Uncertain]:
+        """Each curve times weights (flights, n); the own errors of several flights average."""
+        times = np.ones(len(self.curves)) if len(counts) == 0 else np.maximum(np.array(counts, dtype=float), 1.0)
+        parts = []
+        for b, w, one, n in zip(self._interpolation(V), weights, self.curves, times, strict=True):
+            part = one.power_W.through(w[:, None] * b)
+            parts.append(replace(part, own=part.own / n))
+        return parts
+
+    def _interpolation(self, V: Array) -> list[Array]:
+        """For each curve the derivative of its power at V by that at its own speeds."""
+        return [
+            CubicSpline(one.V_mps, np.eye(len(one.V_mps)))(np.clip(V, one.V_mps[0], one.V_mps[-1]))
+            for one in self.curves
+        ]
+
+    @cached_property
+    def differences(self) -> Sequence[Compared]:
+        return self._compared(list(range(len(self.flights))))
+
+    def _compared(self, numbers: list[int]) -> list[FlightDifference]:
+        """Each of some flights against the pool of the others; empty where one shares no speeds with them."""
+        found = []
+        for i in numbers:
+            others = [j for j in numbers if j != i]
+            if not others:
+                return []
+            try:
+                difference = curve_difference(self.some([i]), self.some(others), shares_errors=True)
+            except InputError:
+                return []
+            share = difference.share.through(np.full((1, len(difference.V_mps)), 1 / len(difference.V_mps)))
+            found.append(
+                FlightDifference(difference.test.p, float(share.value.item()), float(share.standard_error.item()))
+            )
+        return found
+
+    @cached_property
+    def outliers(self) -> dict[int, Compared]:
+        if not self.differences:
+            return {}
+        return dict(outliers(len(self.flights), self._compared, TRUST.false_alarm_rate))
+
+    def reason(self, difference: Compared) -> str:
+        assert isinstance(difference, FlightDifference)  # of these flights
+        return shape_text(difference.share, difference.error)
+
+    @cached_property
+    def homogeneity(self) -> Test | None:
+        """By the powers at three speeds; None for one flight, and where fewer than two of them share a speed."""
+        slow, fast = self.ends_mps
+        if len(self.flights) < 2 or slow >= fast:
+            return None
+        V = np.linspace(slow, fast, 3)
+        values, errors = self._shares(V)
+        unknown = int(np.sum(~np.array([_inside(one, V) for one in self.curves])))
+        if len(self.flights) * len(V) - unknown <= len(V):
+            return None
+        return common_values(values, errors, unknown)
+
+    def _shares(self, V: Array) -> tuple[Array, ErrorParts]:
+        """Powers of each flight at V (k,) less the pool's, as shares of it (flights, k), with their errors. Where a
+        flight did not fly a speed, its error is as large as no other."""
+        power = self.mean(V).value
+        parts = self._parts(V, np.ones((len(self.curves), len(V))) / power)
+        names = list(dict.fromkeys(name for part in parts for name in part.shared))
+        values, own, shared = [], [], []
+        for one, part in zip(self.curves, parts, strict=True):
+            known = _inside(one, V)
+            values.append(np.where(known, part.value - 1, 0.0))
+            own.append(np.where(np.outer(known, known), part.own, np.eye(len(V)) / np.finfo(float).eps))
+            changes = [part.shared.get(name, np.zeros(len(V))) for name in names]
+            shared.append(np.where(known[:, None], np.array(changes).reshape(len(names), len(V)).T, 0.0))
+        return np.stack(values), ErrorParts(np.stack(own), np.stack(shared))
+
+    def half_widths_percent(self, counts: Sequence[int], V: Array) -> Array:
+        power = self.mean(V, counts)
+        return np.asarray(100 * power.half_width / self.mean(V).value)
+
+    def half_widths_alone_percent(self, number: int, V: Array) -> Array:
+        return np.asarray(100 * self.some([number]).mean(V).half_width / self.mean(V).value)
+
+    def half_widths_without_percent(self, V: Array) -> Array:
+        n = len(self.flights)
+        without = [self.some([j for j in range(n) if j != i]).mean(V).half_width for i in range(n)]
+        return np.nan_to_num(100 * np.stack(without) / self.mean(V).value, nan=np.inf)
+
+    def deviations(self) -> list[tuple[Array, Array]]:
+        V = self.speeds_mps
+        weights, power = self._weights(V), self.mean(V).value
+        found = []
+        for i, curve in enumerate(self.curves):
+            of_difference = -weights
+            of_difference[i] += 1
+            difference = total(self._parts(V, of_difference))
+            known = np.where(_inside(curve, V), 1.0, np.nan)
+            found.append((100 * known * difference.value / power, 100 * known * difference.half_width / power))
+        return found
+
+    def deviations_for_trends(self) -> tuple[Array, ErrorParts]:
+        values, errors = self._shares(self.speeds_mps)
+        at = int(np.argmin(np.einsum("fkk->k", errors.own)))
+        own, shared = errors.own[:, at : at + 1, at : at + 1], errors.shared[:, at : at + 1]
+        return 100 * values[:, at], ErrorParts(100**2 * own, 100 * shared)
+
+    def noncentrality(self, flights: int, difference: float) -> float:
+        n = len(self.flights)
+        counts = [len(range(i, flights, n)) for i in range(n)]
+        used = self.some([i for i in range(n) if counts[i]])
+        V = np.linspace(*used.ends_mps, 3)
+        power = used.mean(V, [count for count in counts if count])
+        own = 2 * power.own / np.outer(power.value, power.value)  # the shared errors cancel
+        return float(quadratic_form(np.full(len(V), difference), own))
+
+    def curve_result(self) -> CurveResult:
+        return curve_result(self.curve, statistics=power_statistics(self.curve.V_mps, self.curve.power_W))
+
+    @property
+    def notes(self) -> list[str]:
+        return vehicle_notes([one.content for one in self.flights])
+
+
+def curve_pool(flights: Sequence[FlightCurve], condition: Condition | None = None) -> CurvePool:
+    """At the flights' mean weight and density, or at another condition.
+
+    Raises InputError for flights of two aircraft, and for the same flight twice.
+    """
+    first = flights[0]
+    for one in flights:
+        if (one.aircraft.wing_area_m2, one.aircraft.span_m) != (first.aircraft.wing_area_m2, first.aircraft.span_m):
+            raise InputError(
+                f"two aircraft in one pool, of {first.name} and {one.name}; pool each alone and compare them"
+            )
+    refuse_repeated(flights)
+    weight_N, rho, _ = (float(np.mean(of)) for of in zip(*(one.curve.condition for one in flights), strict=True))
+    condition = condition or Condition(weight_N, rho, first.aircraft.wing_area_m2)
+    # Pools are compared at one weight and density, each with its own wing.
+    curves = [one.curve.at(condition._replace(wing_area_m2=one.aircraft.wing_area_m2)) for one in flights]
+    low, high = min(one.V_mps[0] for one in curves), max(one.V_mps[-1] for one in curves)
+    V = np.linspace(low, high, CURVES.points)
+    flown = np.any([_inside(one, V) for one in curves], axis=0)
+    return CurvePool(tuple(flights), tuple(curves), condition, V[flown])
+
+
+def _inside(curve: Curve, V: Array) -> NDArray[np.bool_]:
+    return np.asarray((curve.V_mps[0] * (1 - 1e-9) <= V) & (curve.V_mps[-1] * (1 + 1e-9) >= V))
+
+
+def curve_difference(one: CurvePool, other: CurvePool, shares_errors: bool) -> CurveDifference:
+    """Power of one pool less that of another, over the speeds that half of the flights of each reach.
+
+    Raises InputError where there are none.
+    """
+    ends = [one.ends_mps, other.ends_mps]
+    low, high = max(slow for slow, _ in ends), min(fast for _, fast in ends)
+    if low >= high:
+        said = " and ".join(f"{slow:.1f} to {fast:.1f} m/s" for slow, fast in ends)
+        raise InputError(f"the two pools have no speeds in common: {said}; fly both over the same speeds")
+    V = np.linspace(low, high, POOLING.compared_speeds)
+    a, b = one.mean(V), other.mean(V)
+    return CurveDifference(V, b.value, a.minus(b, shares_errors))

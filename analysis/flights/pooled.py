@@ -1,0 +1,349 @@
+"""What pools of drag and of electrical power have alike, and the form of their results (docs/understand/pooling.md).
+
+Drag: the joint estimate of polar, thrust and installation (`joint_pool`). Electrical power: curves without
+installation (`curve_pool`). Each says what is known of the power at any speeds by any number of its flights, and how
+each flight differs from the others; tests, outliers, trends, plans and the record follow here.
+"""
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.special import chdtri
+from scipy.stats import ncx2
+
+from analysis.curve import POLAR, Condition, Curve
+from analysis.estimation.noise import NORMAL_95
+from analysis.flights.agreement import Compared, ErrorParts, Test, least_p, trends
+from analysis.flights.evidence import (
+    against_flights,
+    against_installation,
+    against_outliers,
+    against_polars,
+    installations_text,
+    polars_text,
+    undated_text,
+)
+from analysis.flights.flight_statistics import PoolFlight
+from analysis.flights.pool_settings import POOLING
+from analysis.records.flight import AirFound, CurveResult, Evidence, EvidenceKind, Kind
+from analysis.records.pool import (
+    Agreement,
+    AgreementTest,
+    Deviation,
+    FlightsToSee,
+    OneMore,
+    Outlier,
+    PooledFlight,
+    PooledResults,
+    Scatter,
+    Trend,
+)
+from analysis.results.curves import condition_result
+from analysis.results.evidence import trust_by, worst_first
+from analysis.results.settings import TRUST
+from analysis.settings import EVIDENCE
+from flight.arrays import Array
+from flight.errors import InputError
+from flight.version import version
+
+
+class Pool(ABC):
+    """The joint estimate of one or more flights of one aircraft.
+
+    condition : at which curves are given     curve : of all flights
+    differences : each flight against the pool of all others; empty for one flight, and where one cannot be compared
+    outliers : by number, flights that differ from the pool of those that agree
+    """
+
+    kind: ClassVar[Kind]
+    flights: tuple[PoolFlight, ...]
+    condition: Condition
+
+    @property
+    @abstractmethod
+    def curve(self) -> Curve: ...
+
+    @property
+    @abstractmethod
+    def speeds_mps(self) -> Array:
+        """Speeds (`POOLING.compared_speeds`,) of comparisons [m/s]."""
+
+    @abstractmethod
+    def power(self, V: Array) -> tuple[Array, Array]:
+        """Power and its standard error [W], each (n,), at speeds V (n,) [m/s]."""
+
+    @property
+    @abstractmethod
+    def differences(self) -> Sequence[Compared]: ...
+
+    @property
+    @abstractmethod
+    def outliers(self) -> dict[int, Compared]: ...
+
+    @property
+    @abstractmethod
+    def homogeneity(self) -> Test | None:
+        """Test of whether the curves of the flights agree; None for one flight."""
+
+    @property
+    def installation_homogeneity(self) -> Test | None:
+        """Test of whether the errors of the installation are as the same as stated; None where there are none."""
+        return None
+
+    @abstractmethod
+    def reason(self, difference: Compared) -> str:
+        """Why a flight is likely to differ from the others."""
+
+    @abstractmethod
+    def half_widths_percent(self, counts: Sequence[int], V: Array) -> Array:
+        """Half width (n,) of the 95 % interval at speeds V (n,), in percent of the pooled power.
+
+        counts : how many flights like each flight there are
+        """
+
+    @abstractmethod
+    def half_widths_alone_percent(self, number: int, V: Array) -> Array:
+        """Of one of the flights by number; NaN at speeds that it did not fly."""
+
+    @abstractmethod
+    def half_widths_without_percent(self, V: Array) -> Array:
+        """Half widths (flights, n) without each of two flights or more, at speeds V (n,); infinite where unknown."""
+
+    @abstractmethod
+    def deviations(self) -> list[tuple[Array, Array]]:
+        """Of each flight's curve from the pooled one: percent and 95 % limits, each (n,), at `speeds_mps`."""
+
+    @abstractmethod
+    def deviations_for_trends(self) -> tuple[Array, ErrorParts]:
+        """Of each flight's power from the pooled one in percent (flights,), at the speed where flights are surest."""
+
+    @abstractmethod
+    def noncentrality(self, flights: int, difference: float) -> float:
+        """Of the test of a difference of this share of power at all speeds, by so many flights each of two such
+        configurations that share all errors that flights share."""
+
+    @property
+    def notes(self) -> list[str]:
+        """What the reader has to know beside the evidence."""
+        return []
+
+    @abstractmethod
+    def curve_result(self) -> CurveResult:
+        """The curve of all flights as results have it."""
+
+    def _form(self, results: PooledResults) -> PooledResults:
+        """The results with what only this kind has."""
+        return results
+
+    def _form_of_flight(self, _: int, flight: PooledFlight) -> PooledFlight:
+        """The row of one flight, by number, with what only this kind has."""
+        return flight
+
+    @cached_property
+    def evidence(self) -> list[Evidence]:
+        """Against the flights and the pool, the worst first."""
+        reasons = {i: (one, self.reason(one)) for i, one in self.outliers.items()}
+        return worst_first(
+            [
+                *against_flights(self.flights),
+                *against_polars(self.homogeneity),
+                *against_installation(self.installation_homogeneity),
+                *against_outliers(self.flights, reasons),
+            ]
+        )
+
+    @property
+    def outlying_curves(self) -> list[str]:
+        """Names of the flights whose curve differs from those of the others."""
+        tests = 1 if self.installation_homogeneity is None else len(("curve", "installation"))
+        level = TRUST.false_alarm_rate / (tests * len(self.flights))
+        return [self.flights[i].name for i, one in sorted(self.outliers.items()) if one.p < level]
+
+    @cached_property
+    def agreement(self) -> Agreement | None:
+        """Whether the flights agree, by the evidence; None for one flight."""
+        kinds = {one.kind for one in self.evidence}
+        if len(self.flights) < 2:
+            return None
+        if EvidenceKind.FLIGHTS_DIFFER in kinds:
+            return Agreement.NOT_THE_CURVES
+        return Agreement.NOT_THE_INSTALLATION if EvidenceKind.INSTALLATIONS_DIFFER in kinds else Agreement.YES
+
+    def results(self, left_out: Sequence[str] = (), failures: Sequence[str] = ()) -> PooledResults:
+        """The contents of the pooled results.json.
+
+        left_out, failures: lines about flights that are not in the pool, and about logs that cannot be used.
+        """
+        flights = self._flights()
+        curves, installations = self.homogeneity, self.installation_homogeneity
+        batteries = [one.content.battery for one in self.flights if one.content.battery]
+        return self._form(
+            PooledResults(
+                trust=trust_by(self.evidence),
+                evidence=self.evidence,
+                software_version=version(),
+                aircraft=self.flights[0].aircraft,
+                test=condition_result(self.condition),
+                kind=self.kind,
+                curves={self.kind: self.curve_result()},
+                air=mean_air(self.flights),
+                battery=batteries[-1] if batteries else None,
+                between_flights=self._between_flights(),
+                agreement=self.agreement,
+                homogeneity=_agreement(curves, polars_text(curves, self.outlying_curves)) if curves else None,
+                installation_homogeneity=(
+                    _agreement(installations, installations_text(installations)) if installations else None
+                ),
+                flights=flights,
+                outliers=[
+                    Outlier(log=flights[i].log, p=least_p(one), reason=flights[i].reason)
+                    for i, one in sorted(self.outliers.items())
+                ],
+                one_more=self._one_more(flights),
+                flights_to_see=plans_to_see(self),
+                trends=self._trends(),
+                notes=[*self.notes, *self._undated()],
+                left_out=list(left_out),
+                failures=list(failures),
+            )
+        )
+
+    def _between_flights(self) -> list[Scatter]:
+        """Scatter of the flights' curves about the pooled one, and what their errors explain of it."""
+        if len(self.flights) == 1:
+            return []
+        value, limit = (np.array(part) for part in zip(*self.deviations(), strict=True))
+        observed, expected = (np.sqrt(np.nanmean(part**2, axis=0)) for part in (value, limit / NORMAL_95))
+        excess = np.sqrt(np.maximum(observed**2 - expected**2, 0.0))
+        columns = (self.speeds_mps, observed, expected, excess)
+        return [
+            Scatter(speed_mps=v, observed_percent=o, expected_percent=e, excess_percent=x)
+            for v, o, e, x in zip(*(column.tolist() for column in columns), strict=True)
+        ]
+
+    def _flights(self) -> list[PooledFlight]:
+        n, V = len(self.flights), self.speeds_mps
+        half = self.half_widths_percent([1] * n, V)
+        without = self.half_widths_without_percent(V) if n > 1 else np.full((1, len(V)), np.inf)
+        gains = np.maximum(np.mean(half**-2 - without**-2, axis=1), 0)
+        shares = gains / gains.sum()
+        flights = []
+        for i, (flight, (value, limit)) in enumerate(zip(self.flights, self.deviations(), strict=True)):
+            outlier = self.outliers.get(i)
+            difference = outlier or (self.differences[i] if self.differences else None)
+            row = PooledFlight(
+                log=flight.name,
+                vehicle=flight.content.vehicle,
+                test=flight.content.test,
+                half_width_percent=_known(self.half_widths_alone_percent(i, V)),
+                half_width_without_percent=_known(without[i]) if n > 1 else None,
+                share_of_information=float(shares[i]),
+                against_pool=[
+                    Deviation(speed_mps=v, difference_percent=d, limit_percent=m)
+                    for v, d, m in zip(V.tolist(), _known(value), _known(limit), strict=True)
+                ],
+                p=difference.p if difference else None,
+                p_installation=difference.p_installation if difference else None,
+                outlier=outlier is not None,
+                reason=self.reason(outlier) if outlier else "",
+                trust=flight.content.trust,
+                start_unix_s=flight.start_unix_s,
+            )
+            flights.append(self._form_of_flight(i, row))
+        return flights
+
+    def _one_more(self, flights: Sequence[PooledFlight]) -> OneMore:
+        """Half widths now, and with one more flight like the one that contributed most."""
+        V, n = self.speeds_mps, len(flights)
+        best = int(np.argmax([flight.share_of_information for flight in flights]))
+        return OneMore(
+            like=flights[best].log,
+            speed_mps=V.tolist(),
+            half_width_percent=self.half_widths_percent([1] * n, V).tolist(),
+            half_width_then_percent=self.half_widths_percent([1 + (j == best) for j in range(n)], V).tolist(),
+        )
+
+    def _trends(self) -> list[Trend]:
+        if len(self.flights) < POOLING.fewest_for_trend:
+            return []
+        return trends(self.flights, *self.deviations_for_trends())
+
+    def _undated(self) -> list[str]:
+        """A line on those that the trend over the date leaves out, where there are enough flights for one."""
+        if len(self.flights) < POOLING.fewest_for_trend or all(one.dated for one in self.flights):
+            return []
+        return [undated_text(self.flights)]
+
+
+def _known(values: Array) -> list[float | None]:
+    return [value if math.isfinite(value) else None for value in values.tolist()]
+
+
+def _agreement(test: Test, text: str) -> AgreementTest:
+    return AgreementTest(chi_square=test.chi_square, degrees_of_freedom=test.degrees_of_freedom, p=test.p, text=text)
+
+
+def refuse_repeated(flights: Sequence[PoolFlight]) -> None:
+    """Raises InputError where two of the flights are one."""
+    seen: dict[bytes, str] = {}
+    for flight in flights:
+        if flight.key in seen:
+            raise InputError(
+                f"{flight.name} and {seen[flight.key]} are the same flight: their estimates are equal to the digit;"
+                " give each flight once"
+            )
+        seen[flight.key] = flight.name
+
+
+def mean_air(flights: Sequence[PoolFlight]) -> AirFound:
+    """Temperature and pressure, the mean of the flights that have them."""
+    of = [one.content.air for one in flights]
+    temperatures_K = [air.temperature_K for air in of if air.temperature_K is not None]
+    pressures_Pa = [air.pressure_Pa for air in of if air.pressure_Pa is not None]
+    return AirFound(
+        temperature_K=float(np.mean(temperatures_K)) if temperatures_K else None,
+        pressure_Pa=float(np.mean(pressures_Pa)) if pressures_Pa else None,
+    )
+
+
+def flights_to_see(pool: Pool, difference: float) -> int | None:
+    """Flights of each of two configurations by which a difference of power is seen in 9 of 10 campaigns.
+
+    difference : fraction of power, at every lift coefficient. The flights are taken to be like those of the pool, with
+    the same shared errors throughout. None for more than `EVIDENCE.most_repetitions`.
+    Raises InputError where the difference is not positive.
+    """
+    if not difference > 0:
+        raise InputError(f"a difference of {difference:g} to be seen; give a fraction above 0, such as 0.02")
+    needed = _needed_noncentrality()
+
+    def seen(n: int) -> bool:
+        return pool.noncentrality(n, difference) >= needed
+
+    if not seen(EVIDENCE.most_repetitions):
+        return None
+    low, high = 0, EVIDENCE.most_repetitions
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if seen(middle) else (middle, high)
+    return high
+
+
+def plans_to_see(pool: Pool) -> list[FlightsToSee]:
+    """Of `flights_to_see`, for each of `POOLING.differences_to_see`."""
+    return [
+        FlightsToSee(difference_percent=100 * share, flights_each=flights_to_see(pool, share))
+        for share in POOLING.differences_to_see
+    ]
+
+
+def _needed_noncentrality() -> float:
+    """By which `agreement.of_difference` sees a difference as often as `POOLING.detection` says."""
+    freedom = len(POLAR)
+    limit = chdtri(freedom, EVIDENCE.false_alarms)
+    return float(brentq(lambda x: ncx2.sf(limit, freedom, x) - POOLING.detection, 1e-3, 100.0))
