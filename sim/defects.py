@@ -21,6 +21,7 @@ class Defects:
     poles, poles_entered : magnets of the motor, and what its user entered: motor speed is wrong by their ratio
     pulses_lost, pulses_lost_above_revps : share of the motor's pulses that are not counted, above this speed
     vibration_offset_x_mps2 … : offset of the accelerometer by vibration at 100 rev/s; it grows with the speed squared
+    imu_gyro_scale, imu_accelerometer_scale : share by which the IMU's rates and its specific force read high, all axes
     imu_roll_rad, imu_pitch_rad, imu_yaw_rad : how the IMU's box, which contains accelerometer, gyroscope and
     magnetometer, is turned against the aircraft
     boom_bending_rad : the probe's boom bends down by this angle under each g of load factor, so that the probe reads a
@@ -41,6 +42,8 @@ class Defects:
     vibration_offset_x_mps2: float = 0.0
     vibration_offset_y_mps2: float = 0.0
     vibration_offset_z_mps2: float = 0.0
+    imu_gyro_scale: float = 0.0
+    imu_accelerometer_scale: float = 0.0
     imu_roll_rad: float = 0.0
     imu_pitch_rad: float = 0.0
     imu_yaw_rad: float = 0.0

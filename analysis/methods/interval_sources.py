@@ -49,6 +49,7 @@ OF_SENSOR_ERROR = {
     "dp_alpha_zero": Source.ANGLE_OF_ATTACK, "alpha_per_g": Source.ANGLE_OF_ATTACK,
     "ax_bias": Source.ACCELEROMETER, "ay_bias": Source.ACCELEROMETER, "az_bias": Source.ACCELEROMETER,
     "updraft": Source.UPDRAFT, "ax_vibration": Source.ACCELEROMETER, "az_vibration": Source.ACCELEROMETER,
+    "ax_scale": Source.ACCELEROMETER, "az_scale": Source.ACCELEROMETER,
 }  # fmt: skip
 OF_CHANGE = {
     covariance.UPDRAFT: Source.UPDRAFT, covariance.WEIGHT: Source.WEIGHT, covariance.DENSITY: Source.DENSITY,

@@ -131,12 +131,13 @@ class _Data:
         """Along the trajectory with sensor errors that are `error` (m,) larger."""
         states = self._trajectory.states
         theta = states["theta"].to_numpy() + self._trajectory.state_sensitivity[:, STATES.index("theta")] @ error
-        i = SENSOR_ERRORS.index("q_bias")
-        bias = self._trajectory.sensor_errors[i] + error[i]
+        bias, scale = (
+            self._trajectory.value(name) + error[SENSOR_ERRORS.index(name)] for name in ("q_bias", "q_scale")
+        )
         changed = []
         for segment in segments:
             pitch = np.interp(segment.t_s, states.index, theta)
-            u = {**segment.u, "theta": pitch, "q": segment.u["q"] - bias}
+            u = {**segment.u, "theta": pitch, "q": (segment.u["q"] - bias) / (1 + scale)}
             changed.append(replace(segment, u=u, z={**segment.z, "theta": pitch}))
         return changed
 

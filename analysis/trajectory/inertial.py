@@ -6,19 +6,21 @@ from numpy.typing import NDArray
 
 from analysis.sources.grid import CubicSpline, without_gaps
 from analysis.trajectory.block_means import BLOCK, BlockMeans
-from analysis.trajectory.equations import SENSOR_ERRORS, NamedArrays, corrected_force, vibration
+from analysis.trajectory.equations import SENSOR_ERRORS, NamedArrays, corrected_force, corrected_rates, vibration
+from analysis.trajectory.extrapolation import extrapolated
 from analysis.trajectory.settings import SENSORS
 from flight import motion
 from flight.arrays import Array
 
 CHANNELS = ("p_radps", "q_radps", "r_radps", "ax_mps2", "ay_mps2", "az_mps2")
-_FORCE = ("ax", "ay", "az", "vibration")
+_RATES, _FORCE = ("p", "q", "r"), ("ax", "ay", "az", "vibration")
 
 
 class InertialInputs:
     """Rates and specific force between instants.
 
     mean : (n-1, 7) means of CHANNELS and of `vibration` from each instant to the next
+    predicted : (n-1, 5) of those means that have a scale, from past data
     angle_sigma, velocity_sigma : (n-1, 3) process noise over a step of Euler angles [rad] and of velocity [m/s]
     """
 
@@ -39,6 +41,11 @@ class InertialInputs:
         samples.append(shaken[between])
         means.append(np.diff(_integral(shaken)[blocks.rows]) / BLOCK)
         self._samples, self.mean = np.array(samples), np.column_stack(means)
+        everywhere = np.ones(len(self.mean), dtype=bool)
+        scaled = [CHANNELS.index(name) for name in CHANNELS if name != "ay_mps2"]
+        self.predicted = np.column_stack(
+            [extrapolated(column, everywhere, blocks.step_s)[0] for column in self.mean[:, scaled].T]
+        )
         self.angle_sigma, self.velocity_sigma = _process_noise(self.mean, missing, blocks, noise)
 
     def coning_and_sculling(self, attitude: Array, sensor_errors: Array) -> Array:
@@ -75,8 +82,7 @@ def _integral(values: Array) -> Array:
 def _derivatives(attitude: Array, channels: Array, errors: NamedArrays) -> Array:
     """Derivatives of the Euler angles, and specific force in earth axes (n, 6). attitude: (3, n). channels: (7, n)."""
     phi, theta, psi = attitude
-    p, q, r = channels[:3]
-    rates = motion.attitude_derivative(phi, theta, p - errors.p_bias, q - errors.q_bias, r - errors.r_bias)
+    rates = motion.attitude_derivative(phi, theta, *corrected_rates(NamedArrays(_RATES, channels[:3]), errors))
     force = motion.earth_from_body(corrected_force(NamedArrays(_FORCE, channels[3:]), errors), (phi, theta, psi))
     return np.column_stack([*rates, *force])
 

@@ -72,6 +72,11 @@ SENSOR_ERROR_KINDS = {
     "az_vibration": SensorErrorKind("offset of the accelerometer by vibration at 100 rev/s, down", "m/s^2"),
     "updraft": SensorErrorKind("mean updraft", "m/s"),
     "alpha_per_g": SensorErrorKind("angle of attack for each g of load factor", "rad"),
+    "p_scale": SensorErrorKind("scale of the roll gyro", ""),
+    "q_scale": SensorErrorKind("scale of the pitch gyro", ""),
+    "r_scale": SensorErrorKind("scale of the yaw gyro", ""),
+    "ax_scale": SensorErrorKind("scale of the accelerometer, forward", ""),
+    "az_scale": SensorErrorKind("scale of the accelerometer, down", ""),
 }
 MATTERS = ("alpha_bias", "alpha_scale", "V_scale")  # sensor errors with a large effect on the power curve
 

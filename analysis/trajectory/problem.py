@@ -14,6 +14,7 @@ from analysis.trajectory.equations import (
     EquationInputs,
     NamedArrays,
 )
+from analysis.trajectory.extrapolation import extrapolated
 from analysis.trajectory.gusts import ObservedGust, intensity_of
 from analysis.trajectory.inertial import InertialInputs
 from analysis.trajectory.measurements import LevelField, Measurements
@@ -28,7 +29,7 @@ from analysis.trajectory.priors import (
     zeros_at_rest,
 )
 from analysis.trajectory.process import GustConditions, ProcessModel, airspeed_without_gusts
-from analysis.trajectory.regressors import Regressors, extrapolated
+from analysis.trajectory.regressors import Regressors
 from analysis.trajectory.settings import PREDICTION, PROCESS, SENSORS
 from analysis.trajectory.smoother import TrajectoryPrior
 from flight.arrays import Array

@@ -84,7 +84,8 @@ class ProcessModel:
         dt, steps = blocks.step_s, blocks.n - 1
         profile = dryden.mean_wind_profile(moving_average(blocks["height_m"], 3))
         inputs = np.zeros((steps, len(PROCESS_INPUTS)))
-        inputs[:, : inertial.mean.shape[1]] = inertial.mean
+        inertial_inputs = np.hstack([inertial.mean, inertial.predicted])
+        inputs[:, : inertial_inputs.shape[1]] = inertial_inputs
         sigma = np.empty((steps, len(STATES)))
         sigma[:, :3], sigma[:, 3:6] = inertial.angle_sigma, inertial.velocity_sigma
         sigma[:, STATES.index("height")] = PROCESS.height_sigma_m

@@ -20,6 +20,7 @@ from analysis.trajectory.equations import (
     NamedArrays,
     vibration,
 )
+from analysis.trajectory.extrapolation import extrapolated
 from analysis.trajectory.measurements import LevelField
 from analysis.trajectory.process import GustConditions, airspeed_without_gusts
 from analysis.trajectory.settings import PREDICTION, PROCESS
@@ -38,36 +39,6 @@ def parabola_fit(values: Array, over: Array, flying: BoolArray) -> Array:
     if fitted.sum() < 3 or np.ptp(over[fitted]) == 0:
         return np.zeros(len(values))
     return np.where(flying, np.polyval(np.polyfit(over[fitted], values[fitted], 2), over), 0.0)
-
-
-def extrapolated(
-    values: Array, flying: BoolArray, step_s: float, window_s: float = PREDICTION.slow_s, newest: int = 1
-) -> tuple[Array, Array]:
-    """Values (n,) predicted by a straight line through the window before each instant, and its slope; 0 on the ground.
-
-    The window ends `newest` blocks before the instant. The current value is not in it, so the prediction is independent
-    of the current gust. In a gap the last value before it is held: a line across it would contain the value after it.
-    """
-    window = round(window_s / step_s)
-    # Weights of the blocks before the predicted one, newest first.
-    line = np.linalg.pinv(np.column_stack([np.ones(window), -step_s * (newest + np.arange(float(window)))]))
-    predicted = np.zeros((2, len(values)))
-    for rows in stretches(flying):
-        known = _held(values[rows])
-        past = np.concatenate([np.full(window + newest - 1, known[0]), known])  # constant before the stretch
-        past = past[: window + len(known) - 1]
-        for each, weights in zip(predicted, line, strict=True):
-            each[rows] = np.convolve(past, weights, mode="valid")
-    return predicted[0], predicted[1]
-
-
-def _held(values: Array) -> Array:
-    """Values (n,) with the last one before it in place of each NaN; the first one there is at the beginning."""
-    known = ~np.isnan(values)
-    if known.all() or not known.any():
-        return values
-    last = np.maximum.accumulate(np.where(known, np.arange(len(values)), np.argmax(known)))
-    return values[last]
 
 
 def projected_on_past(

@@ -94,10 +94,12 @@ class PriorSettings(Settings):
             "beta_bias": (0.0, float(np.radians(1.0))),
             "gps_latency": (0.1, 0.2),
             "heading_bias": (0.0, float(np.radians(10.0))),
+            **dict.fromkeys(("p_scale", "q_scale", "r_scale", "ax_scale", "az_scale"), (0.0, 0.01)),
         },
-        "rad/s, rad, s",
+        "rad/s, rad, s, 1",
         "mean and 1 sigma of errors that no aircraft file states: gyros, about their zeros at rest; how the probe sits;"
-        " receivers; declination in inhabited regions, and how the tray sits",
+        " receivers; declination in inhabited regions, and how the tray sits; scales of gyros and accelerometers, of"
+        " which the MPU-9250's data sheet (PS-MPU-9250A-01, tables 1 and 2) allows 3 % at most",
     )  # fmt: skip
     calibrated: Mapping[str, float] = setting(
         {"V_scale": 0.003, "alpha_scale": 0.005},

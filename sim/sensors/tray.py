@@ -58,8 +58,10 @@ class FlightSensorTruth:
         force += self._vibration(turns, speed)[:, None]
         rates = np.column_stack([p, q, r])
         rotation = (e.imu_rotation @ e.box_rotation).T
-        force = force @ rotation * (1 + e.accel_scale) + e.accel_bias + e.defects.vibration_offset_mps2(speed)
-        rates = rates @ rotation * (1 + e.gyro_scale) + e.gyro_bias
+        force_scale = e.accel_scale + e.defects.imu_accelerometer_scale
+        rate_scale = e.gyro_scale + e.defects.imu_gyro_scale
+        force = force @ rotation * (1 + force_scale) + e.accel_bias + e.defects.vibration_offset_mps2(speed)
+        rates = rates @ rotation * (1 + rate_scale) + e.gyro_bias
         sigma = np.sqrt(GYRO_AND_ACCEL_RATE)
         for i, axis in enumerate("xyz"):
             force[:, i] += sigma * e.noise.accel_mps2 * white(e.seed, f"accel {axis}", t_s)

@@ -106,6 +106,13 @@ def test_vibration_offsets_the_accelerometer_by_the_square_of_the_motor_speed(se
     assert sensed(vibration_offset_x_mps2=0.1).imu(standing)[0] == pytest.approx(sensed().imu(standing)[0])
 
 
+def test_scales_of_the_imu_read_high_in_proportion(sensed, t):
+    force, rates = sensed().imu(t)
+    high_force, high_rates = sensed(imu_gyro_scale=0.02, imu_accelerometer_scale=0.03).imu(t)
+    assert high_force == pytest.approx(1.03 * force)
+    assert high_rates == pytest.approx(1.02 * rates)
+
+
 def test_a_box_mounted_nose_up_feels_gravity_backwards(flight, sensed, t):
     """At rest the specific force is g upwards: along x it is g times the sine of how far the box points up."""
     turn = np.radians(3.0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from exact_motion import exact_motion
 
-from analysis.trajectory.equations import SENSOR_ERRORS, NamedArrays, corrected_force, vibration
+from analysis.trajectory.equations import SENSOR_ERRORS, NamedArrays, corrected_force, corrected_rates, vibration
 from analysis.trajectory.observability import prior_conflict
 from analysis.trajectory.priors import SensorPriors, stated_sigma
 from analysis.trajectory.reconstruction import Trajectory, reconstruct
@@ -48,14 +48,27 @@ def test_vibration_is_the_square_of_motor_speed_and_nothing_without_it() -> None
     assert vibration(np.array([100.0, 50.0, 0.0, np.nan])) == pytest.approx([1.0, 0.25, 0.0, 0.0])
 
 
-def test_specific_force_is_corrected_for_both_kinds_of_offset() -> None:
-    errors = NamedArrays(SENSOR_ERRORS, np.arange(1.0, len(SENSOR_ERRORS) + 1))
-    measured = NamedArrays(("ax", "ay", "az", "vibration"), (5.0, 6.0, 7.0, 0.5))
-    assert corrected_force(measured, errors) == pytest.approx((
-        5.0 - errors.ax_bias - 0.5 * errors.ax_vibration,
-        6.0 - errors.ay_bias,
-        7.0 - errors.az_bias - 0.5 * errors.az_vibration,
-    ))  # fmt: skip
+def test_specific_force_is_corrected_for_both_kinds_of_offset_and_then_for_scale() -> None:
+    """A reading is the force times one and the scale's error, with the offsets added."""
+    errors = NamedArrays(SENSOR_ERRORS, 0.01 * np.arange(1.0, len(SENSOR_ERRORS) + 1))
+    ax, ay, az, shaken = 5.0, 6.0, -9.0, 0.5
+    read = (
+        (1 + errors.ax_scale) * ax + errors.ax_bias + shaken * errors.ax_vibration,
+        ay + errors.ay_bias,
+        (1 + errors.az_scale) * az + errors.az_bias + shaken * errors.az_vibration,
+        shaken,
+    )
+    assert corrected_force(NamedArrays(("ax", "ay", "az", "vibration"), read), errors) == pytest.approx((ax, ay, az))
+
+
+def test_angular_rates_are_corrected_for_offset_and_scale() -> None:
+    errors = NamedArrays(SENSOR_ERRORS, 0.01 * np.arange(1.0, len(SENSOR_ERRORS) + 1))
+    rates = 0.5, -0.3, 0.2
+    read = [
+        (1 + getattr(errors, f"{axis}_scale")) * rate + getattr(errors, f"{axis}_bias")
+        for axis, rate in zip("pqr", rates, strict=True)
+    ]
+    assert corrected_rates(NamedArrays(("p", "q", "r"), read), errors) == pytest.approx(rates)
 
 
 def test_airspeed_that_errs_with_lift_is_a_constant_pressure_in_level_flight() -> None:

@@ -106,11 +106,12 @@ def test_airspeed_agrees_with_gps_after_correction_and_before_differs_by_its_sca
 
 
 @pytest.mark.slow
-def test_a_full_test_flight_determines_every_error(whole) -> None:
+def test_a_full_test_flight_determines_every_error_but_two(whole) -> None:
     *_, trajectory = whole
     errors = sensor_error_estimates(trajectory)
     assert {error.name for error in errors} == set(SENSOR_ERRORS) - {"heading_bias", *ZEROS}, "it had no compass"
-    assert [error.name for error in errors if not error.determined] == ["updraft"], "before sunrise it is known better"
+    before_flight = "the updraft is known better before sunrise, and how little the boom bends"
+    assert [error.name for error in errors if not error.determined] == ["updraft", "alpha_per_g"], before_flight
     assert sensor_error_notes(errors) == []
 
 

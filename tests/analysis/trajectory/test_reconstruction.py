@@ -65,6 +65,20 @@ def test_short_gusts_are_reconstructed_with_their_own_length(probe) -> None:
     assert abs(trajectory.value("V_scale") - drawn.values.V_scale) < 2 * trajectory.standard_error("V_scale")
 
 
+@pytest.mark.parametrize(("world", "scale"), [("study", 0.0), ("imu-scale", 0.02)])
+def test_turns_and_runs_show_the_scales_of_the_imu(probe, world: str, scale: float) -> None:
+    """GPS shows how far the aircraft turned, and how much it was accelerated; twice the prior stands out of it."""
+    aircraft, drawn = load_aircraft("nexstar"), flights.drawn(load_world(world).errors, 2)
+    _, _, table = flights.flown(aircraft, drawn, "two-pairs", 2, 3.0)
+    air, still, _ = flights.air_of(table, aircraft, probe)
+    trajectory = reconstruct(air, still)
+    for name in ("p_scale", "q_scale", "r_scale", "ax_scale", "az_scale"):
+        sigma = trajectory.standard_error(name)
+        assert sigma < 0.007, name
+        drawn_to_zero = scale * (1 - (sigma / trajectory.prior_standard_error(name)) ** 2)
+        assert abs(trajectory.value(name) - drawn_to_zero) < 3 * sigma, name
+
+
 def test_priors_are_those_of_the_study():
     """Priors are the budget's errors over the square root of three, and up to a tenth more."""
     s, ratio = load_budget("study").systematic, 3**0.5
