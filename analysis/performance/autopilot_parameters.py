@@ -4,7 +4,7 @@ Names and units: parameter references of PX4 (docs.px4.io) and ArduPilot (ardupi
 Airspeeds are equivalent airspeeds, which the autopilots call calibrated.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -101,23 +101,41 @@ BASIS = {
     "cruise_power": "from the battery at cruise speed",
     "idle_power": "from the battery with the motor off",
 }
+REQUIRES_THROTTLE = "a throttle calibrated against power; read it at cruise speed in level flight."
+NO_STALL = "A stall speed cannot be derived: no stall was flown. The lowest values are the slowest speed flown."
 ALWAYS_WITHHELD = (
     "FW_THR_TRIM (PX4 1.14 and later; FW_THR_CRUISE before), TRIM_THROTTLE (ArduPlane) and nav_fw_cruise_thr (INAV) do"
-    " not follow: they require a throttle calibrated against power; read it at cruise speed in level flight.",
-    "A stall speed cannot be derived: no stall was flown. The lowest values are the slowest speed flown.",
+    f" not follow: they require {REQUIRES_THROTTLE}",
+    NO_STALL,
 )
+THROTTLE = {PX4: "FW_THR_TRIM (FW_THR_CRUISE before 1.14)", PLANE: "TRIM_THROTTLE", INAV: "nav_fw_cruise_thr"}
 WITHOUT = {
-    "sink": "FW_T_SINK_MIN and TECS_SINK_MIN are withheld: drag is not known well enough; they take a propeller table"
-    " and motor speed, or glides.",
-    "CD0": "SOAR_POLAR_CD0 and SOAR_POLAR_B are withheld: the drag polar is not known well enough; they take glides at"
-    " several speeds, or a propeller table and motor speed.",
-    "airspeed_factor": "ASPD_SCALE_1 is withheld: it takes an autopilot's airspeed and GPS.",
-    "idle_power": "idle_power is withheld: the power with the motor off is too small for this current meter, or not"
-    " measured.",
-    "airspeed_ratio": "ARSPD_RATIO is withheld: it takes GPS and the ratio that the airspeed was computed with, which"
-    " ArduPlane logs as a parameter.",
-    "cruise_power": "cruise_power is withheld: it takes the battery's power at cruise speed.",
+    "sink": "drag is not known well enough; {takes} a propeller table and motor speed, or glides.",
+    "CD0": "the drag polar is not known well enough; {takes} glides at several speeds, or a propeller table and motor"
+    " speed.",
+    "airspeed_factor": "{takes} an autopilot's airspeed and GPS.",
+    "idle_power": "the power with the motor off is too small for this current meter, or not measured.",
+    "airspeed_ratio": "{takes} GPS and the ratio that the airspeed was computed with, which ArduPlane logs as a"
+    " parameter.",
+    "cruise_power": "{takes} the battery's power at cruise speed.",
 }
+TOGETHER = {"CD0": ("CD0", "B")}  # values that are of no use alone
+
+
+def _withheld(value: str, firmware: str | None = None) -> str:
+    """Why the parameters of a value are withheld, those of one firmware or of all; empty where it has none."""
+    names = [
+        one.name for one in ENTRIES if one.value in TOGETHER.get(value, (value,)) and firmware in (None, one.firmware)
+    ]
+    verb, takes = ("are", "they take") if len(names) > 1 else ("is", "it takes")
+    return f"{' and '.join(names)} {verb} withheld: {WITHOUT[value].format(takes=takes)}" if names else ""
+
+
+def withheld_of(firmware: str, given: Collection[str]) -> list[str]:
+    """Sentences on what does not follow for one firmware, in its own names. given: names of what does"""
+    lacking = {one.value for one in ENTRIES if one.firmware == firmware and one.name not in given}
+    found = [_withheld(value, firmware) for value in WITHOUT if value in lacking]
+    return [*found, f"{THROTTLE[firmware]} does not follow: it requires {REQUIRES_THROTTLE}", NO_STALL]
 
 
 def typed_in(values: FlightValues) -> tuple[list[AutopilotParameter], list[str]]:
@@ -126,7 +144,7 @@ def typed_in(values: FlightValues) -> tuple[list[AutopilotParameter], list[str]]
     if not {"CD0", "B"} <= known.keys():  # neither is of use alone
         known = {name: known[name] for name in known.keys() - {"CD0", "B"}}
     parameters = [_parameter(entry, known[entry.value], values.logged) for entry in ENTRIES if entry.value in known]
-    return parameters, [*(text for name, text in WITHOUT.items() if name not in known), *ALWAYS_WITHHELD]
+    return parameters, [*(_withheld(name) for name in WITHOUT if name not in known), *ALWAYS_WITHHELD]
 
 
 def _parameter(entry: _Entry, interval: Interval, logged: Mapping[str, float]) -> AutopilotParameter:

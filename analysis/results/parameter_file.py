@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from analysis.curve import Condition, speed_at
-from analysis.performance.autopilot_parameters import INAV, PLANE, PX4
+from analysis.performance.autopilot_parameters import INAV, PLANE, PX4, withheld_of
 from analysis.records.flight import AutopilotParameter, Interval, Results
 from flight.atmosphere import SEA_LEVEL_DENSITY
 from flight.errors import InputError
@@ -82,7 +82,7 @@ def parameter_file(results: Results, firmware: For, stall: StallMargin = StallMa
         "# Airspeeds are equivalent (calibrated) ones, rounded up. Compare each value with yours before you load it.",
         f"# {reason}",
         *(line for one in _names_used(own) for line in _lines(one, firmware, least_mps)),
-        *(f"# {sentence}" for sentence in results.autopilot_parameters_withheld),
+        *(f"# {sentence}" for sentence in withheld_of(FIRMWARE[firmware], {one.name for one in own})),
     ]
     return "\n".join(lines) + "\n"
 

@@ -9,7 +9,7 @@ import pytest
 
 from analysis.cli import parameters
 from analysis.curve import Condition, speed_at
-from analysis.performance.autopilot_parameters import FlightValues, around, typed_in
+from analysis.performance.autopilot_parameters import ENTRIES, THROTTLE, FlightValues, around, typed_in
 from analysis.records.flight import (
     AircraftResult,
     AvailableResult,
@@ -27,7 +27,7 @@ from analysis.records.flight import (
     SlowestFlown,
     Trust,
 )
-from analysis.results.parameter_file import CRUISE, FASTEST, SLOWEST, For, StallMargin, parameter_file
+from analysis.results.parameter_file import CRUISE, FASTEST, FIRMWARE, SLOWEST, For, StallMargin, parameter_file
 from flight.errors import InputError
 
 NO_STALL = StallMargin(1.0)  # far below anything flown
@@ -126,10 +126,20 @@ def test_a_stall_margin_beyond_the_fastest_flown_is_refused() -> None:
         parameter_file(results(), For.PX4, StallMargin(20.0, 1.2))
 
 
-def test_what_does_not_follow_is_named_as_a_comment() -> None:
-    found = results()
-    comments = [line for line in parameter_file(found, For.PX4, NO_STALL).splitlines() if line.startswith("#")]
-    assert all(f"# {sentence}" in comments for sentence in found.autopilot_parameters_withheld)
+@pytest.mark.parametrize("firmware", For)
+def test_what_does_not_follow_is_named_in_the_names_of_the_firmware_alone(firmware: For) -> None:
+    """A pilot of INAV need not know what ArduPlane calls its throttle."""
+    text = parameter_file(results(), firmware, NO_STALL)
+    others = {one.name for one in ENTRIES if one.firmware != FIRMWARE[firmware]}
+    others |= {name for name, said in THROTTLE.items() if name != FIRMWARE[firmware] for name in [said.split()[0]]}
+    comments = "".join(line for line in text.splitlines(keepends=True) if line.startswith("#"))
+    assert {name for name in others if name in comments} == set()
+    assert not any(word in text for word in FIRMWARE.values() if word != FIRMWARE[firmware])
+    assert f"# {THROTTLE[FIRMWARE[firmware]]} does not follow: it requires a throttle" in comments
+    given = {one.name for one in results().autopilot_parameters}
+    own = {one.name for one in ENTRIES if one.firmware == FIRMWARE[firmware]}
+    assert all(f"{name} is withheld" in text for name in own - given)
+    assert own - given == {For.PX4: {"ASPD_SCALE_1"}, For.ARDUPILOT: {"ARSPD_RATIO"}, For.INAV: set()}[firmware]
 
 
 @pytest.mark.parametrize(
