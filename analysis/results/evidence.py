@@ -41,7 +41,7 @@ from flight.messages import Comparison
 _WORST_FIRST = (Trust.NOT_TO_BE_TRUSTED, Trust.DOUBTFUL, Trust.TRUSTED)
 
 # What usually makes a sensor error larger than assumed, by its name in `path`.
-_CULPRIT = {
+CULPRIT = {
     "alpha_bias": "the probe is mounted at an angle to the IMU, or the IMU is not level with the aircraft",
     "alpha_scale": "the boom bends, or upwash or the probe's calibration is wrong",
     "beta_bias": "the probe or the IMU is turned sideways",
@@ -415,7 +415,7 @@ def _sensor_errors(results: Results) -> Iterator[Evidence]:
             false_alarm_rate=TRUST.false_alarm_rate,
             text=(
                 f"The {subject} is {sigmas:+.1f} times the standard deviation assumed (limit {limit:.1f}). Usually"
-                f" {_CULPRIT[name]}: mend it, or state a larger [uncertainty] in the aircraft file."
+                f" {CULPRIT[name]}: mend it, or state a larger [uncertainty] in the aircraft file."
             ),
         )
 

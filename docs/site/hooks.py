@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import assumptions
+import troubles
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
@@ -44,6 +45,7 @@ def on_files(files: Files, config: Any) -> Files:
         "reference.md": _reference(),
         "understand/assumptions.md": assumptions.page(),
         "use/aircraft-keys.md": KEYS,
+        "use/troubles.md": troubles.page(),
     }
     texts |= {_page(name): (ROOT / name).read_text("utf-8") for name in ADDED}
     for name, text in texts.items():

@@ -201,6 +201,6 @@ def test_each_error_is_shown_in_its_unit():
 
 def test_each_error_has_a_title_a_prior_and_a_culprit():
     """What a new sensor error needs besides its equation, in the folders that tell of it."""
-    for table in (observability.SENSOR_ERROR_KINDS, trust._CULPRIT):
+    for table in (observability.SENSOR_ERROR_KINDS, trust.CULPRIT):
         assert set(table) == set(SENSOR_ERRORS)
     assert set(SENSOR_ERRORS) <= set(PRIOR_SIGMA)

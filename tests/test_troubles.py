@@ -1,0 +1,82 @@
+"""The page of what went wrong has every kind of refusal, doubt and status, and every message of the code."""
+
+import ast
+import importlib.util
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+from analysis.maneuvers.kinds import Unsuitable
+from analysis.missions.flown import INSTEAD
+from analysis.records.flight import EvidenceKind, WhyNot
+from analysis.results.evidence import CULPRIT
+from analysis.sources.laws import Mistake
+from analysis.trajectory.observability import SENSOR_ERROR_KINDS, Lacking
+from daq.tray_check import GOOD_STATUSES
+from flight.command_line import ExitCode
+from flight.messages import Status
+from flight.runs import RunRejected
+
+SOURCE = Path(__file__).parents[1] / "docs" / "site" / "troubles.py"
+spec = importlib.util.spec_from_file_location("troubles", SOURCE)
+assert spec and spec.loader
+troubles = importlib.util.module_from_spec(spec)
+sys.modules["troubles"] = troubles
+spec.loader.exec_module(troubles)
+
+
+@pytest.fixture(scope="module")
+def sections() -> dict[str, list[list[str]]]:
+    """Rows of each table, without its head."""
+    found = {}
+    for section in re.split(r"^#{2,3} ", troubles.page(), flags=re.MULTILINE)[1:]:
+        title, _, text = section.partition("\n")
+        lines = [line for line in text.splitlines() if line.startswith("|")]
+        found[title] = [re.split(r" (?<!\\)\| ", line.strip("| ")) for line in lines[2:]]
+    return found
+
+
+@pytest.mark.parametrize(
+    ("title", "kinds"),
+    [
+        ("Exit codes", [str(int(code)) for code in ExitCode]),
+        ("Doubts about a result", list(EvidenceKind)),
+        ("Sensor errors larger than assumed", [SENSOR_ERROR_KINDS[name].title for name in CULPRIT]),
+        ("What a flight does not determine, and why", [one.name.lower() for one in Lacking]),
+        ("Methods that do not give the curve", [why for why in WhyNot if why]),
+        ("Stretches that are no maneuver", [*RunRejected, *Unsuitable]),
+        ("Columns of a table", list(Mistake)),
+        ("Sensors of the tray", [one for one in Status if one not in GOOD_STATUSES]),
+        ("Items of a mission", list(INSTEAD)),
+    ],
+)
+def test_each_kind_has_a_row_with_what_to_do(
+    sections: dict[str, list[list[str]]], title: str, kinds: list[str]
+) -> None:
+    rows = sections[title]
+    assert len(rows) == len(kinds)
+    for row, kind in zip(rows, kinds, strict=True):
+        assert str(int(kind) if title == "Items of a mission" else kind) in row[0]
+        assert all(len(cell.split()) > 1 for cell in row[1:]), row
+
+
+def test_each_refusal_of_the_code_is_on_the_page(sections: dict[str, list[list[str]]]) -> None:
+    """Counted independently: calls of `InputError` with a text in the source."""
+    written = {one.text for one in troubles.messages()}
+    told = {"; ".join(filter(None, row)) for title in troubles.AREAS.values() for row in sections.get(title, [])}
+    cells = {troubles._cell(text).rstrip("; ") for text in written}
+    assert len(cells) > 450
+    assert {text for text in cells if text not in {troubles._cell(one) for one in told}} == set()
+    raised = 0
+    for package in ("analysis", "daq", "flight", "flightpower", "sim"):
+        for path in (SOURCE.parents[2] / package).rglob("*.py"):
+            tree = ast.parse(path.read_text("utf-8"))
+            raised += sum(
+                isinstance(node, ast.Raise)
+                and isinstance(node.exc, ast.Call)
+                and "InputError(" in ast.unparse(node.exc)[:11]
+                for node in ast.walk(tree)
+            )
+    assert len(list(troubles.messages())) > 0.9 * raised, "few are raised with a text made elsewhere"
