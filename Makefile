@@ -22,7 +22,7 @@ IN_NAMESPACE = $(shell [ "$$(id -u)" = 0 ] || { unshare -Urm true 2>/dev/null &&
 WORKERS := $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo picture test near bench site evidence study dissertation soak fuzz crash-points vm packages deb lint types check constraints clean
+.PHONY: help demo picture test test-all near bench site evidence study dissertation soak fuzz crash-points vm packages deb lint types check constraints clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -57,8 +57,11 @@ picture: demo $(VENV)/.dev ## renew the pictures of README and pages: curve, rep
 	$(BIN)/python benchmarks/picture.py out/demo docs/power-required.png
 	PYTHONPATH=. $(BIN)/python benchmarks/page_pictures.py out/demo docs/figures
 
-test: $(VENV)/.dev ## the whole test suite
+test: $(VENV)/.dev ## every claim by one seed or flight, for daily work
 	$(IN_NAMESPACE) $(BIN)/pytest -n $(WORKERS) --dist loadgroup
+
+test-all: $(VENV)/.dev ## the whole test suite: all seeds, flights and worlds
+	$(IN_NAMESPACE) $(BIN)/pytest -n $(WORKERS) --dist loadgroup --all
 
 near: $(VENV)/.dev ## the five test files nearest to a file, by imports: make near FILE=analysis/curve.py
 	@tests=$$($(BIN)/python -m tests.near $(FILE)) && $(BIN)/pytest $$tests
@@ -124,7 +127,7 @@ lint: $(VENV)/.dev ## ruff, and American spelling
 types: $(VENV)/.dev ## mypy
 	$(BIN)/mypy
 
-check: lint types test ## lint, types, test
+check: lint types test-all ## lint, types, test-all
 
 constraints: ## renew constraints.txt and hashes.txt: the newest versions that pyproject.toml allows, then run `make check`
 	rm -rf build/constraints && $(PYTHON) -m venv build/constraints

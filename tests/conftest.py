@@ -24,9 +24,17 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--expected-skips", metavar="FILE", help="fail when a test is skipped that FILE does not list")
+    parser.addoption("--all", action="store_true", help="also the tests marked `thorough`, as `make test-all`")
+    parser.addoption("--processor-times", metavar="FILE", help="write the processor time of each test")
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    from tests.processor_time import ProcessorTime, TimesFile
+
+    config.pluginmanager.register(ProcessorTime(), "processor-time")
+    times = config.getoption("--processor-times")
+    if times is not None and not hasattr(config, "workerinput"):
+        config.pluginmanager.register(TimesFile(config.rootpath / times), "processor-times")
     file = config.getoption("--expected-skips")
     if file is None or hasattr(config, "workerinput"):
         return
@@ -38,8 +46,15 @@ def pytest_configure(config: pytest.Config) -> None:
     config.pluginmanager.register(SkipWatch(patterns), "skip-watch")
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Groups of modules first, then modules by the number of slow tests: at the end processes wait for short ones."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Groups of modules first, then modules by the number of slow tests: at the end processes wait for short ones.
+
+    Without --all the tests marked `thorough` are left out.
+    """
+    thorough = [] if config.getoption("--all") else [one for one in items if one.get_closest_marker("thorough")]
+    if thorough:
+        config.hook.pytest_deselected(items=thorough)
+        items[:] = [one for one in items if not one.get_closest_marker("thorough")]
     slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
     items.sort(key=lambda item: (item.get_closest_marker("xdist_group") is None, -slow[item.path]))
 

@@ -200,6 +200,7 @@ def _imported_constants(tree: ast.Module, constants: dict[str, set[str]]) -> set
     }
 
 
+@pytest.mark.slow
 def test_nothing_is_decided_by_a_text() -> None:
     assert [f"{one.path}:{one.line}: {one.code}" for one in decisions_by_text(ROOT)] == []
 

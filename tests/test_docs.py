@@ -178,6 +178,7 @@ def docstrings(package: str) -> Iterator[tuple[str, str]]:
                 yield where, ast.get_docstring(node) or ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("package", OF_CODE)
 def test_code_that_a_docstring_names_exists(package: str) -> None:
     missing = [

@@ -46,6 +46,7 @@ def foreign_imports(path: Path, at_import: bool) -> set[str]:
     return names - sys.stdlib_module_names - EXTRAS.keys()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("package", EXTRAS)
 def test_a_package_imports_only_what_is_declared(package: str) -> None:
     """An import inside a function may need another extra, which the command then says."""

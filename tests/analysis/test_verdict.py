@@ -8,17 +8,19 @@ from worlds import Cell, Job, one_flight
 from analysis.records.flight import EvidenceKind, Trust
 
 COUNTED, RUNS = EvidenceKind.COUNTED_SPEED, EvidenceKind.RUN_AGAINST_OTHERS
+SENSOR = EvidenceKind.SENSOR_ERROR
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("world", "trust", "first"),
     [
         ("study", Trust.TRUSTED, None),
         ("poles-12-for-14", Trust.NOT_TO_BE_TRUSTED, COUNTED),
-        ("landing-gear", Trust.NOT_TO_BE_TRUSTED, RUNS),
-        ("pulses-lost", Trust.DOUBTFUL, COUNTED),
-        ("vibration-forward", Trust.NOT_TO_BE_TRUSTED, EvidenceKind.SENSOR_ERROR),
-        ("airspeed-leak", Trust.NOT_TO_BE_TRUSTED, EvidenceKind.SENSOR_ERROR),
+        pytest.param("landing-gear", Trust.NOT_TO_BE_TRUSTED, RUNS, marks=pytest.mark.thorough),
+        pytest.param("pulses-lost", Trust.DOUBTFUL, COUNTED, marks=pytest.mark.thorough),
+        pytest.param("vibration-forward", Trust.NOT_TO_BE_TRUSTED, SENSOR, marks=pytest.mark.thorough),
+        pytest.param("airspeed-leak", Trust.NOT_TO_BE_TRUSTED, SENSOR, marks=pytest.mark.thorough),
     ],
 )
 def test_a_defect_is_named_and_a_sound_flight_is_trusted(world: str, trust: Trust, first: EvidenceKind | None) -> None:

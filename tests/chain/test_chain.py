@@ -128,6 +128,7 @@ def test_the_log_opens_with_the_stock_reader_and_explains_itself(flown: Path) ->
         assert seen[topic][value] is not None, topic
 
 
+@pytest.mark.slow
 def test_the_analysis_does_not_look_at_what_the_simulator_flies(flown: Path, results: Results, tmp_path: Path) -> None:
     """The aircraft file's [aerodynamics] doubled: the same curve to the last digit. (The four keys are without.)"""
     head, _, aerodynamics = load_aircraft("nexstar").text.partition("\n[aerodynamics]\n")
@@ -138,6 +139,7 @@ def test_the_analysis_does_not_look_at_what_the_simulator_flies(flown: Path, res
     assert again.power_required == results.power_required
 
 
+@pytest.mark.slow
 def test_a_torn_log_is_analyzed_up_to_the_tear_and_says_so(flown: Path, results: Results, tmp_path: Path) -> None:
     """Cut in the descent, after the last run: the runs are all there. The aircraft file given overrides the log's."""
     heavier = load_aircraft("nexstar").text.replace('weight = "8.47 lbf"', 'weight = "9.00 lbf"')

@@ -149,6 +149,7 @@ def succeeds(command: str, written: str) -> None:
     assert not written or Path(written).stat().st_size > 100, command
 
 
+@pytest.mark.thorough
 def test_commands_of_a_flight(walk: Walk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The exports share one analysis: their logs and options are the same."""
     monkeypatch.chdir(tmp_path)
@@ -177,6 +178,7 @@ def test_commands_of_a_flight(walk: Walk, tmp_path: Path, monkeypatch: pytest.Mo
         succeeds(command, written)
 
 
+@pytest.mark.thorough
 def test_a_plan_of_four_keys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """From a catalog with one piece of a kind."""
     catalog = search.catalog
@@ -196,6 +198,7 @@ def test_a_plan_of_four_keys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     succeeds(flown, "flown/log.mcap")  # of the same aircraft, scaled from a model
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("plan", ON_THE_GROUND)
 def test_calibrations_on_the_ground(plan: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)

@@ -59,6 +59,7 @@ def messages(exports: Path) -> dict[str, list[tuple[int, dict]]]:
     return found
 
 
+@pytest.mark.slow
 def test_every_column_names_its_unit(parquet: dict[str, pd.DataFrame]) -> None:
     assert set(parquet) == TABLES
     for table in parquet.values():

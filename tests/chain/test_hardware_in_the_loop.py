@@ -56,7 +56,8 @@ class RealClock:
         return time.monotonic_ns()
 
 
-@pytest.mark.parametrize("messages", [30, pytest.param(150, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("messages", [30, pytest.param(150, marks=pytest.mark.thorough)])
 def test_the_installed_daemon_records_from_device_files(tmp_path, messages):
     """It records until each topic has so many good messages, however long that takes."""
     sensor_truth = AnalyticSensorTruth(

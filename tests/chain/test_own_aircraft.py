@@ -58,6 +58,7 @@ def test_a_battery_is_enough_for_endurance(flown: Path, four: Path) -> None:
     assert mine["endurance_s"]["lo"] < known["endurance_s"]["value"] < mine["endurance_s"]["hi"]
 
 
+@pytest.mark.slow
 def test_options_replace_what_a_log_has_or_lacks(flown: Path, tmp_path: Path) -> None:
     """A heavier aircraft file, the true weight and the log's own probe by options: the same curve."""
     heavier, probe, bare = tmp_path / "heavier.toml", tmp_path / "mine.json", tmp_path / "bare.mcap"

@@ -43,6 +43,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return at
 
 
+@pytest.mark.thorough
 def test_the_page_shows_ten_flights_and_a_comparison_that_contains_the_truth(folder: Path) -> None:
     """To renew the outputs: python -m tests.documented_commands docs/use/many-flights.md"""
     loops = [step for step in steps_in(PAGE) if step.command.startswith("for ")]

@@ -47,6 +47,7 @@ def test_a_program_finds_no_barrier_in_the_report(flown: Path, browser: Browser)
         assert browser.barriers() == []
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here (Debian: apt-get install chromium)")
 def test_the_report_in_a_browser(flown: Path, results: Results, browser: Browser, tmp_path: Path) -> None:
     """On a phone, a laptop and a wide screen, dark and light, and on paper: all drawn, nothing cut, nothing asked."""

@@ -127,6 +127,7 @@ def test_a_run_is_shown_everywhere_from_the_table_a_band_or_the_track(report: Br
     assert report.value_of(SHOWN) == label, "its line over the ground"
 
 
+@pytest.mark.slow
 def test_a_run_left_out_gives_the_curve_of_an_analysis_without_it(report: Browser, flown: Path, tmp_path: Path) -> None:
     i = number_of_the_deceleration(flown)
     report.value_of(f"{ROW}[{i}].click(); document.querySelector('#run-shown [data-do=leave]').click(); {DRAWN}")

@@ -42,6 +42,7 @@ def edited(flown: Path, tmp_path_factory: pytest.TempPathFactory) -> Edited:
     return Edited(report, text, float(dropped[1]), later)
 
 
+@pytest.mark.slow
 def test_an_edited_file_of_runs_is_what_the_next_analysis_uses(flown: Path, edited: Edited) -> None:
     before, after = (
         msgspec.json.decode((folder / "results.json").read_bytes(), type=Results)
@@ -66,6 +67,7 @@ def test_decelerations_alone_do_not_put_the_blame_on_the_propeller(flown: Path, 
     assert "mine.toml: keeps decelerations only" in outcome.stderr and "was flown?" not in outcome.stderr
 
 
+@pytest.mark.slow
 def test_an_edited_file_of_runs_in_the_report_s_folder_is_not_lost(flown: Path, edited: Edited) -> None:
     report, mine = edited.report, edited.report / "runs.toml"
     assert mine.read_text("utf-8") == edited.text

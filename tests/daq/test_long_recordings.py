@@ -197,6 +197,7 @@ class OneBus:
 TRANSDUCER = '[[sensors]]\ndriver="honeywell"\nbus="b"\npart="SSCDRRN005ND2A5"\nmeasures="airspeed"\n'
 
 
+@pytest.mark.thorough
 def test_an_hour_leaves_no_memory_and_no_drift_behind(tmp_path, monkeypatch):
     """At 1 Hz, a file every ten minutes; weighed at the end of each. A leak of 20 bytes a tick is 12 kB a file.
 
@@ -247,6 +248,7 @@ def test_nothing_waits_in_a_chunk_for_half_a_second(tmp_path, rate_Hz):
     assert max(chunk.message_end_time - chunk.message_start_time for chunk in chunks) < 0.5 * SECOND_NS
 
 
+@pytest.mark.slow
 def test_changes_of_file_leave_no_memory_in_use():
     """Two hours on the simulated clock in 24 files, in a process of its own, weighed by the kernel.
 

@@ -208,6 +208,7 @@ def test_the_process_has_no_real_time_priority(tmp_path):
     assert before[0] == after[0] == os.SCHED_OTHER and after[1] == min(before[1] + 10, 19)
 
 
+@pytest.mark.thorough
 def test_twenty_logs_are_completed_within_a_minute_beside_busy_programs(tmp_path, torn):
     """As twenty kills in a row leave them; two programs a processor compute all the time."""
     paths = [tmp_path / f"log-{number:04}.mcap" for number in range(1, 21)]

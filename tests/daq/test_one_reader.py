@@ -73,6 +73,7 @@ def test_beside_a_recording_every_command_that_reads_the_tray_is_refused(tmp_pat
     assert set(statuses[5:]) <= {Status.OK, Status.NO_DATA}
 
 
+@pytest.mark.slow
 def test_the_service_tries_again_when_something_else_reads_and_not_when_its_tray_is_wrong(
     tmp_path,
     counter,  # noqa: F811

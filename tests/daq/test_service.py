@@ -228,6 +228,7 @@ def script(name: str, root: Path, *arguments: str) -> None:
     subprocess.run([str(ROOT / "systemd" / name), *arguments], env=environment, check=True, capture_output=True)
 
 
+@pytest.mark.slow
 def test_install_and_uninstall_can_be_run_twice_and_keep_what_is_the_users(tmp_path):
     root = tmp_path / "root"
     root.mkdir()

@@ -129,7 +129,10 @@ def thrust_ratio(base: Table, other: Table, J: tuple[float, float]) -> float:
     return float(np.mean(np.log(np.maximum(two / one, 0.05))))
 
 
-@pytest.mark.parametrize(("words", "least"), [(("nobody",), 27), (("apc", "thin"), 12)])
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("words", "least"), [pytest.param(("nobody",), 27, marks=pytest.mark.thorough), (("apc", "thin"), 12)]
+)
 def test_each_measured_table_as_if_it_were_missing_lies_in_the_interval_said(
     words: tuple[str, ...], least: int
 ) -> None:

@@ -51,6 +51,7 @@ def sim(monkeypatch, capsys, tmp_path):
     return run
 
 
+@pytest.mark.slow
 def test_fly_writes_truth_curve_tray_and_log(sim, tmp_path):
     code, _ = sim("fly", "--plan", "short.toml", "--seed", "3", "-o", "out")
     assert code == 0

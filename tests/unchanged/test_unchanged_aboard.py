@@ -8,6 +8,7 @@ from tests.unchanged.stored_values import check
 pytestmark = pytest.mark.xdist_group("unchanged")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_nothing_changed_unasked(name: str) -> None:
     check(name, CASES[name]())

@@ -8,6 +8,13 @@ from tests.unchanged.stored_values import check
 pytestmark = pytest.mark.xdist_group("unchanged")
 
 
-@pytest.mark.parametrize("name", CASES)
+# The others are made by the same code from other flights.
+DAILY = ("demonstration", "maneuvers", "autopilot-logs", "exports", "option-defaults")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name", [name if name in DAILY else pytest.param(name, marks=pytest.mark.thorough) for name in CASES]
+)
 def test_nothing_changed_unasked(name: str) -> None:
     check(name, CASES[name]())

@@ -75,6 +75,7 @@ def forty() -> list[ProbeCalibration]:
     return [calibrate(simulated_tunnel(seed)) for seed in range(100, 140)]
 
 
+@pytest.mark.slow
 def test_so_it_is_everywhere_in_every_simulated_tunnel(forty: list[ProbeCalibration]) -> None:
     """The simulator's, with its errors of angle and speed: in thirty of thirty, at the corners too."""
     worst = np.max([benchmark.probe_errors(calibration) for calibration in forty[:30]], axis=0)

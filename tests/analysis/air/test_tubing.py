@@ -110,6 +110,7 @@ def test_a_step_across_a_gap_of_the_record_is_not_used() -> None:
     assert not any(step.t_s[0] < middle_s < step.t_s[-1] for step in found)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_at_25_Hz_as_many_bursts_as_are_asked_for_give_five_per_cent() -> None:
     """Half a tick of lag. What eight bursts ask for is told from eight, so it scatters; what it comes to must hold.

@@ -207,7 +207,10 @@ CASES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "case", [pytest.param("linear", marks=pytest.mark.thorough), *(case for case in CASES if case != "linear")]
+)
 def test_in_turbulence_standard_errors_are_right_and_those_of_output_error_too_small(case):
     """Deviations of the parameters in standard errors have an rms of 1; 90 to 97 % of all are in 95 % intervals.
 

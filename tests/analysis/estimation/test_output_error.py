@@ -58,6 +58,7 @@ def noisy(seed, name="run", sigma=SIGMA):
     return Segment(name=name, t_s=T_S, u={"de": DE}, z=z)
 
 
+@pytest.mark.thorough
 def test_estimates_are_unbiased_and_scatter_as_the_cramer_rao_bound():
     """500 seeds: the scatter itself is known to 1/sqrt(1000) = 3 %, the mean to 1/sqrt(500) of the scatter."""
     seeds = 500

@@ -11,9 +11,12 @@ from flight.errors import InputError
 from tests.analysis.estimation.bimodal import cases
 
 BIMODAL = cases(seed=2)
+LONG = ("unstable, 7 s", "Dutch roll, white noise", "Dutch roll, colored noise")
+EACH = [pytest.param(name, marks=pytest.mark.thorough) if name in LONG else name for name in BIMODAL]
 
 
-@pytest.mark.parametrize("name", BIMODAL)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", EACH)
 def test_the_best_optimum_is_reached_from_starts_off_by_a_factor_of_two(name: str) -> None:
     """One start finds no more than a quarter of them, and ends at other optima or nowhere."""
     case = BIMODAL[name]
@@ -35,7 +38,7 @@ def test_the_best_optimum_is_reached_from_starts_off_by_a_factor_of_two(name: st
     assert reached == 10 and alone <= 6 and helped == 10 - alone
 
 
-@pytest.mark.parametrize("name", BIMODAL)
+@pytest.mark.parametrize("name", EACH)
 def test_filter_error_reaches_the_best_optimum_from_such_starts(name: str) -> None:
     """Its states are corrected with every sample, so that the response cannot slip a cycle, nor diverge."""
     case = BIMODAL[name]

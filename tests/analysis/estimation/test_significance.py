@@ -23,6 +23,7 @@ def test_CLq_is_more_significant_in_quicker_maneuvers(flown):
     assert elevator > 4 * step
 
 
+@pytest.mark.slow
 def test_the_limit_rises_with_the_noise_of_the_other_signals(flown):
     step = flown["throttle step, height wanders"]
     quiet, loud = (estimation.significance_limit(NEXSTAR, step, factor, SEEDS) for factor in (0.5, 1.0))

@@ -9,7 +9,7 @@ from analysis.estimation.simulation import build_simulator
 from analysis.methods import aircraft_models
 from flight.aircraft import load_aircraft
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.thorough
 
 NEXSTAR = load_aircraft("nexstar")
 STEP_S, N = 0.04, 500

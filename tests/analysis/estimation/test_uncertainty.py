@@ -62,8 +62,10 @@ def fit_noisy(noise, **options):
     return fit_output_error(SHORT_PERIOD, segment, **{"options": FitOptions(second_start=False), **options})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    "color", [first_order, pytest.param(moving_average, marks=pytest.mark.slow), shared_with_a_lag]
+    "color",
+    [*(pytest.param(one, marks=pytest.mark.thorough) for one in (first_order, moving_average)), shared_with_a_lag],
 )
 def test_with_colored_noise_corrected_intervals_cover_and_those_of_the_bound_do_not(color):
     """100 seeds, 6 numbers: coverage is known to sqrt(0.95 0.05 / 100) = 2 % at most, the numbers being correlated."""

@@ -104,6 +104,7 @@ def test_flights_that_agree_have_no_outlier() -> None:
     assert found.homogeneity is not None and not found.homogeneity.differs
 
 
+@pytest.mark.slow
 def test_what_is_said_of_a_pool_has_the_level_of_its_verdict() -> None:
     """Of 80 pools that differ by chance some have p below 5 %: nothing beside "trusted" says that flights differ.
 

@@ -99,7 +99,7 @@ def test_own_errors_fall_with_the_number_of_flights_and_shared_ones_stay() -> No
     assert half_shares(flights) == pytest.approx(np.hypot(OWN / 3, SHARED), rel=1e-3)
 
 
-@pytest.mark.parametrize("count", [1, 3, 10])
+@pytest.mark.parametrize("count", [3, *(pytest.param(count, marks=pytest.mark.thorough) for count in (1, 10))])
 def test_pools_contain_the_truth_as_often_as_they_say(count: int) -> None:
     rng, inside = np.random.default_rng(count), []
     for _ in range(300):
@@ -119,6 +119,7 @@ def test_curves_meet_at_one_weight_and_density() -> None:
     assert pool.curve.power_W.value == pytest.approx(power_of(pool.curve.V_mps), rel=1e-4)
 
 
+@pytest.mark.thorough
 def test_a_change_of_drag_is_seen_because_shared_errors_cancel() -> None:
     """8 %, by five flights each; equal configurations are found different in about 5 % of comparisons."""
     rng = np.random.default_rng(7)

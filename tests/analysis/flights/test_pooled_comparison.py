@@ -177,7 +177,8 @@ def test_flights_to_see_are_those_by_which_nine_of_ten_campaigns_see_it() -> Non
         flights_to_see(a, 0.0)
 
 
-@pytest.mark.parametrize("flights", [1, 4])
+@pytest.mark.slow
+@pytest.mark.parametrize("flights", [1, pytest.param(4, marks=pytest.mark.thorough)])
 def test_a_false_name_of_the_installation_is_denied_and_the_interval_contains_the_truth(flights: int) -> None:
     """Flights of two installations that name the same. If it were believed, 22 to 35 % of the truths were covered."""
     believed, found, of_one = [], [], []

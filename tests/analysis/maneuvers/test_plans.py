@@ -87,7 +87,8 @@ def test_steady_points_are_found_in_every_long_hold_and_nowhere_else(probe) -> N
         assert run.highest_speed_mps < 1.06 * run.lowest_speed_mps
 
 
-@pytest.mark.parametrize("turbulence_kt", [0.0, 3.0, 15.0])
+@pytest.mark.slow
+@pytest.mark.parametrize("turbulence_kt", [*(pytest.param(kt, marks=pytest.mark.thorough) for kt in (0.0, 3.0)), 15.0])
 def test_each_acceleration_and_deceleration_flown_is_found_as_one(probe, turbulence_kt: float) -> None:
     """In gusts, too, that change the sign of what speed does every few seconds."""
     flight = flown(probe, "full-test-flight", turbulence_kt)

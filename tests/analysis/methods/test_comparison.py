@@ -39,10 +39,14 @@ def analyzed_flight(
     ("seed", "wrong", "pair", "cause"),
     [
         (10, {"alpha_offset_rad": np.radians(1.5)}, ("dynamic", "direct"), "angle of attack"),
-        (11, {"pitch_tilt": np.radians(-1.5)}, ("dynamic", "direct"), "angle of attack"),
+        pytest.param(
+            11, {"pitch_tilt": np.radians(-1.5)}, ("dynamic", "direct"), "angle of attack", marks=pytest.mark.thorough
+        ),
         (12, {"accel_x_bias": 0.25}, ("dynamic", "direct-speed"), "pitch attitude"),
-        (13, {"V_scale": 0.05}, ("dynamic", "energy"), "airspeed"),
-        (14, {"lag_s": 0.2}, ("decelerations", "accelerations"), "air-data lag"),
+        pytest.param(13, {"V_scale": 0.05}, ("dynamic", "energy"), "airspeed", marks=pytest.mark.thorough),
+        pytest.param(
+            14, {"lag_s": 0.2}, ("decelerations", "accelerations"), "air-data lag", marks=pytest.mark.thorough
+        ),
         (15, {"thrust_scale": -0.07}, ("decelerations", "accelerations"), "propeller table"),
     ],
 )
@@ -66,12 +70,14 @@ def test_a_wrong_propeller_table_is_named_in_gusts_of_3_kt(probe) -> None:
     assert between_accelerations_and_decelerations(probe, 15, thrust_scale=-0.07) == "propeller table"
 
 
+@pytest.mark.thorough
 def test_a_lag_is_not_mistaken_for_thrust_in_gusts_of_3_kt(probe) -> None:
     """It is named in 10 of 12 flights (seeds 100 to 111), in the others no cause is."""
     causes = [between_accelerations_and_decelerations(probe, seed, lag_s=0.2) for seed in (100, 101, 102)]
     assert causes.count("air-data lag") >= 2 and set(causes) <= {"air-data lag", "unexplained"}
 
 
+@pytest.mark.slow
 def test_gusts_are_not_mistaken_for_lag_or_thrust(probe) -> None:
     """A whole flight in 3 kt, where a lag of 14 ms looked like 76 and thrust 2.3 % too much, five standard errors."""
     errors = drawn(load_budget("study"), 1)
@@ -121,12 +127,14 @@ def worst_error(flight: Analyzed, truth, name: str) -> float:
     return float(np.max(np.abs(power / np.interp(V, truth["speed_mps"], truth["power_W"]) - 1)))
 
 
+@pytest.mark.slow
 def test_piw_viw_on_simulated_steady_points_is_within_two_per_cent(probe) -> None:
     """With a bench's errors, whose table is within half a percent; the table's own doubt, 3 %, is in the interval."""
     flown = fly(AIRCRAFT, probe, drawn(load_budget("bench"), 30, thrust_scale=0.005), "steady-points", 0.0, 30)
     assert worst_error(analyzed(AIRCRAFT, flown), flown.truth, "piw-viw") < 0.02
 
 
+@pytest.mark.slow
 def test_steady_points_show_a_wrong_propeller_table(probe, tmp_path: Path) -> None:
     """Two runs and four steady points with a table 8 % off: every pair that disagrees says so, steady points too."""
     plan = tmp_path / "both.toml"

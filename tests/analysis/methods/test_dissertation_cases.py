@@ -80,6 +80,7 @@ def test_power_is_within_the_source_s_worst_deviation(case, plan: str, seed: int
     assert np.abs(power - one.truth_W).max() < WORST_W
 
 
+@pytest.mark.slow
 @pytest.mark.xdist_group("case-1")
 @pytest.mark.parametrize("name", METHODS)
 def test_maximum_likelihoods_are_right_to_a_third_of_their_intervals(case, by_likelihood, name: str) -> None:
@@ -91,6 +92,7 @@ def test_maximum_likelihoods_are_right_to_a_third_of_their_intervals(case, by_li
     assert (NORMAL_95 * error > 0.1 * one.truth_W).all()
 
 
+@pytest.mark.slow
 @pytest.mark.xdist_group("case-1")
 def test_few_more_steps_are_the_effect_of_a_thrust_error(case, by_likelihood) -> None:
     """The same as a whole fit with a table that is one standard deviation higher."""

@@ -74,6 +74,7 @@ def test_power_scales_exactly_with_weight_and_density() -> None:
     assert scaled == pytest.approx(power * 1.3**1.5 / np.sqrt(0.8), rel=1e-12)
 
 
+@pytest.mark.thorough
 def test_interval_of_a_special_speed_covers_as_often_as_it_says() -> None:
     """500 polars drawn about the truth; 95 % +- 3 standard errors of a binomial share (2.9 %)."""
     truth = np.array([0.0465, -0.0195, 0.065])

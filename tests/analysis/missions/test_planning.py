@@ -184,6 +184,7 @@ def test_thrust_on_a_stand_narrows_a_plans_interval_and_its_errors_widen_it(
         assert 1.0001 * variance() < variance(**{key: 5 * getattr(stated, key)}) < stated_variance
 
 
+@pytest.mark.slow
 def test_a_plan_uses_its_time_and_keeps_off_the_stall(plan: FlightPlan):
     stall = plan.aircraft.stall_mps
     there_and_back_s = 2 * min(part.seconds / part.times for part in plan.contributions)
@@ -317,6 +318,7 @@ def test_a_flight_without_a_run_has_no_interval(nexstar: ExpectedAircraft) -> No
         expected(history, nexstar, 0.2, alpha_scale_sigma=0.02)
 
 
+@pytest.mark.thorough
 def test_a_slow_aircraft_in_wind_uses_its_time_and_stays_in_sight() -> None:
     """9 m/s of wind at 7 to 13 m/s: pieces take twice the time that they take alone. The card warns."""
     light = expected_aircraft(load_aircraft("light-1kg"), HEIGHT_M)

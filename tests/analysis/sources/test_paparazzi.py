@@ -97,8 +97,11 @@ def test_a_log_of_gaps_is_refused_for_its_gaps(tmp_path: Path) -> None:
         flight_table(read_paparazzi(written(tmp_path / "log.data", kept)), WEIGHT_N, WING_AREA_M2)
 
 
+@pytest.mark.slow
 @needs(FLOWN)
-@pytest.mark.parametrize("without", [None, AIR_DATA, AIRSPEED])
+@pytest.mark.parametrize(
+    "without", [None, *(pytest.param(one, marks=pytest.mark.thorough) for one in (AIR_DATA, AIRSPEED))]
+)
 def test_either_airspeed_message_gives_the_curve_of_level_windows(tmp_path: Path, without: bytes | None) -> None:
     """Mean battery power in level windows of 8 s of the same flight, by measured airspeed."""
     path = tmp_path / "flight.data"
@@ -110,6 +113,7 @@ def test_either_airspeed_message_gives_the_curve_of_level_windows(tmp_path: Path
     assert power_W == pytest.approx([17.9, 19.7, 20.4, 21.5], rel=0.08)
 
 
+@pytest.mark.thorough
 @needs(FLOWN)
 def test_a_sensor_that_is_added_makes_no_curve_of_a_real_flight_worse(tmp_path: Path) -> None:
     """Against the mean power of its level windows, by measured airspeed (docs/evidence/real-flights.md)."""

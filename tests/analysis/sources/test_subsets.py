@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 from typer.testing import CliRunner
 
 from analysis.cli.analyze import app
@@ -34,6 +35,7 @@ SENSORS = {
 }
 
 
+@pytest.mark.slow
 def test_a_sensor_that_is_added_makes_no_curve_worse(tmp_path: Path) -> None:
     path = written(tmp_path, flown_table(), map_text())
     channels = mapped_channels(path, read_columns(path), load_map(path.with_name(f"{path.name}.columns.toml")))

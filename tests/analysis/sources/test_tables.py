@@ -69,14 +69,21 @@ def with_position(digits: int = 7, every: int = 1) -> pd.DataFrame:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("entries", "within"),
     [
         (MAP, 0.05),
         (WITHOUT_IMU, 0.06),
-        ({name: one for name, one in MAP.items() if name not in ("height", "static_pressure")}, 0.05),
-        ({**WITHOUT_IMU, **GPS_BY_COURSE}, 0.06),
-        ({**{name: one for name, one in MAP.items() if name != "true_airspeed"}}, 0.08),
+        pytest.param(
+            {name: one for name, one in MAP.items() if name not in ("height", "static_pressure")},
+            0.05,
+            marks=pytest.mark.thorough,
+        ),
+        pytest.param({**WITHOUT_IMU, **GPS_BY_COURSE}, 0.06, marks=pytest.mark.thorough),
+        pytest.param(
+            {name: one for name, one in MAP.items() if name != "true_airspeed"}, 0.08, marks=pytest.mark.thorough
+        ),
         ({name: one for name, one in BY_POSITION.items() if name != "true_airspeed"}, 0.08),
     ],
     ids=["all", "without IMU and GPS", "height by GPS", "speed and course", "without airspeed", "position alone"],
@@ -199,6 +206,7 @@ def test_a_draft_takes_position_for_velocity(tmp_path: Path) -> None:
     assert drafted(tmp_path, table) == {name: (*one, 1.0) for name, one in BY_POSITION.items()}
 
 
+@pytest.mark.slow
 def test_a_draft_by_physics(tmp_path: Path) -> None:
     """Names without units: knots and feet by GPS, degrees per second by attitude, g by gravity, signs by motion."""
     table = pd.DataFrame(

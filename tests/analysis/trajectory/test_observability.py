@@ -144,6 +144,7 @@ def test_in_gusts_turns_determine_the_airspeed_scale_and_one_heading_does_not(
     assert Lacking.SPEEDS in slope.missing, "held at one speed, with turns or without"
 
 
+@pytest.mark.slow
 def test_in_gusts_porpoising_determines_the_slope_of_angle_of_attack(probe, tmp_path: Path) -> None:
     """Two and a half minutes in W20 = 10 kt at one speed, 50 s of them porpoising or not.
 

@@ -59,6 +59,7 @@ def analyzed(work: Work) -> list[str]:
     return found
 
 
+@pytest.mark.slow
 def test_a_bucket_is_listed_once_and_each_log_is_read_once(tmp_path: Path, store: Store, work: Work) -> None:
     out, flights = tmp_path / "out", "s3://fleet/flights/"
     store.objects |= {"fleet/flights/a.mcap": b"1", "fleet/flights/may/b.mcap": b"22", "fleet/flights/notes.txt": b"-"}

@@ -31,7 +31,10 @@ MIDDLE = slice(1, 6)  # 16 to 26 m/s
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "most", "widest"),
-    [("arduplane-4.6-dev-sitl-calm.BIN.gz", 5, 7), ("arduplane-4.6-dev-sitl-4mps.BIN.gz", 8, 12)],
+    [
+        ("arduplane-4.6-dev-sitl-calm.BIN.gz", 5, 7),
+        pytest.param("arduplane-4.6-dev-sitl-4mps.BIN.gz", 8, 12, marks=pytest.mark.thorough),
+    ],
 )
 def test_power_under_an_energy_controller(name: str, most: float, widest: float) -> None:
     """Laps at ten airspeeds under TECS, calm and in wind with turbulence: the truth is that of calm air."""
@@ -101,7 +104,7 @@ USED = {
         "arduplane-4.7-dev-ground.BIN",
         "arduplane-4.8-dev-kind0.BIN",
         pytest.param("arduplane-4.6-dev-sitl-calm.BIN.gz", marks=pytest.mark.slow),
-        pytest.param("arduplane-4.6-dev-sitl-4mps.BIN.gz", marks=pytest.mark.slow),
+        pytest.param("arduplane-4.6-dev-sitl-4mps.BIN.gz", marks=pytest.mark.thorough),
     ],
 )
 def test_every_message_and_value_is_that_of_pymavlink(name: str, tmp_path: Path) -> None:

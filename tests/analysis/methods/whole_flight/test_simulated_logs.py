@@ -58,6 +58,7 @@ def analyzed(recording: FlightRecording) -> tuple[FlightTable, ElectricalEstimat
     return table, estimate(table, WEIGHT_N, GEOMETRY.wing_area_m2, GEOMETRY.span_m)
 
 
+@pytest.mark.thorough
 def test_text_and_telemetry_give_the_curve_of_the_dataflash_log(
     tmp_path: Path, flown: tuple[Flight, FlightSensorTruth, DrawnErrors]
 ) -> None:
@@ -118,6 +119,7 @@ def test_hovering_is_left_out(tmp_path: Path, px4_log: Path) -> None:
     assert 220 < table.table.index[table.flown].max() < 251
 
 
+@pytest.mark.slow
 def test_without_airspeed(
     tmp_path: Path, flown: tuple[Flight, FlightSensorTruth, DrawnErrors], px4: FlightRecording
 ) -> None:
@@ -140,6 +142,7 @@ def test_without_airspeed(
         analyzed(without_gps)
 
 
+@pytest.mark.slow
 def test_a_wind_that_turns_hardly_show_is_said(px4: FlightRecording, monkeypatch: pytest.MonkeyPatch) -> None:
     """With one turn the wind is known worse than with five; beyond a limit there is no curve."""
     blind = {k: x for k, x in px4.channels.items() if k != AIRSPEED_PRESSURE}

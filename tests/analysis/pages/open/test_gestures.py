@@ -76,6 +76,7 @@ def place(page: Browser, end: str) -> tuple[float, float]:
     return x, y
 
 
+@pytest.mark.slow
 def test_an_end_is_dragged_and_moved_with_keys_and_the_curve_follows(page: Browser) -> None:
     i = index(page, "deceleration")
     page.value_of("document.getElementById('strips').scrollIntoView()")
@@ -99,6 +100,7 @@ def test_an_end_is_dragged_and_moved_with_keys_and_the_curve_follows(page: Brows
     assert page.value_of(f"[runs[{i}].start_s, last.curve.power_W[0]]") == [start_s, power]
 
 
+@pytest.mark.slow
 def test_kinds_and_use_of_a_run_by_key_and_a_new_run(page: Browser) -> None:
     i = index(page, "acceleration")
     page.value_of(f"document.querySelectorAll('#runs tbody tr')[{i}].cells[4].click()")
@@ -157,6 +159,7 @@ def test_another_weight_changes_the_curve_and_back(page: Browser) -> None:
     assert page.value_of("document.getElementById('wrong').hidden")
 
 
+@pytest.mark.slow
 def test_the_method_is_switched_with_the_keyboard_beside_the_headline(page: Browser) -> None:
     """A method that no run allows cannot be chosen; one that only --likelihood applies is in the command."""
     said, command = (
@@ -204,6 +207,7 @@ def test_a_predicted_polar_is_dropped_and_drawn(page: Browser, served: tuple[str
     assert page.value_of("last.predicted") is None and "--polar" not in page.value_of(command)
 
 
+@pytest.mark.slow
 def test_another_flight_is_compared_at_the_weight_of_this_one(
     page: Browser, served: tuple[str, Path], flown: bytes
 ) -> None:
@@ -224,6 +228,7 @@ def test_another_flight_is_compared_at_the_weight_of_this_one(
     (served[1] / "second.mcap").unlink()
 
 
+@pytest.mark.slow
 def test_the_report_is_written_and_shown_and_a_log_is_added(
     page: Browser, served: tuple[str, Path], flown: bytes, tmp_path: Path
 ) -> None:

@@ -79,6 +79,7 @@ def test_a_log_is_read_ahead_once_and_what_is_wrong_is_said_when_it_is_asked_for
         opened.flight("missing.mcap")
 
 
+@pytest.mark.slow
 def test_the_page_s_curve_is_that_of_the_files_and_of_the_command_that_it_shows(
     log: OpenedFlight, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -129,6 +130,7 @@ def test_two_flights_stay_in_memory_to_be_compared(opened: Folder, flown: bytes)
     assert opened.flight("c.mcap") and opened.flight("b.mcap") is second and opened.flight("log.mcap") is not first
 
 
+@pytest.mark.slow
 def test_other_runs_keep_the_trajectory_and_other_values_do_not(
     new_log: OpenedFlight, monkeypatch: pytest.MonkeyPatch
 ) -> None:
