@@ -35,6 +35,7 @@ PATTERNS = {"match", "search", "fullmatch", "findall"}
 PARSERS = {
     "analysis/calibrations/": "tables of calibrations, and what the user types",
     "analysis/cli/": "what the user types",
+    "analysis/pages/open/form.py": "what the user types",
     "analysis/performance/request.py": "what the user types",
     "analysis/missions/mission.py": "what the user types",
     "analysis/missions/qgroundcontrol.py": "missions of ground stations",

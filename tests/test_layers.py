@@ -61,7 +61,8 @@ def test_the_analysis_of_an_autopilot_s_log_imports_no_casadi() -> None:
         "analysis.pages.one_log, analysis.pipeline.whole_flight, analysis.methods.whole_flight.drag,"
         "analysis.methods.whole_flight.simulated_truth, analysis.pages.electrical_page,"
         "analysis.results.energy_balance, analysis.flights.pool, analysis.pages.pooled_page,"
-        "analysis.cli.route, analysis.cli.parameters"
+        "analysis.cli.route, analysis.cli.parameters,"
+        "analysis.pages.open.whole_flight, analysis.pages.open.server"
     )
     code = f"import sys, {modules}; print([name for name in ('casadi', 'plotly') if name in sys.modules])"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout

@@ -7,6 +7,7 @@ import gzip
 import re
 import struct
 from collections.abc import Iterator
+from enum import StrEnum
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,10 +21,23 @@ PAPARAZZI_LINE = re.compile(rb"\d+\.\d+ \d+ [A-Z][A-Z0-9_]+( |$)")  # time, airc
 ULOG_TYPES = frozenset(b"ABCDFILMOPQRS")
 
 
-class Extent(NamedTuple):
-    """kind : what wrote the log, in words     start_s : Unix time, if the log says it     length_s : if it is known"""
+class LogKind(StrEnum):
+    """What wrote a log, as lists call it."""
 
-    kind: str
+    PX4 = "PX4"
+    ARDUPILOT = "ArduPilot"
+    ARDUPILOT_TEXT = "ArduPilot, as text"
+    TELEMETRY = "ArduPilot, by radio"
+    PAPARAZZI = "Paparazzi"
+    DAEMON = "flightpower"
+    TABLE = "table"
+    UNKNOWN = "unknown"
+
+
+class Extent(NamedTuple):
+    """kind : what wrote the log     start_s : Unix time, if the log says it     length_s : if it is known"""
+
+    kind: LogKind
     start_s: float | None = None
     length_s: float | None = None
 
@@ -33,20 +47,20 @@ def extent(path: Path) -> Extent:
     first, last = _edges(path)
     match format_of(path):
         case Format.ULOG:
-            return Extent("PX4", None, _length(_ulog_times_s(first, last)))
+            return Extent(LogKind.PX4, None, _length(_ulog_times_s(first, last)))
         case Format.PAPARAZZI:
-            return Extent("Paparazzi", None, _length(_line_times_s(first + b"\n" + last)))
+            return Extent(LogKind.PAPARAZZI, None, _length(_line_times_s(first + b"\n" + last)))
         case Format.TELEMETRY:
             times = list(_telemetry_times_s(first, last))
-            return Extent("ArduPilot, by radio", times[0] if times else None, _length(times))
+            return Extent(LogKind.TELEMETRY, times[0] if times else None, _length(times))
         case Format.DATAFLASH_TEXT:
             times = [1e-6 * float(text) for text in TEXT_TIME.findall(first + b"\n" + last)]
-            return Extent("ArduPilot, as text", None, _length(times))
+            return Extent(LogKind.ARDUPILOT_TEXT, None, _length(times))
         case Format.DATAFLASH:
-            return Extent("ArduPilot", None, _length(_dataflash_times_s(first + last)))
+            return Extent(LogKind.ARDUPILOT, None, _length(_dataflash_times_s(first + last)))
         case Format.DAEMON:
             return _mcap(path)
-    return Extent("table")
+    return Extent(LogKind.TABLE)
 
 
 def _length(times_s: list[float]) -> float | None:
@@ -127,7 +141,7 @@ def _mcap(path: Path) -> Extent:
         except (McapError, struct.error, EOFError):
             summary = None
     if summary is None or summary.statistics is None:
-        return Extent("flightpower")
+        return Extent(LogKind.DAEMON)
     found = summary.statistics
     start_s = found.message_start_time / 1e9
-    return Extent("flightpower", start_s if start_s > 946_684_800 else None, found.message_end_time / 1e9 - start_s)
+    return Extent(LogKind.DAEMON, start_s if start_s > 946_684_800 else None, found.message_end_time / 1e9 - start_s)

@@ -98,7 +98,7 @@ def _lines(path: Path) -> Iterator[list[bytes]]:
 
 
 def all_channels(path: Path) -> AllChannels:
-    """Every number of every message: `GPS.speed_cmps`, by its place where its name is not known, `DL_VALUE.2`.
+    """Every number of every message, such as GPS.speed_cmps; by its place where its name is not known, DL_VALUE.2.
 
     Raises InputError where the log cannot be read.
     """

@@ -1,12 +1,12 @@
 """The map: the route, and how far out and back in every direction; an SVG image, north up."""
 
 from collections.abc import Iterable, Sequence
-from math import cos, log10, radians, sin
+from math import cos, radians, sin
 from typing import NamedTuple
 
 from analysis.missions.mission import Mission, Wind
 from analysis.missions.prediction import Direction, RouteResult
-from analysis.pages.charts.style import BLUE, GRAY, ORANGE
+from analysis.pages.charts.style import BLUE, GRAY, ORANGE, round_length
 
 
 class Layout(NamedTuple):
@@ -64,12 +64,6 @@ def map_svg(result: RouteResult, mission: Mission, wind: Wind) -> str:
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {side} {side}" font-family="sans-serif" font-size="14">'
         f'\n<rect width="100%" height="100%" fill="white"/>\n{body}\n</svg>\n'
     )
-
-
-def round_length(length_m: float) -> float:
-    """The largest of 1, 2, 5, 10 … m below a length."""
-    decade = 10 ** int(log10(max(length_m, 1.0)))
-    return float(max(step * decade for step in (1, 2, 5) if step * decade <= max(length_m, 1.0)))
 
 
 def _points(points: Sequence[tuple[float, float]]) -> str:

@@ -36,6 +36,12 @@ def true_airspeed() -> Axis:
     return Axis("true airspeed", "m/s")
 
 
+def round_length(length_m: float) -> float:
+    """The largest of 1, 2, 5, 10 … m below a length."""
+    decade = 10 ** int(np.log10(max(length_m, 1.0)))
+    return float(max(step * decade for step in (1, 2, 5) if step * decade <= max(length_m, 1.0)))
+
+
 def thinned(x: Array, y: Array, points: int = 1000) -> tuple[Array, Array]:
     """At most so many points of a time history: the least and the greatest value of each stretch, in order of time.
 

@@ -86,7 +86,7 @@ class Folder:
     def new_file(self, name: str) -> Path:
         """Where a dropped file goes. Raises InputError for a name in use, or of neither a log, a polar nor a map."""
         if not is_file_name(name) or not (
-            has_log_suffix(name) or Path(name).suffix.lower() in POLARS or name.lower().endswith(BESIDE)
+            has_log_suffix(name) or Path(name).suffix.lower() in POLARS or f".{name}".lower().endswith(f".{BESIDE}")
         ):
             raise InputError(
                 f"{name[:80]!r}: is not the name of a log ({', '.join((*SUFFIXES, *TABLES))}, also with .gz),"

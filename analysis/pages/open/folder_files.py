@@ -7,7 +7,7 @@ from pathlib import Path
 
 from analysis.pages.open.opened import report_folder
 from analysis.pages.open.request import LIMITS, Json
-from analysis.sources.extent import Extent, extent
+from analysis.sources.extent import Extent, LogKind, extent
 from analysis.sources.open import has_log_suffix, is_table
 from flight.errors import InputError
 
@@ -82,6 +82,6 @@ def _extent(path: Path, mtime_ns: int, size: int) -> Extent:
     """For one state of the file."""
     try:
         found = extent(path)
-        return found if found.kind != "table" or is_table(path) else Extent("")
+        return found if found.kind is not LogKind.TABLE or is_table(path) else Extent(LogKind.UNKNOWN)
     except (OSError, InputError):
-        return Extent("")
+        return Extent(LogKind.UNKNOWN)

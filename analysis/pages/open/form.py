@@ -5,10 +5,15 @@ import tomllib
 from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any, NamedTuple, get_type_hints
 
+import msgspec
+
 from analysis.options import Options
-from analysis.pages.open.request import FieldError, Json
+from analysis.pages.open.request import FieldError, Json, Values
+from flight.aircraft import parse_aircraft
 from flight.aircraft_keys import KEYS, LINES
 from flight.errors import InputError
+from flight.log_reader import Log
+from flight.shipped_propellers import shipped_propellers
 
 PROPELLER = "propeller"  # the field that is a choice of shipped tables
 FIRST = "Weight, propeller, battery"
@@ -116,18 +121,16 @@ NEEDED = ("mass", "wing-area", "span")  # without which no balance is made
 
 def aircraft_form(keys: Mapping[str, Any], groups: Collection[str] = tuple(AIRCRAFT)) -> list[Json]:
     """The groups of fields for the values of an aircraft file, by key; those it lacks are shown if OFFERED."""
-    return [
-        {
-            "title": title,
-            "fields": [
-                _field(key, label, typed(keys.get(key, "")), _meaning(pattern))
-                for pattern, named in AIRCRAFT[title].items()
-                for key, label in _expanded(pattern, named)
-                if key in keys or key in OFFERED or key == PROPELLER
-            ],
-        }
-        for title in groups
-    ]
+    found = []
+    for title in groups:
+        fields = [
+            _field(key, label, typed(keys.get(key, "")), _meaning(pattern))
+            for pattern, named in AIRCRAFT[title].items()
+            for key, label in _expanded(pattern, named)
+            if key in keys or key in OFFERED or key == PROPELLER
+        ]
+        found += [{"title": title, "fields": fields}] if fields else []
+    return found
 
 
 def options_form() -> list[Json]:
@@ -208,3 +211,48 @@ def option_values(given: Mapping[str, str]) -> Json:
         except InputError as error:
             raise FieldError(str(error), key) from None
     return found
+
+
+def shipped(propeller: str) -> bool:
+    """Whether a propeller was chosen. Raises FieldError for one that is not shipped."""
+    if propeller and propeller not in shipped_propellers():
+        raise FieldError(f"propeller {propeller[:60]!r}: none that `flightpower propellers` lists", PROPELLER)
+    return bool(propeller)
+
+
+def aircraft_keys(log: Log) -> Json:
+    """The keys of the log's aircraft file with their values; empty where it has none. Raises InputError."""
+    text = log.attachments.get("aircraft.toml", b"").decode("utf-8", errors="replace")
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{log.path}: aircraft.toml: not valid TOML ({error})") from None
+    return dict(_leaves(table))
+
+
+def aircraft_text(recorded_keys: Json, values: Values, log: str) -> str:
+    """The aircraft file with the values of the page. Raises InputError for a key that there is none of."""
+    unknown = [key for key in values.aircraft if key not in {*recorded_keys, *OFFERED}]
+    if unknown:
+        raise InputError(f"{unknown[0][:60]!r}: no such key in the aircraft file of {log}")
+    lines = {key: json.dumps(value, ensure_ascii=False) for key, value in recorded_keys.items()}
+    lines |= {key: as_toml(key, text) if text.strip() else "" for key, text in values.aircraft.items()}
+    return "".join(f"{key} = {value}\n" for key, value in lines.items() if value)
+
+
+def check_fields(recorded_keys: Json, values: Values, log: str) -> None:
+    """Raises FieldError for a changed value of the aircraft file that alone cannot be used."""
+    for key, text in values.aircraft.items():
+        alone = msgspec.structs.replace(values, aircraft={key: text})
+        try:
+            parse_aircraft(aircraft_text(recorded_keys, alone, log), "aircraft file")
+        except InputError as error:
+            raise FieldError(str(error), key) from None
+
+
+def _leaves(table: Json, section: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in table.items():
+        if isinstance(value, dict):
+            yield from _leaves(value, f"{section}{key}.")
+        else:
+            yield section + key, value

@@ -9,7 +9,6 @@ import pandas as pd
 from analysis.methods.whole_flight.curve import ElectricalEstimate
 from analysis.pages.charts.figure import Axis, Bars, Figure, Line, Points, Symbol
 from analysis.pages.charts.flight import OnMap, ground_track, over_time, time_axis, wind_arrow
-from analysis.pages.charts.route_map import round_length
 from analysis.pages.charts.style import (
     BLUE,
     GRAY,
@@ -18,6 +17,7 @@ from analysis.pages.charts.style import (
     band,
     curve_arrays,
     curve_lines,
+    round_length,
     true_airspeed,
 )
 from analysis.pages.charts.svg import chart

@@ -6,7 +6,6 @@ regression alone.
 
 import json
 import os
-import tomllib
 from collections.abc import Collection, Iterator
 from functools import cached_property
 from pathlib import Path
@@ -31,7 +30,6 @@ from analysis.records.flight import Kind, PowerPoint
 from analysis.sources.daemon import all_channels, events, times_ns
 from analysis.sources.recording import AllChannels, Channel, in_order
 from flight.aircraft import parse_aircraft
-from flight.errors import InputError
 from flight.log_reader import Log
 from flight.propeller_files import load_propeller
 from flight.shipped_propellers import shipped_propellers
@@ -57,7 +55,7 @@ class RunsFlight(OpenedFlight):
     @cached_property
     def aircraft_keys(self) -> Json:
         """The keys of the log's aircraft file with their values."""
-        return aircraft_keys(self.log)
+        return form.aircraft_keys(self.log)
 
     @cached_property
     def shown(self) -> Json:
@@ -154,7 +152,7 @@ class RunsFlight(OpenedFlight):
 
     def aircraft_text(self, values: Values) -> str:
         """The aircraft file with the values of the page. Raises InputError for a key that there is none of."""
-        return aircraft_text(self.aircraft_keys, values, self.path.name)
+        return form.aircraft_text(self.aircraft_keys, values, self.path.name)
 
     def _measured(self, values: Values) -> Measured:
         return self._prepare(values).measured
@@ -169,9 +167,9 @@ class RunsFlight(OpenedFlight):
         key = (self.aircraft_text(values), values.propeller)
         if key not in self._prepared:
             if values.aircraft:
-                check_fields(self.aircraft_keys, values, self.path.name)
+                form.check_fields(self.aircraft_keys, values, self.path.name)
             aircraft = parse_aircraft(key[0], "aircraft file") if values.aircraft else None
-            propeller = load_propeller(values.propeller) if shipped(values.propeller) else None
+            propeller = load_propeller(values.propeller) if form.shipped(values.propeller) else None
             flight = recorded(self.log, Replacements(aircraft=aircraft, propeller=propeller))
             while len(self._prepared) > 2:  # as recorded, the last and this one
                 self._prepared.pop(list(self._prepared)[1])
@@ -227,43 +225,6 @@ class RunsFlight(OpenedFlight):
             yield write_keeping_previous(folder / "runs.toml", runs_text(values.runs, self.path.name))
 
 
-def shipped(propeller: str) -> bool:
-    """Whether a propeller was chosen. Raises FieldError for one that is not shipped."""
-    if propeller and propeller not in shipped_propellers():
-        raise FieldError(f"propeller {propeller[:60]!r}: none that `flightpower propellers` lists", form.PROPELLER)
-    return bool(propeller)
-
-
-def aircraft_keys(log: Log) -> Json:
-    """The keys of the log's aircraft file with their values; empty where it has none. Raises InputError."""
-    text = log.attachments.get("aircraft.toml", b"").decode("utf-8", errors="replace")
-    try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{log.path}: aircraft.toml: not valid TOML ({error})") from None
-    return dict(_leaves(table))
-
-
-def aircraft_text(recorded_keys: Json, values: Values, log: str) -> str:
-    """The aircraft file with the values of the page. Raises InputError for a key that there is none of."""
-    unknown = [key for key in values.aircraft if key not in {*recorded_keys, *form.OFFERED}]
-    if unknown:
-        raise InputError(f"{unknown[0][:60]!r}: no such key in the aircraft file of {log}")
-    lines = {key: json.dumps(value, ensure_ascii=False) for key, value in recorded_keys.items()}
-    lines |= {key: form.as_toml(key, text) if text.strip() else "" for key, text in values.aircraft.items()}
-    return "".join(f"{key} = {value}\n" for key, value in lines.items() if value)
-
-
-def check_fields(recorded_keys: Json, values: Values, log: str) -> None:
-    """Raises FieldError for a changed value of the aircraft file that alone cannot be used."""
-    for key, text in values.aircraft.items():
-        alone = msgspec.structs.replace(values, aircraft={key: text})
-        try:
-            parse_aircraft(aircraft_text(recorded_keys, alone, log), "aircraft file")
-        except InputError as error:
-            raise FieldError(str(error), key) from None
-
-
 def runs_text(runs: Collection[Run], log: str) -> str:
     """`runs.toml` of the runs of the page. Raises FieldError for a kind that there is none of, or an endless time."""
     text = head(log)
@@ -283,14 +244,6 @@ def runs_text(runs: Collection[Run], log: str) -> str:
             f"keep = {json.dumps(run.keep)}\n"
         )
     return text
-
-
-def _leaves(table: Json, section: str = "") -> Iterator[tuple[str, Any]]:
-    for key, value in table.items():
-        if isinstance(value, dict):
-            yield from _leaves(value, f"{section}{key}.")
-        else:
-            yield section + key, value
 
 
 def _runs(maneuvers: Maneuvers) -> list[Json]:

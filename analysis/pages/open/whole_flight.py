@@ -20,7 +20,6 @@ from analysis.pages.open import form
 from analysis.pages.open.opened import OpenedFlight, columns, condition_at, curve_json, report_folder, shares
 from analysis.pages.open.pictures import Stretch, curve_chart, map_chart, rows_of_recording, strips, track_of
 from analysis.pages.open.request import FieldError, Json, Values
-from analysis.pages.open.runs_flight import aircraft_keys, aircraft_text, check_fields, shipped
 from analysis.pipeline import analyze
 from analysis.pipeline.whole_flight import WholeFlightAnalysis
 from analysis.records.flight import Kind
@@ -51,7 +50,7 @@ class WholeFlight(OpenedFlight):
     @cached_property
     def aircraft_keys(self) -> Json:
         """The keys of the log's aircraft file with their values; empty where it has none."""
-        return aircraft_keys(self.source) if isinstance(self.source, Log) else {}
+        return form.aircraft_keys(self.source) if isinstance(self.source, Log) else {}
 
     @cached_property
     def shown(self) -> Json:
@@ -105,7 +104,8 @@ class WholeFlight(OpenedFlight):
         options = self._options(values, self.workspace, guessed)
         if values.aircraft and self.aircraft_keys:
             write_file(
-                self.workspace / "aircraft.toml", aircraft_text(self.aircraft_keys, values, self.path.name).encode()
+                self.workspace / "aircraft.toml",
+                form.aircraft_text(self.aircraft_keys, values, self.path.name).encode(),
             )
         done = analyze(self.source, options)
         assert isinstance(done, WholeFlightAnalysis)
@@ -146,11 +146,11 @@ class WholeFlight(OpenedFlight):
 
     def _options(self, values: Values, folder: Path, guessed: dict[str, float] | None = None) -> Options:
         given: Json = {"leave_out": self._left_out(values) or None}
-        if shipped(values.propeller):
+        if form.shipped(values.propeller):
             given["propeller"] = values.propeller
         if self.aircraft_keys:
             if values.aircraft:
-                check_fields(self.aircraft_keys, values, self.path.name)
+                form.check_fields(self.aircraft_keys, values, self.path.name)
                 given["aircraft"] = folder / "aircraft.toml"
             return Options(**given)
         given |= form.option_values(values.aircraft)
@@ -188,7 +188,7 @@ class WholeFlight(OpenedFlight):
         if values.aircraft and self.aircraft_keys:
             folder.mkdir(exist_ok=True)
             yield write_keeping_previous(
-                folder / "aircraft.toml", aircraft_text(self.aircraft_keys, values, self.path.name)
+                folder / "aircraft.toml", form.aircraft_text(self.aircraft_keys, values, self.path.name)
             )
 
 

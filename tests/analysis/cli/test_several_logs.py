@@ -50,6 +50,7 @@ def log_of(path: Path, **attachments: str) -> Path:
     [
         ((), "give the folder for the results with -o"),
         (("-o", "out", "--runs", "runs.toml"), "belongs to one log"),
+        (("-o", "out", "--leave-out", "10 to 20 s"), "belongs to one log"),
         (("-o", "out", "--aircraft", "nothing.toml"), "neither a file nor one of"),
     ],
 )

@@ -166,7 +166,7 @@ function showEvents() {
   body.replaceChildren();
   at("events").hidden = !flight.events.length;
   for (const {t_s, kind, text} of flight.events) {
-    const row = put(body, "tr"), button = put(put(row, "td"), "button", {type: "button"}, t_s.toFixed(1));
+    const row = put(body, "tr"), button = put(put(row, "td"), "button", {type: "button"}, (Math.round(10 * t_s) / 10 + 0).toFixed(1));
     put(row, "td", {}, kind === "mode" ? `mode ${text}` : text);
     button.addEventListener("click", () => {
       const panel = charts.strips.panels[0];

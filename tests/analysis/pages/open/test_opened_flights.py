@@ -12,7 +12,7 @@ import pytest
 
 from analysis.maneuvers.runs_file import load
 from analysis.options import Options
-from analysis.pages.open import runs_flight
+from analysis.pages.open import form, runs_flight
 from analysis.pages.open.flights import Folder
 from analysis.pages.open.opened import OpenedFlight
 from analysis.pages.open.request import LIMITS, Run, Values
@@ -240,7 +240,7 @@ def test_what_was_typed_stays_text_number_or_list(log: RunsFlight) -> None:
     typed = {"title": '"]] = 3', "probe.upwash_per_CL": "2 deg", "imu_position": '["1 cm", "0 m", "0 m"]'}
     text = log.aircraft_text(Values("log.mcap", aircraft=typed))
     assert 'title = "\\"]] = 3"\n' in text and 'imu_position = ["1 cm", "0 m", "0 m"]\n' in text
-    assert runs_flight.parse_aircraft(text, "form").title == '"]] = 3'
+    assert form.parse_aircraft(text, "form").title == '"]] = 3'
 
 
 def test_the_list_of_runs_is_the_file_that_analyze_reads(tmp_path: Path) -> None:

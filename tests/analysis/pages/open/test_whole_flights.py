@@ -11,9 +11,12 @@ import numpy as np
 import pytest
 
 from analysis.curve import Kind
+from analysis.options import Options
 from analysis.pages.open.flights import Folder
 from analysis.pages.open.request import LIMITS, FieldError, Values
 from analysis.pages.open.whole_flight import WholeFlight
+from analysis.pipeline import analyze
+from analysis.sources.open import open_source
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from tests.unchanged.commands import flight, run
@@ -179,3 +182,9 @@ def test_a_log_of_the_daemon_without_flow_angles_keeps_its_aircraft_file(
     assert refused.value.field == "mass.weight"
     assert "/imu angular_rate_x_radps" in log.channels
     msgspec.json.encode(log.shown)
+
+
+def test_a_curve_by_runs_has_no_stretches_to_leave_out(flown: bytes, tmp_path: Path) -> None:
+    (tmp_path / "log.mcap").write_bytes(flown)
+    with pytest.raises(InputError, match="--leave-out: has no effect, since the curve is by runs"):
+        analyze(open_source(tmp_path / "log.mcap"), Options(leave_out="10 to 20 s"))
