@@ -63,6 +63,11 @@ class Format(StrEnum):
     UNKNOWN = "unknown"
 
 
+# Suffixes of logs, in lower case. What a file is, its content tells; the suffix is for lists, dialogs and folders.
+SUFFIXES: Mapping[Format, str] = {
+    Format.DAEMON: ".mcap", Format.ULOG: ".ulg", Format.DATAFLASH: ".bin", Format.DATAFLASH_TEXT: ".log",
+    Format.TELEMETRY: ".tlog", Format.PAPARAZZI: ".data",
+}  # fmt: skip
 READ_BY_OTHERS = (
     Format.ULOG, Format.DATAFLASH, Format.DATAFLASH_TEXT, Format.TELEMETRY, Format.PAPARAZZI, Format.PARQUET,
     Format.MAT,

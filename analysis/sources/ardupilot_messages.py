@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from analysis.sources.dataflash import DataflashLog, Form
 from analysis.sources.matlab_log import MatlabLog
-from analysis.sources.recording import AllChannels, Channel, channel, vehicle_of
+from analysis.sources.recording import AllChannels, Channel, channel, vehicle_of, without_damage
 from analysis.sources.telemetry import RawTelemetryLog, TelemetryLog
 from analysis.sources.text_log import TextLog
 from flight.errors import InputError
@@ -21,7 +21,7 @@ from flight.formats import Format, format_of
 # Messages of one kind: later firmware numbers the instances within one message, earlier firmware has one for each.
 AIRSPEED, BATTERY = ("ARSP", "ASP2"), ("BAT", "BAT2", "CURR", "CUR2")
 SECOND_MONITOR = ("BAT2", "CUR2")
-CONTROLLERS, RPM = ("ESC", *(f"ESC{i}" for i in range(1, 9))), ("RPM",)
+CONTROLLERS, RPM = ("ESC", *(f"ESC{i}" for i in "12345678")), ("RPM",)
 SIMULATION = ("SIM", "SIM2")
 LIFT = ("QTUN",)  # control of a VTOL's lifting motors
 BAROMETER, IMU, GPS = ("BARO", "BAR2", "BAR3"), ("IMU", "IMU2", "IMU3"), ("GPS", "GPS2")
@@ -192,7 +192,7 @@ def _instances(
     kind: str, columns: dict[str, NDArray[Any]], fields: tuple[str, ...]
 ) -> Iterator[tuple[tuple[str, int], Table]]:
     """The times [s] and fields of each instance of a kind of message; no fields stand for all."""
-    numbers = {name: values for name, values in columns.items() if values.dtype.kind == "f"}
+    numbers = {name: without_damage(values) for name, values in columns.items() if values.dtype.kind == "f"}
     clock = _clock(kind, numbers)
     fields = fields or tuple(numbers)
     if clock is None or not set(fields) & set(numbers):

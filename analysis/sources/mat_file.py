@@ -1,6 +1,6 @@
 """Reads the variables of a .mat file of version 5 to 7, whatever damage has done to it.
 
-The format is MathWorks' "MAT-File Format": elements with a type and a length, nested in one another. `scipy.io.loadmat`
+The format is MathWorks' "MAT-File Format": elements with a type and a length, nested in one another. SciPy's reader
 ends the whole program by a segmentation fault at some damaged files.
 """
 

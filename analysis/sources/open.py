@@ -4,16 +4,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from analysis.sources.autopilot import read_autopilot_log
+from analysis.sources.readers import installed_readers, read_by, reader_of
 from analysis.sources.recognize import autopilot_of
 from flight.errors import InputError
+from flight.formats import SUFFIXES, Format, format_of
 from flight.log_reader import Log, read_log
 
 if TYPE_CHECKING:
     from analysis.sources.recording import FlightRecording
 
-# Readable files by their suffix. What a file is, its first bytes tell; the suffix is for lists and dialogs.
-SUFFIXES = (".mcap", ".ulg", ".bin", ".log", ".tlog", ".data")
-TABLES = (".csv", ".parquet", ".mat")
+TABLES = (".csv", ".parquet", ".mat")  # suffixes of tables; their first bytes tell what they are
+
+
+def suffixes() -> tuple[str, ...]:
+    """Suffixes of the logs that are read, in lower case, those of readers of other packages too."""
+    others = (suffix.lower() for one in installed_readers() for suffix in one.reader.suffixes)
+    return tuple(dict.fromkeys((*SUFFIXES.values(), *others)))
 
 
 def open_source(path: Path, columns: Path | None = None) -> "Log | FlightRecording":
@@ -25,6 +31,8 @@ def open_source(path: Path, columns: Path | None = None) -> "Log | FlightRecordi
     autopilot = autopilot_of(path)
     if autopilot:
         return read_autopilot_log(path, autopilot)
+    if format_of(path) is not Format.DAEMON and (other := reader_of(path)) is not None:
+        return read_by(other, path)
     if is_table(path):
         from analysis.sources.table import log_of_table  # loads pandas
 
@@ -36,7 +44,7 @@ def open_source(path: Path, columns: Path | None = None) -> "Log | FlightRecordi
 
 def has_log_suffix(name: str) -> bool:
     """Whether a file's name is that of a log or a table, also of a compressed one."""
-    return Path(name.lower().removesuffix(".gz")).suffix in (*SUFFIXES, *TABLES)
+    return Path(name.lower().removesuffix(".gz")).suffix in (*suffixes(), *TABLES)
 
 
 def is_table(path: Path) -> bool:

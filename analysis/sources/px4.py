@@ -30,6 +30,7 @@ from analysis.sources.recording import (
     most_varying,
     turning_motor,
     vehicle_of,
+    without_damage,
     without_hover,
     without_jumps,
 )
@@ -68,7 +69,7 @@ class _Topic:
 
     def values(self, field: str) -> Array:
         with np.errstate(invalid="ignore"):
-            return np.asarray(self._data[field], dtype=float)
+            return without_damage(self._data[field])
 
     def channel(self, field: str) -> Channel:
         """The field; empty where the firmware does not log it."""

@@ -116,9 +116,16 @@ def vehicle_of(serial_number: str) -> str:
 
 def channel(t_s: ArrayLike, value: ArrayLike) -> Channel:
     """A channel without its samples that are not finite."""
-    t, x = np.asarray(t_s, dtype=float), np.asarray(value, dtype=float)
+    t, x = without_damage(t_s), without_damage(value)
     known = np.isfinite(t) & np.isfinite(x)
     return Channel(t[known], x[known])
+
+
+def without_damage(value: ArrayLike) -> Array:
+    """The numbers, NaN for those that no quantity of a flight has in any unit: damage makes them overflow."""
+    x = np.asarray(value, dtype=float)
+    with np.errstate(invalid="ignore"):
+        return np.where(np.abs(x) < 1e30, x, np.nan)
 
 
 def modes(t_s: ArrayLike, numbers: ArrayLike, names: Mapping[int, str]) -> list[Event]:

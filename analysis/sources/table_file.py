@@ -11,6 +11,7 @@ import numpy as np
 
 from analysis.sources.autopilot_settings import READABLE
 from analysis.sources.mat_file import read_mat
+from analysis.sources.recording import without_damage
 from flight.arrays import Array
 from flight.errors import InputError
 from flight.formats import (
@@ -129,7 +130,8 @@ def _numbers(table: Any) -> Columns:
                 found[name] = seconds
             elif (positions := positions_of(column)) is not None:
                 found |= {f"{name} latitude": positions[0], f"{name} longitude": positions[1]}
-    return {name: x for name, x in found.items() if np.isfinite(x).sum() >= READABLE.fewest_samples}
+    known = {name: without_damage(x) for name, x in found.items()}
+    return {name: x for name, x in known.items() if np.isfinite(x).sum() >= READABLE.fewest_samples}
 
 
 def _mat(path: Path) -> Table:
@@ -147,9 +149,9 @@ def _mat(path: Path) -> Table:
                 add(f"{name}.{field}", inside)
         elif isinstance(value, np.ndarray) and np.issubdtype(value.dtype, np.number):
             if value.ndim == 1 and len(value) >= READABLE.fewest_samples:
-                vectors[name] = value.astype(np.float64)
+                vectors[name] = without_damage(value)
             elif value.ndim == 2 and max(value.shape) >= READABLE.fewest_samples > min(value.shape):
-                matrices[name] = value.astype(np.float64)
+                matrices[name] = without_damage(value)
             elif value.size >= READABLE.fewest_samples:
                 others.append(f"{name} ({' x '.join(map(str, value.shape))})")
 

@@ -16,6 +16,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from analysis.flights.campaign.settings import CAMPAIGN
+from analysis.sources.open import suffixes
 from flight.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 ADDRESS = re.compile(r"[a-z][a-z0-9+.-]+://", re.IGNORECASE)
-SUFFIXES = frozenset({".mcap", ".ulg", ".bin", ".log", ".tlog", ".data"})  # of the files that a folder counts as logs
 # By which a store tells that an object was written anew: the first that it gives.
 VERSIONS = (
     "ETag",
@@ -97,7 +97,7 @@ def find_logs(given: Sequence[str]) -> FoundLogs:
                 found.logs += listed
             elif (folder := Path(one)).is_dir():
                 found.in_folders = True
-                inside = sorted(path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES)
+                inside = sorted(path for path in folder.rglob("*") if path.suffix.lower() in suffixes())
                 if not inside:
                     raise InputError(f"{folder}: no logs in this folder")
                 found.logs += inside
@@ -152,7 +152,7 @@ def _listed(address: str) -> list[RemoteLog]:
 
 
 def _is_log(name: str) -> bool:
-    return PurePosixPath(shown(name)).suffix.lower() in SUFFIXES
+    return PurePosixPath(shown(name)).suffix.lower() in suffixes()
 
 
 def _version(info: Mapping[str, Any]) -> str:

@@ -12,7 +12,7 @@ from analysis.pages.open.request import LIMITS, Json
 from analysis.pipeline import way_of
 from analysis.records.flight import Kind
 from analysis.sources.column_map import BESIDE
-from analysis.sources.open import SUFFIXES, TABLES, has_log_suffix, open_source
+from analysis.sources.open import TABLES, has_log_suffix, open_source, suffixes
 from analysis.sources.recording import FlightRecording
 from flight.errors import InputError
 from flight.log_reader import Log
@@ -89,7 +89,7 @@ class Folder:
             has_log_suffix(name) or Path(name).suffix.lower() in POLARS or f".{name}".lower().endswith(f".{BESIDE}")
         ):
             raise InputError(
-                f"{name[:80]!r}: is not the name of a log ({', '.join((*SUFFIXES, *TABLES))}, also with .gz),"
+                f"{name[:80]!r}: is not the name of a log ({', '.join((*suffixes(), *TABLES))}, also with .gz),"
                 f" of a polar ({', '.join(POLARS)}), or of a map of columns ({BESIDE})"
             )
         if (self.path / name).exists():

@@ -179,3 +179,16 @@ def test_a_log_converted_for_matlab_has_the_channels_of_the_log(
 def test_a_structure_of_other_fields_is_a_table_and_no_log(tmp_path: Path) -> None:
     savemat(tmp_path / "a.mat", {"GPS": {"time": np.arange(50.0), "v": np.arange(50.0)}})
     assert autopilot_of(tmp_path / "a.mat") is None
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_number_that_no_quantity_has_is_damage(tmp_path: Path) -> None:
+    t_us = 1e5 * np.arange(1.0, 61.0)
+    speed = np.where(t_us == t_us[30], 1e300, 15.0)
+    parts = {"ARSP": np.column_stack([t_us, speed]), "ARSP_label": np.array(["TimeUS", "Airspeed"], dtype=object)}
+    only = np.array([["TECS_CLMB_MAX", 5.0]], dtype=object)
+    savemat(tmp_path / "log.mat", parts | {"PARM": only})
+    found = read_ardupilot(tmp_path / "log.mat")
+    pressure = found.channels[recording.AIRSPEED_PRESSURE]
+    assert len(pressure.value) == 59 and pressure.value == pytest.approx(1.225 / 2 * 15**2)
+    assert found.parameters == {"TECS_CLMB_MAX": 5.0}
