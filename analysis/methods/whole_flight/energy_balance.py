@@ -130,6 +130,7 @@ class FlightConditions(NamedTuple):
 
     idle_sigma_W : standard deviation of idle_power_W          updraft_mps : mean over the flight
             power_scale : true over measured electrical power
+    gust_scale : true over computed work of gusts
     power_law : instead of a propeller's efficiency
     """
 
@@ -139,6 +140,7 @@ class FlightConditions(NamedTuple):
     idle_power_W: float
     updraft_mps: float = 0.0
     power_scale: float = 1.0
+    gust_scale: float = 1.0
     power_law: PowerLaw | None = None
     idle_sigma_W: float = SHARED.idle_power_W
 
@@ -277,11 +279,11 @@ def by_gusts_W(s: Samples, p: NamedValues, c: FlightConditions) -> Array:
     """Power (n,) [W] that the aircraft gains from gusts (Katzmayr effect).
 
     A gust turns lift forward by the angle of attack that it adds, and side force by the sideslip; the means of these
-    products follow from the variances of both forces.
+    products follow from the variances of both forces, as far as forces follow gusts at once (`gust_scale`).
     """
     qS = c.rho * s.V_mps**2 / 2 * c.wing_area_m2
     angles = np.exp(p.ln_alpha_per_CL) * s.load_variance + np.exp(p.ln_beta_per_CY) * s.side_variance
-    return np.asarray(s.V_mps * (c.mass_kg * g) ** 2 / qS * angles)
+    return np.asarray(c.gust_scale * s.V_mps * (c.mass_kg * g) ** 2 / qS * angles)
 
 
 def useful_power(V: Array, motor_W: Array, p: NamedValues, c: FlightConditions) -> tuple[Array, Array]:

@@ -31,7 +31,7 @@ from analysis.methods.whole_flight.parameters import (
     pack,
     unpack,
 )
-from analysis.methods.whole_flight.settings import RESIDUALS, SHARED, WINDOWS
+from analysis.methods.whole_flight.settings import PRIOR, RESIDUALS, SHARED, WINDOWS
 from analysis.sources import recording
 from analysis.sources.grid import without_gaps
 from analysis.sources.grid_settings import FLIGHT
@@ -295,4 +295,6 @@ def estimate_of(
     idle_W = c.idle_power_W + c.idle_sigma_W
     shared[Source.IDLE_POWER] = error(balance.samples, c._replace(idle_power_W=idle_W))
     shared[Source.UPDRAFT] = error(balance.samples, c._replace(updraft_mps=updraft_mps))
+    # The flight shows the angle over C_L of slow changes; that of gusts is as uncertain as it was before.
+    shared[Source.GUSTS] = error(balance.samples, c._replace(gust_scale=1 + PRIOR.alpha_per_CL_sigma))
     return Estimate(balance.names, fit.parameters, fit.covariance, shared, c)

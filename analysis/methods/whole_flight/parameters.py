@@ -49,11 +49,13 @@ class Source(StrEnum):
     CURRENT = "current"
     IDLE_POWER = "idle power"
     UPDRAFT = "updraft"
+    GUSTS = "work of gusts"
 
 
 OF_AIRSPEED = (Source.AIRSPEED, Source.AIRSPEED_ZERO)  # as AIRSPEED
 OF_WIND = (Source.WIND_NORTH, Source.WIND_EAST, Source.WIND_NORTH_TREND, Source.WIND_EAST_TREND)  # as WIND
-OF_AIRCRAFT = (Source.DENSITY, Source.MASS, Source.CURRENT, Source.IDLE_POWER)  # the same in all its flights
+# The same in all its flights.
+OF_AIRCRAFT = (Source.DENSITY, Source.MASS, Source.CURRENT, Source.IDLE_POWER, Source.GUSTS)
 
 # What the prior of a parameter is of, as pools of results name its error; alike for both laws of the efficiency.
 _OF_EFFICIENCY = ("greatest efficiency", "speed of greatest efficiency", "fall of efficiency", "idle propeller's drag")

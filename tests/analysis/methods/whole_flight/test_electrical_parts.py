@@ -76,7 +76,7 @@ def test_each_error_that_a_flight_shares_changes_the_balance_by_its_power() -> N
     airspeed = AirspeedErrors(0.02, 3.0, np.diag([0.01**2, 2.0**2]), None, None, prior_sigma=0.01)
     shared = estimate_of(flight, balance, fit, airspeed).shared  # type: ignore[arg-type]
     watts = {source: float(np.mean(error.change)) for source, error in shared.items()}
-    by_scale, by_zero, by_density, by_mass, by_meter, by_idle, by_updraft = (
+    by_scale, by_zero, by_density, by_mass, by_meter, by_idle, by_gusts, by_updraft = (
         watts.pop(source) for source in (*OF_AIRSPEED, *OF_AIRCRAFT, Source.UPDRAFT)
     )
     assert not watts
@@ -97,6 +97,14 @@ def test_each_error_that_a_flight_shares_changes_the_balance_by_its_power() -> N
     assert more > 0 and by_idle == pytest.approx(-more * EFFICIENCY, rel=0.02)
     # Rising air of 8 % of the gusts, and 1 cm/s at least.
     assert by_updraft == pytest.approx(3.0 * g * np.hypot(0.01, 0.08 * 0.5), rel=1e-6)
+    # Without variance of the load gusts do no work; with it 30 % of V (m g)^2 / (q S) times its variance, at 1 rad/C_L.
+    assert by_gusts == 0.0
+    rough = balance.samples._replace(load_variance=0.04)
+    balance.samples, steady = rough, balance.samples
+    by_gusts = float(np.mean(estimate_of(flight, balance, fit, airspeed).shared[Source.GUSTS].change))  # type: ignore[arg-type]
+    balance.samples = steady
+    qS = RHO / 2 * V_MPS**2 * 0.5
+    assert by_gusts == pytest.approx(0.3 * V_MPS * (3.0 * g) ** 2 / qS * 0.04, rel=1e-3)
 
 
 def test_where_gps_determines_the_scale_an_error_of_density_moves_no_airspeed() -> None:
