@@ -42,7 +42,7 @@ from analysis.trajectory.observability import (
 )
 from analysis.trajectory.priors import SensorPriors, stated_sigma, upwash_slope_sigma
 from analysis.trajectory.reconstruction import Trajectory, reconstruct
-from analysis.trajectory.updraft import mean_updraft, sun_over, updraft_notes
+from analysis.trajectory.updraft import denied_updraft, mean_updraft, sun_over, updraft_notes
 from flight.aircraft import Aircraft
 from flight.errors import InputError
 from flight.log_reader import Log
@@ -134,12 +134,14 @@ class Reconstructed(Flown):
 
 class FlightPath(NamedTuple):
     """The trajectory of a whole flight, which does not depend on its runs, and notes on it. as_measured : there is none
-    that explains the measurements. prior_conflict : as in `Reconstructed`"""
+    that explains the measurements. prior_conflict : as in `Reconstructed`. updraft_mps : standard deviation of the mean
+    updraft where the flight denies that of the hour; else 0"""
 
     trajectory: Trajectory
     prior_conflict: PriorConflict
     notes: tuple[str, ...]
     as_measured: bool = False
+    updraft_mps: float = 0.0
 
 
 def recorded(log: Log, replacements: Replacements, progress: Progress = lambda _: None) -> Recorded:
@@ -183,7 +185,7 @@ def _rows_flown(table: pd.DataFrame, maneuvers: Maneuvers) -> pd.DataFrame:
 def reconstructed(flight: Flown, path: FlightPath | None = None) -> Reconstructed:
     """The record with its trajectory. path : where it is known already, which other runs do not change"""
     path = path or flight_path(flight)
-    flight, trajectory, notes_on_air = _with_updraft(flight, path.trajectory)
+    flight, trajectory, notes_on_air = _with_updraft(flight, path.trajectory, path.updraft_mps)
     notes = [*flight.notes, *path.notes]
     if not path.as_measured:
         notes += trajectory_notes(
@@ -216,6 +218,11 @@ def flight_path(flight: Measured) -> FlightPath:
         return _as_measured(flight, cause)
     conflict = prior_conflict(trajectory)
     notes = [*of_noise, *conflict_notes(conflict, trajectory)]
+    stated = flight.aircraft.has("uncertainty.updraft")
+    denied = None if stated else denied_updraft(trajectory, sun_over(flight.log))
+    if denied is not None:
+        conflict = conflict._replace(beyond={**conflict.beyond, "updraft": denied.z})
+        notes.append(denied.note)
     if conflict.conflicting:
         flight.progress("reconstructing the trajectory with larger sensor errors")
         try:
@@ -232,7 +239,7 @@ def flight_path(flight: Measured) -> FlightPath:
             return path._replace(notes=(*notes, *path.notes))
         trajectory = wider
     trajectory, misfit_notes = with_misfit(trajectory)
-    return FlightPath(trajectory, conflict, (*notes, *misfit_notes))
+    return FlightPath(trajectory, conflict, (*notes, *misfit_notes), updraft_mps=denied.sigma_mps if denied else 0.0)
 
 
 def _with_noise_in_flight(flight: Measured, trajectory: Trajectory) -> tuple[Trajectory, list[str]]:
@@ -260,18 +267,19 @@ def as_measured(flight: Flown, trajectory: Trajectory) -> Reconstructed:
     return reconstructed(flight, _as_measured(flight, f"the trajectory does not fit{misfit_in_words(trajectory)}"))
 
 
-def _with_updraft(flight: Flown, trajectory: Trajectory) -> tuple[Flown, Trajectory, list[str]]:
+def _with_updraft(flight: Flown, trajectory: Trajectory, denied_mps: float) -> tuple[Flown, Trajectory, list[str]]:
     """Both with the prior of the mean updraft by duration, hour, sun and wind, where the aircraft file does not state
-    it; and notes on it. It depends on the runs, and the rest of the path does not."""
+    it; and notes on it. It depends on the runs, and the rest of the path does not. denied_mps: as in `FlightPath`"""
     aircraft = flight.aircraft
     if aircraft.has("uncertainty.updraft"):
         return flight, trajectory, []
     t_s = flight.table.index.to_numpy()
     runs_s = [(t_s[run.rows][0], t_s[run.rows][-1]) for run in flight.maneuvers.for_drag]
     updraft = mean_updraft(trajectory, runs_s, sun_over(flight.log))
-    uncertainty = replace(aircraft.uncertainty, updraft_mps=updraft.lasting_mps)
+    lasting_mps = max(updraft.lasting_mps, denied_mps)
+    uncertainty = replace(aircraft.uncertainty, updraft_mps=lasting_mps)
     contents = flight.contents._replace(aircraft=replace(aircraft, uncertainty=uncertainty))
-    trajectory = replace(trajectory.with_prior("updraft", updraft.lasting_mps), eddies_mps=updraft.eddies_mps)
+    trajectory = replace(trajectory.with_prior("updraft", lasting_mps), eddies_mps=updraft.eddies_mps)
     return replace(flight, contents=contents), trajectory, updraft_notes(updraft)
 
 

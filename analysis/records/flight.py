@@ -124,6 +124,7 @@ class EvidenceKind(StrEnum):
     THRUST_EFFICIENCY = "efficiency from battery to thrust"
     IMPLAUSIBLE_READINGS = "readings that cannot be true together"
     SENSOR_ERROR = "sensor error against its prior"
+    SENSOR_ERRORS_TOGETHER = "sensor errors against their priors, together"
     RUN_AGAINST_OTHERS = "run against the other runs"
     INSTALLATIONS_DIFFER = "flights said to be of one installation"
     FLIGHTS_DIFFER = "flight against the other flights"
@@ -396,6 +397,17 @@ class ConsistencyCheck(msgspec.Struct, frozen=True, kw_only=True):
     after: Check
 
 
+class JointConflict(msgspec.Struct, frozen=True, kw_only=True):
+    """Sensor errors that each may be and together are improbable, by the first estimate.
+
+    errors : estimate less prior mean, in the standard deviations that it has if the prior is right
+    probability : of any as improbable in a flight whose priors are right, at most
+    """
+
+    errors: dict[str, float]
+    probability: float
+
+
 class PathResult(msgspec.Struct, frozen=True, kw_only=True):
     """Quality of the flight path, and the sensor errors estimated with it."""
 
@@ -406,6 +418,7 @@ class PathResult(msgspec.Struct, frozen=True, kw_only=True):
     sensor_errors: list[SensorError]
     # By sensor error, estimate less prior mean in prior standard deviations, where the first estimate contradicted it.
     prior_conflicts: dict[str, float] = {}
+    joint_conflict: JointConflict | None = None
 
 
 def run_name(kind: str, start_s: float) -> str:

@@ -105,7 +105,7 @@ def assemble(
         runs_against_others=drag.runs_against_others,
         accelerations_against_decelerations=drag.accelerations_against_decelerations or msgspec.UNSET,
         disagreements=drag.disagreements,
-        path=flight_found.path_result(trajectory, agreement, flight.prior_conflict.beyond),
+        path=flight_found.path_result(trajectory, agreement, flight.prior_conflict),
         speed_over_motor_constant=speed_over_motor_constant(flight.table, aircraft.propulsion),
         use=performance,
         provenance=provenance(flight, flight.runs_file, command_line),

@@ -14,6 +14,7 @@ from scipy import special
 
 from analysis.curve import POLAR
 from analysis.estimation.noise import NORMAL_95
+from analysis.methods.consider import UPDRAFT
 from analysis.methods.motor_speed import PARAMETER as MOTOR_SPEED_PARAMETER
 from analysis.methods.rejected_assumptions import THRUST_TITLES
 from analysis.methods.settings import MOTOR_SPEED
@@ -34,7 +35,7 @@ from analysis.records.flight import (
     WhyNot,
 )
 from analysis.results.settings import TRUST
-from analysis.settings import CURVES, FLOWN
+from analysis.settings import CURVES, EVIDENCE, FLOWN
 from analysis.trajectory.observability import SENSOR_ERROR_KINDS
 from flight.messages import Comparison
 
@@ -83,6 +84,7 @@ def evidence_against(results: Results) -> list[Evidence]:
         *_thrust_efficiency(results),
         *_implausible(results),
         *_sensor_errors(results),
+        *_sensor_errors_together(results),
         *_runs(results),
         *_outside_table(results),
         *_curve(results),
@@ -398,9 +400,9 @@ def _sensor_errors(results: Results) -> Iterator[Evidence]:
     correction is not to be trusted."""
     if results.path is None or results.pooling is None:
         return
-    tests = len(results.pooling.names)
-    limit = noise_limit(tests)
+    of_installation = noise_limit(len(results.pooling.names))
     for name, sigmas in results.path.prior_conflicts.items():
+        limit = EVIDENCE.contradiction if name == UPDRAFT else of_installation  # the curve is corrected for it
         if abs(sigmas) <= limit:
             continue
         subject, covered = SENSOR_ERROR_KINDS[name].title, _effect(name, results.pooling) < 1
@@ -412,7 +414,7 @@ def _sensor_errors(results: Results) -> Iterator[Evidence]:
             figure=sigmas,
             unit="standard deviations",
             limit=limit,
-            false_alarm_rate=TRUST.false_alarm_rate,
+            false_alarm_rate=float(2 * special.ndtr(-limit)) if name == UPDRAFT else TRUST.false_alarm_rate,
             text=(
                 f"The {subject} is {sigmas:+.1f} times the standard deviation assumed (limit {limit:.1f}). Usually"
                 f" {CULPRIT[name]}: mend it, or state a larger [uncertainty] in the aircraft file."
@@ -432,6 +434,30 @@ def _effect(name: str, statistics: PoolingStatistics) -> float:
     at = np.stack([np.ones_like(CL), CL, CL**2], axis=1)
     half = NORMAL_95 * np.sqrt(np.einsum("ki,ij,kj->k", at, np.array(statistics.polar_covariance), at))
     return float(np.max(np.abs(at @ change) / half))
+
+
+def _sensor_errors_together(results: Results) -> Iterator[Evidence]:
+    """Errors none of which is beyond its own limit, and which one cause moves together."""
+    found = results.path.joint_conflict if results.path else None
+    if found is None or found.probability > TRUST.false_alarm_rate or any(_sensor_errors(results)):
+        return
+    worst = sorted(found.errors, key=lambda name: -abs(found.errors[name]))[:2]
+    named = " and ".join(f"the {SENSOR_ERROR_KINDS[name].title} ({found.errors[name]:+.1f})" for name in worst)
+    causes = "; or ".join(dict.fromkeys(CULPRIT[name] for name in worst))
+    yield Evidence(
+        kind=EvidenceKind.SENSOR_ERRORS_TOGETHER,
+        level=Trust.DOUBTFUL,
+        part=PartOfResult.CURVE,
+        subject=" ".join(worst),
+        figure=found.probability,
+        limit=TRUST.false_alarm_rate,
+        false_alarm_rate=TRUST.false_alarm_rate,
+        text=(
+            f"Sensor errors, none beyond its limit, are improbable together (probability {found.probability:.1g}, limit"
+            f" {TRUST.false_alarm_rate:g}), most of all {named} in the standard deviations assumed. One cause may move"
+            f" them: the air sank or rose, or an instrument is mounted wrong ({causes})."
+        ),
+    )
 
 
 # What each comparison of the daemon doubts. It spares the others: GPS is an aid, whose faults the trajectory tells.

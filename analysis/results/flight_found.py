@@ -1,7 +1,6 @@
 """What the flight found beside the curve, in the form of `results.json`: air, residuals, correlation, track."""
 
 from collections.abc import Mapping
-from types import MappingProxyType
 
 import numpy as np
 import pandas as pd
@@ -10,27 +9,37 @@ from analysis.curve import POLAR, Condition
 from analysis.methods.dynamic import DynamicEstimate
 from analysis.methods.thrust_prior import J_REFERENCE, THRUST
 from analysis.performance.request import density_altitude_m
-from analysis.records.flight import AirFound, Correlation, ParameterResult, PathResult, RunResidual, Track
+from analysis.records.flight import (
+    AirFound,
+    Correlation,
+    JointConflict,
+    ParameterResult,
+    PathResult,
+    RunResidual,
+    Track,
+)
 from analysis.results.settings import RESULTS
 from analysis.trajectory.consistency import Consistency, consistency_checks
-from analysis.trajectory.observability import sensor_error_estimates
+from analysis.trajectory.observability import PriorConflict, sensor_error_estimates
 from analysis.trajectory.reconstruction import Trajectory
 from flight.arrays import Array
 
 DRAG = "drag / mass, m/s²"  # of `RunFit`
 
 
-def path_result(
-    trajectory: Trajectory, agreement: Consistency, prior_conflicts: Mapping[str, float] = MappingProxyType({})
-) -> PathResult:
-    """Quality of the trajectory, agreement of channels and sensor errors. prior_conflicts: of `PriorConflict.beyond`"""
+def path_result(trajectory: Trajectory, agreement: Consistency, conflict: PriorConflict | None = None) -> PathResult:
+    """Quality of the trajectory, agreement of channels and sensor errors. conflict: with the priors, where tested"""
+    jointly = conflict.jointly if conflict else None
     return PathResult(
         converged=trajectory.converged,
         gust_mps=trajectory.gust_mps,
         residuals=trajectory.residuals,
         checks=consistency_checks(agreement),
         sensor_errors=sensor_error_estimates(trajectory),
-        prior_conflicts=dict(prior_conflicts),
+        prior_conflicts=dict(conflict.beyond) if conflict else {},
+        joint_conflict=JointConflict(errors=jointly.errors, probability=jointly.probability)
+        if jointly and jointly.errors
+        else None,
     )
 
 

@@ -20,6 +20,7 @@ from analysis.records.flight import (
     EvidenceKind,
     ImplausibleReadings,
     Interval,
+    JointConflict,
     Kind,
     LevelEfficiencyPoint,
     MethodTried,
@@ -71,6 +72,7 @@ DOUBTFUL = {
     EvidenceKind.SENSOR_ERROR: lambda r: drag(
         replace(r, path=path(V_scale=-4.8)), statistics=with_error("V_scale", 0.9)
     ),
+    EvidenceKind.SENSOR_ERRORS_TOGETHER: lambda r: together(r, 0.001),
 }
 
 
@@ -120,6 +122,27 @@ def path(**conflicts: float) -> PathResult:
     return PathResult(
         converged=True, gust_mps=0.1, residuals={}, checks=[], sensor_errors=[], prior_conflicts=conflicts
     )
+
+
+def together(results: Results, probability: float, **conflicts: float) -> Results:
+    """Of a flight with two sensor errors of this probability, and single ones beyond their priors."""
+    pair = JointConflict(errors={"alpha_bias": -3.4, "alpha_scale": -3.5}, probability=probability)
+    return drag(replace(results, path=replace(path(**conflicts), joint_conflict=pair)), statistics=statistics())
+
+
+def test_sensor_errors_that_are_improbable_together_are_named_unless_one_is_told_alone(results: Results) -> None:
+    (one,) = with_trust(together(results, 0.001)).evidence
+    assert "offset of angle of attack (-3.4)" in one.text and "slope of angle of attack (-3.5)" in one.text
+    assert with_trust(together(results, 0.004)).evidence == []
+    (alone,) = with_trust(together(results, 0.001, V_scale=-4.8)).evidence
+    assert alone.kind is EvidenceKind.SENSOR_ERROR
+
+
+def test_an_updraft_that_the_curve_is_corrected_for_is_told(results: Results) -> None:
+    """At a limit of its own, of 1 % of flights by day; what is written can be read again."""
+    (one,) = with_trust(drag(replace(results, path=path(updraft=-2.6, V_scale=-2.6)), statistics=statistics())).evidence
+    assert one.subject == "updraft" and one.false_alarm_rate == pytest.approx(0.0124, abs=1e-4)
+    assert "updraft" in str(to_json(replace(results, evidence=[one])))
 
 
 def efficiency(results: Results, propeller: Interval, motor: Interval) -> Results:

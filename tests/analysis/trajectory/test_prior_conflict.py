@@ -9,13 +9,14 @@ from scipy import special
 
 from analysis import flight as flight_steps
 from analysis.trajectory.equations import SENSOR_ERRORS
-from analysis.trajectory.observability import conflict_notes, prior_conflict, with_misfit
+from analysis.trajectory.observability import conflict_notes, joint_conflict, prior_conflict, with_misfit
 from analysis.trajectory.priors import PRIOR_MEAN, PRIOR_SIGMA
 from analysis.trajectory.reconstruction import Trajectory
 from analysis.trajectory.smoother import StatesGivenErrors
 from flight.errors import InputError
 
 PRIOR = np.array([PRIOR_SIGMA[name] for name in SENSOR_ERRORS])
+STATES_ITS_UPDRAFT = SimpleNamespace(has=lambda key: key == "uncertainty.updraft")
 MEAN = np.array([PRIOR_MEAN.get(name, 0.0) for name in SENSOR_ERRORS])
 
 
@@ -105,6 +106,46 @@ def test_an_error_that_took_a_part_of_the_worst_one_s_is_no_conflict() -> None:
     assert found.factor[wrong] == pytest.approx(30, rel=0.1)
 
 
+def test_two_errors_below_their_limits_are_improbable_together() -> None:
+    """Offset and slope of the angle of attack at -3.4 and -3.5 standard deviations, as in air that sinks: neither is
+    beyond 3.8. The sum of two squares is a chi square, whose probability is exp(-x/2)."""
+    errors, told = np.zeros(len(PRIOR)), 1 - 0.3**2
+    for name, z in (("alpha_bias", -3.4), ("alpha_scale", -3.5)):
+        errors[SENSOR_ERRORS.index(name)] = z * np.sqrt(told)
+    found = prior_conflict(estimated(errors)).jointly
+    assert found.errors == {"alpha_bias": pytest.approx(-3.4), "alpha_scale": pytest.approx(-3.5)}
+    pairs = len(PRIOR) * (len(PRIOR) - 1) / 2
+    assert found.probability == pytest.approx(2 * pairs * np.exp(-(3.4**2 + 3.5**2) / 2))
+    assert found.probability < 0.005 < prior_conflict(estimated(0.9 * errors)).jointly.probability
+
+
+def test_all_errors_somewhat_large_are_improbable_together() -> None:
+    found = prior_conflict(estimated(np.resize([1.6, -1.6], len(PRIOR)))).jointly
+    assert set(found.errors) == set(SENSOR_ERRORS)
+    assert found.probability == pytest.approx(2 * special.chdtrc(len(PRIOR), 1.6**2 / (1 - 0.3**2) * len(PRIOR)))
+    assert prior_conflict(estimated(np.resize([1.0, -1.0], len(PRIOR)))).jointly.errors == {}
+
+
+def test_two_errors_of_which_data_tell_only_the_sum_are_as_probable_as_one() -> None:
+    """Each is at two standard deviations, as their sum is: 4.6 % of one normal error, and not 1.8 % of two."""
+    design = np.zeros((1, len(PRIOR)))
+    design[0, :2] = 30.0
+    P = np.linalg.inv(np.eye(len(PRIOR)) + design.T @ design)
+    y = np.where(design[0] > 0, 2.0 * np.sqrt(1 - P[0, 0]), 0.0)
+    assert joint_conflict(y, P).probability == pytest.approx(2 * special.chdtrc(1, 4.0))
+
+
+def test_sound_flights_are_called_improbable_no_more_often_than_said() -> None:
+    """4,000 draws of estimates that correlate; of the bound two thirds, since pairs share errors."""
+    rng, m = np.random.default_rng(3), len(PRIOR)
+    design = rng.normal(size=(m, m))
+    P = np.linalg.inv(np.eye(m) + design.T @ design)
+    root = np.linalg.cholesky(np.eye(m) - P)
+    p = np.array([joint_conflict(root @ rng.standard_normal(m), P).probability for _ in range(4000)])
+    for level in (0.05, 0.01):
+        assert 0.3 * level < np.mean(p < level) < level
+
+
 def test_residuals_larger_than_noise_widen_the_covariance_and_are_named() -> None:
     trajectory = estimated(np.zeros(len(PRIOR)), V=2.0, alpha=1.0)
     wider, (said,) = with_misfit(trajectory)
@@ -141,7 +182,7 @@ def test_where_wider_priors_give_no_path_there_is_none(monkeypatch, second: str)
         return replace(first, converged=bool(np.max(prior_factor) == 1))
 
     monkeypatch.setattr(flight_steps, "trajectory_with", path)
-    record = SimpleNamespace(progress=lambda _: None, data=None, name="flight.mcap")
+    record = SimpleNamespace(progress=lambda _: None, data=None, name="flight.mcap", aircraft=STATES_ITS_UPDRAFT)
     found = flight_steps.flight_path(record)
     assert found.as_measured and found.trajectory.as_measured
     assert "slope of angle of attack" in found.notes[0] and "No flight path explains" in found.notes[-1]
@@ -158,7 +199,7 @@ def test_noise_of_the_height_in_flight_is_taken_from_its_residuals(monkeypatch, 
         return replace(estimated(np.zeros(len(PRIOR)), **smaller), height_noise=height_noise)
 
     monkeypatch.setattr(flight_steps, "trajectory_with", path)
-    record = SimpleNamespace(progress=lambda _: None, data=None, name="flight.mcap")
+    record = SimpleNamespace(progress=lambda _: None, data=None, name="flight.mcap", aircraft=STATES_ITS_UPDRAFT)
     found = flight_steps.flight_path(record)
     assert found.trajectory.height_noise == pytest.approx(noise)
     assert any("noise of the height is 4.0 times" in note for note in found.notes) == (noise > 1)

@@ -140,6 +140,21 @@ def test_a_flight_at_several_speeds_shows_a_steady_updraft(in_rising_air):
     assert "updraft" in prior_conflict(reconstructed(in_rising_air, 0.02)).beyond
 
 
+def test_by_day_air_that_rose_is_not_taken_for_an_offset_of_the_angle_of_attack(in_rising_air):
+    """The prior of noon, 0.1 m/s, is denied, and one that allows the updraft finds it; before sunrise there are no
+    eddies, and a flight without an updraft denies nothing."""
+    found = reconstructed(in_rising_air, Uncertainty().updraft_mps)
+    denied = updraft.denied_updraft(found, NOON)
+    assert denied.z > 2.5 and 0.1 < denied.sigma_mps < 0.6
+    allowed = found.with_prior("updraft", denied.sigma_mps)
+    assert abs(allowed.value("updraft") - RISING_MPS) < 3 * allowed.standard_error("updraft") < 0.3
+    assert abs(found.value("updraft") - RISING_MPS) > 0.2
+    assert "have risen by" in denied.note
+    assert updraft.denied_updraft(found, DAWN) is updraft.denied_updraft(found, None) is None
+    in_still_air = replace(found, sensor_errors=np.zeros(len(found.sensor_errors)))
+    assert updraft.denied_updraft(in_still_air, NOON) is None
+
+
 def test_another_prior_gives_the_trajectory_that_is_found_with_it(in_rising_air):
     narrow, wide = (reconstructed(in_rising_air, sigma_mps) for sigma_mps in (0.004, 0.02))
     swapped = narrow.with_prior("updraft", 0.02)
