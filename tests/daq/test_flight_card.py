@@ -67,6 +67,7 @@ def test_a_run_that_goes_on_after_it_was_told_is_ticked_off_once():
     assert good == 2 and planned.lines[0].startswith("1 of 3")
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_the_planners_card_is_the_daemons(tmp_path):
     (tmp_path / "card.toml").write_text(runs_to_tick_off(flight_plan("nexstar", PlanOptions(minutes=7.0))))

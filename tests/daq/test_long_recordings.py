@@ -248,6 +248,7 @@ def test_nothing_waits_in_a_chunk_for_half_a_second(tmp_path, rate_Hz):
     assert max(chunk.message_end_time - chunk.message_start_time for chunk in chunks) < 0.5 * SECOND_NS
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_changes_of_file_leave_no_memory_in_use():
     """Two hours on the simulated clock in 24 files, in a process of its own, weighed by the kernel.

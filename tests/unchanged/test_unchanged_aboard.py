@@ -9,6 +9,8 @@ pytestmark = pytest.mark.xdist_group("unchanged")
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.thorough) if name == "run-monitor" else name for name in CASES]
+)
 def test_nothing_changed_unasked(name: str) -> None:
     check(name, CASES[name]())

@@ -77,6 +77,7 @@ def test_a_lag_is_not_mistaken_for_thrust_in_gusts_of_3_kt(probe) -> None:
     assert causes.count("air-data lag") >= 2 and set(causes) <= {"air-data lag", "unexplained"}
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_gusts_are_not_mistaken_for_lag_or_thrust(probe) -> None:
     """A whole flight in 3 kt, where a lag of 14 ms looked like 76 and thrust 2.3 % too much, five standard errors."""
@@ -127,6 +128,7 @@ def worst_error(flight: Analyzed, truth, name: str) -> float:
     return float(np.max(np.abs(power / np.interp(V, truth["speed_mps"], truth["power_W"]) - 1)))
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_piw_viw_on_simulated_steady_points_is_within_two_per_cent(probe) -> None:
     """With a bench's errors, whose table is within half a percent; the table's own doubt, 3 %, is in the interval."""

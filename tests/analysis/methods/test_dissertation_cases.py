@@ -92,6 +92,7 @@ def test_maximum_likelihoods_are_right_to_a_third_of_their_intervals(case, by_li
     assert (NORMAL_95 * error > 0.1 * one.truth_W).all()
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.xdist_group("case-1")
 def test_few_more_steps_are_the_effect_of_a_thrust_error(case, by_likelihood) -> None:

@@ -84,7 +84,11 @@ def with_position(digits: int = 7, every: int = 1) -> pd.DataFrame:
         pytest.param(
             {name: one for name, one in MAP.items() if name != "true_airspeed"}, 0.08, marks=pytest.mark.thorough
         ),
-        ({name: one for name, one in BY_POSITION.items() if name != "true_airspeed"}, 0.08),
+        pytest.param(
+            {name: one for name, one in BY_POSITION.items() if name != "true_airspeed"},
+            0.08,
+            marks=pytest.mark.thorough,
+        ),
     ],
     ids=["all", "without IMU and GPS", "height by GPS", "speed and course", "without airspeed", "position alone"],
 )

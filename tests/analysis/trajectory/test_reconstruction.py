@@ -52,6 +52,7 @@ def test_a_wind_as_fast_as_the_aircraft_is_found(probe) -> None:
         assert flown[f"wind_{axis}"].mean() == pytest.approx(high[f"wind_{axis}_mps"].mean(), abs=0.7)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_short_gusts_are_reconstructed_with_their_own_length(probe) -> None:
     """With the standard's length the airspeed scale of this flight in 15 kt is 0.7 % off, with its own 0.2 %."""

@@ -129,6 +129,7 @@ def test_a_listing_of_several_pages_is_whole(store: Store) -> None:
     assert len(found.logs) == 1100 and found.in_folders and store.asked["fleet"] <= 3
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_cluster_is_sent_files_and_reads_addresses_itself(tmp_path: Path, store: Store, work: Work) -> None:
     """A job that fails there costs its own flight."""

@@ -142,6 +142,7 @@ def test_without_airspeed(
         analyzed(without_gps)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_wind_that_turns_hardly_show_is_said(px4: FlightRecording, monkeypatch: pytest.MonkeyPatch) -> None:
     """With one turn the wind is known worse than with five; beyond a limit there is no curve."""
