@@ -35,16 +35,17 @@ def open_page(
         bool, typer.Option("--browser/--no-browser", help="Open the page in the browser, or only print its address.")
     ] = True,
 ) -> None:
-    """Look at flights and edit their runs in the browser: speed, height, motor, track, and the curve that follows.
+    """Look at flights and edit what counts in them: strips, modes, track, and the curve that follows, in the browser.
 
-    Ends of runs are dragged, or typed; kinds are chosen; values of aircraft and propeller are changed. The curve
-    follows at once. "Write the report" writes what `analyze` writes, and the page shows the command that gives the
-    same. The page is for this computer only, and closes with the terminal (Ctrl-C).
+    Any log or table that `analyze` reads is opened, or dropped on the page. Ends of runs, or of stretches to leave
+    out, are dragged, or typed; values of aircraft and propeller are changed. The curve follows at once. "Write the
+    report" writes what `analyze` writes, and the page shows the command that gives the same. The page is for this
+    computer only, and closes with the terminal (Ctrl-C).
 
     \b
     Examples:
       flightpower open                  the logs of this folder
-      flightpower open flights/today/log.mcap
+      flightpower open flights/today/log.ulg
     """
     folder, first = opened_folder(logs or [])
     for closing in ("SIGTERM", "SIGHUP"):  # the latter when the terminal closes, not on Windows

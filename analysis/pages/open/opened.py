@@ -15,7 +15,7 @@ import numpy as np
 from analysis.curve import Condition, Cost, Curve
 from analysis.options import Options
 from analysis.pages.one_log import Report
-from analysis.pages.open.request import LIMITS, Json, Values
+from analysis.pages.open.request import LIMITS, FieldError, Json, Values
 from analysis.records.flight import Kind, PowerPoint, SpeedInterval
 from analysis.sources.recording import AllChannels, Channel
 from flight.errors import InputError
@@ -80,10 +80,14 @@ class OpenedFlight(ABC):
     def drawn(self, values: Values) -> Json:
         """The time histories with the channels that were asked for. Raises InputError for one that there is none of."""
         if len(values.channels) > LIMITS.channels:
-            raise InputError(f"{len(values.channels)} channels: {LIMITS.channels} are drawn at most; take some away")
+            raise FieldError(
+                f"{len(values.channels)} channels: {LIMITS.channels} are drawn at most; take some away", "channels"
+            )
         unknown = [name for name in values.channels if name not in self.channels]
         if unknown:
-            raise InputError(f"{unknown[0][:80]!r}: no such channel in {self.path.name}; choose one of the list")
+            raise FieldError(
+                f"{unknown[0][:80]!r}: no such channel in {self.path.name}; choose one of the list", "channels"
+            )
         return {"strips": self.strips({name: self.channels[name]() for name in values.channels})}
 
     def write(self, values: Values) -> Json:

@@ -12,11 +12,14 @@ import pytest
 
 from analysis.curve import Kind
 from analysis.options import Options
+from analysis.pages.charts.figure import Axis
 from analysis.pages.open.flights import Folder
+from analysis.pages.open.pictures import strips
 from analysis.pages.open.request import LIMITS, FieldError, Values
 from analysis.pages.open.whole_flight import WholeFlight
 from analysis.pipeline import analyze
 from analysis.sources.open import open_source
+from analysis.sources.recording import Channel, Event, EventKind
 from flight.aircraft import load_aircraft
 from flight.errors import InputError
 from tests.unchanged.commands import flight, run
@@ -188,3 +191,13 @@ def test_a_curve_by_runs_has_no_stretches_to_leave_out(flown: bytes, tmp_path: P
     (tmp_path / "log.mcap").write_bytes(flown)
     with pytest.raises(InputError, match="--leave-out: has no effect, since the curve is by runs"):
         analyze(open_source(tmp_path / "log.mcap"), Options(leave_out="10 to 20 s"))
+
+
+def test_what_an_autopilot_says_is_drawn_as_text_alone() -> None:
+    """Messages and names of channels are those of a file that anybody may have made; the page inserts the drawing."""
+    script = "<img src=x onerror=alert(1)>"
+    t_s = np.arange(10.0)
+    events = [Event(1.0, EventKind.MODE, script), Event(2.0, EventKind.MESSAGE, f'">{script}')]
+    drawn = strips([(t_s, t_s, Axis("height", "m"))], {script: Channel(t_s, t_s)}, events, 9.0)
+    assert "<img" not in drawn and drawn.count("&lt;img") >= 3
+    assert strips([], {}, [], 9.0) == ""
