@@ -4,41 +4,36 @@ import msgspec
 import numpy as np
 import pytest
 from scipy.stats import chi2
-from test_electrical_pool import OWN, SHARED, flight, power_of
+from test_electrical_pool import OWN, SHARED, compared, electrical_pool, flight, power_of
 
 from analysis.estimation.noise import NORMAL_95
-from analysis.flights.electrical import compare_electrical, electrical_pool, pooled_results
-from analysis.records.flight import ElectricalFlight
+from analysis.records.flight import Kind, PowerStatistics, Results
 from analysis.results.settings import TRUST
 
 
-def less_certain(one: ElectricalFlight, factor: float) -> ElectricalFlight:
+def less_certain(one: Results, factor: float) -> Results:
     """The flight with own errors larger by a factor."""
-    assert one.electrical is not None and one.electrical.pooling is not None
-    own = (factor**2 * np.array(one.electrical.pooling.own_covariance)).tolist()
-    statistics = msgspec.structs.replace(one.electrical.pooling, own_covariance=own)
-    return msgspec.structs.replace(one, electrical=msgspec.structs.replace(one.electrical, pooling=statistics))
+    statistics = one.curves[Kind.ELECTRICAL].statistics
+    assert isinstance(statistics, PowerStatistics)
+    own = (factor**2 * np.array(statistics.own_covariance)).tolist()
+    return one.with_curve(Kind.ELECTRICAL, statistics=msgspec.structs.replace(statistics, own_covariance=own))
 
 
 def correlation(at: np.ndarray) -> np.ndarray:
-    """Of the own errors of `flight`."""
+    """Correlation of the own errors of `flight`."""
     return np.exp(-(((at[:, None] - at) / 3.0) ** 2))
 
 
 def p_of_one_share(share: float, at: np.ndarray) -> float:
-    """Probability of a larger difference of two flights than one share at all speeds, by three of them; of two tests.
-
-    Twice the least of both: the difference is told by whichever is more certain.
-    """
+    """Probability of a larger difference of two flights than one share at all speeds, by three of them."""
     C = 2 * OWN**2 * correlation(at[[0, len(at) // 2, -1]])
-    information, d = np.linalg.inv(C), np.full(3, share)
-    one, any_way = (np.ones(3) @ information @ d) ** 2 / information.sum(), d @ information @ d
-    return min(1.0, 2 * min(float(chi2.sf(one, 1)), float(chi2.sf(any_way, 3))))
+    d = np.full(3, share)
+    return float(chi2.sf(d @ np.linalg.inv(C) @ d, 3))
 
 
 @pytest.mark.parametrize("share", [0.03, 0.08, 0.15])
-def test_a_difference_has_the_probability_of_two_tests_and_the_width_of_two_flights(share: float) -> None:
-    found = compare_electrical([flight("a")], [flight("b", share)])
+def test_a_difference_has_the_probability_and_the_width_of_two_flights(share: float) -> None:
+    found = compared([flight("a")], [flight("b", share)]).results()
     at = np.array([row.speed_mps for row in found.differences])
     assert found.p == pytest.approx(p_of_one_share(share, at), rel=0.02)
     for row in found.differences:
@@ -59,26 +54,22 @@ def test_flights_weigh_by_the_inverse_of_their_variance() -> None:
 
 
 def test_an_outlier_is_one_among_as_many_tests_as_flights() -> None:
-    """Between the limit of one test and that of five a flight is none, and evidence has the limit of five, too."""
+    """Between the limit of one test and that of five a flight is none."""
     between = 0
     for error in np.linspace(0.06, 0.2, 29):
-        found = pooled_results(electrical_pool([flight(str(i), 1e-6 * i) for i in range(4)] + [flight("odd", error)]))
-        p = [one.p for one in found.flights]
-        assert None not in p and found.homogeneity is not None
+        found = electrical_pool([flight(str(i), 1e-6 * i) for i in range(4)] + [flight("odd", error)]).results()
         odd = found.flights[-1]
-        assert odd.outlier is bool(odd.p < TRUST.false_alarm_rate / 5)
-        assert found.homogeneity.p == pytest.approx(min(1.0, 5 * min(p)))
-        assert bool(found.evidence) is bool(found.homogeneity.p < TRUST.false_alarm_rate)
+        assert odd.p is not None and odd.outlier is bool(odd.p < TRUST.false_alarm_rate / 5)
         between += TRUST.false_alarm_rate / 5 < odd.p < TRUST.false_alarm_rate
     assert between > 1, "the difference of both limits was tried"
 
 
-def test_a_flight_differs_from_the_others_by_its_share_and_their_errors() -> None:
-    """Of five, the four others have half the errors of one."""
-    found = pooled_results(electrical_pool([flight(str(i), 1e-6 * i) for i in range(4)] + [flight("odd", 0.1)]))
-    for row in found.flights[-1].against_others:
-        assert row.difference_percent == pytest.approx(10, rel=0.01)
-        assert row.limit_percent == pytest.approx(100 * NORMAL_95 * OWN * np.sqrt(1 + 1 / 4), rel=0.02)
+def test_a_flight_differs_from_the_pool_by_its_share_and_their_errors() -> None:
+    """One of five that is 10 % higher raises the pool by 2 %, and is above it by 8 of 102; what all share cancels."""
+    found = electrical_pool([flight(str(i), 1e-6 * i) for i in range(4)] + [flight("odd", 0.1)]).results()
+    for row in found.flights[-1].against_pool:
+        assert row.difference_percent == pytest.approx(100 * 0.08 / 1.02, rel=0.01)
+        assert row.limit_percent == pytest.approx(100 * NORMAL_95 * OWN * np.sqrt(1 - 1 / 5) / 1.02, rel=0.02)
     assert found.flights[-1].half_width_percent == pytest.approx(
-        [100 * NORMAL_95 * np.hypot(OWN / 1.1, SHARED / 1.1)] * len(found.flights[-1].half_width_percent), rel=0.01
+        [100 * NORMAL_95 * np.hypot(OWN, SHARED) / 1.02] * len(found.flights[-1].half_width_percent), rel=0.01
     )
