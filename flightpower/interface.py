@@ -16,7 +16,7 @@ from analysis.flights.comparison import compare as compare_pools
 from analysis.flights.pool import Pool, pool_results
 from analysis.missions.search import FlightPlan
 from analysis.options import Options
-from analysis.pages import one_log
+from analysis.pages import write
 from analysis.pages.exports import tables as exports
 from analysis.pipeline.runs import Analysis
 from analysis.pipeline.whole_flight import WholeFlightAnalysis
@@ -96,7 +96,7 @@ def write_report(flight: Flight, folder: Paths) -> None:
 
     Raises InputError when it cannot be written.
     """
-    one_log.write_analysis(flight, Path(folder))
+    write.write_report(flight, Path(folder))
 
 
 def pool(flights: Sequence[Flight | Paths | Mapping[str, Any]]) -> Pool:

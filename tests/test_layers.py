@@ -67,7 +67,7 @@ def test_the_analysis_of_an_autopilot_s_log_imports_no_casadi() -> None:
     """Its 280 MB are then not needed: the extra [autopilot]. Here are the modules that such an analysis loads."""
     modules = (
         "analysis.pages.one_log, analysis.pipeline.whole_flight, analysis.methods.whole_flight.drag,"
-        "analysis.methods.whole_flight.simulated_truth, analysis.pages.electrical_page,"
+        "analysis.methods.whole_flight.simulated_truth, analysis.pages.write,"
         "analysis.results.energy_balance, analysis.flights.pool, analysis.pages.pooled_page,"
         "analysis.cli.route, analysis.cli.parameters,"
         "analysis.pages.open.whole_flight, analysis.pages.open.server"

@@ -4,13 +4,17 @@ import math
 from typing import NamedTuple
 
 from analysis.records.flight import (
+    UNKNOWN_SPEED,
     AvailableResult,
+    CurveResult,
     Interval,
+    Kind,
     PerformanceResult,
     Results,
     SlowestFlown,
     SpeedInterval,
     SpeedReason,
+    WithCurves,
 )
 
 BEYOND_TABLE = "Outside the propeller table: an extrapolation."
@@ -35,8 +39,11 @@ class HeadlineAnswer(NamedTuple):
 def headline_answers(results: Results) -> list[HeadlineAnswer]:
     """Speeds of longest endurance and longest range, and the performance at full throttle.
 
-    Without a propeller table that allows performance (`results.use` is None): speeds of least power and least drag.
+    Without a propeller table that allows performance (`results.use` is None): speeds of least power and least drag; of
+    electrical power endurance and range at its best speeds.
     """
+    if results.kind is Kind.ELECTRICAL:
+        return best_of_battery(results)
     use = results.use
     if use is None:
         return [
@@ -44,6 +51,39 @@ def headline_answers(results: Results) -> list[HeadlineAnswer]:
             _optimum(results, "Longest range", results.best_range_speed, "least drag"),
         ]
     return [_endurance(results, use), _range(results, use), _full_throttle(results, use.available)]
+
+
+def best_of_battery(results: WithCurves) -> list[HeadlineAnswer]:
+    """Speeds of longest endurance and range by the curve of electrical power, with both where the battery is known."""
+    found = results.curves[Kind.ELECTRICAL]
+    power = {round(p.speed_mps, 6): p for p in found.points}
+
+    def note(speed_mps: float | None, on_battery: str) -> str:
+        point = power.get(round(speed_mps or 0.0, 6))
+        taken = f"{point.power_W:.0f} W ({point.power_lo_W:.0f} to {point.power_hi_W:.0f})" if point else ""
+        below = " Power may still fall below it: slower flight was too short to tell."
+        return f"{taken}{on_battery}, in still air.{below if _at_slowest(speed_mps, found) else ''}"
+
+    endurance = f", {interval_text(found.endurance_s.times(1 / 60), 'min', 0)}" if found.endurance_s else ""
+    distance = f", {interval_text(found.range_m.times(1e-3), 'km', 1)}" if found.range_m else ""
+    return [
+        HeadlineAnswer(question, _end_remark(speed, found), note(speed.speed_mps, on_battery), speed.speed_mps)
+        for question, speed, on_battery in (
+            ("Longest endurance", found.least_power_speed or UNKNOWN_SPEED, endurance),
+            ("Longest range", found.best_range_speed or UNKNOWN_SPEED, distance),
+        )
+    ]
+
+
+def _end_remark(best: SpeedInterval, curve: CurveResult) -> str:
+    """What follows the speed; one at an end of the speeds flown may lie outside them."""
+    if best.inside_flown_range or best.speed_mps is None:
+        return optimum_remark(best)
+    return f", the {'slowest' if _at_slowest(best.speed_mps, curve) else 'fastest'} of the curve"
+
+
+def _at_slowest(speed_mps: float | None, curve: CurveResult) -> bool:
+    return speed_mps is not None and speed_mps <= curve.points[0].speed_mps
 
 
 def _optimum(results: Results, question: str, optimum: SpeedInterval, note: str) -> HeadlineAnswer:

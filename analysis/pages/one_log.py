@@ -15,8 +15,6 @@ from flight.files import check_writable
 if TYPE_CHECKING:
     from analysis.maneuvers.runs_file import NoCurve
     from analysis.pages.predicted_polar import PredictedPolar
-    from analysis.pipeline.runs import Analysis
-    from analysis.pipeline.whole_flight import WholeFlightAnalysis
     from analysis.records.flight import Results
 
 Progress = Callable[[str], None]
@@ -55,37 +53,16 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
     predicted = _predicted_polar(options)
     analysis = analyze(source, options, progress, command_line=command_line, message_of=with_candidates)
     progress("writing the report")
-    replaced = write_analysis(analysis, folder, predicted)
-    from analysis.pages.terminal import print_electrical_summary, print_summary
-    from analysis.pipeline.whole_flight import WholeFlightAnalysis
+    from analysis.pages.terminal import print_summary
+    from analysis.pages.write import write_report, write_run_list
+    from analysis.pipeline.runs import Analysis
 
+    replaced = write_report(analysis, folder, predicted)
+    previous_runs = None
+    if isinstance(analysis, Analysis):
+        previous_runs = write_run_list(analysis, folder, log.name, given=options.runs)
     page, results = folder / "report.html", analysis.results
-    if isinstance(analysis, WholeFlightAnalysis):
-        return Report(results, lambda console: print_electrical_summary(results, page, console, replaced))
-    from analysis.pages.write import write_run_list
-
-    previous_runs = write_run_list(analysis, folder, log.name, given=options.runs)
     return Report(results, lambda console: print_summary(results, page, console), previous_runs, replaced)
-
-
-def write_analysis(
-    analysis: "Analysis | WholeFlightAnalysis", folder: Path, predicted: "PredictedPolar | None" = None
-) -> str:
-    """Write the report of a flight, by its runs or by its energy balance, into `folder`.
-
-    predicted : a polar to draw beside the measured one
-    Returns what of another log or of other options was replaced, in a sentence; empty where nothing was.
-    Raises InputError when the folder cannot be written.
-    """
-    from analysis.pipeline.whole_flight import WholeFlightAnalysis
-
-    if isinstance(analysis, WholeFlightAnalysis):
-        from analysis.pages.electrical_page import write_electrical_report
-
-        return write_electrical_report(analysis.results, analysis.flight, analysis.estimate, folder)
-    from analysis.pages.write import write_report
-
-    return write_report(analysis, folder, predicted)
 
 
 def _predicted_polar(options: Options) -> "PredictedPolar | None":

@@ -5,6 +5,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from analysis.methods.interval_sources import variance_by_source
+from analysis.methods.whole_flight.fit import samples_of
+from analysis.methods.whole_flight.settings import CURVE
 from analysis.pages.charts import flight, power
 from analysis.pages.charts.figure import Figure
 from analysis.pages.html_page import html_figure, render_page
@@ -12,21 +14,26 @@ from analysis.pages.other_conditions import other_conditions_section
 from analysis.pages.predicted_polar import PredictedPolar
 from analysis.pages.sections.certainty import certainty_section
 from analysis.pages.sections.curve import curve_section, methods_section
-from analysis.pages.sections.flight import flight_section, provenance_section, sensors_section
+from analysis.pages.sections.flight import balance_section, flight_section, provenance_section, sensors_section
 from analysis.pages.sections.performance import autopilot_section, performance_section
 from analysis.pages.sections.summary import summary_section, verdict_section
 from analysis.performance.analysis import Performance
 from analysis.pipeline.runs import Analysis
+from analysis.pipeline.whole_flight import WholeFlightAnalysis
 from analysis.records.flight import Results
 
 Drawn = Figure | Sequence[Figure]  # one, or several side by side
 
 
-def figures_by_name(analysis: Analysis, predicted: PredictedPolar | None = None) -> dict[str, Drawn]:
+def figures_by_name(
+    analysis: Analysis | WholeFlightAnalysis, predicted: PredictedPolar | None = None
+) -> dict[str, Drawn]:
     """The figures by their names in the template `report.html`; optional ones are missing where there are no data.
 
     predicted : a polar to draw beside the measured one
     """
+    if isinstance(analysis, WholeFlightAnalysis):
+        return _figures_of_whole_flight(analysis)
     results = analysis.results
     figures: dict[str, Drawn] = {
         "power": power.power_required(results, predicted),
@@ -65,6 +72,17 @@ def figures_by_name(analysis: Analysis, predicted: PredictedPolar | None = None)
     return figures
 
 
+def _figures_of_whole_flight(analysis: WholeFlightAnalysis) -> dict[str, Drawn]:
+    estimate, table = analysis.estimate, analysis.flight
+    errors = estimate.airspeed
+    V = samples_of(table, errors.scale, errors.zero_Pa, errors.wind).V_mps
+    return {
+        "power": power.electrical_power(analysis.results, estimate),
+        "whole_flight": flight.whole_flight(table, V),
+        "balance": flight.residuals_of_balance(estimate),
+    }
+
+
 def run_fits(analysis: Analysis) -> dict[str, Drawn]:
     """The fit of each run, by its name."""
     return {fit.run: flight.run_fit(*fit) for fit in analysis.drag.main.fits}
@@ -99,6 +117,8 @@ def render(
         methods=methods_section(results),
         curve=curve_section(results),
         flight=flight_section(results),
+        balance=balance_section(results),
+        hardly_flown=CURVE.percentiles[0],
         sensors=sensors_section(results),
         autopilot=autopilot_section(results),
         figures={name: html_figure(figure, name) for name, figure in figures.items()},

@@ -1,4 +1,4 @@
-"""The summaries on the terminal: of a flight, of electrical power, of several flights, and of a comparison."""
+"""The summaries on the terminal: of a flight, of several flights, of a comparison, and of a fleet."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -8,40 +8,32 @@ from rich.markup import escape
 from rich.table import Table
 
 from analysis.pages.answers import HeadlineAnswer, headline_answers
-from analysis.pages.electrical_page import NOTHING_AGAINST, electrical_answers
-from analysis.pages.electrical_page import curve_table as electrical_table
 from analysis.pages.fleet_page import airframes_table, doubts, fleet_answers, news_table
 from analysis.pages.html_page import HtmlTable
 from analysis.pages.pooled_page import comparison_answers, curve_table, differences_table, pooled_answers
-from analysis.pages.wording import every, verdict
+from analysis.pages.sections.summary import verdict_section
+from analysis.pages.wording import every
 from analysis.records.fleet import FleetResults
 from analysis.records.flight import Results
 from analysis.records.pool import ComparisonResults, PooledResults
 
 
 def print_summary(results: Results, page: Path, console: Console) -> None:
-    """Print the curve, the headline answers, warnings, and where the page is."""
+    """Print the curve, the headline answers, the verdict unless stderr has it, warnings, and where the page is."""
     curve = HtmlTable(
         ("speed, m/s", "power, W", "95 % interval, W"),
         [
             (f"{point.speed_mps:.1f}", f"{point.power_W:.1f}", f"{point.power_lo_W:.1f} to {point.power_hi_W:.1f}")
-            for point in every(results.power_required, 8)
+            for point in every(results.main.points, 8)
         ],
     )
-    _print_table(console, f"{results.aircraft.title}: power required", curve)
+    _print_table(console, f"{results.aircraft.title}: {results.kind.words}", curve)
     _print_answers(console, headline_answers(results))
-    _print_notes(console, [*results.warnings, *(disagreement.text for disagreement in results.disagreements)])
-    _print_page(console, page)
-
-
-def print_electrical_summary(results: Results, page: Path, console: Console, replaced: str = "") -> None:
-    """Print the curve, the best speeds, notes, and where the page is. replaced: a note on the report before."""
-    _print_table(console, f"{results.aircraft.title}: electrical power of level flight", electrical_table(results))
-    _print_answers(console, electrical_answers(results))
-    if not results.evidence:  # which is told on stderr
-        said = verdict(results.trust, results.evidence, NOTHING_AGAINST)
-        console.print(f"{said.heading}: {' '.join(said.reasons)}", highlight=False)
-    _print_notes(console, [*results.warnings, *results.withheld, *([replaced] if replaced else [])])
+    if not results.evidence:
+        said = verdict_section(results)
+        console.print(f"{said.heading}: {escape(said.reasons)}", highlight=False)
+    disagreements = (disagreement.text for disagreement in results.disagreements)
+    _print_notes(console, [*results.warnings, *results.withheld, *disagreements])
     _print_page(console, page)
 
 

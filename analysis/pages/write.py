@@ -19,6 +19,7 @@ from analysis.pages.pooled_page import render_comparison, render_pooled, render_
 from analysis.pages.predicted_polar import PredictedPolar, check_of_aircraft, comparison
 from analysis.pages.sections import performance as field_table
 from analysis.pipeline.runs import Analysis
+from analysis.pipeline.whole_flight import WholeFlightAnalysis
 from analysis.records.flight import Results
 from analysis.records.pool import ComparisonResults, PooledResults
 from analysis.results.files import to_csv, to_json
@@ -42,8 +43,10 @@ def trajectory_csv(trajectory: Trajectory) -> str:
     return "\n".join(lines).replace("nan", "")
 
 
-def write_report(analysis: Analysis, folder: Path, predicted: PredictedPolar | None = None) -> str:
-    """Write report.html, results.json, power_required.csv, path.csv and field_table.md and .csv into `folder`.
+def write_report(
+    analysis: Analysis | WholeFlightAnalysis, folder: Path, predicted: PredictedPolar | None = None
+) -> str:
+    """Write report.html, results.json and the curve as CSV into `folder`; of runs path.csv and the field table, too.
 
     predicted : a polar to draw beside the measured one
     Returns what of another log or of other options they replaced, in a sentence; empty where they replaced nothing.
@@ -51,27 +54,24 @@ def write_report(analysis: Analysis, folder: Path, predicted: PredictedPolar | N
     for a polar that is not of the aircraft.
     """
     results = analysis.results
-    if predicted:
-        check_of_aircraft(predicted, results.aircraft.span_m**2 / results.aircraft.wing_area_m2)
-    files: dict[str, str | bytes] = {
-        "results.json": to_json(results),
-        "power_required.csv": to_csv(results),
-        "path.csv": trajectory_csv(analysis.trajectory),
-    }
-    if results.use:
-        files["field_table.md"] = field_table.to_markdown(results, results.use)
-        files["field_table.csv"] = field_table.to_csv(results, results.use)
+    files: dict[str, str | bytes] = {"results.json": to_json(results), f"{results.kind}.csv": to_csv(results)}
+    of_runs: dict[str, Any] = {}
+    if isinstance(analysis, Analysis):
+        if predicted:
+            check_of_aircraft(predicted, results.aircraft.span_m**2 / results.aircraft.wing_area_m2)
+        files["path.csv"] = trajectory_csv(analysis.trajectory)
+        if results.use:
+            files["field_table.md"] = field_table.to_markdown(results, results.use)
+            files["field_table.csv"] = field_table.to_csv(results, results.use)
+        of_runs = {
+            "performance": analysis.performance,
+            "runs": embedded_runs(analysis),
+            "predicted": comparison(predicted, results) if predicted else "",
+        }
     before = replaced(folder, results, files)
-    figures, fits = figures_by_name(analysis, predicted), run_fits(analysis)
-    files["report.html"] = page.render(
-        results,
-        figures,
-        fits,
-        performance=analysis.performance,
-        runs=embedded_runs(analysis),
-        replaced=before,
-        predicted=comparison(predicted, results) if predicted else "",
-    )
+    figures = figures_by_name(analysis, predicted)
+    fits = run_fits(analysis) if isinstance(analysis, Analysis) else {}
+    files["report.html"] = page.render(results, figures, fits, replaced=before, **of_runs)
     write_files({folder / name: content for name, content in files.items()})
     return before
 

@@ -32,13 +32,13 @@ from analysis.records.flight import (
 )
 from analysis.results.curves import condition_result, curve_result, power_statistics
 from analysis.results.evidence import with_trust
+from analysis.results.settings import RESULTS
 from analysis.settings import CURVES
 from analysis.sources.grid_settings import FLIGHT
 from flight.atmosphere import SEA_LEVEL_DENSITY
 from flight.version import version
 
 LARGE_SCALE = 0.03
-LARGE_HALF_WIDTH = 0.3
 
 WITHHELD_CLIMB = (
     "Climb, highest speed and ceiling are not known: they require full throttle over several speeds, a propeller table"
@@ -133,8 +133,6 @@ def _air(flight: FlightTable, estimate: ElectricalEstimate) -> AirFound:
         wind_standard_error_mps=None if of_wind is None else float(np.sqrt(np.mean(np.diag(of_wind)))),
         gust_mps=estimate.gust_mps,
         density_altitude_m=float(density_altitude_m(estimate.conditions.rho)),
-        lowest_height_m=float(rows["height_m"].min()),
-        highest_height_m=float(rows["height_m"].max()),
     )
 
 
@@ -194,10 +192,10 @@ def _warnings(estimate: ElectricalEstimate) -> list[str]:
             f"Airspeed reads {100 * abs(scale):.0f} % too {'high' if scale > 0 else 'low'} by GPS; this is corrected."
             " Check the pitot's place and the calibration."
         )
-    wide = estimate.standard_error_W * NORMAL_95 > LARGE_HALF_WIDTH * estimate.power_W
+    wide = estimate.standard_error_W * NORMAL_95 > RESULTS.wide * estimate.power_W
     if wide.any():
         notes.append(
-            f"The interval is wider than ±{100 * LARGE_HALF_WIDTH:.0f} % at"
+            f"The interval is wider than ±{100 * RESULTS.wide:.0f} % at"
             f" {100 * wide.mean():.0f} % of the speeds flown: a longer flight with steady legs at several speeds"
             " narrows it."
         )

@@ -10,6 +10,9 @@ class ResultsSettings(Settings):
     """Lengths of what is written, and limits of what follows."""
 
     longest_lag_s: float = setting(4.0, "s", "of autocorrelations: the gusts of a run are shorter")
+    wide: float = setting(
+        0.25, "1", "half of an interval over the power: with more, endurance may be a third less or two thirds more"
+    )
     clock_set_unix_s: float = setting(1.5e9, "s", "2017: an earlier time is that of a clock without battery")
 
 

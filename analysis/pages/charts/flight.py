@@ -10,6 +10,8 @@ from analysis.estimation.fit import Convergence
 from analysis.estimation.noise import NORMAL_95
 from analysis.maneuvers.kinds import Maneuver
 from analysis.methods.dynamic import DRAG_TITLE, SPEED_TITLE, RunFit
+from analysis.methods.whole_flight.curve import ElectricalEstimate
+from analysis.methods.whole_flight.flight_table import FlightTable
 from analysis.pages.charts.figure import Axis, Bars, Cursor, Dash, Figure, Line, Points, Shade, Symbol
 from analysis.pages.charts.style import (
     BLUE,
@@ -249,4 +251,31 @@ def correlation(correlation: Correlation) -> Figure:
     )  # fmt: skip
     figure.x = Axis(limits=(-0.5, n - 0.5), ticks=dict(enumerate(names)), grid=False)
     figure.y = Axis(limits=(0, n), ticks={n - 0.5 - i: name for i, name in enumerate(names)}, grid=False)
+    return figure
+
+
+def whole_flight(table: FlightTable, V_mps: Array) -> Figure:
+    """Airspeed, height and electrical power of the whole log; the part used is shaded."""
+    t_s = table.table.index.to_numpy()
+    figure = over_time(
+        [
+            (t_s, V_mps, Axis("airspeed", "m/s")),
+            (t_s, table.table["height_m"].to_numpy(), Axis("height", "m")),
+            (t_s, table.table["power_W"].to_numpy(), Axis("power", "W")),
+        ]
+    )
+    figure.shades = [Shade(float(t_s[part.start]), float(t_s[part.stop - 1]), BLUE, 0.12) for part in table.airborne]
+    return figure
+
+
+def residuals_of_balance(estimate: ElectricalEstimate) -> Figure:
+    """The energy balance's residuals over time."""
+    figure = Figure(height_px=320, x=time_axis())
+    figure.add(
+        Line(
+            x=estimate.time_s, y=estimate.residual_W, color=BLUE, symbol=None, label="residual", value="{y:.0f} W",
+        )
+    )  # fmt: skip
+    figure.zero_lines.add(1)
+    figure.y = Axis("residual", "W")
     return figure

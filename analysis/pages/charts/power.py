@@ -9,6 +9,7 @@ from analysis.curve import Polar
 from analysis.estimation.noise import NORMAL_95
 from analysis.maneuvers.kinds import LEVEL_RUNS
 from analysis.methods.interval_sources import Source
+from analysis.methods.whole_flight.curve import ElectricalEstimate
 from analysis.pages.charts.figure import Axis, Band, Bars, Cursor, Dash, Figure, Line, Mark, Points, Symbol
 from analysis.pages.charts.style import (
     ALL_RUNS,
@@ -276,4 +277,20 @@ def efficiency(use: PerformanceResult) -> Figure:
             x, y = (np.array([getattr(p, of) for p in measured]) for of in ("speed_mps", name))
             figure.add(Points(x=x, y=100 * y, size=8, hollow=True, color=color, name=title, value=""))
     figure.y = Axis("efficiency", "%", limits=(0, 105))
+    return figure
+
+
+def electrical_power(results: Results, estimate: ElectricalEstimate) -> Figure:
+    """Electrical power against airspeed with its 95 % interval, and the flight's moments reduced to level flight."""
+    figure = Figure(height_px=420, cursor=Cursor.NEAREST, x=true_airspeed())
+    V, _, lo, hi = curve_arrays(results.electrical_power)
+    figure.add(
+        band(V, (lo, hi), BLUE, 0.3, name="electrical power"),
+        Points(
+            x=estimate.measured_V_mps, y=estimate.measured_W, color=GRAY, size=7, opacity=0.6,
+            name="the flight, reduced to level flight", value="{y:.0f} W",
+        ),
+        *curve_lines(results.electrical_power, "electrical power", BLUE, width=5),
+    )  # fmt: skip
+    figure.y = Axis("power", "W", limits=(0, 1.2 * float(np.max(hi))))
     return figure

@@ -9,15 +9,18 @@ from scipy import special
 from analysis.estimation.noise import NORMAL_95
 from analysis.pages.answers import stall_margin_percent
 from analysis.pages.html_page import HtmlTable
+from analysis.pages.sections.curve import shared_part
 from analysis.pages.sections.flight import CHANNELS, decimals
 from analysis.pages.sections.summary import reference_point
-from analysis.records.flight import IntervalPart, Results
+from analysis.records.flight import UNKNOWN_SPEED, IntervalPart, Kind, Results
 from analysis.results.evidence import noise_limit
 from analysis.settings import EVIDENCE
 from analysis.trajectory.settings import PRIOR_CHECK
 
 
 class CertaintySection(NamedTuple):
+    shared_part: str
+    withheld: list[str]  # what the flight does not give
     checks: HtmlTable
     certificate: HtmlTable | None
     next_flight: list[str]
@@ -26,10 +29,12 @@ class CertaintySection(NamedTuple):
 
 def certainty_section(results: Results) -> CertaintySection:
     return CertaintySection(
+        shared_part=shared_part(results),
+        withheld=results.withheld,
         checks=HtmlTable(("question", "answer"), _checks(results)),
         certificate=certificate(results),
         next_flight=next_flight(results),
-        stall=stall_margin(results),
+        stall=stall_margin(results) if results.kind is Kind.POWER_REQUIRED else "",
     )
 
 
@@ -58,7 +63,7 @@ def _checks(results: Results) -> list[tuple[str, str]]:
         ]
         answer = f"Not all; residuals of {', '.join(large)} are up to" if large else "Yes: no residual is above"
         rows.append(("Do the sensors agree with one path?", f"{answer} {largest:.1f} times the channel's noise (rms)."))
-    if results.provenance is not None:
+    if results.provenance is not None and results.provenance.sensors:
         rows.append(("Is the log whole?", _health(results)))
     return rows
 
@@ -148,7 +153,7 @@ def halving(results: Results) -> Halving | None:
 
     Noise averages over runs, n times as many runs divide its square by n; the part that all runs share remains.
     """
-    if not results.interval_parts:
+    if not results.interval_parts or not results.runs:
         return None
     at = reference_point(results).point.speed_mps
     part = min(results.interval_parts, key=lambda part: abs(part.speed_mps - at))
@@ -251,6 +256,8 @@ def next_flight(results: Results) -> list[str]:
     to_halve = halving(results)
     if to_halve and not (advice and to_halve.by_more_runs):
         advice.append(to_halve.text)
+    if results.balance:
+        advice += _after_energy_balance(results)
     if results.minimum_power_speed.speed_mps is None and results.slowest_flown is not None:
         advice.append(
             f"Slower than {results.slowest_flown.speed_mps:.1f} m/s, if the stall allows: power still decreases there,"
@@ -263,7 +270,7 @@ def next_flight(results: Results) -> list[str]:
                 if error.name != results.next_flight_lowers:
                     lacking.setdefault(reason, []).append(error.title)
         advice += [f"Not determined: {', '.join(titles)} ({reason})." for reason, titles in lacking.items()]
-    if any(point.extrapolated for point in results.power_required):
+    if any(point.extrapolated for point in results.main.points):
         advice.append(
             "A propeller table that reaches further, or more motor speed in the fast runs: parts of the curve lie"
             " outside the table (dashed)."
@@ -272,3 +279,20 @@ def next_flight(results: Results) -> list[str]:
     if kinds:
         advice.append(f"For an independent check by other methods: {', '.join(kinds)}.")
     return advice
+
+
+def _after_energy_balance(results: Results) -> list[str]:
+    """What narrows the interval of a whole flight where it is least: a longer flight, or a better calibration."""
+    at = reference_point(results).point.speed_mps
+    part = min(results.main.interval_parts, key=lambda part: abs(part.speed_mps - at))
+    halves = f"At {part.speed_mps:.1f} m/s, ±{_watts(math.hypot(part.noise_W, part.systematic_W))} are"
+    parts = f"{halves} ±{_watts(part.noise_W)} by air motion and ±{_watts(part.systematic_W)} by the instruments:"
+    if part.noise_W > part.systematic_W:
+        advice = [f"{parts} a longer flight in still air, with steady legs at several speeds, narrows it."]
+    else:
+        advice = [
+            f"{parts} the current meter against a charger or clamp meter, mass and pitot narrow it, not more time."
+        ]
+    if not (results.main.least_power_speed or UNKNOWN_SPEED).inside_flown_range:
+        advice.append("Slower, if the stall allows: the speed of longest endurance is at the end of the speeds flown.")
+    return [*advice, "A plan needs the sensors of drag: flow angles, motor speed and runs; this flight has none."]

@@ -9,40 +9,42 @@ from msgspec import UNSET
 from analysis.pages.answers import optimum_speed_text
 from analysis.pages.html_page import HtmlTable
 from analysis.pages.wording import every, listed_methods, meaning, short_name
-from analysis.records.flight import PitchRateResult, PowerPoint, Results
+from analysis.records.flight import UNKNOWN_SPEED, Kind, PitchRateResult, PowerPoint, Results
 from analysis.settings import FLOWN
 from flight.atmosphere import FOOT_POUND_PER_SECOND_W
 from flight.units import FOOT_M
 
 
 class CurveSection(NamedTuple):
-    least_power: str
-    least_drag: str
-    zero_lift_drag: str
-    oswald_efficiency: str
-    lift_to_drag: str
-    runs: str  # how many of which kind
-    data: str
+    title: str
+    facts: list[tuple[str, str]]  # name and text
+    data: str  # what the curve is from
     table: HtmlTable
-    shared_part: str  # at which speed how much of the interval all runs share; "" where it is not known
+    drag: HtmlTable | None  # of a curve of electrical power, where thrust is known
+    thrust_basis: str
     parameters: HtmlTable
     stand: str  # thrust on the stand; "" without one
 
 
 def curve_section(results: Results) -> CurveSection:
-    polar = results.drag_polar
-    assert polar is not None  # this page is that of a known drag
-    best = polar.maximum_lift_to_drag
+    main, words = results.main, results.kind.words
+    by_battery = results.kind is Kind.ELECTRICAL
+    range_at = optimum_speed_text(main.best_range_speed or UNKNOWN_SPEED)
+    facts = [
+        (f"Least {words} at", optimum_speed_text(main.least_power_speed or UNKNOWN_SPEED)),
+        ("Longest range at" if by_battery else "Least drag at", range_at + _best_range_on_battery(results)),
+    ]
+    if polar := results.drag_polar:
+        best = "–" if polar.maximum_lift_to_drag is None else f"{polar.maximum_lift_to_drag:.1f}"
+        said = f"C_D0 {polar.CD0:.4f}, Oswald efficiency {polar.oswald_efficiency:.2f}, (L/D)max {best}"
+        facts.append(("Drag polar", said))
     return CurveSection(
-        least_power=optimum_speed_text(results.minimum_power_speed),
-        least_drag=optimum_speed_text(results.best_range_speed) + _best_range_on_battery(results),
-        zero_lift_drag=f"{polar.CD0:.4f}",
-        oswald_efficiency=f"{polar.oswald_efficiency:.2f}",
-        lift_to_drag="–" if best is None else f"{best:.1f}",
-        runs=_run_count(results),
-        data=f"{_run_count(results)}; estimation {results.verdict}",
+        title="Electrical power and drag" if by_battery else "Power-required curve and drag polar",
+        facts=[*facts, ("Data", f"{_data(results)}; estimation {results.verdict}")],
+        data=_data(results),
         table=_curve_table(results),
-        shared_part=_shared_part(results),
+        drag=_drag_table(results) if by_battery else None,
+        thrust_basis=results.balance.thrust_basis if results.balance else "",
         parameters=HtmlTable(
             ("parameter", "meaning", "estimate", "standard error", "unit"),
             [
@@ -79,7 +81,31 @@ def _best_range_on_battery(results: Results) -> str:
     return f"; longest range on the battery at {best:.1f} m/s, where propeller and motor are more efficient"
 
 
-def _run_count(results: Results) -> str:
+def _drag_table(results: Results) -> HtmlTable | None:
+    """Drag and shaft power at the speeds of the curve; None where thrust is not known."""
+    if not results.power_required:
+        return None
+    shaft = {p.speed_mps: p for p in results.points(Kind.SHAFT)}
+    return HtmlTable(
+        ("speed, m/s", "power required, W", "95 % interval, W", "drag, N", "shaft power, W"),
+        [
+            (
+                f"{p.speed_mps:.1f}",
+                f"{p.power_W:.0f}",
+                f"{p.power_lo_W:.0f} to {p.power_hi_W:.0f}",
+                f"{p.power_W / p.speed_mps:.2f}",
+                f"{shaft[p.speed_mps].power_W:.0f}" if p.speed_mps in shaft else "",
+            )
+            for p in every(results.power_required)
+        ],
+        numbers=True,
+    )
+
+
+def _data(results: Results) -> str:
+    """How many runs of which kind, or how long a flight."""
+    if results.balance:
+        return f"{results.balance.flown_s / 60:.1f} min in the air"
     kinds = [run.kind for run in results.runs]
     counts = ((kinds.count(kind), kind) for kind in ("acceleration", "deceleration"))
     return " and ".join(f"{n} {kind}{'' if n == 1 else 's'}" for n, kind in counts)
@@ -96,20 +122,25 @@ def _curve_table(results: Results) -> HtmlTable:
                 f"{p.power_lo_W:.1f} to {p.power_hi_W:.1f}",
                 f"{p.power_W / FOOT_POUND_PER_SECOND_W:.1f}",
             )
-            for p in every(results.power_required)
+            for p in every(results.main.points)
         ],
         numbers=True,
     )
 
 
-def _shared_part(results: Results) -> str:
-    if not results.interval_parts:
+def shared_part(results: Results) -> str:
+    """How much of the interval does not shrink with more data, and why; empty where it is not known."""
+    parts = results.main.interval_parts
+    if not parts:
         return ""
-    middle = results.interval_parts[len(results.interval_parts) // 2]
+    middle = parts[len(parts) // 2]
     whole = math.hypot(middle.systematic_W, middle.noise_W)
+    shared = f"Of ±{whole:.1f} W at {middle.speed_mps:.0f} m/s, ±{middle.systematic_W:.1f} W is common to"
+    if results.kind is Kind.ELECTRICAL:
+        return f"{shared} the whole flight, and a longer one does not reduce it: airspeed, current meter, mass, density"
     return (
-        f"Of ±{whole:.1f} W at {middle.speed_mps:.0f} m/s, ±{middle.systematic_W:.1f} W is common to all runs and does"
-        " not shrink with more of them"
+        f"{shared} all runs and does not shrink with more of them: errors of the sensors, of the propeller table, and"
+        " of the alignment of the axes"
     )
 
 
@@ -123,7 +154,10 @@ class MethodsSection(NamedTuple):
     says: str  # whether they agree, in a few words
 
 
-def methods_section(results: Results) -> MethodsSection:
+def methods_section(results: Results) -> MethodsSection | None:
+    """None where no other method gave a curve."""
+    if not results.methods:
+        return None
     rows = [
         (
             method.title,

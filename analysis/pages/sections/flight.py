@@ -13,7 +13,10 @@ class FlightSection(NamedTuple):
     rejected: HtmlTable | None
 
 
-def flight_section(results: Results) -> FlightSection:
+def flight_section(results: Results) -> FlightSection | None:
+    """None of a flight without runs."""
+    if not results.runs and not results.rejected:
+        return None
     runs = [
         (
             f"{number}",
@@ -102,9 +105,8 @@ def provenance_section(results: Results) -> ProvenanceSection | None:
         *_air(results),
         ("Weight", f"{results.test.weight_N / GRAVITY_MPS2:.3f} kg, {found.weight_source}"),
         ("Log", _log(results, found)),
-        ("Recorded by", f"flightpower {found.recorded_by}" if found.recorded_by else "not known"),
-        ("Sampling", _ticks(results)),
-        ("Messages of the daemon", "; ".join(found.events) or "no warning"),
+        ("Recorded by", _recorder(results, found)),
+        *_of_daemon(results, found),
         ("Analyzed by", f"flightpower {results.software_version}"),
         ("Command", found.command_line or "not recorded: one of several logs, or called from Python"),
     ]
@@ -132,25 +134,55 @@ def provenance_section(results: Results) -> ProvenanceSection | None:
     )
 
 
+def _recorder(results: Results, found: Provenance) -> str:
+    if results.vehicle:
+        return f"autopilot {results.vehicle} (hash of its serial number)"
+    return f"flightpower {found.recorded_by}" if found.recorded_by else "not known"
+
+
+def _of_daemon(results: Results, found: Provenance) -> list[tuple[str, str]]:
+    """What only our own recorder tells."""
+    if not found.recorded_by and found.ticks is None:
+        return []
+    return [("Sampling", _ticks(results)), ("Messages of the daemon", "; ".join(found.events) or "no warning")]
+
+
 def _log(results: Results, found: Provenance) -> str:
     length = "" if found.duration_s is None else f" {found.duration_s:.0f} s,"
     return f"{results.log},{length} {found.log_bytes / 1e6:.1f} MB, SHA-256 {found.log_sha256}"
 
 
-def electrical_facts(results: Results) -> list[tuple[str, str]]:
-    """The same where only log, weight and command are known."""
-    found = results.provenance
+class BalanceSection(NamedTuple):
+    """The energy balance of a whole flight: wind and airspeed, what it leaves over."""
+
+    air: str
+    residual: str
+
+
+def balance_section(results: Results) -> BalanceSection | None:
+    """None where the curve is not by an energy balance."""
+    found = results.balance
     if found is None:
-        return []
-    files = [(file.role.capitalize(), f"{file.origin}, SHA-256 {file.sha256}") for file in found.files]
-    return [
-        ("Log", _log(results, found)),
-        ("Weight", f"{results.test.weight_N / GRAVITY_MPS2:.3f} kg, {found.weight_source}"),
-        *files,
-        *([("Recorded by", f"autopilot {results.vehicle} (hash of its serial number)")] if results.vehicle else []),
-        ("Analyzed by", f"flightpower {results.software_version}"),
-        ("Command", found.command_line),
-    ]
+        return None
+    residual = (
+        f"Useful power less that of drag and of the change of energy, {found.residual_W:.0f} W rms over"
+        f" {found.flown_s:.0f} s. Vertical motion of the air appears here; slow waves do so, too, and the interval"
+        " contains them."
+    )
+    return BalanceSection(_airspeed(results), residual)
+
+
+def _airspeed(results: Results) -> str:
+    air, scale = results.air, results.balance.airspeed_scale if results.balance else None
+    if air.wind_mps is None or air.wind_from_deg is None:
+        return "Without GPS neither wind nor the error of the airspeed is known."
+    wind = f"Wind {air.wind_mps:.1f} m/s from {air.wind_from_deg:.0f} deg"
+    if scale is None:
+        return f"{wind}; airspeed is the velocity by GPS less the wind."
+    return (
+        f"{wind}. The airspeed in the log differs from the true one by {100 * scale.value:+.1f} %"
+        f" ({100 * scale.lo:+.1f} to {100 * scale.hi:+.1f}), by GPS; corrected."
+    )
 
 
 def _date(results: Results) -> str:

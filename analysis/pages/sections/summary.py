@@ -7,9 +7,12 @@ import numpy as np
 from analysis.pages.answers import HeadlineAnswer, headline_answers
 from analysis.pages.sections.flight import temperature_text
 from analysis.pages.wording import VERDICT
-from analysis.records.flight import CurveStatus, PowerPoint, Results
+from analysis.records.flight import CurveStatus, Kind, PowerPoint, Results
 from analysis.results.evidence import sentences
+from analysis.results.settings import RESULTS
 from flight.units import FOOT_M, GRAVITY_MPS2
+
+NO_WARNINGS = "No warnings for this flight."
 
 
 class AnswerCard(NamedTuple):
@@ -35,10 +38,11 @@ class SummarySection(NamedTuple):
 def summary_section(results: Results) -> SummarySection:
     use = results.use
     return SummarySection(
-        title=f"{results.aircraft.title}: power required",
+        title=f"{results.aircraft.title}: {results.kind.words}",
         condition=(
             f"{results.test.weight_N / GRAVITY_MPS2:.2f} kg, air {results.test.air_density_kgpm3:.3f} kg/m³"
-            f"{temperature_text(results.air)}, propeller {results.aircraft.propeller}"
+            f"{temperature_text(results.air)}"
+            f"{f', propeller {results.aircraft.propeller}' if results.aircraft.propeller else ''}"
         ),
         cards=[_card(answer) for answer in headline_answers(results)],
         steady_points=any(method.points for method in results.methods),
@@ -73,20 +77,22 @@ class VerdictSection(NamedTuple):
 
 
 def reference_point(results: Results) -> NamedPoint:
-    """The speed of least drag; where it is not known, that of least power, or the middle of the speeds flown."""
+    """The speed of longest range, which is that of least drag where drag is known; else that of least power, or the
+    middle of the speeds flown."""
+    main = results.main
     candidates = (
-        (results.best_range_speed, "the speed of least drag"),
-        (results.minimum_power_speed, "the speed of least power"),
+        (main.best_range_speed, f"the speed of {'longest range' if results.kind is Kind.ELECTRICAL else 'least drag'}"),
+        (main.least_power_speed, "the speed of least power"),
     )
     for optimum, meaning in candidates:
-        if optimum.speed_mps is not None and optimum.inside_flown_range:
+        if optimum and optimum.speed_mps is not None and optimum.inside_flown_range:
             return NamedPoint(_point_at(results, optimum.speed_mps), meaning)
-    curve = results.power_required
+    curve = main.points
     return NamedPoint(_point_at(results, (curve[0].speed_mps + curve[-1].speed_mps) / 2), "the middle of those flown")
 
 
 def _point_at(results: Results, speed_mps: float) -> PowerPoint:
-    curve = results.power_required
+    curve = results.main.points
     V = [point.speed_mps for point in curve]
     power, lo, hi = (
         float(np.interp(speed_mps, V, values))
@@ -98,21 +104,26 @@ def _point_at(results: Results, speed_mps: float) -> PowerPoint:
 def verdict_section(results: Results) -> VerdictSection:
     at, meaning = reference_point(results)
     heading, color_class = VERDICT[results.trust]
+    half_percent = 50 * (at.power_hi_W - at.power_lo_W) / at.power_W
+    wide = half_percent >= 100 * RESULTS.wide
+    what = "from the battery" if results.kind is Kind.ELECTRICAL else "drag times true airspeed"
     return VerdictSection(
         number=f"{at.power_W:.1f} W",
         interval=f"{at.power_lo_W:.1f} to {at.power_hi_W:.1f} W",
         sentence=(
-            f"in level flight at {at.speed_mps:.1f} m/s, {meaning}. This is drag times true airspeed, for"
+            f"in level flight at {at.speed_mps:.1f} m/s, {meaning}. This is {what}, for"
             f" {results.test.weight_N / GRAVITY_MPS2:.2f} kg in air of {results.test.air_density_kgpm3:.3f} kg/m³."
         ),
-        heading=heading,
+        heading=f"{heading}, but wide (±{half_percent:.0f} %)" if wide else heading,
         color_class=color_class,
         reasons=" ".join(sentences(results.evidence)) or _support(results),
     )
 
 
 def _support(results: Results) -> str:
-    """What speaks for the result."""
+    """What supports the result."""
+    if results.kind is Kind.ELECTRICAL:
+        return NO_WARNINGS
     others = sum(bool(method.power_required) for method in results.methods)
     parts = ["the estimation converged" if results.status is CurveStatus.CONVERGED else results.verdict]
     pairs = len(results.disagreements)

@@ -191,7 +191,7 @@ def test_a_trend_is_the_slope_of_generalized_least_squares() -> None:
     flights = [
         SimpleNamespace(
             start_unix_s=86400.0 * day,
-            statistics=SimpleNamespace(battery_V=14.0),
+            battery_V=14.0,
             content=SimpleNamespace(air_temperature_K=T),
         )
         for day, T in zip(days, (280.0, None, 290.0, 295.0), strict=True)
@@ -208,7 +208,7 @@ def test_a_trend_is_told_over_the_range_flown_alone() -> None:
     flights = [
         SimpleNamespace(
             start_unix_s=None,
-            statistics=SimpleNamespace(battery_V=None),
+            battery_V=None,
             content=SimpleNamespace(air_temperature_K=288.0 + 0.1 * i / 4),
         )
         for i in range(5)

@@ -80,7 +80,7 @@ def _texts(results: Results) -> Iterator[str]:
         yield answer.answer
         yield re.sub(r"Climbs .*? m/s \(.*?\)", "", answer.note)
     curve = curve_section(results)
-    yield from (curve.least_power, curve.least_drag)
+    yield from (text for _, text in curve.facts)
     yield from (f"{row[0]} m/s" for row in curve.table.rows)
     certainty = certainty_section(results)
     yield from (certainty.stall, *certainty.next_flight)

@@ -100,9 +100,10 @@ def test_the_curve_in_numbers(with_battery: Results) -> None:
     """12 m/s are 39 ft/s; 46.508 W are 34.3 ft lbf/s; the interval of the curve is 5 % to either side."""
     curve = curve_section(with_battery)
     assert curve.table.rows[0] == ("12.0", "39", "46.5", "44.2 to 48.8", "34.3")
-    assert curve.zero_lift_drag == "0.0450" and curve.lift_to_drag == "9.2"
-    assert curve.data == "1 acceleration and 0 decelerations; estimation converged"
-    assert "on the battery at 16.0 m/s" in curve.least_drag
+    facts = dict(curve.facts)
+    assert "C_D0 0.0450" in facts["Drag polar"] and facts["Drag polar"].endswith("(L/D)max 9.2")
+    assert facts["Data"] == "1 acceleration and 0 decelerations; estimation converged"
+    assert "on the battery at 16.0 m/s" in facts["Least drag at"]
 
 
 def test_sensors_are_shown_before_and_after_correction(results: Results) -> None:

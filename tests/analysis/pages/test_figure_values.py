@@ -12,7 +12,7 @@ from analysis.calibrations import probe as calibration_page
 from analysis.calibrations import probe as probe_calibration
 from analysis.estimation.noise import NORMAL_95
 from analysis.maneuvers.kinds import ACCELERATION, STANDING
-from analysis.pages import electrical_page, pooled_page
+from analysis.pages import pooled_page
 from analysis.pages.charts import flight, power
 from analysis.pages.charts.figure import Band, Dash, Figure, Line, Mark, Points, Symbol
 from analysis.records.flight import Kind, MeasuredEfficiencyPoint, PowerPoint, Results
@@ -153,13 +153,13 @@ def test_a_flight_of_a_pool_lies_off_the_pool_by_its_difference() -> None:
 def test_the_battery_s_power_and_the_flight_are_drawn_whole(results: Results) -> None:
     estimate = SimpleNamespace(measured_V_mps=np.array([12.0, 14.0]), measured_W=np.array([50.0, 60.0]))
     shown = replace(results, curves={Kind.ELECTRICAL: results.main})
-    figure = electrical_page.electrical_power(shown, estimate)  # type: ignore[arg-type]
+    figure = power.electrical_power(shown, estimate)  # type: ignore[arg-type]
     highest = max(point.power_hi_W for point in results.power_required)
     assert figure.y.limits is not None and highest < figure.y.limits[1] < 1.5 * highest
     t = np.arange(0, 10, 0.5)
     table = pd.DataFrame({"height_m": 2 * t, "power_W": 30 + t}, index=t)
     flown = SimpleNamespace(table=table, airborne=[slice(4, 12)])
-    figure = electrical_page.flight_figure(flown, 15 + 0 * t)  # type: ignore[arg-type]
+    figure = flight.whole_flight(flown, 15 + 0 * t)  # type: ignore[arg-type]
     assert labeled(figure, "height").y == pytest.approx(2 * t)
     (shade,) = figure.shades
     assert (shade.start, shade.end) == (2.0, 5.5)

@@ -5,11 +5,21 @@ from types import SimpleNamespace
 import pytest
 from msgspec.structs import replace
 
-from analysis.pages.sections.curve import _power_at_ends
-from analysis.pages.sections.flight import _air, _log, _place, _ticks, _wind, decimals, flight_section
+from analysis.pages.sections.certainty import certainty_section
+from analysis.pages.sections.curve import _power_at_ends, curve_section, methods_section
+from analysis.pages.sections.flight import _air, _log, _place, _ticks, _wind, balance_section, decimals, flight_section
 from analysis.pages.sections.performance import ceilings, performance_section
-from analysis.pages.sections.summary import summary_section
-from analysis.records.flight import AirFound, ConditionResult, Interval, PowerPoint, RejectedResult, Results
+from analysis.pages.sections.summary import summary_section, verdict_section
+from analysis.records.flight import (
+    AirFound,
+    ConditionResult,
+    EnergyBalanceResult,
+    Interval,
+    Kind,
+    PowerPoint,
+    RejectedResult,
+    Results,
+)
 
 AIR = AirFound(
     wind_mps=5.0, wind_from_deg=310.0, wind_standard_error_mps=0.5, gust_mps=0.25, temperature_K=290.0, pressure_Pa=1e5,
@@ -83,3 +93,28 @@ def test_the_log_s_size_and_missed_instants_are_told() -> None:
 @pytest.mark.parametrize(("sigma", "shown"), [(12.0, 0), (1.0, 1), (0.12, 2), (0.012, 3), (0.0, 2)])
 def test_a_standard_error_is_shown_with_two_digits(sigma: float, shown: int) -> None:
     assert decimals(sigma) == shown
+
+
+def test_a_trusted_result_of_a_quarter_of_the_power_is_called_wide(results: Results) -> None:
+    """±25 % at the speed of least drag and more; less is not."""
+    for share, wide in ((0.24, False), (0.26, True)):
+        points = [replace(p, power_lo_W=(1 - share) * p.power_W, power_hi_W=(1 + share) * p.power_W)
+                  for p in results.power_required]  # fmt: skip
+        heading = verdict_section(results.with_curve(Kind.POWER_REQUIRED, points=points)).heading
+        assert heading == ("To be trusted, but wide (±26 %)" if wide else "To be trusted")
+
+
+def test_a_flight_of_electrical_power_has_the_sections_that_its_results_hold(results: Results) -> None:
+    balance = EnergyBalanceResult(residual_W=3.0, flown_s=300.0, airspeed_scale=None)
+    electrical = replace(
+        results, kind=Kind.ELECTRICAL, curves={Kind.ELECTRICAL: results.main}, runs=[], methods=[], balance=balance,
+        withheld=["Drag is not known."], drag_polar=None,
+    )  # fmt: skip
+    assert summary_section(electrical).title == "A & B: electrical power"
+    assert flight_section(electrical) is None and methods_section(electrical) is None
+    assert "from the battery" in verdict_section(electrical).sentence
+    section = certainty_section(electrical)
+    assert section.withheld == ["Drag is not known."] and section.stall == "" and "whole flight" in section.shared_part
+    assert any("by the instruments" in text for text in section.next_flight), "2 W of 2.2 are shared"
+    assert curve_section(electrical).drag is None and "5.0 min in the air" in curve_section(electrical).data
+    assert balance_section(electrical) is not None and balance_section(results) is None

@@ -148,8 +148,8 @@ def test_the_basis_of_thrust_tells_the_efficiency_in_per_cent() -> None:
         ({"scale": 0.031}, ["Airspeed reads 3 % too high by GPS"]),
         ({"scale": -0.05}, ["Airspeed reads 5 % too low by GPS"]),
         ({"scale": 0.05, "wind_mps": None}, ["No GPS in this log"]),
-        ({"share": 0.15}, []),
-        ({"share": 0.16}, ["The interval is wider than ±30 % at 100 % of the speeds"]),
+        ({"share": 0.127}, []),
+        ({"share": 0.128}, ["The interval is wider than ±25 % at 100 % of the speeds"]),
     ],
 )
 def test_what_a_reader_must_know_is_said_from_its_limit_on(of: dict, said: list[str]) -> None:

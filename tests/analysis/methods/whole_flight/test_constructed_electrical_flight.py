@@ -384,7 +384,7 @@ def test_what_a_reader_must_know_is_said(electrical: ElectricalEstimate) -> None
     assert "5 % too low by GPS" in said(airspeed=electrical.airspeed._replace(scale=-0.05))
     assert "2 % too high" not in said(airspeed=electrical.airspeed._replace(scale=0.02))
     unsure = Uncertain(electrical.power_W, np.diag((0.2 * electrical.power_W) ** 2), electrical.curve.power_W.shared)
-    assert "wider than ±30 % at 100 %" in said(curve=dataclasses.replace(electrical.curve, power_W=unsure))
+    assert "wider than ±25 % at 100 %" in said(curve=dataclasses.replace(electrical.curve, power_W=unsure))
 
 
 def test_a_stretch_that_the_user_leaves_out_does_not_count(truth: Truth, electrical: ElectricalEstimate) -> None:
