@@ -25,8 +25,8 @@ from flight.aircraft import Aircraft
 from flight.arrays import Array
 
 
-class Source(StrEnum):
-    """What the interval of the curve comes from, as it is named in the report."""
+class Share(StrEnum):
+    """What has a share in the interval of the curve, as the report names it."""
 
     NOISE = "noise of the runs"
     AIRSPEED = "airspeed"
@@ -44,23 +44,23 @@ class Source(StrEnum):
 
 
 OF_SENSOR_ERROR = {
-    "V_scale": Source.AIRSPEED, "q_c_zero": Source.AIRSPEED,
-    "alpha_bias": Source.ANGLE_OF_ATTACK, "alpha_scale": Source.ANGLE_OF_ATTACK,
-    "dp_alpha_zero": Source.ANGLE_OF_ATTACK, "alpha_per_g": Source.ANGLE_OF_ATTACK,
-    "ax_bias": Source.ACCELEROMETER, "ay_bias": Source.ACCELEROMETER, "az_bias": Source.ACCELEROMETER,
-    "updraft": Source.UPDRAFT, "ax_vibration": Source.ACCELEROMETER, "az_vibration": Source.ACCELEROMETER,
-    "ax_scale": Source.ACCELEROMETER, "az_scale": Source.ACCELEROMETER,
+    "V_scale": Share.AIRSPEED, "q_c_zero": Share.AIRSPEED,
+    "alpha_bias": Share.ANGLE_OF_ATTACK, "alpha_scale": Share.ANGLE_OF_ATTACK,
+    "dp_alpha_zero": Share.ANGLE_OF_ATTACK, "alpha_per_g": Share.ANGLE_OF_ATTACK,
+    "ax_bias": Share.ACCELEROMETER, "ay_bias": Share.ACCELEROMETER, "az_bias": Share.ACCELEROMETER,
+    "updraft": Share.UPDRAFT, "ax_vibration": Share.ACCELEROMETER, "az_vibration": Share.ACCELEROMETER,
+    "ax_scale": Share.ACCELEROMETER, "az_scale": Share.ACCELEROMETER,
 }  # fmt: skip
 OF_CHANGE = {
-    covariance.UPDRAFT: Source.UPDRAFT, covariance.WEIGHT: Source.WEIGHT, covariance.DENSITY: Source.DENSITY,
-    str(Assumption.THRUST_TABLE): Source.PROPELLER, str(Assumption.COUNTED_SPEED): Source.PROPELLER,
-    str(Assumption.PARABOLIC_POLAR): Source.POLAR_SHAPE,
-} | {f"{assumed.key} {i}": Source.AIRCRAFT_FILE for i, assumed in enumerate(ASSUMED_VALUES)}  # fmt: skip
+    covariance.UPDRAFT: Share.UPDRAFT, covariance.WEIGHT: Share.WEIGHT, covariance.DENSITY: Share.DENSITY,
+    str(Assumption.THRUST_TABLE): Share.PROPELLER, str(Assumption.COUNTED_SPEED): Share.PROPELLER,
+    str(Assumption.PARABOLIC_POLAR): Share.POLAR_SHAPE,
+} | {f"{assumed.key} {i}": Share.AIRCRAFT_FILE for i, assumed in enumerate(ASSUMED_VALUES)}  # fmt: skip
 
 
 def variance_by_source(
     estimate: DynamicEstimate, aircraft: Aircraft, condition: Condition, V: Array
-) -> dict[Source, Array]:
+) -> dict[Share, Array]:
     """Variance (n,) of power required [W^2] at true airspeeds V (n,) [m/s], by source; sources of no effect left out.
 
     Of a curve by another method than the dynamic one only noise and what is common to all runs are told apart.
@@ -71,31 +71,31 @@ def variance_by_source(
             np.einsum("ni,ij,nj->n", gradient, polar_part(part), gradient)
             for part in (estimate.noise, estimate.systematic)
         )
-        return {Source.NOISE: noise, Source.SHARED: shared}
+        return {Share.NOISE: noise, Share.SHARED: shared}
     joint = estimate.joint
-    found: dict[Source, Array] = defaultdict(lambda: np.zeros(len(V)))
+    found: dict[Share, Array] = defaultdict(lambda: np.zeros(len(V)))
     polar = joint.parameters.at([joint.names.index(name) for name in POLAR])
     for name, change in polar.shared.items():
         if name == covariance.DENSITY:  # kept for the comparison of flights; here at the density of this one
             change = covariance.at_nominal_density(polar.value + change, aircraft) - polar.value
-        found[OF_CHANGE.get(name, Source.TRANSDUCERS)] += (gradient @ change) ** 2
+        found[OF_CHANGE.get(name, Share.TRANSDUCERS)] += (gradient @ change) ** 2
     for source, shares in shares_of_correlated(joint, gradient).items():
         found[source] += shares
     total = np.einsum("ni,ij,nj->n", gradient, estimate.polar.covariance, gradient)
-    found[Source.NOISE] = np.maximum(total - np.sum(list(found.values()), axis=0), 0.0)
-    return {source: found[source] for source in Source if np.any(found.get(source, 0.0))}
+    found[Share.NOISE] = np.maximum(total - np.sum(list(found.values()), axis=0), 0.0)
+    return {source: found[source] for source in Share if np.any(found.get(source, 0.0))}
 
 
-def shares_of_correlated(joint: JointEstimate, gradient: Array) -> dict[Source, Array]:
+def shares_of_correlated(joint: JointEstimate, gradient: Array) -> dict[Share, Array]:
     """Variance (n,) that belongs to each source among the errors of `joint` other than A0, A1, A2.
 
     gradient : (n, 3) of a quantity by A0, A1, A2
     """
-    members: dict[Source, list[int]] = defaultdict(list)
+    members: dict[Share, list[int]] = defaultdict(list)
     k = len(joint.weighting_covariance)
     n = len(POLAR)
     for i, name in enumerate(joint.names[n:], start=n):
-        members[Source.PROPELLER if i < k else OF_SENSOR_ERROR.get(name, Source.OTHER_SENSORS)].append(i)
+        members[Share.PROPELLER if i < k else OF_SENSOR_ERROR.get(name, Share.OTHER_SENSORS)].append(i)
 
     C = joint.parameters.own
     sigma = np.sqrt(np.diag(C))
@@ -103,7 +103,7 @@ def shares_of_correlated(joint: JointEstimate, gradient: Array) -> dict[Source, 
     correlation = C / np.outer(sigma, sigma)
     power = gradient * sigma[:n]
 
-    def explained(sources: Iterable[Source]) -> Array:
+    def explained(sources: Iterable[Share]) -> Array:
         """Variance that goes when these are known exactly."""
         rows = [i for source in sources for i in members[source]]
         with_them, own = power @ correlation[:n, rows], correlation[np.ix_(rows, rows)]

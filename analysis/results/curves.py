@@ -20,7 +20,7 @@ from analysis.curve import (
 )
 from analysis.estimation.noise import NORMAL_95
 from analysis.methods.dynamic import DynamicEstimate
-from analysis.methods.interval_sources import Source, variance_by_source
+from analysis.methods.interval_sources import Share, variance_by_source
 from analysis.records.flight import (
     BatteryResult,
     ConditionResult,
@@ -153,7 +153,7 @@ def interval_parts(estimate: DynamicEstimate, aircraft: Aircraft, condition: Con
     """Half widths of the curve's interval by noise, and by the errors that all runs share."""
     variances = variance_by_source(estimate, aircraft, condition, V)
     nothing = np.zeros(len(V))
-    noise = variances.pop(Source.NOISE, nothing)
+    noise = variances.pop(Share.NOISE, nothing)
     half_widths = NORMAL_95 * np.sqrt([noise, sum(variances.values(), start=nothing)])
     return [
         IntervalPart(speed_mps=v, noise_W=by_noise, systematic_W=systematic)

@@ -8,7 +8,7 @@ import numpy as np
 from analysis.curve import Polar
 from analysis.estimation.noise import NORMAL_95
 from analysis.maneuvers.kinds import LEVEL_RUNS
-from analysis.methods.interval_sources import Source
+from analysis.methods.interval_sources import Share
 from analysis.methods.whole_flight.curve import ElectricalEstimate
 from analysis.pages.charts.figure import Axis, Band, Bars, Cursor, Dash, Figure, Line, Mark, Points, Symbol
 from analysis.pages.charts.style import (
@@ -110,14 +110,14 @@ def _speed(optimum: SpeedInterval, curve: tuple[Array, Array], color: str, symbo
 
 
 SOURCE_COLOR = {
-    Source.NOISE: GRAY, Source.AIRSPEED: BLUE, Source.ANGLE_OF_ATTACK: ORANGE, Source.ACCELEROMETER: "#6b4e00",
-    Source.PROPELLER: OTHER_RUN, Source.WEIGHT: "#00735c", Source.DENSITY: "#0087b3", Source.UPDRAFT: "#5a7d00",
-    Source.TRANSDUCERS: "#a3123f", Source.AIRCRAFT_FILE: "#b58900", Source.POLAR_SHAPE: "#5a3fc0",
-    Source.OTHER_SENSORS: "#2f5d8c", Source.SHARED: ORANGE,
+    Share.NOISE: GRAY, Share.AIRSPEED: BLUE, Share.ANGLE_OF_ATTACK: ORANGE, Share.ACCELEROMETER: "#6b4e00",
+    Share.PROPELLER: OTHER_RUN, Share.WEIGHT: "#00735c", Share.DENSITY: "#0087b3", Share.UPDRAFT: "#5a7d00",
+    Share.TRANSDUCERS: "#a3123f", Share.AIRCRAFT_FILE: "#b58900", Share.POLAR_SHAPE: "#5a3fc0",
+    Share.OTHER_SENSORS: "#2f5d8c", Share.SHARED: ORANGE,
 }  # fmt: skip
 
 
-def interval_by_source(curve: Sequence[PowerPoint], V: Array, variances: Mapping[Source, Array]) -> Figure:
+def interval_by_source(curve: Sequence[PowerPoint], V: Array, variances: Mapping[Share, Array]) -> Figure:
     """A bar at each of the speeds V (n,), as high as half the 95 % interval in percent of power; each source has the
     part of the bar that it has of the variance (n,)."""
     power = np.interp(V, *curve_arrays(curve)[:2])

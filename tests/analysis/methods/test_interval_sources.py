@@ -8,7 +8,7 @@ import pytest
 from analysis.curve import Condition, Polar, power_required
 from analysis.estimation.noise import NORMAL_95
 from analysis.methods.consider import JointEstimate
-from analysis.methods.interval_sources import Source, shares_of_correlated, variance_by_source
+from analysis.methods.interval_sources import Share, shares_of_correlated, variance_by_source
 from analysis.results.curves import interval_parts
 from analysis.uncertain import Uncertain
 
@@ -33,7 +33,7 @@ def covariance_of(seed: int) -> np.ndarray:
 def test_shares_are_never_negative_and_with_all_known_the_noise_of_the_runs_is_left(seed: int) -> None:
     covariance, gradient = covariance_of(seed), np.random.default_rng(seed).normal(size=(4, 3))
     shares = shares_of_correlated(joint(covariance), gradient)
-    assert shares.keys() == {Source.PROPELLER, Source.AIRSPEED, Source.ANGLE_OF_ATTACK, Source.OTHER_SENSORS}
+    assert shares.keys() == {Share.PROPELLER, Share.AIRSPEED, Share.ANGLE_OF_ATTACK, Share.OTHER_SENSORS}
     assert min(share.min() for share in shares.values()) >= 0
     across = covariance[:3, 3:]
     explained = gradient @ across @ np.linalg.inv(covariance[3:, 3:]) @ across.T @ gradient.T
@@ -46,11 +46,11 @@ def test_independent_errors_have_what_each_alone_contributes_and_alike_ones_shar
     covariance[0, 4] = covariance[4, 0] = 1.0
     covariance[0, 5] = covariance[5, 0] = 2.0
     shares = shares_of_correlated(joint(covariance), np.array([[1.0, 0, 0]]))
-    assert shares[Source.AIRSPEED] == pytest.approx([1.0]) and shares[Source.ANGLE_OF_ATTACK] == pytest.approx([4.0])
+    assert shares[Share.AIRSPEED] == pytest.approx([1.0]) and shares[Share.ANGLE_OF_ATTACK] == pytest.approx([4.0])
     covariance[4, 5] = covariance[5, 4] = 1.0
     covariance[0, 5] = covariance[5, 0] = 1.0
     shares = shares_of_correlated(joint(covariance), np.array([[1.0, 0, 0]]))
-    assert shares[Source.AIRSPEED] == pytest.approx([0.5]) and shares[Source.ANGLE_OF_ATTACK] == pytest.approx([0.5])
+    assert shares[Share.AIRSPEED] == pytest.approx([0.5]) and shares[Share.ANGLE_OF_ATTACK] == pytest.approx([0.5])
 
 
 def test_the_sources_add_up_to_the_variance_of_the_curve() -> None:
@@ -60,7 +60,7 @@ def test_the_sources_add_up_to_the_variance_of_the_curve() -> None:
     polar = Polar(np.array([0.045, 0.0, 0.065]), whole)
     estimate = SimpleNamespace(polar=polar, joint=joint(covariance, **changes))
     found = variance_by_source(estimate, SimpleNamespace(), CONDITION, V)  # type: ignore[arg-type]
-    assert {Source.NOISE, Source.UPDRAFT, Source.TRANSDUCERS} <= found.keys() and Source.WEIGHT not in found
+    assert {Share.NOISE, Share.UPDRAFT, Share.TRANSDUCERS} <= found.keys() and Share.WEIGHT not in found
     assert np.sqrt(sum(found.values())) == pytest.approx(power_required(V, polar, CONDITION)[1], rel=1e-9)
 
 
@@ -69,7 +69,7 @@ def test_a_curve_by_another_method_has_noise_and_what_all_runs_share() -> None:
     polar = Polar(np.array([0.045, 0.0, 0.065]), noise + shared)
     estimate = SimpleNamespace(polar=polar, joint=None, noise=noise, systematic=shared)
     found = variance_by_source(estimate, SimpleNamespace(), CONDITION, V)  # type: ignore[arg-type]
-    assert found[Source.SHARED] / found[Source.NOISE] == pytest.approx(3.0)
+    assert found[Share.SHARED] / found[Share.NOISE] == pytest.approx(3.0)
 
 
 def test_what_a_propeller_table_contributes_is_no_noise_that_more_runs_average() -> None:

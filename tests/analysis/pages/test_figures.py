@@ -12,7 +12,7 @@ from analysis.estimation.fit import Convergence
 from analysis.estimation.noise import NORMAL_95
 from analysis.maneuvers.kinds import ACCELERATION
 from analysis.methods.dynamic import DRAG_TITLE, SPEED_TITLE, RunFit
-from analysis.methods.interval_sources import Source
+from analysis.methods.interval_sources import Share
 from analysis.pages.charts import flight, power
 from analysis.pages.charts import power as methods
 from analysis.pages.charts.figure import Band, Bars, Dash, Figure, Line, Mark, Points
@@ -123,8 +123,8 @@ def test_the_power_curve_is_drawn_with_its_band_and_its_optimum(with_battery: Re
 
 def test_a_bar_is_half_the_interval_and_its_pieces_are_shares_of_the_variance(results: Results) -> None:
     V = np.array([12.0, 18.0, 24.0])
-    variances = {Source.NOISE: np.array([1.0, 4.0, 9.0]), Source.WEIGHT: np.array([3.0, 4.0, 0.0]),
-                 Source.DENSITY: np.full(3, 1e-3)}  # fmt: skip
+    variances = {Share.NOISE: np.array([1.0, 4.0, 9.0]), Share.WEIGHT: np.array([3.0, 4.0, 0.0]),
+                 Share.DENSITY: np.full(3, 1e-3)}  # fmt: skip
     powers = np.interp(V, *np.array([(p.speed_mps, p.power_W) for p in results.power_required]).T)
     noise, weight = power.interval_by_source(results.power_required, V, variances).marks
     half = 100 * NORMAL_95 * np.array([2.0, np.sqrt(8), 3.0]) / powers
