@@ -246,7 +246,7 @@ def joint_polars(
 
     def cancels(error: str) -> bool:
         """Whether this error, which no residual shows, is the same in A and in B."""
-        return error not in (Assumption.PARABOLIC_POLAR, Assumption.COUNTED_SPEED) and (
+        return error not in (Assumption.PARABOLIC_POLAR, Assumption.MOTOR_SPEED) and (
             same_propeller if error == Assumption.THRUST_TABLE else same_installation
         )
 

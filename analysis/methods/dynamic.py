@@ -29,9 +29,9 @@ from analysis.estimation.noise import NORMAL_95
 from analysis.estimation.output_error import fit_output_error
 from analysis.maneuvers.kinds import Maneuver
 from analysis.methods import consider as covariance
-from analysis.methods import motor_speed
+from analysis.methods import motor_lag, motor_speed
 from analysis.methods.consider import JointEstimate, joint_estimate, noise_covariance
-from analysis.methods.forces import THRUST_BY_MOTOR_SPEED, FlightForces, MotorSpeedError
+from analysis.methods.forces import THRUST_BY_MOTOR_SPEED, THRUST_RATE, FlightForces, MotorSpeedError
 from analysis.methods.rejected_assumptions import Assumption, rejected_assumptions
 from analysis.methods.settings import MOTOR_SPEED, REGRESSION
 from analysis.methods.thrust_prior import J_REFERENCE, THRUST, stand_measurements
@@ -43,7 +43,7 @@ from analysis.trajectory.observability import SENSOR_ERROR_KINDS
 from analysis.trajectory.reconstruction import Trajectory
 from flight.aircraft import Aircraft
 from flight.arrays import Array
-from flight.propeller import Propeller
+from flight.propeller import FOLD, WINDMILL, Propeller
 from flight.units import GRAVITY_MPS2
 
 
@@ -128,6 +128,8 @@ class DynamicEstimate:
     joint : with the sensor errors, for the joint estimate of several flights; None by another method
     convergence : of the regression of drag; None by another method
     shares : of each run; None by another method
+    other_blades : gain of the log likelihood if the blades fold beyond zero thrust instead of windmilling, as is
+        assumed, or the other way around; 0 where no run has such thrust, and by another method
     """
 
     polar: Polar
@@ -142,6 +144,19 @@ class DynamicEstimate:
     joint: JointEstimate | None = None
     convergence: Convergence | None = None
     shares: RunShares | None = None
+    other_blades: float = 0.0
+
+
+class _Nominal(NamedTuple):
+    """The fit along the trajectory, and samples (n,) of level flight. miscounted: how certain an error of motor speed
+    is, which the forces are corrected for, in standard errors; 0 where there is none. as_measured: the estimate without
+    it and without one for a lag of the motor speed; None where there is none of both."""
+
+    flight_forces: FlightForces
+    level: NDArray[np.bool_]
+    fit: Fit
+    miscounted: float = 0.0
+    as_measured: Array | None = None
 
 
 def estimate_polar(
@@ -150,7 +165,7 @@ def estimate_polar(
     """Fit all runs at once along the reconstructed trajectory."""
     states, sensor_errors = trajectory.states.to_numpy(), trajectory.sensor_errors
     nominal = _nominal(FlightForces(trajectory, aircraft, propeller), runs)
-    flight_forces, level, fit, miscounted, as_counted = nominal
+    flight_forces, level, fit, miscounted, as_measured = nominal
     forces, model = flight_forces.nominal, fit.model
 
     def segments_along(states: Array, sensor_errors: Array = sensor_errors) -> list[Segment]:
@@ -172,8 +187,9 @@ def estimate_polar(
     changes[covariance.DENSITY] = covariance.at_nominal_density(fit.values + by_density, aircraft) - fit.values
     rejected = rejected_assumptions(fit)
     changes |= {str(one.assumption): one.change for one in rejected}
-    if as_counted is not None:  # another defect may look like this one: the interval contains the curve as counted
-        changes[str(Assumption.COUNTED_SPEED)] = (fit.values - np.append(as_counted, 0.0)) / NORMAL_95
+    if as_measured is not None:  # another defect may look like this one: the interval contains the curve without it
+        without = np.pad(as_measured, (0, len(fit.values) - len(as_measured)))
+        changes[str(Assumption.MOTOR_SPEED)] = (fit.values - without) / NORMAL_95
     values = fit.values
     for by_error in changes.values():
         systematic += np.outer(by_error, by_error)
@@ -212,7 +228,20 @@ def estimate_polar(
         joint=joint,
         convergence=fit.convergence,
         shares=_run_shares(fit, polar_part(noise)),
+        other_blades=_gain_by_other_blades(nominal, runs),
     )
+
+
+def _gain_by_other_blades(nominal: _Nominal, runs: list[Maneuver]) -> float:
+    """See `DynamicEstimate.other_blades`."""
+    forces, propeller = nominal.flight_forces, nominal.flight_forces.propeller
+    thrust = np.concatenate([one.segment.u["thrust_along_V_over_m"] for one in nominal.fit.segment_fits])
+    if not np.mean(thrust < 0) > STATISTICS.unmentioned_share:
+        return 0.0
+    other = propeller.with_beyond_zero_thrust(WINDMILL if propeller.beyond_zero_thrust == FOLD else FOLD)
+    with_other = FlightForces(forces.trajectory, forces.aircraft, other, motor_speed=forces.motor_speed)
+    fit = _fitted(nominal.fit.model, with_other.nominal, nominal.level, runs)
+    return float(nominal.fit.negative_log_likelihood - fit.negative_log_likelihood)
 
 
 def _run_shares(fit: Fit, polar_noise: Array) -> RunShares:
@@ -249,23 +278,16 @@ def estimate_values(trajectory: Trajectory, runs: list[Maneuver], aircraft: Airc
     return nominal.fit.values[:KEPT]
 
 
-class _Nominal(NamedTuple):
-    """The fit along the trajectory, and samples (n,) of level flight. miscounted: how certain an error of motor speed
-    is, which the forces are corrected for, in standard errors; 0 where there is none. as_counted: the estimate without
-    that correction; None where there is none."""
-
-    flight_forces: FlightForces
-    level: NDArray[np.bool_]
-    fit: Fit
-    miscounted: float = 0.0
-    as_counted: Array | None = None
-
-
 def _nominal(counted: FlightForces, runs: list[Maneuver]) -> _Nominal:
     """With an error of motor speed as one more parameter where the runs show one beyond doubt."""
     level = _within_level_flight(counted.nominal, _airborne(counted), runs)
     model = drag_model(counted.aircraft)
     as_counted = _Nominal(counted, level, _fitted(model, counted.nominal, level, runs))
+    as_measured = as_counted.fit.values
+    with_lag = motor_lag.with_motor_lag(model)
+    late = _fitted(with_lag, counted.nominal, level, runs)
+    if motor_lag.beyond_doubt(late):
+        model, as_counted = with_lag, as_counted._replace(fit=late, as_measured=as_measured)
     found = motor_speed.suspect(as_counted.fit, counted)
     if found is None:
         return as_counted
@@ -279,7 +301,7 @@ def _nominal(counted: FlightForces, runs: list[Maneuver]) -> _Nominal:
         if abs(total) < max(least, MOTOR_SPEED.least_errors * standard_error):
             return as_counted
         error = error._replace(share=total)
-    return _Nominal(forces, level, fit, total / standard_error, as_counted.fit.values)
+    return _Nominal(forces, level, fit, total / standard_error, as_measured)
 
 
 def _fitted(model: Model, forces: pd.DataFrame, level: NDArray[np.bool_], runs: list[Maneuver]) -> Fit:
@@ -330,7 +352,7 @@ def _segments(forces: pd.DataFrame, level: NDArray[np.bool_], runs: list[Maneuve
     forces = forces.assign(CD=forces["CD"].where(level))
     segments = []
     t_s = forces.index.to_numpy()
-    inputs = INPUTS | {name: name for name in (THRUST_BY_MOTOR_SPEED,) if name in forces}
+    inputs = INPUTS | {name: name for name in (THRUST_RATE, THRUST_BY_MOTOR_SPEED) if name in forces}
     table = np.stack([forces[name].to_numpy() for name in (*inputs.values(), "CD")])
     for run in runs:
         rows = slice(np.searchsorted(t_s, run.start_s), np.searchsorted(t_s, run.end_s, side="right"))

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from analysis.sources.grid import without_gaps
 from analysis.trajectory.block_means import BlockMeans
 from analysis.trajectory.equations import (
     PREDICTED_FLOW,
@@ -31,6 +32,7 @@ from flight.arrays import Array
 from flight.propeller import Propeller
 
 THRUST_BY_MOTOR_SPEED = "thrust_by_motor_speed"
+THRUST_RATE = "thrust_rate"
 
 
 class MotorSpeedError(NamedTuple):
@@ -95,6 +97,7 @@ class FlightForces:
         CL_squared : mean of its square over the block
         qS_over_m_mps2 : dynamic pressure times wing area over mass
         thrust_along_V_over_m_mps2 : T cos(alpha) over mass, T by the propeller table
+        thrust_rate : of thrust_along_V_over_m_mps2 [m/s^3]
         thrust_beyond_over_m_mps2 : standard deviation of it by the table's continuation beyond its last J
         V, alpha, gamma, climb : true airspeed [m/s], angles relative to the air [rad], rate of climb [m/s]
         bank, theta : attitude [rad]
@@ -118,6 +121,7 @@ class FlightForces:
             "CL_squared": CL**2 + lift_slope(self.aircraft.aspect_ratio) * cov_CL_alpha,
             "qS_over_m_mps2": qS_N / m,
             "thrust_along_V_over_m_mps2": thrust_N * np.cos(alpha) / m,
+            THRUST_RATE: np.gradient(without_gaps(thrust_N * np.cos(alpha) / m), self.t_s),
             "thrust_beyond_over_m_mps2": beyond_N * np.cos(alpha) / m,
             "J": J,
             "V": V,

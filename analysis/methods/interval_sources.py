@@ -53,7 +53,7 @@ OF_SENSOR_ERROR = {
 }  # fmt: skip
 OF_CHANGE = {
     covariance.UPDRAFT: Share.UPDRAFT, covariance.WEIGHT: Share.WEIGHT, covariance.DENSITY: Share.DENSITY,
-    str(Assumption.THRUST_TABLE): Share.PROPELLER, str(Assumption.COUNTED_SPEED): Share.PROPELLER,
+    str(Assumption.THRUST_TABLE): Share.PROPELLER, str(Assumption.MOTOR_SPEED): Share.PROPELLER,
     str(Assumption.PARABOLIC_POLAR): Share.POLAR_SHAPE,
 } | {f"{assumed.key} {i}": Share.AIRCRAFT_FILE for i, assumed in enumerate(ASSUMED_VALUES)}  # fmt: skip
 

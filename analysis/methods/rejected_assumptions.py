@@ -38,7 +38,7 @@ class Assumption(StrEnum):
 
     THRUST_TABLE = "doubt of thrust"
     PARABOLIC_POLAR = "doubt of the polar's shape"
-    COUNTED_SPEED = "doubt of the counted motor speed"
+    MOTOR_SPEED = "doubt of the motor speed"
 
 
 class RejectedAssumption(NamedTuple):

@@ -117,6 +117,8 @@ class EvidenceKind(StrEnum):
     TRAJECTORY_NOT_CONVERGED = "trajectory not converged"
     METHOD_FAILED = "method that the log allows"
     COUNTED_SPEED = "counted motor speed against the runs"
+    MOTOR_LAG = "lag of the motor speed"
+    OTHER_BLADES = "what the blades do beyond zero thrust"
     THRUST_TABLE = "thrust against the propeller's table"
     MOTOR_SPEED = "motor speed against the motor's constant"
     PROPELLER_EFFICIENCY = "propeller efficiency"
@@ -776,6 +778,9 @@ class Results(WithCurves, frozen=True, kw_only=True):
     methods: list[MethodResult] = []
     one_by_one: list[MethodResult] = []  # each acceleration and deceleration alone, named by `title`
     runs_against_others: list[RunAgainstOthers] = []
+    # Gain of the log likelihood if the propeller folds beyond zero thrust, where it is taken to windmill, or the other
+    # way around; absent where no run has such thrust.
+    other_blades: float | msgspec.UnsetType = msgspec.UNSET
     # By energy, where the curve is by it and both were flown.
     accelerations_against_decelerations: RunAgainstOthers | msgspec.UnsetType = msgspec.UNSET
     disagreements: list[DisagreementResult] = []

@@ -104,6 +104,7 @@ def assemble(
         one_by_one=[methods.method_result(estimate, condition, flown_CL[1]) for estimate in drag.one_by_one],
         runs_against_others=drag.runs_against_others,
         accelerations_against_decelerations=drag.accelerations_against_decelerations or msgspec.UNSET,
+        other_blades=drag.main.other_blades or msgspec.UNSET,
         disagreements=drag.disagreements,
         path=flight_found.path_result(trajectory, agreement, flight.prior_conflict),
         speed_over_motor_constant=speed_over_motor_constant(flight.table, aircraft.propulsion),

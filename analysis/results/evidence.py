@@ -15,6 +15,7 @@ from scipy import special
 from analysis.curve import POLAR
 from analysis.estimation.noise import NORMAL_95
 from analysis.methods.consider import UPDRAFT
+from analysis.methods.motor_lag import PARAMETER as MOTOR_LAG_PARAMETER
 from analysis.methods.motor_speed import PARAMETER as MOTOR_SPEED_PARAMETER
 from analysis.methods.rejected_assumptions import THRUST_TITLES
 from analysis.methods.settings import MOTOR_SPEED
@@ -76,6 +77,8 @@ def evidence_against(results: Results) -> list[Evidence]:
         *_estimation(results),
         *_failed_methods(results),
         *_counted_speed(results.pooling),
+        *_motor_lag(results.pooling),
+        *_other_blades(results),
         *_thrust(results.pooling),
         *_kinds_of_runs(results.accelerations_against_decelerations),
         *_motor_speed(results),
@@ -278,6 +281,49 @@ def _counted_speed(statistics: PoolingStatistics | None) -> Iterator[Evidence]:
             f"The motor turns {abs(100 * share):.1f} ± {100 * NORMAL_95 * error:.1f} %"
             f" {'faster' if share > 0 else 'slower'} than counted, since accelerations and decelerations differ in drag"
             f" at one speed. The curve is corrected for it; {check}."
+        ),
+    )
+
+
+def _motor_lag(statistics: PoolingStatistics | None) -> Iterator[Evidence]:
+    """A lag of the motor speed that the runs showed, for which the curve is corrected."""
+    if statistics is None or MOTOR_LAG_PARAMETER not in statistics.names:
+        return
+    i = statistics.names.index(MOTOR_LAG_PARAMETER)
+    lag_s, error_s = statistics.values[i], math.sqrt(statistics.covariance[i][i])
+    limit_s = MOTOR_SPEED.least_errors * error_s
+    yield Evidence(
+        kind=EvidenceKind.MOTOR_LAG,
+        level=_level(lag_s, limit_s),
+        part=PartOfResult.CURVE,
+        subject=MOTOR_LAG_PARAMETER,
+        figure=lag_s,
+        unit="s",
+        limit=limit_s,
+        text=(
+            f"The motor speed is {abs(1000 * lag_s):.0f} ± {1000 * NORMAL_95 * error_s:.0f} ms"
+            f" {'late' if lag_s > 0 else 'early'} against the IMU, by the acceleration that thrust gives. The curve is"
+            " corrected for it. Check what smooths the motor speed or delays it, and the clocks of counter and IMU;"
+            " `specific_force_group_delay_s` and the counter's period tell known delays."
+        ),
+    )
+
+
+def _other_blades(results: Results) -> Iterator[Evidence]:
+    """Where the propeller's other behavior beyond zero thrust fits the runs better, beyond doubt."""
+    gain, limit = results.other_blades, MOTOR_SPEED.least_errors**2 / 2
+    if gain is msgspec.UNSET or gain <= limit:
+        return
+    yield Evidence(
+        kind=EvidenceKind.OTHER_BLADES,
+        level=Trust.NOT_TO_BE_TRUSTED,
+        part=PartOfResult.CURVE,
+        figure=gain,
+        limit=limit,
+        text=(
+            "The runs with little thrust fit a propeller that folds far better than one that windmills, or the other"
+            f" way around (log likelihood {gain:+.0f}, limit {limit:.0f}): set `propulsion.beyond_zero_thrust` to what"
+            " the blades do, and analyze again."
         ),
     )
 

@@ -1,0 +1,60 @@
+"""A motor speed that is late against the IMU is found by thrust that changes; what blades do, by thrust near zero."""
+
+import numpy as np
+import pytest
+from constructed import AIRCRAFT, PROPELLER, RHO, STEP_S, accelerations_and_decelerations, flown, measured, polar
+
+from analysis.maneuvers.kinds import Maneuver
+from analysis.methods.dynamic import estimate_polar
+from analysis.methods.motor_lag import PARAMETER
+from analysis.trajectory.reconstruction import Trajectory
+from flight.propeller import FOLD
+
+CL = np.array([0.3, 0.6, 0.9])
+
+
+def flight(late_s: float) -> tuple[Trajectory, list[Maneuver]]:
+    """Two accelerations and two decelerations with a throttle that moves, and motor speeds of so long ago.
+
+    With noise of the forward accelerometer.
+    """
+    t_s = np.arange(0.0, 80.0, STEP_S)
+    f = flown(17 - 5.5 * np.cos(2 * np.pi * t_s / 40) + 0.3 * np.sin(2 * np.pi * t_s / 5), polar(), RHO)
+    trajectory = measured(f)
+    means = trajectory.block_means.means
+    means["ax_mps2"] = means["ax_mps2"] + np.random.default_rng(5).normal(0, 0.02, len(f))
+    means["n_revps"] = np.interp(t_s - late_s, t_s, means["n_revps"])
+    kinds = ("acceleration", "deceleration") * 2
+    return trajectory, [
+        Maneuver(kind, slice(500 * i, 500 * (i + 1)), 20.0 * i + 1, 20.0 * i + 19, 11.5, 22.5, 0.0)
+        for i, kind in enumerate(kinds)
+    ]
+
+
+@pytest.mark.parametrize("late_s", [0.15, -0.1])
+def test_a_late_motor_speed_is_found_and_the_polar_is_right(late_s: float) -> None:
+    found = estimate_polar(*flight(late_s), AIRCRAFT, PROPELLER)
+    assert found.joint is not None
+    assert found.joint.parameters.value[found.joint.names.index(PARAMETER)] == pytest.approx(late_s, abs=0.02)
+    powers = np.vander(CL, 3, increasing=True)
+    error = np.abs(powers @ (found.polar.A - polar())) / (powers @ polar())
+    assert error.max() < 0.035, "of the second order in the lag"
+    assert "doubt of the motor speed" in found.joint.parameters.shared
+
+
+def test_a_motor_speed_in_time_has_no_lag() -> None:
+    found = estimate_polar(*flight(0.0), AIRCRAFT, PROPELLER)
+    assert found.joint is not None and PARAMETER not in found.joint.names
+
+
+def test_runs_with_little_thrust_tell_blades_that_fold_from_those_that_windmill() -> None:
+    """The decelerations are those of a windmilling propeller; beyond doubt is 18."""
+    f, runs = accelerations_and_decelerations(gamma=-0.1)
+    trajectory = measured(f)
+    means = trajectory.block_means.means
+    means["ax_mps2"] = means["ax_mps2"] + np.random.default_rng(5).normal(0, 0.02, len(f))
+    right = estimate_polar(trajectory, runs, AIRCRAFT, PROPELLER)
+    wrong = estimate_polar(trajectory, runs, AIRCRAFT, PROPELLER.with_beyond_zero_thrust(FOLD))
+    assert right.other_blades < -18 and wrong.other_blades > 18
+    level, runs = accelerations_and_decelerations()
+    assert estimate_polar(measured(level), runs, AIRCRAFT, PROPELLER).other_blades == 0.0, "always with thrust"
