@@ -1,6 +1,7 @@
 """Errors that residuals do not show: thrust beyond the table, weight, updraft."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -20,6 +21,14 @@ NEXSTAR = load_aircraft("nexstar")
 DRAG = drag_model(NEXSTAR)
 AT = Condition(NEXSTAR.mass.weight_N, 1.2, NEXSTAR.geometry.wing_area_m2)
 A = np.array([0.04, -0.02, 0.06])
+
+
+def test_noise_is_the_larger_of_both_estimates_of_each_parameter(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A short record may fail to show its color: then white noise counts. Correlations are those of colored noise."""
+    white, colored = np.diag([4.0, 1.0]), np.array([[1.0, 0.6], [0.6, 9.0]])
+    for name, covariance in (("cramer_rao", white), ("morelli_klein", colored)):
+        monkeypatch.setattr(consider.uncertainty, name, lambda _, of=covariance: SimpleNamespace(covariance=of))
+    assert consider.of_noise(None) == pytest.approx(np.array([[4.0, 1.2], [1.2, 9.0]]))  # type: ignore[arg-type]
 
 
 def straight_table(last_J: float) -> Propeller:
