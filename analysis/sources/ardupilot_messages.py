@@ -1,5 +1,6 @@
 """The messages of an ArduPilot log that are read, by kind and instance, in SI units or those of their fields."""
 
+import mmap
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -114,7 +115,9 @@ def _read(
             case Format.MAT:
                 return MatlabLog(path, kinds)
             case _:
-                return DataflashLog(path.read_bytes())
+                with path.open("rb") as stream:
+                    empty = not stream.read(1)
+                    return DataflashLog(b"" if empty else mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
     except ValueError as error:
@@ -131,7 +134,7 @@ def read_messages(path: Path) -> Messages:
         _refuse_wingless(path, text)
     boards = (found[1] for text in texts if (found := SERIAL_NUMBER.match(text)))
     vehicle = next((vehicle_of(number) for number in boards), "")
-    tables = {key: table for kind in FIELDS for key, table in _instances(kind, log.columns(kind), FIELDS[kind])}
+    tables = {key: table for kind in FIELDS for key, table in _instances(kind, _columns(log, kind), FIELDS[kind])}
     told, multipliers = log.columns("FMTU"), log.columns("MULT")
     for (kind, _), table in tables.items():
         for field, unit in _units(log.form(kind), told, multipliers).items():
@@ -151,6 +154,14 @@ def read_messages(path: Path) -> Messages:
     parameters = {_text(name): float(x) for name, x in pairs if isinstance(x, float)}
     timed = tuple(zip(_times_s("MSG", said, len(texts)), texts, strict=True))
     return Messages(tables, parameters, notes, vehicle, timed)
+
+
+def _columns(log: DataflashLog | TelemetryLog | TextLog | MatlabLog, kind: str) -> dict[str, NDArray[Any]]:
+    """The columns of a kind; from a large file no more than what is read."""
+    if not isinstance(log, DataflashLog) or not FIELDS[kind]:
+        return log.columns(kind)
+    clocks = (name for clocks in CLOCKS for name, _ in clocks)
+    return log.columns(kind, {*FIELDS[kind], *INSTANCE, *clocks})
 
 
 def _units(form: Form | None, told: dict[str, NDArray[Any]], multipliers: dict[str, NDArray[Any]]) -> dict[str, float]:

@@ -4,15 +4,19 @@ A message is 0xA3 0x95, the number of its kind, and packed fields. Messages of k
 length, name, codes and names of the fields.
 """
 
+import itertools
+import mmap
 import struct
 from array import array
-from typing import NamedTuple
+from collections.abc import Collection
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 START, DEFINITION = b"\xa3\x95", ord(b"\x80")
 FORMAT = struct.Struct("<BB4s16s64s")
+BLOCK_BYTES = 1 << 23  # of a mapped file that are in memory at once
 HEADER_BYTES = struct.calcsize("2sB")  # START, number of the kind
 # Codes of packed fields, as NumPy types. Those of cCeE are in hundredths.
 PACKED = {"a": "(32,)<i2", "b": "i1", "B": "u1", "M": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4", "f": "<f4",
@@ -44,14 +48,17 @@ class DataflashLog:
 
     notes = ()
 
-    def __init__(self, data: bytes):
-        self._data = np.frombuffer(data, dtype=np.uint8)
+    def __init__(self, data: bytes | mmap.mmap):
+        self._data = data
         self._kinds: dict[int, _Kind] = {}
         lengths = [0] * 256
         lengths[DEFINITION] = HEADER_BYTES + FORMAT.size
         self._offsets = [array("Q") for _ in range(256)]
-        at, find = 0, data.find
+        at, find, kept = 0, data.find, BLOCK_BYTES
         while 0 <= (at := find(START, at)) <= len(data) - HEADER_BYTES:
+            if at > kept:
+                self._forget()
+                kept = at + BLOCK_BYTES
             number = data[at + 2]
             length = lengths[number]
             if not length or at + length > len(data):
@@ -62,7 +69,12 @@ class DataflashLog:
                 lengths[defined] = HEADER_BYTES + self._kinds[defined].dtype.itemsize
             at += length
 
-    def _define(self, data: bytes, at: int) -> int | None:
+    def _forget(self) -> None:
+        """Give back the memory of a file that is mapped: what is needed again is read again."""
+        if isinstance(self._data, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
+            self._data.madvise(mmap.MADV_DONTNEED)
+
+    def _define(self, data: bytes | mmap.mmap, at: int) -> int | None:
         """The number of the kind that a format message defines; None where it is damaged, or known before."""
         number, length, *texts = FORMAT.unpack_from(data, at + HEADER_BYTES)
         name, codes, listed = (text.rstrip(b"\0").decode("ascii", "replace") for text in texts)
@@ -86,19 +98,37 @@ class DataflashLog:
         found = next(((number, kind) for number, kind in self._kinds.items() if kind.name == name), None)
         return None if found is None else Form(found[0], found[1].fields, found[1].codes)
 
-    def columns(self, name: str) -> dict[str, NDArray[np.generic]]:
-        """The fields of all messages of a name, (n,): numbers as float64, texts as bytes; without arrays of numbers."""
+    def columns(self, name: str, wanted: Collection[str] = ()) -> dict[str, NDArray[Any]]:
+        """The fields of all messages of a name, (n,): numbers as float64, texts as bytes; without arrays of numbers.
+
+        wanted: the fields that are taken, where not all are.
+        """
         numbers = [number for number, kind in self._kinds.items() if kind.name == name]
         if not numbers:
             return {}
-        kind, offsets = self._kinds[numbers[0]], np.asarray(self._offsets[numbers[0]], dtype=np.int64)
-        packed = self._data[(offsets + HEADER_BYTES)[:, None] + np.arange(kind.dtype.itemsize)]
-        rows = np.ascontiguousarray(packed).view(kind.dtype).reshape(-1)
-        out: dict[str, NDArray[np.generic]] = {}
+        kind, offsets = self._kinds[numbers[0]], np.frombuffer(self._offsets[numbers[0]], dtype=np.uint64)
+        out: dict[str, NDArray[Any]] = {}
         for field, code in zip(kind.fields, kind.codes, strict=True):
-            if code in "nNZ":
-                out[field] = rows[field]
-            elif code != "a":
-                with np.errstate(invalid="ignore"):
-                    out[field] = rows[field].astype(np.float64) * (0.01 if code in "cCeE" else 1.0)
+            if code != "a" and (not wanted or field in wanted):
+                text = code in "nNZ"
+                out[field] = np.empty(len(offsets), dtype=kind.dtype[field] if text else np.float64)
+        ends = np.searchsorted(offsets, np.arange(BLOCK_BYTES, len(self._data) + BLOCK_BYTES, BLOCK_BYTES)).tolist()
+        for first, last in itertools.pairwise([0, *ends]):
+            self._fill(kind, offsets[first:last], {field: column[first:last] for field, column in out.items()})
+        for field, code in zip(kind.fields, kind.codes, strict=True):
+            if code in "cCeE" and field in out:
+                out[field] *= 0.01
         return out
+
+    def _fill(self, kind: _Kind, offsets: NDArray[np.uint64], out: dict[str, NDArray[Any]]) -> None:
+        """The fields `out` (n,) of the messages at these offsets (n,), all within one block."""
+        if not len(offsets):
+            return
+        begin, end = int(offsets[0]) + HEADER_BYTES, int(offsets[-1]) + HEADER_BYTES + kind.dtype.itemsize
+        block = np.frombuffer(self._data[begin:end], dtype=np.uint8)
+        at = offsets.astype(np.int64) + HEADER_BYTES - begin
+        rows = block[at[:, None] + np.arange(kind.dtype.itemsize)].view(kind.dtype).reshape(-1)
+        with np.errstate(invalid="ignore"):
+            for field, column in out.items():
+                column[:] = rows[field]
+        self._forget()

@@ -2,16 +2,14 @@
 
 import contextlib
 import io
-from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from enum import IntEnum
 from functools import partial
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pyulog import ULog
 
 from analysis.sources import recording
 from analysis.sources.autopilot_settings import READABLE
@@ -34,6 +32,7 @@ from analysis.sources.recording import (
     without_hover,
     without_jumps,
 )
+from analysis.sources.ulog import BlockwiseULog
 from flight.arrays import Array
 from flight.errors import InputError
 
@@ -118,27 +117,11 @@ def read_px4(path: Path) -> FlightRecording:
     )
 
 
-class _Advancing:
-    """A file for pyulog, which at a damaged end goes back by more bytes than it has read, and reads them for ever."""
-
-    def __init__(self, stream: BinaryIO):
-        self.read, self.tell, self.close = stream.read, stream.tell, stream.close
-        self._seek, self._visits = stream.seek, Counter[int]()
-
-    def seek(self, offset: int, whence: int = 0) -> int:
-        """Raises EOFError where it comes back to one place again and again."""
-        place = self._seek(offset, whence)
-        self._visits[place] += 1
-        if self._visits[place] > 10:  # each reading comes to it once, the search for a sync mark once more
-            raise EOFError("its end is damaged")
-        return place
-
-
-def _opened(path: Path, topics: list[str] | None) -> ULog:
-    """With these topics, or all. Raises InputError where it cannot be read."""
+def _opened(path: Path, topics: Collection[str] | None) -> BlockwiseULog:
+    """The log with these topics, or all. Raises InputError if it cannot be read."""
     try:
         with path.open("rb") as stream, contextlib.redirect_stdout(io.StringIO()):
-            return ULog(_Advancing(stream), topics)
+            return BlockwiseULog(stream, topics)
     except Exception as error:  # a torn or altered file raises whatever its bytes lead to
         raise InputError(f"{path}: cannot be read as a PX4 log ({type(error).__name__}: {_line(error)})") from None
 
@@ -159,7 +142,7 @@ def all_channels(path: Path) -> AllChannels:
 
 def _topics(path: Path) -> tuple[dict[str, list[_Topic]], dict[str, float], list[str], str, list[Event]]:
     """The topics by name, the autopilot's parameters, notes, the vehicle, and the messages to its pilot."""
-    log = _opened(path, list(TOPICS))
+    log = _opened(path, TOPICS)
     topics: dict[str, list[_Topic]] = {}
     for data in sorted(log.data_list, key=lambda one: one.multi_id):
         if "timestamp" in data.data and len(data.data["timestamp"]):

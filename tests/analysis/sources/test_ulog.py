@@ -1,0 +1,104 @@
+"""The reader of PX4's logs gives what pyulog gives, of sound logs and of damaged ones, whatever its blocks."""
+
+import contextlib
+import io
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pyulog import ULog
+
+from analysis.sources import dataflash, ulog
+from analysis.sources.dataflash import DataflashLog
+from analysis.sources.ulog import BlockwiseULog, _Advancing
+from sim.dataflash_writer import DataflashMessages, write_dataflash
+from sim.ulog_writer import UlogContents, UlogTopic, write_ulog
+
+TOPICS = ("airspeed", "battery_status")
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """Two topics that are read, one in two instances, and one that is not."""
+    t = 1_000_000 + 10_000 * np.arange(900, dtype=np.uint64)
+    rng = np.random.default_rng(1)
+    found = [
+        UlogTopic("airspeed", t[::3], {"indicated_airspeed_m_s": rng.normal(15, 1, 300).astype(np.float32)}),
+        UlogTopic("battery_status", t[::9], {"voltage_v": rng.normal(12, 1, 100).astype(np.float32)}),
+        UlogTopic("battery_status", t[::9], {"voltage_v": rng.normal(5, 1, 100).astype(np.float32)}, 1),
+        UlogTopic("vehicle_attitude", t, {"q[0]": rng.normal(0, 1, 900), "mode": np.ones(900, dtype=np.uint8)}),
+    ]
+    path = tmp_path_factory.mktemp("ulog") / "log.ulg"
+    info = {"sys_name": "PX4", "sys_uuid": "0001"}
+    write_ulog(path, UlogContents(found, info, [], {"FW_AIRSPD_TRIM": 15.0}, ["a text of a crash"]))
+    return path.read_bytes()
+
+
+def read_by(reader: Callable[[], ULog]) -> Any:
+    """What the readers of this project look at; the name of the error where there is one."""
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):
+            found = reader()
+    except Exception as error:
+        return type(error).__name__
+    topics = {(one.name, one.multi_id): {name: x.tolist() for name, x in one.data.items()} for one in found.data_list}
+    dropouts = [one.duration for one in found.dropouts]
+    return topics, found.file_corruption, dropouts, found.initial_parameters, found.msg_info_dict
+
+
+def both(data: bytes) -> tuple[Any, Any]:
+    return (
+        read_by(lambda: BlockwiseULog(io.BytesIO(data), TOPICS)),
+        read_by(lambda: ULog(_Advancing(io.BytesIO(data)), list(TOPICS))),
+    )
+
+
+@pytest.mark.parametrize("block_bytes", [1 << 22, 4000, 500])
+def test_a_sound_log_is_read_from_block_to_block(log: bytes, monkeypatch: pytest.MonkeyPatch, block_bytes: int) -> None:
+    monkeypatch.setattr(ulog, "BLOCK_BYTES", block_bytes)
+    mine, reference = both(log)
+    assert [len(one["timestamp"]) for one in mine[0].values()] == [300, 100, 100]
+    assert mine == reference
+
+
+def test_a_damaged_log_gives_what_pyulog_gives(log: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bytes altered, cut out, and the end cut off."""
+    monkeypatch.setattr(ulog, "BLOCK_BYTES", 6000)
+    rng = np.random.default_rng(2)
+    corrupt = 0
+    for number in range(40):
+        data = bytearray(log)
+        for at in rng.integers(16, len(data), rng.integers(1, 6)):
+            data[at] = rng.integers(256)
+        if number % 3 == 0:
+            del data[rng.integers(400, len(data)) :]
+        if number % 5 == 0:
+            at = int(rng.integers(400, max(401, len(data) - 300)))
+            del data[at : at + int(rng.integers(1, 300))]
+        mine, reference = both(bytes(data))
+        assert mine == reference, number
+        corrupt += isinstance(mine, str) or mine[1]
+    assert corrupt > 10
+
+
+def test_a_dataflash_log_is_read_from_block_to_block(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    t = 10_000 * np.arange(2000, dtype=np.uint64)
+    write_dataflash(tmp_path / "log.BIN", [
+        DataflashMessages("IMU", "Qfc", {"TimeUS": t, "AccX": np.arange(2000.0), "AccY": -0.1 * np.arange(2000.0)}),
+        DataflashMessages("BARO", "Qf", {"TimeUS": t[::10], "Press": 1e5 + np.arange(200.0)}),
+    ])  # fmt: skip
+    data = (tmp_path / "log.BIN").read_bytes()
+    whole = DataflashLog(data)
+    monkeypatch.setattr(dataflash, "BLOCK_BYTES", 1000)
+    assert len(data) > 20 * 1000
+    for kind in ("IMU", "BARO"):
+        in_blocks = DataflashLog(data).columns(kind)
+        assert {name: x.tolist() for name, x in in_blocks.items()} == {
+            name: x.tolist() for name, x in whole.columns(kind).items()
+        }
+    assert whole.columns("IMU")["AccX"] == pytest.approx(np.arange(2000.0))
+    # An integer of hundredths in the file.
+    assert whole.columns("IMU")["AccY"] == pytest.approx(-0.1 * np.arange(2000.0), abs=1e-9)
+    assert list(whole.columns("IMU", {"AccY"})) == ["AccY"]
