@@ -9,14 +9,13 @@ import mmap
 import struct
 from array import array
 from collections.abc import Collection
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 START, DEFINITION = b"\xa3\x95", ord(b"\x80")
 FORMAT = struct.Struct("<BB4s16s64s")
-BLOCK_BYTES = 1 << 23  # of a mapped file that are in memory at once
 HEADER_BYTES = struct.calcsize("2sB")  # START, number of the kind
 # Codes of packed fields, as NumPy types. Those of cCeE are in hundredths.
 PACKED = {"a": "(32,)<i2", "b": "i1", "B": "u1", "M": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4", "f": "<f4",
@@ -47,6 +46,7 @@ class DataflashLog:
     """The messages of a file by kind."""
 
     notes = ()
+    BLOCK_BYTES: ClassVar[int] = 1 << 23  # of a mapped file that are in memory at once
 
     def __init__(self, data: bytes | mmap.mmap):
         self._data = data
@@ -54,11 +54,11 @@ class DataflashLog:
         lengths = [0] * 256
         lengths[DEFINITION] = HEADER_BYTES + FORMAT.size
         self._offsets = [array("Q") for _ in range(256)]
-        at, find, kept = 0, data.find, BLOCK_BYTES
+        at, find, kept = 0, data.find, self.BLOCK_BYTES
         while 0 <= (at := find(START, at)) <= len(data) - HEADER_BYTES:
             if at > kept:
                 self._forget()
-                kept = at + BLOCK_BYTES
+                kept = at + self.BLOCK_BYTES
             number = data[at + 2]
             length = lengths[number]
             if not length or at + length > len(data):
@@ -112,7 +112,8 @@ class DataflashLog:
             if code != "a" and (not wanted or field in wanted):
                 text = code in "nNZ"
                 out[field] = np.empty(len(offsets), dtype=kind.dtype[field] if text else np.float64)
-        ends = np.searchsorted(offsets, np.arange(BLOCK_BYTES, len(self._data) + BLOCK_BYTES, BLOCK_BYTES)).tolist()
+        step = self.BLOCK_BYTES
+        ends = np.searchsorted(offsets, np.arange(step, len(self._data) + step, step)).tolist()
         for first, last in itertools.pairwise([0, *ends]):
             self._fill(kind, offsets[first:last], {field: column[first:last] for field, column in out.items()})
         for field, code in zip(kind.fields, kind.codes, strict=True):

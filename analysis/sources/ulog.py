@@ -9,16 +9,16 @@ from array import array
 from collections import Counter
 from collections.abc import Collection
 from types import SimpleNamespace
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, ClassVar
 
 import numpy as np
 from pyulog import ULog
 
-BLOCK_BYTES = 1 << 22
-
 
 class BlockwiseULog(ULog):  # type: ignore[misc]
     """The log with these topics, or all; beside them it has facts and dropouts of the flight, and untagged texts."""
+
+    BLOCK_BYTES: ClassVar[int] = 1 << 22  # that are in memory at once
 
     def __init__(self, stream: BinaryIO, topics: Collection[str] | None):
         super().__init__(_Advancing(stream), None if topics is None else list(topics))
@@ -27,7 +27,7 @@ class BlockwiseULog(ULog):  # type: ignore[misc]
         stream = self._file_handle
         at = stream.tell()
         end = (1 << 50) if read_until is None else read_until
-        while len(block := stream.read(min(BLOCK_BYTES, max(end - at, 0)))):
+        while len(block := stream.read(min(self.BLOCK_BYTES, max(end - at, 0)))):
             done, expected = self._in_block(block, topics)
             at += done
             stream.skip_to(at)

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from pyulog import ULog
 
-from analysis.sources import dataflash, ulog
 from analysis.sources.dataflash import DataflashLog
 from analysis.sources.ulog import BlockwiseULog, _Advancing
 from sim.dataflash_writer import DataflashMessages, write_dataflash
@@ -57,7 +56,7 @@ def both(data: bytes) -> tuple[Any, Any]:
 
 @pytest.mark.parametrize("block_bytes", [1 << 22, 4000, 500])
 def test_a_sound_log_is_read_from_block_to_block(log: bytes, monkeypatch: pytest.MonkeyPatch, block_bytes: int) -> None:
-    monkeypatch.setattr(ulog, "BLOCK_BYTES", block_bytes)
+    monkeypatch.setattr(BlockwiseULog, "BLOCK_BYTES", block_bytes)
     mine, reference = both(log)
     assert [len(one["timestamp"]) for one in mine[0].values()] == [300, 100, 100]
     assert mine == reference
@@ -65,7 +64,7 @@ def test_a_sound_log_is_read_from_block_to_block(log: bytes, monkeypatch: pytest
 
 def test_a_damaged_log_gives_what_pyulog_gives(log: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
     """Bytes altered, cut out, and the end cut off."""
-    monkeypatch.setattr(ulog, "BLOCK_BYTES", 6000)
+    monkeypatch.setattr(BlockwiseULog, "BLOCK_BYTES", 6000)
     rng = np.random.default_rng(2)
     corrupt = 0
     for number in range(40):
@@ -91,7 +90,7 @@ def test_a_dataflash_log_is_read_from_block_to_block(monkeypatch: pytest.MonkeyP
     ])  # fmt: skip
     data = (tmp_path / "log.BIN").read_bytes()
     whole = DataflashLog(data)
-    monkeypatch.setattr(dataflash, "BLOCK_BYTES", 1000)
+    monkeypatch.setattr(DataflashLog, "BLOCK_BYTES", 1000)
     assert len(data) > 20 * 1000
     for kind in ("IMU", "BARO"):
         in_blocks = DataflashLog(data).columns(kind)
