@@ -39,6 +39,8 @@ class Format(StrEnum):
     ENCRYPTED_ULOG = "an encrypted log of PX4"
     ENCRYPTED_ULOG_KEY = "the key of an encrypted log of PX4"
     BLACKBOX = "a blackbox log of INAV or Betaflight"
+    SPEKTRUM = "a telemetry log of a Spektrum radio (.TLM)"
+    JETI = "a telemetry log of a Jeti radio"
     RAW_MAVLINK = "MAVLink frames without times"
     DUMP = "a log as mavlogdump.py prints it"
     MISSION = "a mission"
@@ -82,6 +84,8 @@ REMEDY: Mapping[Format, str] = {
     Format.ENCRYPTED_ULOG_KEY: "decrypt the log beside it (.ulgc) with PX4's Tools/log_encryption and the private key;"
     " the .ulg that this writes is read",
     Format.BLACKBOX: "decode it with blackbox_decode --merge-gps --unit-acceleration m/s2, and analyze the CSV file",
+    Format.SPEKTRUM: "export it as CSV, a column for each sensor, and analyze that",
+    Format.JETI: "export it as CSV, a column for each sensor, and analyze that",
     Format.RAW_MAVLINK: "give the .tlog of the ground station, which has the time of each frame",
     Format.DUMP: "analyze the .BIN or .tlog that it was printed from",
     Format.MISSION: "`flightpower route` reads it; a flight needs its log",
@@ -148,9 +152,11 @@ SIGNS = (
     _Sign(Format.PDF, b"%PDF-"),
 )
 BLACKBOX_LINE = b"H Product:Blackbox"
+SPEKTRUM_HEAD = re.compile(rb"\xff{4}[\x00-\x7f]{3}", re.DOTALL)  # number and kind of the model
 # By format, how its text begins, after empty lines and comments.
 TEXTS: Mapping[Format, re.Pattern[str]] = {
     Format.PAPARAZZI: re.compile(r"\d+\.\d+ \d+ [A-Z][A-Z0-9_]+( |\r?\n|$)"),  # time, aircraft, message
+    Format.JETI: re.compile(r"(#[^\n]*\n)?\d{9};\d+;\d+;"),  # time, device, sensor
     Format.DUMP: re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d+: \w+ \{"),
     Format.MISSION: re.compile(r"QGC WPL|\{[^\0]*\"fileType\"\s*:\s*\"Plan\"|(<\?xml[^\0]*?)?<mission[ >]", re.I),
     Format.MAP_TRACK: re.compile(r"(<\?xml[^\0]*?)?<kml[ >]", re.I),
@@ -221,6 +227,8 @@ def recognized(start: bytes) -> Format:
             return sign.format
     if BLACKBOX_LINE in start:
         return Format.BLACKBOX
+    if SPEKTRUM_HEAD.match(start):
+        return Format.SPEKTRUM
     if is_telemetry(start):
         return Format.TELEMETRY
     if _is_mavlink(start):
