@@ -41,6 +41,7 @@ import routes
 import speed
 import study
 import typer
+import unnamed
 import worlds
 from evidence_figures import coverage_by_world, error_by_speed
 from flights import Setup
@@ -52,6 +53,7 @@ from sim.world import load_world
 ROOT = Path(__file__).parents[1]
 PAGES, KEPT = ROOT / "docs" / "evidence", ROOT / "out" / "evidence"
 SEED = 20000
+UNNAMED_SEED = 7000
 WEATHER_KT = (0.0, 3.0, 15.0)
 WHOLE, SHORT = "full-test-flight", "two-pairs"
 AIRCRAFT_OF_OTHER_SIZE = ("light-1kg", "survey-6kg")
@@ -189,6 +191,16 @@ def defects(run: Run) -> Tables:
     asked = worlds.Study(names[:1] if run.quick else names, run.weather_kt[:2], (SHORT,), run.n, SEED)
     lines = worlds.flown(asked, run.folder / "worlds.jsonl", run.jobs)
     return {"verdicts": worlds.verdict_records(lines), "judged": judgments(lines)}
+
+
+def without_a_name(run: Run) -> Tables:
+    """What the verdict says of defects that no setting names, and of flights without any."""
+    at, file, label = WEATHER_KT[:2], run.folder / "unnamed.jsonl", worlds.version()
+    wrong = unnamed.kept(unnamed.named(), at, run.n, UNNAMED_SEED, file, run.jobs, label)
+    sound = unnamed.kept(["none"], at, 30 * run.n, UNNAMED_SEED, file, run.jobs, label)
+    judged_ones = [("a defect", unnamed.judged(wrong)), ("none", unnamed.judged(sound))]
+    judgment = [row for title, rows in judged_ones for row in with_lead({"flights with": title}, rows)]
+    return {"verdicts": unnamed.records(wrong), "judged": judgment}
 
 
 def judgments(lines: Sequence[Mapping[str, Any]]) -> list[Record]:
@@ -349,6 +361,7 @@ PARTS: Mapping[str, Part] = {
     "accuracy": Part(accuracy, 14, 1, "flights a cell"),
     "worlds": Part(unassumed, 1, 1, "whole flights a cell, twice as many short ones"),
     "defects": Part(defects, 4, 1, "flights a cell"),
+    "unnamed": Part(without_a_name, 1, 1, "flight a defect and weather, thirty times as many without one"),
     "real-flights": Part(flown_by_others, 1, 1, "analysis of each flight"),
     "autopilots": Part(autopilots, 25, 1, "flights a weather"),
     "pools": Part(pooled, 5, 1, "campaigns"),
