@@ -6,8 +6,10 @@ from analysis.sources.grid_settings import STATISTICS
 from analysis.sources.recording import Channel
 from flight.arrays import Array
 
-# Standard deviation of an error that is evenly spread over a step, in steps.
-OF_A_STEP = 1 / np.sqrt(12)
+
+def error_of_a_step(step: float) -> float:
+    """Standard deviation of an error that is evenly spread over a step."""
+    return float(step / np.sqrt(12))
 
 
 def step_of(values: Array) -> float:
@@ -24,7 +26,7 @@ def step_of(values: Array) -> float:
     apart = apart[apart > np.sqrt(np.finfo(float).eps) * (levels[-1] - levels[0])]  # beyond rounding
     steps = np.round(apart / apart.min())
     step = float(apart.sum() / steps.sum())
-    off = np.abs(apart / step - steps) > OF_A_STEP / 2
+    off = np.abs(apart / step - steps) > error_of_a_step(0.5)
     return step if np.mean(off) < STATISTICS.unmentioned_share else 0.0
 
 

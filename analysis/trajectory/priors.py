@@ -13,7 +13,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.sources.grid_settings import STATISTICS
-from analysis.sources.resolution import OF_A_STEP
+from analysis.sources.resolution import error_of_a_step
 from analysis.sources.rest import mean_at_rest
 from analysis.trajectory.block_means import BlockMeans, moving_average
 from analysis.trajectory.dryden import mean_wind_profile
@@ -45,7 +45,7 @@ def noise_at_rest(
         noise[name] = float(max(np.sqrt(shown.mean()), SENSORS.least_noise_share * bench)) if len(shown) else bench
         step = resolution.get(name, 0.0)
         if step > noise[name]:
-            noise[name] = math.hypot(noise[name], OF_A_STEP * step)
+            noise[name] = math.hypot(noise[name], error_of_a_step(step))
     return noise
 
 
