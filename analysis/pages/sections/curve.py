@@ -46,11 +46,8 @@ def curve_section(results: Results) -> CurveSection:
         drag=_drag_table(results) if by_battery else None,
         thrust_basis=results.balance.thrust_basis if results.balance else "",
         parameters=HtmlTable(
-            ("parameter", "meaning", "estimate", "standard error", "unit"),
-            [
-                (p.name, meaning(p.name), f"{p.value:.5g}", f"{p.standard_error:.2g}", p.unit)
-                for p in results.parameters
-            ],
+            ("parameter", "estimate", "standard error", "unit"),
+            [(meaning(p.name), f"{p.value:.5g}", f"{p.standard_error:.2g}", p.unit) for p in results.parameters],
         ),
         stand=_stand(results),
     )
