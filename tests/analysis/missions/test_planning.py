@@ -169,7 +169,8 @@ def test_every_error_that_the_aircraft_file_states_is_in_a_plans_interval(
 def test_thrust_on_a_stand_narrows_a_plans_interval_and_its_errors_widen_it(
     nexstar, acceleration, stated, stated_variance
 ):
-    """The stand leaves the scale in flight as it is, so it narrows the interval of one acceleration by a percent."""
+    """The stand leaves the scale in flight as it is, and one acceleration without turns does not know the scale of the
+    accelerometer, so that the interval is narrower by a tenth of a percent."""
 
     def variance(**larger: float) -> float:
         aircraft = replace(
@@ -179,7 +180,7 @@ def test_thrust_on_a_stand_narrows_a_plans_interval_and_its_errors_widen_it(
         )
         return variance_of_drag(acceleration, replace(nexstar, aircraft=aircraft))
 
-    assert variance() < 0.99 * stated_variance
+    assert variance() < 0.998 * stated_variance
     for key in ("static_thrust_ratio_fraction", "thrust_curvature_fraction"):
         assert 1.0001 * variance() < variance(**{key: 5 * getattr(stated, key)}) < stated_variance
 
