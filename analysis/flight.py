@@ -214,6 +214,8 @@ def flight_path(flight: Measured) -> FlightPath:
     trajectory, of_noise = _with_noise_in_flight(flight, trajectory)
     if not trajectory.converged:
         cause = f"the trajectory did not converge{misfit_in_words(trajectory)}"
+        if not any(trajectory.block_means.measured(name) for name in ("gps_north_mps", "beta_rad")):
+            cause += "; without velocity over the ground or sideslip it cannot tell bank from the yaw gyro's bias"
         del trajectory  # as large as the one that takes its place
         return _as_measured(flight, cause)
     conflict = prior_conflict(trajectory)

@@ -203,3 +203,15 @@ def test_noise_of_the_height_in_flight_is_taken_from_its_residuals(monkeypatch, 
     found = flight_steps.flight_path(record)
     assert found.trajectory.height_noise == pytest.approx(noise)
     assert any("noise of the height is 4.0 times" in note for note in found.notes) == (noise > 1)
+
+
+@pytest.mark.parametrize(("measured", "said"), [((), True), (("gps_north_mps",), False), (("beta_rad",), False)])
+def test_without_velocity_and_sideslip_a_path_that_is_not_found_has_a_reason(monkeypatch, measured, said: bool) -> None:
+    """Bank and the bias of the yaw gyro act alike on the airspeed: both turn the aircraft without another trace."""
+    first = replace(
+        estimated(np.zeros(len(PRIOR))), converged=False, block_means=SimpleNamespace(measured=measured.__contains__)
+    )
+    monkeypatch.setattr(flight_steps, "trajectory_with", lambda *_, **__: first)
+    found = flight_steps.flight_path(SimpleNamespace(progress=lambda _: None, data=None, name="flight.mcap"))
+    assert found.as_measured
+    assert ("cannot tell bank from the yaw gyro's bias" in found.notes[-1]) is said
