@@ -238,7 +238,8 @@ class CurvePool(Pool):
         return float(quadratic_form(np.full(len(V), difference), own))
 
     def curve_result(self) -> CurveResult:
-        return curve_result(self.curve, statistics=power_statistics(self.curve.V_mps, self.curve.power_W))
+        statistics = power_statistics(self.curve.V_mps, self.curve.power_W)
+        return curve_result(self.curve, statistics=statistics, battery=self.battery)
 
     @property
     def notes(self) -> list[str]:

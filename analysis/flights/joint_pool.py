@@ -49,7 +49,7 @@ from analysis.flights.joint import (
 )
 from analysis.flights.pool_settings import POOLING
 from analysis.flights.pooled import Pool
-from analysis.flights.power_train import pooled_use, slowest_flown
+from analysis.flights.power_train import pooled_performance, pooled_use, slowest_flown
 from analysis.methods import consider as covariance
 from analysis.methods.rejected_assumptions import Assumption
 from analysis.records.flight import CurveResult, Kind
@@ -195,6 +195,7 @@ class JointPool(Pool):
 
     def _form(self, results: PooledResults) -> PooledResults:
         error = self.estimate.parameters.standard_error
+        use = pooled_use(self)
         shared = zip(POOLED[_N_POLAR:], self.estimate.parameters.value[_N_POLAR:], error[_N_POLAR:], strict=True)
         return structs.replace(
             results,
@@ -206,7 +207,8 @@ class JointPool(Pool):
                 for name, x, e in shared
             ],
             slowest_flown=slowest_flown(self),
-            use=pooled_use(self),
+            use=use,
+            performance=pooled_performance(self, use, results.air) if use else None,
         )
 
     def _form_of_flight(self, number: int, flight: PooledFlight) -> PooledFlight:

@@ -30,7 +30,7 @@ from analysis.flights.evidence import (
 )
 from analysis.flights.flight_statistics import PoolFlight
 from analysis.flights.pool_settings import POOLING
-from analysis.records.flight import AirFound, CurveResult, Evidence, EvidenceKind, Kind
+from analysis.records.flight import AirFound, BatteryResult, CurveResult, Evidence, EvidenceKind, Kind
 from analysis.records.pool import (
     Agreement,
     AgreementTest,
@@ -181,7 +181,6 @@ class Pool(ABC):
         """
         flights = self._flights()
         curves, installations = self.homogeneity, self.installation_homogeneity
-        batteries = [one.content.battery for one in self.flights if one.content.battery]
         return self._form(
             PooledResults(
                 trust=trust_by(self.evidence),
@@ -192,7 +191,7 @@ class Pool(ABC):
                 kind=self.kind,
                 curves={self.kind: self.curve_result()},
                 air=mean_air(self.flights),
-                battery=batteries[-1] if batteries else None,
+                battery=self.battery,
                 between_flights=self._between_flights(),
                 agreement=self.agreement,
                 homogeneity=_agreement(curves, polars_text(curves, self.outlying_curves)) if curves else None,
@@ -212,6 +211,11 @@ class Pool(ABC):
                 failures=list(failures),
             )
         )
+
+    @property
+    def battery(self) -> BatteryResult | None:
+        """Of the last flight that has one."""
+        return next((one.content.battery for one in reversed(self.flights) if one.content.battery), None)
 
     def _between_flights(self) -> list[Scatter]:
         """Scatter of the flights' curves about the pooled one, and what their errors explain of it."""

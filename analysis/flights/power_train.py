@@ -5,25 +5,44 @@ nobody knows. Whatever it is, the covariance of a mean is at most the mean of th
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
+from msgspec.structs import replace
 
-from analysis.curve import POLAR, speed_at
+from analysis.curve import POLAR, Condition, Polar, speed_at
+from analysis.flights.flight_statistics import FlightStatistics
+from analysis.flights.joint import PooledEstimate
 from analysis.methods.thrust_prior import THRUST
+from analysis.performance.analysis import flight_performance
 from analysis.performance.full_throttle import FullThrottle
 from analysis.performance.level_flight import PerformanceModel
 from analysis.performance.power_train import PowerTrainModel
 from analysis.performance.propagation import ParameterVector, combine_independent
+from analysis.performance.request import FlownCondition, Request, requested_conditions
 from analysis.performance.stored_model import FULL_THROTTLE, INCIDENCE, LOSSES, model_of, model_result, part
-from analysis.records.flight import ComputationModel, SlowestFlown
+from analysis.records.flight import AirFound, BatteryResult, ComputationModel, PerformanceResult, SlowestFlown
 from analysis.records.pool import PooledUse
 
-if TYPE_CHECKING:
-    from analysis.flights.joint_pool import JointPool
+
+class DragPool(Protocol):
+    """What is used here of the joint estimate of drag (`joint_pool`)."""
+
+    @property
+    def flights(self) -> Sequence[FlightStatistics]: ...
+    @property
+    def estimate(self) -> PooledEstimate: ...
+    @property
+    def polar(self) -> Polar: ...
+    @property
+    def condition(self) -> Condition: ...
+    @property
+    def flown_CL(self) -> tuple[float, float]: ...
+    @property
+    def battery(self) -> BatteryResult | None: ...
 
 
-def pooled_use(pool: "JointPool") -> PooledUse | None:
+def pooled_use(pool: DragPool) -> PooledUse | None:
     """None where no flight has a power train. Losses that are measured count, where there are any, or else assumed."""
     known = [(one, one.content.use, one.content.use.model) for one in pool.flights if one.content.use]
     having = [(one, use, model) for one, use, model in known if model is not None]
@@ -37,7 +56,21 @@ def pooled_use(pool: "JointPool") -> PooledUse | None:
     )
 
 
-def _pooled_model(pool: "JointPool", flights: Sequence[ComputationModel]) -> PerformanceModel:
+def pooled_performance(pool: DragPool, use: PooledUse, air: AirFound) -> PerformanceResult | None:
+    """Endurance, range and full throttle at the pool's weight and density and around it, as of a flight; None where
+    the battery or the air is not known, or the propeller's table cannot give the thrust of level flight."""
+    if pool.battery is None or air.temperature_K is None or air.pressure_Pa is None:
+        return None
+    at = FlownCondition(pool.condition, air.pressure_Pa, air.temperature_K)
+    found = flight_performance(model_of(use.model), pool.condition, requested_conditions(Request(), at), pool.battery)
+    if found is None:
+        return None
+    basis = f"The losses of motor and battery are the mean of {', '.join(use.losses_of)}."
+    train = replace(found.power_train, measured=use.losses_measured, basis=basis)
+    return replace(found, power_train=train, model=None)
+
+
+def _pooled_model(pool: DragPool, flights: Sequence[ComputationModel]) -> PerformanceModel:
     models = [model_of(one) for one in flights]
     n = len(POLAR) + len(THRUST)
     values, covariance = pool.estimate.parameters.value[:n].copy(), pool.estimate.parameters.covariance[:n, :n].copy()
@@ -66,7 +99,7 @@ def _mean(parts: Sequence[ParameterVector]) -> ParameterVector:
     return ParameterVector(parts[0].names, values, covariances)
 
 
-def slowest_flown(pool: "JointPool") -> SlowestFlown | None:
+def slowest_flown(pool: DragPool) -> SlowestFlown | None:
     """At the pool's condition, with the largest lift coefficient of any flight; None where no flight tells it."""
     known = [one.content.slowest_flown.largest_lift_coefficient for one in pool.flights if one.content.slowest_flown]
     largest_CL = pool.flown_CL[1]

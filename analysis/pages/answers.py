@@ -36,19 +36,20 @@ class HeadlineAnswer(NamedTuple):
         return self.remark if self.speed_mps is None else f"{self.speed_mps:.1f} m/s{self.remark}"
 
 
-def headline_answers(results: Results) -> list[HeadlineAnswer]:
+def headline_answers(results: WithCurves, use: PerformanceResult | None = None) -> list[HeadlineAnswer]:
     """Speeds of longest endurance and longest range, and the performance at full throttle.
 
     Without a propeller table that allows performance (`results.use` is None): speeds of least power and least drag; of
-    electrical power endurance and range at its best speeds.
+    electrical power endurance and range at its best speeds. use: of a pool; of a flight that of its results
     """
     if results.kind is Kind.ELECTRICAL:
         return best_of_battery(results)
-    use = results.use
+    use = use or (results.use if isinstance(results, Results) else None)
     if use is None:
+        main = results.main
         return [
-            _optimum(results, "Longest endurance", results.minimum_power_speed, "least power required"),
-            _optimum(results, "Longest range", results.best_range_speed, "least drag"),
+            _optimum(results, "Longest endurance", main.least_power_speed or UNKNOWN_SPEED, "least power required"),
+            _optimum(results, "Longest range", main.best_range_speed or UNKNOWN_SPEED, "least drag"),
         ]
     return [_endurance(results, use), _range(results, use), _full_throttle(results, use.available)]
 
@@ -86,7 +87,7 @@ def _at_slowest(speed_mps: float | None, curve: CurveResult) -> bool:
     return speed_mps is not None and speed_mps <= curve.points[0].speed_mps
 
 
-def _optimum(results: Results, question: str, optimum: SpeedInterval, note: str) -> HeadlineAnswer:
+def _optimum(results: WithCurves, question: str, optimum: SpeedInterval, note: str) -> HeadlineAnswer:
     """The card of a speed of the curve; where that lies below the slowest flown, the card of the slowest flown."""
     slowest = results.slowest_flown
     if optimum.reason is SpeedReason.BELOW_SLOWEST and slowest:
@@ -94,7 +95,7 @@ def _optimum(results: Results, question: str, optimum: SpeedInterval, note: str)
     return HeadlineAnswer(question, optimum_remark(optimum), note, _known_speed(optimum))
 
 
-def not_slower(results: Results) -> str:
+def not_slower(results: WithCurves) -> str:
     """What the slowest speed flown means, in sentences; empty where it is not known."""
     slowest = results.slowest_flown
     if slowest is None:
@@ -134,7 +135,7 @@ def interval_text(interval: Interval, unit: str, digits: int) -> str:
     return f"{interval.value:.{digits}f} {unit} ({interval.lo:.{digits}f} to {interval.hi:.{digits}f})"
 
 
-def _endurance(results: Results, use: PerformanceResult) -> HeadlineAnswer:
+def _endurance(results: WithCurves, use: PerformanceResult) -> HeadlineAnswer:
     flown = use.loadings[0]
     note = f"{interval_text(flown.endurance_s.times(1 / 60), 'min', 0)} {_battery(results, use)}."
     if flown.extrapolated:
@@ -146,7 +147,7 @@ def _endurance(results: Results, use: PerformanceResult) -> HeadlineAnswer:
     return HeadlineAnswer("Longest endurance", remark, note, speed.value)
 
 
-def _range(results: Results, use: PerformanceResult) -> HeadlineAnswer:
+def _range(results: WithCurves, use: PerformanceResult) -> HeadlineAnswer:
     flown = use.loadings[0]
     note = f"{interval_text(flown.range_m.times(1e-3), 'km', 1)} {_battery(results, use)}, in still air."
     if flown.range_at_slowest:
@@ -156,7 +157,7 @@ def _range(results: Results, use: PerformanceResult) -> HeadlineAnswer:
     return HeadlineAnswer("Longest range", remark, note, speed.value)
 
 
-def _full_throttle(results: Results, available: AvailableResult) -> HeadlineAnswer:
+def _full_throttle(results: WithCurves, available: AvailableResult) -> HeadlineAnswer:
     if available.reason:
         return HeadlineAnswer("Full throttle", "not known", available.reason)
     top, climb = available.maximum_speed_mps, available.best_climb_mps
@@ -170,12 +171,12 @@ def _full_throttle(results: Results, available: AvailableResult) -> HeadlineAnsw
     return HeadlineAnswer("Full throttle, level", remark, note, top.value if top else None)
 
 
-def _battery(results: Results, use: PerformanceResult) -> str:
+def _battery(results: WithCurves, use: PerformanceResult) -> str:
     text = f"with {battery_text(results)} used"
     return text if use.power_train.measured else text + " (motor assumed, not measured)"
 
 
-def battery_text(results: Results, between: str = ",") -> str:
+def battery_text(results: WithCurves, between: str = ",") -> str:
     """ "74 Wh, 80 %", the battery and the share of it that is used."""
     assert results.battery is not None  # of a flight whose endurance is known
     return f"{results.battery.energy_Wh:g} Wh{between} {100 * results.battery.usable:.0f} %"

@@ -112,7 +112,7 @@ def render(
         provenance=provenance_section(results),
         replaced=replaced,
         predicted=predicted,
-        performance=performance_section(results),
+        performance=performance_section(results, results.use),
         other_conditions=other_conditions_section(performance),
         methods=methods_section(results),
         curve=curve_section(results),

@@ -9,8 +9,9 @@ import numpy as np
 from msgspec import Struct
 
 from analysis.flights.evidence import vehicle_notes
-from analysis.pages.answers import HeadlineAnswer
+from analysis.pages.answers import HeadlineAnswer, headline_answers
 from analysis.pages.charts.figure import Axis, Bars, Cursor, Dash, Figure, Line, Points, Symbol
+from analysis.pages.charts.power import efficiency, loadings
 from analysis.pages.charts.style import (
     BLUE,
     GRAY,
@@ -24,6 +25,7 @@ from analysis.pages.charts.style import (
     true_airspeed,
 )
 from analysis.pages.html_page import HtmlTable, html_figure, render_page
+from analysis.pages.sections.performance import performance_section
 from analysis.pages.wording import every, meaning, verdict
 from analysis.records.flight import ConditionResult, Kind, Results, Trust
 from analysis.records.pool import (
@@ -62,7 +64,12 @@ def render_pooled(pooled: PooledResults) -> str:
     flights = by_date(pooled.flights)
     best = min(flights, key=lambda flight: np.nanmean(_numbers(flight.half_width_percent)))
     more, middle = pooled.one_more, len(pooled.one_more.speed_mps) // 2
-    drawn = {"power": pooled_power(pooled), "half_widths": half_widths(pooled, best)}
+    drawn: dict[str, Figure | Sequence[Figure]] = {
+        "power": pooled_power(pooled),
+        "half_widths": half_widths(pooled, best),
+    }
+    if pooled.performance:
+        drawn |= {"loadings": loadings(pooled.performance), "efficiency": efficiency(pooled.performance)}
     if len(flights) > 1:
         drawn |= {"against_pool": against_pool(flights), "weights": weights(flights)}
     return render_page(
@@ -70,7 +77,8 @@ def render_pooled(pooled: PooledResults) -> str:
         title=f"{pooled.aircraft.title}: {pooled.kind.words}, {count(len(flights), 'flight')}",
         condition=_condition(pooled.test, pooled.aircraft.propeller, pooled.installation),
         verdict=verdict(pooled.trust, pooled.evidence),
-        answers=pooled_answers(pooled),
+        answers=[*headline_answers(pooled, pooled.performance), *pooled_answers(pooled)],
+        performance=performance_section(pooled, pooled.performance),
         figures={name: html_figure(figure, name) for name, figure in drawn.items()},
         warnings=pooled.notes,
         curve=curve_table(pooled),

@@ -40,7 +40,7 @@ def print_summary(results: Results, page: Path, console: Console) -> None:
 def print_pooled(pooled: PooledResults, page: Path, console: Console) -> None:
     """Print the curve, the answers, warnings, how many flights there are, and where the page is."""
     _print_table(console, f"{pooled.aircraft.title}: {pooled.kind.words}", curve_table(pooled, 8))
-    _print_answers(console, pooled_answers(pooled))
+    _print_answers(console, [*headline_answers(pooled, pooled.performance), *pooled_answers(pooled)])
     counted = f"{len(pooled.flights)} pooled, {len(pooled.left_out)} left out, {len(pooled.failures)} refused"
     console.print(f"flights: {counted}", highlight=False)
     _print_notes(console, [*pooled.notes, *pooled.left_out])

@@ -14,6 +14,7 @@ from analysis.records.flight import (
     ConditionResult,
     Evidence,
     Kind,
+    PerformanceResult,
     Trust,
     WithCurves,
 )
@@ -174,6 +175,8 @@ class PooledResults(WithCurves, frozen=True, kw_only=True):
     left_out: list[str]  # flights that are not in the pool, and why
     failures: list[str]  # logs that cannot be used, and why
     use: PooledUse | None = None  # null where no flight has a power train
+    # By the pooled polar, the mean power train and the last flight's battery; null where one of these is not known.
+    performance: PerformanceResult | None = None
 
 
 class Configuration(msgspec.Struct, frozen=True, kw_only=True):

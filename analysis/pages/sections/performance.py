@@ -9,7 +9,7 @@ from analysis.pages.answers import battery_text, interval_text
 from analysis.pages.html_page import HtmlTable
 from analysis.pages.sections import performance as field_table
 from analysis.pages.wording import meaning
-from analysis.records.flight import Interval, PerformanceResult, Results
+from analysis.records.flight import Interval, PerformanceResult, Results, WithCurves
 from flight.units import GRAVITY_MPS2
 
 
@@ -26,9 +26,8 @@ class PerformanceSection(NamedTuple):
     parameters: HtmlTable
 
 
-def performance_section(results: Results) -> PerformanceSection | None:
+def performance_section(results: WithCurves, use: PerformanceResult | None) -> PerformanceSection | None:
     """None where the propeller table does not allow performance."""
-    use = results.use
     if use is None:
         return None
     notes = (use.available.basis, ceilings(use), *use.available.notes, use.available.reason)
@@ -162,7 +161,7 @@ def _value_or_dash(interval: Interval | None) -> str:
     return "–" if interval is None else f"{interval.value:.1f}"
 
 
-def heading(results: Results) -> str:
+def heading(results: WithCurves) -> str:
     """Aircraft, weight, air density, propeller and battery that the table holds for."""
     return (
         f"{results.aircraft.title}, {results.test.weight_N / GRAVITY_MPS2:.2f} kg,"

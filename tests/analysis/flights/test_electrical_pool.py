@@ -17,8 +17,9 @@ from analysis.flights.comparison import Comparison, compare
 from analysis.flights.curve_pool import CurvePool
 from analysis.flights.evidence import NOT_ONE_VEHICLE
 from analysis.flights.pool import pool_results
+from analysis.flights.pooled import flights_to_see
 from analysis.pages.pooled_page import render_pooled
-from analysis.records.flight import POWER_FORMAT, EvidenceKind, Kind, Results, Trust
+from analysis.records.flight import POWER_FORMAT, BatteryResult, EvidenceKind, Kind, Results, Trust
 from analysis.records.pool import POOLED_FORMAT
 from flight.command_line import ExitCode
 from flight.errors import InputError
@@ -92,6 +93,26 @@ def test_one_flight_is_its_own_pool() -> None:
     assert half_shares([flight()]) == pytest.approx(np.hypot(OWN, SHARED), rel=1e-3)
     found = pool.results()
     assert found.homogeneity is None and found.flights[0].p is None and not found.flights[0].outlier
+
+
+def test_a_pool_knows_endurance_by_the_battery_of_its_flights() -> None:
+    battery = BatteryResult(energy_Wh=100.0, usable=0.8)
+    pooled = electrical_pool([msgspec.structs.replace(flight("a"), battery=battery), flight("b", 0.01)]).results()
+    least_W = min(point.power_W for point in pooled.main.points)
+    assert pooled.main.endurance_s is not None
+    assert pooled.main.endurance_s.value == pytest.approx(3600 * 80.0 / least_W)
+
+
+def test_one_more_flight_and_a_difference_to_see_follow_from_own_errors() -> None:
+    """Three flights of 3 % each: one more like them has 3 %/sqrt(4), and a change of 2 % takes so many that its test
+    at three speeds has the power asked; shared errors do not count."""
+    pool = electrical_pool([flight(str(i), 1e-6 * i) for i in range(3)])
+    V = pool.speeds_mps
+    own = [NORMAL_95 * 100 * np.hypot(OWN / np.sqrt(n), SHARED) for n in (3, 4)]
+    assert pool.half_widths_percent([1, 1, 1], V) == pytest.approx(own[0], rel=1e-3)
+    assert pool.half_widths_percent([2, 1, 1], V) == pytest.approx(own[1], rel=1e-3)
+    few, many = (flights_to_see(pool, share) for share in (0.05, 0.02))
+    assert few is not None and many is not None and many == pytest.approx(6.25 * few, abs=6.25)
 
 
 def test_own_errors_fall_with_the_number_of_flights_and_shared_ones_stay() -> None:

@@ -135,3 +135,15 @@ def test_the_command_takes_a_pool_and_says_whose_losses_count(
     assert found["flights"] == ["0.mcap", "1.mcap", "2.mcap"] and found["losses_of"] == ["0.mcap", "2.mcap"]
     assert run(contents(use=False)) == 2
     assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_a_pool_gives_endurance_and_range_as_a_flight_does() -> None:
+    """By the pooled polar, the battery of the last flight, and at other weights; without a battery by none."""
+    found = joint_pool(contents()).results()
+    assert found.performance is not None and found.battery is not None and found.battery.energy_Wh == 74.0
+    flown = found.performance.loadings[0]
+    assert flown.endurance_s.value * flown.endurance_power_W == pytest.approx(3600 * 74.0 * 0.8, rel=1e-3)
+    heavier = max(found.performance.loadings, key=lambda case: case.weight_N)
+    assert heavier.weight_N > 1.05 * flown.weight_N and heavier.endurance_s.value < flown.endurance_s.value
+    assert found.performance.power_train.measured and "0.mcap, 1.mcap, 2.mcap" in found.performance.power_train.basis
+    assert joint_pool(contents(use=False)).results().performance is None
