@@ -63,11 +63,11 @@ CULPRIT = {
     "az_vibration": "vibration of the motor: balance the propeller, and mount the tray softly",
     "alpha_per_g": "the boom of the probe bends under its weight",
     "updraft": "the air rose or sank over the flight: state [uncertainty] updraft",
-    "p_scale": "the gyro is of another range or badly scaled: `calibrate imu` measures it",
-    "q_scale": "the gyro is of another range or badly scaled: `calibrate imu` measures it",
-    "r_scale": "the gyro is of another range or badly scaled: `calibrate imu` measures it",
-    "ax_scale": "the accelerometer is of another range or badly scaled: `calibrate imu` measures it",
-    "az_scale": "the accelerometer is of another range or badly scaled: `calibrate imu` measures it",
+    "p_scale": "the gyro is of another range or badly scaled: turn the tray by 360 degrees on a table and compare",
+    "q_scale": "the gyro is of another range or badly scaled: turn the tray by 360 degrees on a table and compare",
+    "r_scale": "the gyro is of another range or badly scaled: turn the tray by 360 degrees on a table and compare",
+    "ax_scale": "the accelerometer is of another range or badly scaled: it must read 1 g with that axis up, -1 g down",
+    "az_scale": "the accelerometer is of another range or badly scaled: it must read 1 g with that axis up, -1 g down",
 }
 
 

@@ -66,7 +66,7 @@ class FlightMode(IntEnum):
     TAKEOFF = 13
     AVOID_ADSB = 14
     GUIDED = 15
-    INITIALISING = 16
+    INITIALISING = 16  # codespell:ignore initialising
     QSTABILIZE = 17
     QHOVER = 18
     QLOITER = 19

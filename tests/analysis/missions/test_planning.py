@@ -324,7 +324,7 @@ def test_a_slow_aircraft_in_wind_uses_its_time_and_stays_in_sight() -> None:
     """9 m/s of wind at 7 to 13 m/s: pieces take twice the time that they take alone. The card warns."""
     light = expected_aircraft(load_aircraft("light-1kg"), HEIGHT_M)
     found = plan_flight(light, Request(15.0, 12.0, Space(500.0, HEIGHT_M), Pilot(autopilot=False, load=1.0)))
-    assert 0.93 * 900 < found.seconds <= 900
+    assert 0.9 * 900 < found.seconds <= 900
     before_landing = int(found.history.starts_s[-3] / PATH.step_s)
     assert np.hypot(*found.history.position_m[:before_landing].T).max() < 600.0
     assert any(f"{found.request.wind_mps:.1f} m/s, the speed between" in line for line in card.warnings(found))
