@@ -39,11 +39,12 @@ def add(
 
     console = Console(highlight=False)
     found = read_flights([flight for folder in folders for flight in flight_folders_of(folder)])
-    if not found.to_pool:
-        why = found.left_out[0] if found.left_out else f"{found.electrical[0].log}: gives electrical power only"
-        raise InputError(f"{folders[0]}: no flight to add; {why}")
-    added = Dataset(to).add(found.to_pool)
-    for line in found.left_out:
+    flights = [*found.to_pool, *found.electrical]
+    if not flights:
+        raise InputError(f"{folders[0]}: no flight to add; {found.left_out[0]}")
+    added = Dataset(to).add(flights)
+    kept = {one.log for one in found.electrical}
+    for line in (line for line in found.left_out if line.split(":")[0] not in kept):
         console.print(f"left out: {line}", markup=False)
     console.print(f"{to}: {added.new} flights added, {added.known} were there already", markup=False)
 

@@ -8,9 +8,10 @@ from scipy.optimize import minimize
 
 from analysis.curve import Polar
 from analysis.flights.changes import Change, find_changes, series
-from analysis.flights.flight_statistics import FlightStatistics
+from analysis.flights.flight_statistics import FlightStatistics, PoolFlight
 from analysis.flights.joint_pool import JointPool
-from analysis.flights.pool import pool
+from analysis.flights.pool import pool_flights
+from analysis.flights.pooled import Pool
 from flight.arrays import Array
 from flight.errors import InputError
 
@@ -27,8 +28,8 @@ class Airframe(NamedTuple):
 
     name: str
     configuration: str
-    flights: tuple[FlightStatistics, ...]
-    pool: JointPool
+    flights: tuple[PoolFlight, ...]
+    pool: Pool
     changes: tuple[Change, ...]
 
     @property
@@ -39,7 +40,8 @@ class Airframe(NamedTuple):
     @property
     def kind(self) -> tuple[float, str]:
         """Wing area and propeller, which airframes of one fleet have in common."""
-        return self.flights[0].aircraft.wing_area_m2, self.flights[0].propeller_table
+        first = self.flights[0]
+        return first.aircraft.wing_area_m2, first.propeller_table if isinstance(first, FlightStatistics) else ""
 
 
 class FleetCurve(NamedTuple):
@@ -70,21 +72,25 @@ def airframes(dataset: "Dataset", alarms_a_year: float, unread: list[str], names
     return found
 
 
-def airframe(name: str, configuration: str, flights: Sequence[FlightStatistics], alarms_a_year: float) -> Airframe:
+def airframe(name: str, configuration: str, flights: Sequence[PoolFlight], alarms_a_year: float) -> Airframe:
     """From its flights in one configuration, in the order of their dates. alarms_a_year: as of `airframes`
 
     Whether a flight without a date came before a change is not known: it is pooled only where there is none.
     """
     dated = [one for one in flights if one.dated]
     ordered = (*dated, *(one for one in flights if not one.dated))
-    whole = pool(ordered)
-    told = _changes(whole if len(dated) == len(flights) else pool(dated), alarms_a_year) if len(dated) > 2 else []
-    lately = pool(dated[told[-1].since :]) if told else whole
+    whole = pool_flights(ordered)
+    told = (
+        _changes(whole if len(dated) == len(flights) else pool_flights(dated), alarms_a_year) if len(dated) > 2 else []
+    )
+    lately = pool_flights(dated[told[-1].since :]) if told else whole
     return Airframe(name, configuration, ordered, lately, tuple(told))
 
 
-def _changes(whole: JointPool, alarms_a_year: float) -> list[Change]:
-    """By date, of three flights or more that have one."""
+def _changes(whole: Pool, alarms_a_year: float) -> list[Change]:
+    """By date, of three flights or more that have one. None of electrical power: drag and thrust are one there."""
+    if not isinstance(whole, JointPool):
+        return []
     flights = whole.flights
     times = np.array([one.start_unix_s for one in flights], dtype=float) / 86400.0
     flights_a_year = 365.25 * len(flights) / max(times[-1] - times[0], len(flights))  # one a day at most
@@ -97,8 +103,9 @@ def fleet_curve(fleet: Sequence[Airframe]) -> FleetCurve:
     Each airframe's polar is a draw about the mean, seen with its own error (Gasparrini et al. 2012, multivariate
     random-effects meta-analysis).
     """
-    values = np.stack([one.pool.polar.A for one in fleet])
-    own = np.stack([one.pool.polar.covariance for one in fleet])
+    pools = [one.pool for one in fleet if isinstance(one.pool, JointPool)]
+    values = np.stack([one.polar.A for one in pools])
+    own = np.stack([one.polar.covariance for one in pools])
     scale = np.sqrt(np.mean(np.einsum("fkk->fk", own), axis=0))
     among = scale[:, None] * random_effects(values / scale, own / np.outer(scale, scale)) * scale
     weights = np.linalg.inv(own + among)

@@ -16,7 +16,14 @@ from urllib.parse import quote, unquote
 import msgspec
 
 from analysis.flights.campaign.addresses import file_system
-from analysis.flights.flight_statistics import FlightStatistics, of_content, read_statistics, without_details
+from analysis.flights.flight_statistics import (
+    FlightCurve,
+    PoolFlight,
+    of_content,
+    read_curve,
+    read_statistics,
+    without_details,
+)
 from analysis.records.flight import FORMAT, POOLING_FORMAT, Results
 from analysis.results.read import read_results
 from flight.errors import InputError
@@ -75,18 +82,18 @@ class Dataset:
             raise InputError(f"{self.address}: no flights there; add some with `flightpower fleet add`")
         return sorted(unquote(path.rsplit("=", 1)[1]) for path in fs.glob(f"{root}/airframe=*"))
 
-    def flights(self, airframe: str, unread: list[str] | None = None) -> dict[str, list[FlightStatistics]]:
+    def flights(self, airframe: str, unread: list[str] | None = None) -> dict[str, list[PoolFlight]]:
         """Flights of an airframe by configuration, each in the order of their dates, those without a date last.
 
         unread: receives a line for each file that cannot be read; raises InputError for the first where it is None
         """
-        found: dict[str, tuple[str, FlightStatistics]] = {}
+        found: dict[str, tuple[str, PoolFlight]] = {}
         for table in self._tables(airframe, ["flight", "configuration", "format", "content"], unread):
             for row in table.to_pylist():
                 content = _read_row(row)
                 if content is not None:
-                    found[row["flight"]] = (row["configuration"], of_content(content))
-        by_configuration: dict[str, list[FlightStatistics]] = defaultdict(list)
+                    found[row["flight"]] = (row["configuration"], _flight(content))
+        by_configuration: dict[str, list[PoolFlight]] = defaultdict(list)
         for key in sorted(found, key=lambda key: (found[key][1].start_unix_s or math.inf, key)):
             configuration, flight = found[key]
             by_configuration[configuration].append(flight)
@@ -145,7 +152,10 @@ class Dataset:
 
 def stored(results: Mapping[str, Any] | Results) -> StoredFlight:
     """A flight's row, without what a mission is computed from. Raises InputError as `read_statistics` does."""
-    found = read_statistics(results)
+    content = read_results(results)
+    if content.pooling is None:
+        return _stored_curve(read_curve(content))
+    found = read_statistics(content)
     of_flight = found.statistics
     common = (
         found.aircraft.wing_area_m2,
@@ -156,6 +166,18 @@ def stored(results: Mapping[str, Any] | Results) -> StoredFlight:
     )
     content = msgspec.structs.replace(without_details(found.content), use=None)
     return StoredFlight(_fingerprint(of_flight.values), _fingerprint(common), found.start_unix_s, content)
+
+
+def _stored_curve(flight: FlightCurve) -> StoredFlight:
+    """The row of a flight that gives electrical power only: flights of one size and one autopilot belong together."""
+    aircraft, power = flight.aircraft, flight.curve.power_W.value
+    common = (flight.curve.kind, aircraft.wing_area_m2, aircraft.span_m, flight.content.vehicle)
+    content = without_details(flight.content)
+    return StoredFlight(_fingerprint(power.tolist()), _fingerprint(common), flight.start_unix_s, content)
+
+
+def _flight(content: Results) -> PoolFlight:
+    return read_curve(content) if content.pooling is None else of_content(content)
 
 
 def _read_row(row: Mapping[str, Any]) -> Results | None:

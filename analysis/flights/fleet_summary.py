@@ -10,8 +10,9 @@ from analysis.estimation.noise import NORMAL_95
 from analysis.flights.airframes import Airframe, fleet_curve
 from analysis.flights.changes import Change
 from analysis.flights.evidence import undated_text
-from analysis.flights.flight_statistics import FlightStatistics
+from analysis.flights.flight_statistics import FlightStatistics, PoolFlight
 from analysis.flights.joint_pool import JointPool
+from analysis.flights.pooled import Pool
 from analysis.records.fleet import (
     AirframeResult,
     ChangeResult,
@@ -36,17 +37,21 @@ def fleet_results(fleet: Sequence[Airframe], left_out: Sequence[str]) -> FleetRe
         software_version=version(),
         flights=sum(len(one.flights) for one in fleet),
         airframes=[_airframe(one) for one in fleet],
-        curves=[_curve(of_kind) for of_kind in kinds.values() if len(of_kind) > 2],
+        curves=[_curve(of_kind) for of_kind in kinds.values() if len(of_kind) > 2 and _of_drag(of_kind)],
         contradictions=_contradictions(fleet),
         notes=[f"{one.name}: {undated_text(one.flights)}" for one in fleet if one.dated < len(one.flights)],
         left_out=list(left_out),
     )
 
 
+def _of_drag(airframes: Sequence[Airframe]) -> bool:
+    return all(isinstance(one.pool, JointPool) for one in airframes)
+
+
 def _contradictions(fleet: Sequence[Airframe]) -> list[ContradictionResult]:
     """By airframe, the first of each kind, in the order of the dates."""
     found: list[ContradictionResult] = []
-    by_name: dict[str, list[FlightStatistics]] = defaultdict(list)
+    by_name: dict[str, list[PoolFlight]] = defaultdict(list)
     for airframe in fleet:
         by_name[airframe.name] += airframe.flights
     for name, flights in by_name.items():
@@ -58,7 +63,8 @@ def _contradictions(fleet: Sequence[Airframe]) -> list[ContradictionResult]:
             said = f"{name}: {other.name} has another wing area or span than {first.name}: two aircraft of one name?"
             found.append(_contradiction(Contradiction.SIZE, name, other, first, f"{said} Give each its own."))
         left: dict[str, FlightStatistics] = {}
-        dated = [one for one in flights if one.dated and one.installation]
+        drag = [one for one in flights if isinstance(one, FlightStatistics)]
+        dated = [one for one in drag if one.dated and one.installation]
         for before, one in pairwise(dated):
             if one.installation in left:
                 earlier = left[one.installation]
@@ -75,7 +81,7 @@ def _contradictions(fleet: Sequence[Airframe]) -> list[ContradictionResult]:
 
 
 def _contradiction(
-    kind: Contradiction, airframe: str, later: FlightStatistics, earlier: FlightStatistics, text: str
+    kind: Contradiction, airframe: str, later: PoolFlight, earlier: PoolFlight, text: str
 ) -> ContradictionResult:
     return ContradictionResult(kind=kind, airframe=airframe, log=later.name, earlier_log=earlier.name, text=text)
 
@@ -86,7 +92,8 @@ def _airframe(one: Airframe) -> AirframeResult:
         name=one.name,
         title=last.aircraft.title,
         configuration=one.configuration,
-        installation=one.flights[0].installation,
+        kind=one.pool.kind,
+        installation=first.installation if isinstance(first, FlightStatistics) else "",
         propeller=last.aircraft.propeller,
         flights=len(one.flights),
         pooled_flights=len(one.pool.flights),
@@ -100,14 +107,14 @@ def _airframe(one: Airframe) -> AirframeResult:
     )
 
 
-def _condition(pool: JointPool) -> ConditionResult:
+def _condition(pool: Pool) -> ConditionResult:
     return ConditionResult(weight_N=pool.condition.weight_N, air_density_kgpm3=pool.condition.rho)
 
 
 def _curve(airframes: Sequence[Airframe]) -> FleetCurveResult:
     """At weight and density of the airframe with the most flights."""
     curve = fleet_curve(airframes)
-    at = max(airframes, key=lambda one: len(one.pool.flights)).pool
+    at = max((one.pool for one in airframes if isinstance(one.pool, JointPool)), key=lambda one: len(one.flights))
     return FleetCurveResult(
         airframes=[one.name for one in airframes],
         test=_condition(at),

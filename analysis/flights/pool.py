@@ -6,7 +6,14 @@ from typing import Any
 
 from analysis.flights.agreement import mounted_anew
 from analysis.flights.curve_pool import curve_pool
-from analysis.flights.flight_statistics import FlightStatistics, check_one_aircraft, read_curve, read_statistics
+from analysis.flights.flight_statistics import (
+    FlightCurve,
+    FlightStatistics,
+    PoolFlight,
+    check_one_aircraft,
+    read_curve,
+    read_statistics,
+)
 from analysis.flights.joint import pooled_estimate, shared_prior, stacked
 from analysis.flights.joint_pool import JointPool, mean_condition, pooled_polar
 from analysis.flights.pooled import Pool, refuse_repeated
@@ -14,7 +21,7 @@ from analysis.records.flight import Kind, Results
 from analysis.results.read import read_results
 from flight.errors import InputError
 
-__all__ = ["Pool", "joint_pool", "pool", "pool_results"]
+__all__ = ["Pool", "joint_pool", "pool", "pool_flights", "pool_results"]
 
 
 def pool_results(results: Sequence[Path | Mapping[str, Any] | Results]) -> Pool:
@@ -32,6 +39,13 @@ def pool_results(results: Sequence[Path | Mapping[str, Any] | Results]) -> Pool:
     if len(electrical) < len(contents):
         raise InputError(f"{electrical[0]}: gives electrical power only, and others drag; pool flights of one kind")
     return curve_pool([read_curve(one) for one in contents])
+
+
+def pool_flights(flights: Sequence[PoolFlight]) -> Pool:
+    """The joint estimate of flights of one kind. Raises InputError as `pool_results`."""
+    curves = [one for one in flights if isinstance(one, FlightCurve)]
+    drag = [one for one in flights if isinstance(one, FlightStatistics)]
+    return curve_pool(curves) if curves else pool(drag)
 
 
 def joint_pool(results: Sequence[Path | Mapping[str, Any] | Results]) -> JointPool:

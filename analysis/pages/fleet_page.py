@@ -8,6 +8,7 @@ from analysis.pages.charts.style import BLUE, GRAY, INK, ORANGE, band, curve_arr
 from analysis.pages.html_page import HtmlTable, html_figure, render_page
 from analysis.pages.pooled_page import count
 from analysis.records.fleet import AirframeResult, FleetCurveResult, FleetResults
+from analysis.records.flight import Kind
 from analysis.results.evidence import sentence
 
 
@@ -81,7 +82,7 @@ def _row(one: AirframeResult) -> tuple[str, ...]:
     share = 50 * (least.power_hi_W - least.power_lo_W) / least.power_W
     return (
         one.name,
-        one.installation or "none named",
+        one.kind.words if one.kind is not Kind.POWER_REQUIRED else one.installation or "none named",
         f"{one.pooled_flights} of {one.flights}",
         _date(one.last_unix_s),
         f"{least.power_W:.1f} W, {least.speed_mps:.1f} m/s",

@@ -7,7 +7,7 @@ from enum import StrEnum
 
 import msgspec
 
-from analysis.records.flight import ConditionResult, Evidence, PowerPoint, Trust
+from analysis.records.flight import ConditionResult, Evidence, Kind, PowerPoint, Trust
 
 FORMAT = "flightpower-fleet-1"
 
@@ -72,6 +72,7 @@ class AirframeResult(msgspec.Struct, frozen=True, kw_only=True):
     first_unix_s: float | None
     last_unix_s: float | None
     test: ConditionResult
+    kind: Kind = Kind.POWER_REQUIRED  # of the curve:
     power_required: list[PowerPoint]
     trust: Trust  # as bad as the worst of:
     evidence: list[Evidence]  # against the pooled flights

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from analysis.cli.fleet import app
 from flight.errors import InputError
-from tests.analysis.missions.route_data import electrical_flight
+from tests.analysis.flights.test_electrical_pool import drawn
 
 
 def called(*words: object) -> str:
@@ -62,9 +62,18 @@ def test_what_cannot_be_used_is_one_line(
     assert [*tmp_path.iterdir()] == []
 
 
-def test_flights_of_electrical_power_alone_are_no_fleet(tmp_path: Path) -> None:
-    folder = tmp_path / "flights" / "00000001"
-    folder.mkdir(parents=True)
-    (folder / "results.json").write_text(msgspec.json.encode(electrical_flight()).decode())
-    with pytest.raises(InputError, match="00000001: gives electrical power only"):
-        called("add", tmp_path / "flights", "--to", tmp_path / "fleet")
+def test_flights_of_electrical_power_are_a_fleet_by_aircraft_and_autopilot(tmp_path: Path) -> None:
+    """Two boards of one name are two rows, each with the pool of its own flights; a flight added twice is one."""
+    rng = np.random.default_rng(5)
+    for i, vehicle in enumerate(("1", "1", "2")):
+        (one,) = drawn(rng, 1, 0.0, vehicle=vehicle)
+        folder = tmp_path / "flights" / f"0000000{i}"
+        folder.mkdir(parents=True)
+        (folder / "results.json").write_bytes(msgspec.json.encode(one))
+    assert "3 flights added, 0 were there" in called("add", tmp_path / "flights", "--to", tmp_path / "fleet")
+    assert "0 flights added, 3 were there" in called("add", tmp_path / "flights", "--to", tmp_path / "fleet")
+    called("show", tmp_path / "fleet", "-o", tmp_path / "shown")
+    found = json.loads((tmp_path / "shown" / "fleet.json").read_text("utf-8"))["airframes"]
+    assert sorted(one["pooled_flights"] for one in found) == [1, 2]
+    assert all(one["kind"] == "electrical_power" and one["power_required"] for one in found)
+    assert "electrical power" in (tmp_path / "shown" / "fleet.html").read_text("utf-8")
