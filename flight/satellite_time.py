@@ -1,5 +1,6 @@
 """Date and time of a log by the satellites; the log's own times are those of a clock that may never have been set."""
 
+from flight.log_entries import NO_ENTRIES
 from flight.log_reader import Log
 from flight.messages import FIRST_UTC_NS, LAST_UTC_NS, Gps, Message, Time
 
@@ -10,10 +11,11 @@ def satellites_minus_log_time_ns(log: Log) -> int | None:
     From the last such fix: in the first ones after power-on a receiver may not know the leap seconds.
     """
     for topic in ("/gps", "/time"):
-        ahead = [ahead_of_log_ns(entry.message, entry.time_ns) for entry in log.entries.get(topic, [])]
-        known = [ahead_ns for ahead_ns in ahead if ahead_ns is not None]
-        if known:
-            return known[-1]
+        entries = log.entries.get(topic, NO_ENTRIES)
+        for i in reversed(range(len(entries))):
+            ahead_ns = ahead_of_log_ns(entries[i].message, entries[i].time_ns)
+            if ahead_ns is not None:
+                return ahead_ns
     return None
 
 

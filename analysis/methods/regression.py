@@ -29,11 +29,11 @@ class RunData(NamedTuple):
 
 def run_data(table: pd.DataFrame, runs: list[Maneuver], columns: tuple[str, ...]) -> list[RunData]:
     """The columns over each run, gaps interpolated. Raises InputError when no run has all columns."""
-    t, values = table.index.to_numpy(), np.stack([table[name].to_numpy() for name in columns], axis=1)
+    t, values = table.index.to_numpy(), [table[name].to_numpy() for name in columns]
     found = []
     for run in runs:
         rows = slice(*np.searchsorted(t, (run.start_s, np.nextafter(run.end_s, np.inf))))
-        data = values[rows]
+        data = np.stack([column[rows] for column in values], axis=1)
         if not np.isfinite(data).all():
             data = pd.DataFrame(data).interpolate(limit_direction="both").to_numpy()
         if len(data) >= REGRESSION.fewest_blocks and np.isfinite(data).all():

@@ -13,6 +13,7 @@ and their mean over the flight is in the standard error of angle of attack.
 """
 
 import math
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +25,7 @@ from analysis.trajectory.settings import UPDRAFT
 from flight.aircraft import Uncertainty
 from flight.arrays import Array
 from flight.atmosphere import GRAVITY_MPS2
+from flight.log_entries import NO_ENTRIES, LogEntry
 from flight.log_reader import Log
 from flight.messages import Gps
 from flight.satellite_time import satellites_minus_log_time_ns
@@ -66,14 +68,24 @@ def sun_elevation(utc_s: float, latitude_rad: float, longitude_rad: float) -> fl
 def sun_over(log: Log) -> float | None:
     """Highest elevation of the sun [rad] during a log; None without place or date by satellites."""
     ahead_ns = satellites_minus_log_time_ns(log)
-    fixes = [
-        (entry.time_ns, math.radians(fix.latitude_deg), math.radians(fix.longitude_deg))
-        for entry in log.entries.get("/gps", [])
-        if isinstance(fix := entry.message, Gps) and fix.latitude_deg is not None and fix.longitude_deg is not None
-    ]
-    if ahead_ns is None or not fixes:
+    entries = log.entries.get("/gps", NO_ENTRIES)
+    first, last = (_first_place(map(entries.__getitem__, rows)) for rows in _both_ways(len(entries)))
+    if ahead_ns is None or first is None or last is None:
         return None
-    return max(sun_elevation((time_ns + ahead_ns) * 1e-9, *place) for time_ns, *place in (fixes[0], fixes[-1]))
+    return max(sun_elevation((time_ns + ahead_ns) * 1e-9, *place) for time_ns, *place in (first, last))
+
+
+def _both_ways(count: int) -> tuple[range, range]:
+    return range(count), range(count - 1, -1, -1)
+
+
+def _first_place(entries: Iterable[LogEntry]) -> tuple[int, float, float] | None:
+    """Time [ns], latitude and longitude [rad] of the first entry with a place; None without one."""
+    for entry in entries:
+        fix = entry.message
+        if isinstance(fix, Gps) and fix.latitude_deg is not None and fix.longitude_deg is not None:
+            return entry.time_ns, math.radians(fix.latitude_deg), math.radians(fix.longitude_deg)
+    return None
 
 
 def heat_flux_WPM2(sun_rad: float) -> float:
