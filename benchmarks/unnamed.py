@@ -447,7 +447,7 @@ def records(lines: Sequence[Mapping[str, Any]]) -> list[Record]:
     for name in dict.fromkeys(line["defect"] for line in lines):
         some = [line for line in lines if line["defect"] == name]
         done = [line for line in some if "error" in line]
-        record: Record = {"defect": DEFECTS[name].title, "flights": len(some)}
+        record: Record = {"defect": name, "flights": len(some)}
         record["error, half widths"] = " / ".join(f"{worst(line):.1f}" for line in done)
         record["verdicts"] = [sum(line["trust"] == level for line in done) for level in Trust]
         kinds = dict.fromkeys(one[0] for line in done for one in line["evidence"])
