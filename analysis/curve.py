@@ -46,7 +46,7 @@ class Polar(NamedTuple):
 
 
 def polar_part(array: Array) -> Array:
-    """Of POLAR, (3,) or (3, 3), in a vector of parameters (m,) or in a covariance (m, m)."""
+    """The part for POLAR, (3,) or (3, 3), of a vector of parameters (m,) or a covariance (m, m)."""
     return array[tuple(slice(len(POLAR)) for _ in array.shape)]
 
 
@@ -58,7 +58,7 @@ def drag_coefficient(A: Array, CL: ArrayLike) -> Array:
 
 
 class ClassicPolar(NamedTuple):
-    """The same polar as C_D = CD0 + K (C_L - CL_minD)^2 (3.36), with Oswald's e (1.4)."""
+    """A polar written as C_D = CD0 + K (C_L - CL_minD)^2 (3.36), with Oswald's e (1.4)."""
 
     CD0: float
     K: float
@@ -185,14 +185,14 @@ class Curve:
     extrapolated: NDArray[np.bool_] | None = None
 
     def at(self, condition: Condition) -> Self:
-        """The same curve at another weight, density or wing area, at equal lift coefficients."""
+        """This curve at another weight, density or wing area, at equal lift coefficients."""
         faster, more = ratios(self.condition, condition)
         value = self.idle_W + more * (self.power_W.value - self.idle_W)
         power = self.power_W.through(more * np.eye(len(value)), value)
         return replace(self, condition=condition, V_mps=faster * self.V_mps, power_W=power)
 
     def points(self) -> list[PowerPoint]:
-        """As results have it; speeds of which power or interval is not known are left out."""
+        """The points for results.json; speeds with unknown power or interval are left out."""
         return power_points(self.V_mps, self.power_W.value, self.power_W.half_width, self.extrapolated)
 
     def best(self, cost: Cost) -> SpeedInterval:

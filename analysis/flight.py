@@ -68,7 +68,7 @@ class Recorded:
 
     @property
     def name(self) -> str:
-        """Of the log, for messages."""
+        """Name of the log, for messages."""
         return str(self.log.path)
 
     @property
@@ -86,19 +86,19 @@ class Recorded:
 
 @dataclass(frozen=True, kw_only=True)
 class Measured(Recorded):
-    """With all measurements on one time base, as air data at the center of gravity."""
+    """The flight with all measurements on one time base, as air data at the center of gravity."""
 
     data: FlightData
 
     @property
     def table(self) -> pd.DataFrame:
-        """Of `air.air.air_data`, the whole flight."""
+        """Table of the whole flight, as `air.air.air_data` returns it."""
         return self.data.table
 
 
 @dataclass(frozen=True, kw_only=True)
 class Flown(Measured):
-    """With the maneuvers.
+    """The flight with its maneuvers.
 
     runs_file : the list of runs that was given; None where they were found in the data
     condition : weight of the aircraft and mean density of the runs
@@ -118,7 +118,7 @@ class Flown(Measured):
 
 @dataclass(frozen=True, kw_only=True)
 class Reconstructed(Flown):
-    """With the trajectory and the sensor errors.
+    """The flight with its trajectory and sensor errors.
 
     prior_conflict : of the sensor errors of the first trajectory, after which prior standard deviations were enlarged
     """

@@ -294,7 +294,7 @@ class Options(LogOptions):
 
     @property
     def flown_weight_N(self) -> float | None:
-        """Of --weight or --mass; None where neither is given."""
+        """Weight by --weight or --mass; None if neither is given."""
         return self.weight_N if self.mass_kg is None else self.mass_kg * GRAVITY_MPS2
 
     def for_drag(self) -> dict[str, object]:

@@ -37,7 +37,7 @@ class Curves(Settings):
 
     @property
     def fine_points(self) -> int:
-        """Of a curve whose best point is found by a parabola through three: to 1e-5 of its speed."""
+        """Points of a curve whose best point a parabola through three locates to 1e-5 of its speed."""
         return 2 * self.points - 1
 
 

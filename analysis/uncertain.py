@@ -42,7 +42,7 @@ class Uncertain:
 
     @property
     def half_width(self) -> Array:
-        """Of the 95 % intervals (n,)."""
+        """Half widths of the 95 % intervals (n,)."""
         return np.asarray(TESTS.half_width * self.standard_error)
 
     def through(self, J: Array, value: Array | None = None) -> "Uncertain":

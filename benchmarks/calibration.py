@@ -61,7 +61,7 @@ def _measured(calibration: ProbeCalibration, alpha_rad: Array, beta_rad: Array) 
 
 
 def tunnel_errors(seed: int) -> tuple[float, float, float, float, float]:
-    """Of a tunnel's calibration: `probe_errors`, `slope_error`, and the latter's standard deviation as stated."""
+    """Errors of a tunnel's calibration: `probe_errors`, `slope_error`, and the latter's stated deviation."""
     calibration = calibrate(simulated_tunnel(seed))
     return *probe_errors(calibration), slope_error(calibration), calibration.alpha_scale_sigma
 

@@ -83,7 +83,7 @@ def mean_polar(pool: JointPool) -> Polar:
 
 
 def pools_records(campaigns: dict[Cell, dict[int, Flights]]) -> list[Record]:
-    """Of each number of flights pooled. Where there are too few flights, the half width that they promise."""
+    """Records for each number of flights pooled; with too few flights, the half width they promise."""
     V, out = speeds(load_aircraft("nexstar")), []
     for (world, weather, configuration), found in sorted(campaigns.items()):
         if configuration != "A":

@@ -70,7 +70,7 @@ class Job(NamedTuple):
 
     @property
     def seed(self) -> int:
-        """Of the turbulence and of the errors of the day."""
+        """Seed of the turbulence and of the errors of the day."""
         return SEEDS_A_CAMPAIGN * self.campaign + FIRST_SEED[self.configuration] + self.flight
 
 

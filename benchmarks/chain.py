@@ -39,7 +39,7 @@ def run(*command: object, may_refuse: bool = False) -> bool:
 
 
 def one_flight(setup: Setup, *, hardware: bool = True) -> Rows:
-    """By what was kept; NaN where not flown or refused. hardware: through fakes and daemon, not straight to the log."""
+    """Rows by what was kept; NaN if not flown or refused. hardware: through fakes and daemon"""
     V = estimators.speeds(load_aircraft(setup.aircraft))
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

@@ -47,7 +47,7 @@ WRONG = [(autopilot, file, faults) for autopilot, file in (("ardupilot", BIN), (
 
 
 class Found(NamedTuple):
-    """Of one log: at how many of the speeds the true power is inside, half the interval [%], what else is inside."""
+    """Result of one log: speeds with the true power inside, half width [%], what else is inside."""
 
     title: str
     refusal: str = ""

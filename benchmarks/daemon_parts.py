@@ -36,7 +36,7 @@ app = typer.Typer(add_completion=False, no_args_is_help=True, help=__doc__)
 
 
 class Usage(NamedTuple):
-    """Of one thread since its start."""
+    """Usage of one thread since its start."""
 
     run_ns: int
     switches: int  # changes of thread

@@ -70,7 +70,7 @@ def of_curve(flight: Shown, method: str) -> Record:
 
 
 def tables(flights: Flights, limits: dict[str, list[tuple[float, float]]]) -> dict[str, list[Record]]:
-    """By name: curves, significance of C_Lq by run, noise of the channels, estimates, limits, noise against error."""
+    """Tables by name: curves, significance of C_Lq by run, noise, estimates, limits, noise against error."""
     curves, significance = [], []
     for name, flight in flights.items():
         methods = ["piw-viw"] if name.plan == "steady-points" else ["dynamic", "two-state", "force-models"]

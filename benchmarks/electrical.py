@@ -72,7 +72,7 @@ def true_power(aircraft: CompleteAircraft, flight: Flight, errors: DrawnErrors, 
 
 
 def one_flight(setup: Setup, *, autopilots: str = "px4", of: str = "electrical", traps: bool = False) -> Rows:
-    """By autopilot and quantity. of: electrical; blind: without the airspeed sensor; torn: one sample a second, half of
+    """Rows by case. of: electrical; blind: without the airspeed sensor; torn: one sample a second, half of
     them lost by the radio; rpm or motor: power required by propeller table and motor speed, or by the motor's
     constants. Several are separated by commas. traps: with each fault of real logs, or its refusal."""
     aircraft, errors = load_complete_aircraft(setup.aircraft), setup.drawn

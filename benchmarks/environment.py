@@ -60,7 +60,7 @@ def link_equal_files(packages: Path) -> None:
 
 
 def size_bytes(folder: Path) -> int:
-    """Of all files, each counted once, whatever its names."""
+    """Size of all files, each counted once, whatever its names."""
     found = {(info.st_dev, info.st_ino): info.st_size for path in folder.rglob("*") if (info := path.lstat())}
     return sum(found.values())
 

@@ -186,7 +186,7 @@ def _second_starts(starts: int = 40) -> None:
 
 
 def _second_starts_of_filter_error(starts: int) -> None:
-    """The same cases by filter error. The best optimum: parameters within a tenth of their standard errors."""
+    """Runs the cases by filter error. The best optimum: parameters within a tenth of their standard errors."""
     table = Table("filter error", "at the best optimum", "elsewhere, told", "elsewhere, silent", box=None)
     for name, case in bimodal.cases(FIRST_SEED).items():
         found = [

@@ -431,7 +431,7 @@ def run_parts(names: Sequence[str], data: Path, jobs: int, *, quick: bool) -> li
 
 
 def _processor_s() -> float:
-    """Of this process and its children that have ended."""
+    """Processor time of this process and its finished children."""
     return sum(os.times()[:4])
 
 

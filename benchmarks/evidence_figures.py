@@ -43,7 +43,7 @@ def coverage_by_world(records: Sequence[Record], asked: tuple[int, int]) -> str:
 
 
 def error_by_speed(records: Sequence[Record], plan: str) -> str:
-    """Of the flights of a plan: 95 % of the errors (points) and half widths (lines) by speed, in each weather."""
+    """Figure of a plan's flights: 95 % of errors (points), half widths (lines), by speed and weather."""
     rows, height = [one for one in records if one["plan"] == plan], 300
 
     def x(over_stall: float) -> float:

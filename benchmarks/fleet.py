@@ -84,7 +84,7 @@ def size(
 
 
 def size_records(flights: Sequence[int], airframes_: int, seed: int) -> list[Record]:
-    """Of each number of flights, with the exponent by which the time to show them grows from the number before."""
+    """Records for each number of flights, with the exponent by which the time to show them grows."""
     rng, records = np.random.default_rng(seed), list[Record]()
     like, before = RowModel(measured_row()), None
     for total in flights:
@@ -163,7 +163,7 @@ def changes(
 
 
 def change_records(airframes_: int, seed: int, noise: Sequence[float]) -> list[Record]:
-    """Of each change: airframes that show it, flights until then, and false alarms. Counting errors: of a count k of n
+    """For each change: airframes that show it, flights until then, and false alarms. Counting errors: of a count k of n
     sqrt(k (n - k) / n); of the rate of alarms, the root of their number."""
     records = []
     for factor in noise:
@@ -302,7 +302,7 @@ def _mean_and_spread(figure: NDArray[np.float64]) -> str:
 
 
 def figures_of(fleet: Iterable[list[dict[str, Any]]]) -> dict[str, NDArray[np.float64]]:
-    """By figure, (flights,): what a flight of an airframe says of drag and thrust, and how its estimates scatter."""
+    """Figures (flights,): drag and thrust by each flight of an airframe, and the scatter of its estimates."""
     found = defaultdict[str, list[float]](list)
     for of_airframe in fleet:
         values, by_truth, errors = series(joint_pool(of_airframe))

@@ -79,7 +79,7 @@ def copies(logs: list[Path], folder: Path, count: int) -> list[Path]:
 
 
 def copy(log: Path, to: Path, number: int) -> None:
-    """The same messages, with another weight in the aircraft file: no two copies have the same estimate."""
+    """Copies a log with another weight in the aircraft file: no two copies have equal estimates."""
     data, at = log.read_bytes(), len(MAGIC)
     with to.open("wb") as target:
         writer = LogWriter(target)

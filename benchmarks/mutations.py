@@ -160,7 +160,7 @@ def imported(file: Path) -> Iterator[Path]:
 
 @cache
 def importers_of_files() -> dict[Path, list[Path]]:
-    """Of each file, those that import it."""
+    """Importers of each file."""
     importers: dict[Path, list[Path]] = {}
     for place in (*PLACES, "flightpower", "hw_fakes", "sim", "tests"):
         for path in (ROOT / place).rglob("*.py"):

@@ -42,7 +42,7 @@ def drawn_aircraft(seed: int) -> str:
 
 
 def one_flight(setup: Setup) -> Rows:
-    """By all keys and by four, and how much wider intervals by four are [%]."""
+    """Results with all keys and with four, and how much wider intervals with four are [%]."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "nexstar.toml").write_text(drawn_aircraft(setup.seed), "utf-8")

@@ -75,7 +75,7 @@ class Bench:
 
 
 def clean_environment() -> dict[str, str]:
-    """Of a user, who has no checkout on the path."""
+    """The environment of a user, who has no checkout on the path."""
     return {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "VIRTUAL_ENV")}
 
 

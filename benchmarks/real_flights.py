@@ -209,7 +209,7 @@ def row(title: str, results: Results, reference_W: Array, cost: Record) -> Recor
 
 
 def citation_row(title: str, folder: Path, scratch: Path) -> Record:
-    """Of the whole flight, which leaves a file of its decelerations; of these alone; or with velocity by position."""
+    """A row of the whole flight, which leaves a file of its decelerations, of these alone, or by position."""
     csv, runs_file = folder / CITATION, scratch / "runs.toml"
     log = citation_log(csv, scratch, with_velocity=title == WITH_VELOCITY)
     started = time.process_time()

@@ -121,7 +121,7 @@ def plan_of(route: Route, wind: Wind, air: SimulatedAir, airspeed: float) -> tup
 
 
 def curve_of(setup: Setup, count: int, craft: Aircraft) -> tuple[PerformanceModel, Condition]:
-    """Of one flight, or of `count` flights of the seed's installation, each with the errors and gusts of its day."""
+    """Curve of one or `count` flights of the seed's installation, each with its own errors and gusts."""
     if count == 1:
         model, at, *_ = answers.estimated(setup)
         return model, at

@@ -66,7 +66,7 @@ CASES = {
 
 
 class Figures(NamedTuple):
-    """Of many flights: errors at several speeds, numbers that a flight has one of, and what was found how often."""
+    """Figures of many flights: errors at several speeds, one number a flight, and counts of findings."""
 
     curves: list[Record]
     numbers: list[Record]
@@ -117,7 +117,7 @@ def curve(title: str, values: list[np.ndarray]) -> Record:
 
 
 def mean_square(error: np.ndarray) -> np.ndarray:
-    """Of each column; NaN where no flight has a value."""
+    """Mean square of each column; NaN if no flight has a value."""
     known = np.isfinite(error)
     return np.nansum(error**2, axis=0) / np.where(known.any(axis=0), known.sum(axis=0), np.nan)
 

@@ -57,7 +57,7 @@ def stand_of(aircraft: Aircraft, errors: DrawnErrors, seed: int) -> ThrustStand:
 
 
 def one_flight(setup: Setup, *, stated: bool = False, steady: bool = False, curvature: float | None = None) -> Rows:
-    """By data used, without and with the stand; thrust at rest in percent of the table's.
+    """Rows by data used, without and with the stand; thrust at rest in percent of the table's.
 
     stated: the aircraft file has the world's errors of thrust. steady: by the steady points of the plan alone.
     curvature: [uncertainty] thrust_curvature. Empty where the flight ended too soon.

@@ -456,7 +456,7 @@ def records(lines: Sequence[Mapping[str, Any]]) -> list[Record]:
 
 
 def judged(lines: Sequence[Mapping[str, Any]]) -> list[Record]:
-    """Of curves by how wrong they are: trusted, doubtful, not to be trusted."""
+    """Counts of curves by how wrong they are: trusted, doubtful, not to be trusted."""
     found: list[Record] = []
     bounds = ((0.0, 1.0, "right"), (1.0, 1.5, "wrong by 1.0 to 1.5 half widths"), (1.5, 3.0, "by 1.5 to 3"),
               (3.0, np.inf, "by more"))  # fmt: skip

@@ -69,11 +69,11 @@ class SensorRecording:
         self._write = write
 
     def buses(self, buses: Buses) -> Buses:
-        """The same buses, recorded."""
+        """These buses, with their traffic recorded."""
         return _RecordedBuses(buses, self)
 
     def driver_factory(self, make: Callable[[], Sensor]) -> Callable[[], Sensor]:
-        """The same driver factory; also records when a driver is made and when it is read."""
+        """This driver factory, which also records when a driver is made and read."""
 
         def make_recorded() -> Sensor:
             self.note({"do": "make"})

@@ -37,7 +37,7 @@ class Computer(NamedTuple):
 
 
 def read_computer(sysfs: Path) -> Computer:
-    """From the firmware of a Pi, or from its drivers for supply and heat."""
+    """Reads supply and heat from a Pi's firmware, or from its drivers."""
     supply = supply_check(sysfs / "class/hwmon")
     low = None if supply is None else not supply.ok
     slowed = temperature_K = None

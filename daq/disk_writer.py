@@ -81,7 +81,7 @@ class DiskWriter:
 
     @property
     def failing_s(self) -> float:
-        """For how long writing has failed [s]; 0 when it works, and while a full disk may take the rest later."""
+        """How long writing has failed [s]; 0 if it works, or a full disk may take the rest later."""
         since_s = self._failing_since_s
         waits = self._errno in FULL and not self.broken
         return 0.0 if since_s is None or waits else time.monotonic() - since_s

@@ -119,7 +119,7 @@ class EnergyBalance:
         return mass_kg * sum(a * b for a, b in zip(self._gradient(V_mps), found[0][:3], strict=True))
 
     def _gradient(self, V_mps: float) -> list[float]:
-        """Of power over mass by A0, A1, A2, in level flight."""
+        """Gradient of power over mass by A0, A1, A2, in level flight."""
         qS_over_m = self._weight / self.windows / 2 * V_mps**2
         CL = GRAVITY_MPS2 / qS_over_m
         return [qS_over_m * V_mps * CL**i for i in range(3)]

@@ -106,7 +106,7 @@ class LogFiles:
 
     @property
     def path(self) -> Path | None:
-        """Of the file that is being written, once it is open."""
+        """Path of the file being written, once it is open."""
         return None if self._current is None else self._current.path
 
     @property

@@ -115,7 +115,7 @@ class RecordingStatus(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def message(self) -> State:
-        """As it is written to the log."""
+        """The state as a message of the log."""
         return State(
             recording=self.state is RecordingState.RECORDING,
             well=self.well,

@@ -58,7 +58,7 @@ class JudgedRun(NamedTuple):
 
     @property
     def text(self) -> str:
-        """For the pilot, at most 50 characters; empty if nothing is told."""
+        """Text for the pilot, at most 50 characters; empty if there is none."""
         if not self.told:
             return ""
         if not self.good:
@@ -75,7 +75,7 @@ class Progress(NamedTuple):
 
     @property
     def text(self) -> str:
-        """For the pilot, at most 50 characters."""
+        """Text for the pilot, at most 50 characters."""
         return f"{self.kind}: hold {math.ceil(self.more_s)} s more" if self.more_s else f"{self.kind}: long enough"
 
 

@@ -72,7 +72,7 @@ ALL_BITS = 0xFFFFFFFF  # what is not there does not fail: MAVProxy would say "fe
 
 
 class SensorBits(NamedTuple):
-    """For SYS_STATUS: which kinds of sensors are there, and all kinds less those of which one fails."""
+    """Bits for SYS_STATUS: kinds of sensors present, and kinds of which none fails."""
 
     present: int
     healthy: int

@@ -127,7 +127,7 @@ def run(*command: object, cwd: Path | None = None) -> str:
 
 
 def debian_version(python_version: str) -> str:
-    """The same order as that of Python's versions: a development version comes before its release."""
+    """A version that sorts as Python's does: a development version comes before its release."""
     public, *local = python_version.split("+")
     return "+".join([re.sub(r"\.?(dev|a|b|rc)(?=\d)", r"~\1", public), *local])
 

@@ -242,7 +242,7 @@ class Aircraft:
         return self.keys.issuperset(keys)
 
     def weighing(self, weight_N: float) -> "Aircraft":
-        """The same aircraft with another weight."""
+        """This aircraft with another weight."""
         return replace(self, mass=replace(self.mass, weight_N=weight_N))
 
 
@@ -280,7 +280,7 @@ def parse_aircraft(text: str, where: str) -> Aircraft:
 
 
 def parse_as(kind: type[AnyAircraft], text: str, where: str) -> AnyAircraft:
-    """The same as one of the classes of aircraft, which differ in the keys they require."""
+    """Parses an aircraft file as one of the classes of aircraft, which differ in the keys they require."""
     try:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

@@ -351,7 +351,7 @@ KEYS: dict[str, Key] = {
 
 
 def _examples() -> dict[str, str]:
-    """By key as in a file: surfaces and lines one by one."""
+    """Examples by key, with surfaces and lines spelled out."""
     named = {"SURFACE": SURFACES, "LINE": LINES}
     found = {}
     for key, entry in KEYS.items():

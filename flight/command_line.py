@@ -105,7 +105,7 @@ def _only_version(
 
 
 def takes_options(record: type[Record]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """For a command with the parameter `options`, a record: each field of the record is an option of the command.
+    """Makes each field of a command's record `options` an option of the command.
 
     record : a dataclass whose fields are annotated with `typer.Option` and have plain defaults
     """

@@ -77,7 +77,7 @@ def load_complete_aircraft(name_or_path: str | Path) -> CompleteAircraft:
 
 
 def as_complete(text: str, where: str) -> CompleteAircraft:
-    """The same from the text of a file. `where` names the file in the InputErrors that are raised."""
+    """Parses a complete aircraft from text. `where` names the file in an InputError."""
     parse_aircraft(text, where)  # says what is wrong for everybody, without the simulator
     try:
         return parse_as(CompleteAircraft, text, where)

@@ -162,7 +162,7 @@ class JsonFormat(Generic[File]):
         return found
 
     def parsed_if_any(self, data: bytes | None, where: str) -> File | None:
-        """The same, or None without data."""
+        """Parses the file, or returns None without data."""
         return None if data is None else self.parsed(data, where)
 
     def load(self, path: Path) -> File:

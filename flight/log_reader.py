@@ -109,7 +109,7 @@ def _decoded(decoder: msgspec.json.Decoder[Any], data: bytes) -> Message:
 
 
 def _with_integers(value: Any) -> Any:
-    """The same JSON value with integers instead of numbers without a fraction."""
+    """This JSON value with integers in place of numbers without a fraction."""
     if isinstance(value, dict):
         return {name: _with_integers(item) for name, item in value.items()}
     if isinstance(value, list):

@@ -184,7 +184,7 @@ class Analog(Message):
 
 
 class Time(Message):
-    """The same instant on every clock."""
+    """One instant on every clock."""
 
     topics = ("/time",)
 

@@ -182,7 +182,7 @@ class Propeller(PropellerModel):
         return self._knots, self._lines.reshape(4, len(self.rows), -1)
 
     def with_beyond_zero_thrust(self, behavior: str) -> "Propeller":
-        """The same table with another behavior beyond zero thrust."""
+        """This table with another behavior beyond zero thrust."""
         return Propeller(self.name, self.diameter_m, self.rows, self.source, behavior)
 
     def covers(self, J: Number, rpm: Number) -> Number:

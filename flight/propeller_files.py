@@ -127,7 +127,7 @@ def _csv_table(text: str, name: str) -> tuple[float, tuple[Row, ...], str]:
 
 
 def _apc_table(text: str, name: str) -> tuple[float, tuple[Row, ...], str]:
-    """The same of APC's computed performance file (`PER3_*.dat`): blocks `PROP RPM = …`, columns V J Pe Ct Cp …"""
+    """Reads APC's computed performance file (`PER3_*.dat`): blocks `PROP RPM = …`, columns V J Pe Ct Cp …"""
     size = re.search(r"^\s*(\d+(?:\.\d+)?)x\d", text)
     if size is None:
         raise InputError(f"propeller {name}: the first line must start with a size such as 12x8E")

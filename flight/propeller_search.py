@@ -71,7 +71,7 @@ class Table:
 
     @property
     def said_of_it(self) -> str:
-        """In which words are looked for."""
+        """The text that words are searched in."""
         return f"{self.name} {self.series} {self.published} {self.origin.value}".lower()
 
     def to_csv(self) -> str:

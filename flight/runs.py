@@ -151,7 +151,7 @@ def flying_Pa(scale: float) -> float:
 
 
 class Leg(NamedTuple):
-    """From one turning point of speed to the next, as indices of the speeds. sign: 1 for an acceleration, or -1."""
+    """A leg from one turning point of speed to the next, by index. sign: 1 for an acceleration, or -1."""
 
     sign: int
     first: int

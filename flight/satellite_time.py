@@ -20,7 +20,7 @@ def satellites_minus_log_time_ns(log: Log) -> int | None:
 
 
 def ahead_of_log_ns(message: Message, time_ns: int) -> int | None:
-    """The same from one message and its log time; None where it has no date."""
+    """How far satellite time is ahead, from one message and its log time; None without a date."""
     match message:
         case Gps(utc_ns=int(utc_ns)) | Time(gps_utc_ns=int(utc_ns)):
             return utc_ns - time_ns if FIRST_UTC_NS <= utc_ns < LAST_UTC_NS else None

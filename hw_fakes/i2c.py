@@ -21,7 +21,7 @@ class I2CDevice(Protocol):
 
 
 class I2CBus(Protocol):
-    """The same interface as `daq.bus.I2CBus`, which `hw_fakes` does not import."""
+    """The interface of `daq.bus.I2CBus`, which `hw_fakes` does not import."""
 
     def write(self, address: int, data: bytes) -> None: ...
 

@@ -91,7 +91,7 @@ class BurstsSegment(BenchSegment):
 
 @dataclass(frozen=True, kw_only=True)
 class ColumnSegment(BenchSegment):
-    """The same pressures on all three lines, from a water column through a T-piece; for `calibrate transducers`."""
+    """One pressure on all three lines, from a water column through a T-piece; for `calibrate transducers`."""
 
     pressure_Pa: tuple[float, ...]
     hold_s: float = 8.0

@@ -40,7 +40,7 @@ class DataflashMessages:
         return replace(self, columns={name: x[kept] for name, x in self.columns.items()})
 
     def at(self, time_us: NDArray[np.uint64]) -> "DataflashMessages":
-        """At other times."""
+        """These messages at other times."""
         return replace(self, columns=self.columns | {"TimeUS": time_us})
 
 

@@ -289,5 +289,5 @@ def plant_of(aircraft: CompleteAircraft, air: Air | None = None, deviations: Dev
 
 
 def in_still_air(plant: Plant, air: Air) -> Plant:
-    """The same aircraft in other air, still: without the updraft among its deviations."""
+    """This aircraft in other, still air: without the updraft among its deviations."""
     return replace(plant, air=air, deviations=replace(plant.deviations, updraft_mps=0.0))

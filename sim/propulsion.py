@@ -40,7 +40,7 @@ def torque_constant(propulsion: CompletePropulsion) -> float:
 
 
 def motor_time_constant(propulsion: CompletePropulsion) -> float:
-    """Of its speed after a change of throttle [s], without the propeller's damping and the battery's resistance."""
+    """Time constant of motor speed after a change of throttle [s], without propeller and battery."""
     k = torque_constant(propulsion)
     return propulsion.propeller_inertia_kgm2 * propulsion.motor_resistance_ohm / k**2
 

@@ -153,7 +153,7 @@ def _air_topics(pitot: AutopilotPitot, sensors: SensorTruth, no_thermometer: boo
 
 
 def _unused_airspeed(sensors: SensorTruth, seed: int) -> UlogTopic:
-    """Of a second sensor, which is connected to nothing."""
+    """Airspeed topic of a second sensor, connected to nothing."""
     t_s = _times("airspeed_validated", sensors, 0.06)
     wild = 300 * np.abs(white(seed, "open port", t_s))
     return _topic("airspeed", t_s, {"indicated_airspeed_m_s": indicated_airspeed(wild)}, 1)

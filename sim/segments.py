@@ -34,7 +34,7 @@ class StandSegment:
 
 @dataclass(frozen=True, kw_only=True)
 class TakeOffSegment:
-    """From standing to trimmed flight along a smooth path (a quintic in time); the wheels are not modeled."""
+    """Take-off to trimmed flight along a smooth path (a quintic in time); the wheels are not modeled."""
 
     height_m: float = 20.0
     duration_s: float = 12.0
@@ -44,7 +44,7 @@ class TakeOffSegment:
 
 @dataclass(frozen=True, kw_only=True)
 class LandSegment:
-    """From flight to standing along a smooth path."""
+    """Landing to a stop along a smooth path."""
 
     duration_s: float = 14.0
     kind = "land"

@@ -31,7 +31,7 @@ class UlogTopic:
         return replace(self, time_us=self.time_us[kept], columns={name: x[kept] for name, x in self.columns.items()})
 
     def at(self, time_us: NDArray[np.uint64]) -> "UlogTopic":
-        """At other times."""
+        """These messages at other times."""
         return replace(self, time_us=time_us)
 
 

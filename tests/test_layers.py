@@ -28,7 +28,7 @@ ALLOWED_IN_FILE = {
 
 @cache
 def import_statements(path: Path) -> list[ast.Import | ast.ImportFrom]:
-    """Of a file, anywhere in it."""
+    """Packages that a file imports, anywhere in it."""
     found = ast.walk(ast.parse(path.read_text("utf-8")))
     return [node for node in found if isinstance(node, ast.Import | ast.ImportFrom)]
 
@@ -123,7 +123,7 @@ def import_graph() -> dict[str, set[str]]:
 
 
 def folders(graph: dict[str, set[str]]) -> dict[str, set[str]]:
-    """The same for folders; a file at the root of a top-level package is a node of its own."""
+    """The import graph of folders; a file at the root of a top-level package is a node of its own."""
 
     def folder(name: str) -> str:
         parts = name.split(".")

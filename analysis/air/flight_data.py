@@ -49,7 +49,7 @@ class FlightData(NamedTuple):
 
 
 class Calibrations(NamedTuple):
-    """Of the sensors; None where there is none.
+    """Calibrations of the sensors; None for a sensor without one.
 
     zero : by channel, the reading in still air that `daq zero` took before the flight
     """

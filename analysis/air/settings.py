@@ -92,7 +92,7 @@ class MagnetometerSettings(Settings):
 
     @property
     def fewest_samples(self) -> int:
-        """Of a calibration, and of a flight."""
+        """How many samples a calibration, and a flight, must have."""
         return STATISTICS.fewest_values * self.correlated
 
 
@@ -140,7 +140,7 @@ class GroundCalibrationSettings(Settings):
 
     @property
     def settling_s(self) -> float:
-        """Of the tubes, at both ends of a plateau; readings are averaged over it: the longest change that is a step."""
+        """Settling time of the tubes at both ends of a plateau; a step may take at most as long."""
         return LAG.step_s
 
     @property

@@ -157,7 +157,7 @@ class TransducerCalibration(msgspec.Struct, frozen=True, kw_only=True):
     airspeed_scale_error: float  # 1 sigma
 
     def line(self, name: str) -> TransducerLine:
-        """Of "alpha", "beta" or "airspeed"."""
+        """The line called "alpha", "beta" or "airspeed"."""
         return {"alpha": self.alpha, "beta": self.beta, "airspeed": self.airspeed}[name]
 
     def corrected(self, table: pd.DataFrame) -> pd.DataFrame:
@@ -166,7 +166,7 @@ class TransducerCalibration(msgspec.Struct, frozen=True, kw_only=True):
         return table.assign(**columns)
 
     def corrected_zero(self, zero: Mapping[str, float]) -> dict[str, float]:
-        """The same of readings in still air, by column."""
+        """Corrects zeros read in still air, by column."""
         named = COLUMN_OF.values()
         return {name: self.pressure_Pa(name, value) if name in named else value for name, value in zero.items()}
 

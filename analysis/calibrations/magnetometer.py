@@ -102,7 +102,7 @@ class _Unknowns(NamedTuple):
 
 
 def _unpacked(x: Array) -> _Unknowns:
-    """Of a vector (9,) in units of their prior."""
+    """Unpacks a vector (9,) that is in units of the prior."""
     hard_iron, soft_iron, field = np.split(x, [3, 8])
     unit_T = MAGNETOMETER.hard_iron_T
     return _Unknowns(hard_iron * unit_T, soft_iron * MAGNETOMETER.soft_iron, float(field.item() * unit_T))

@@ -140,7 +140,7 @@ def speed_over_constant(held: list[HeldSpeed], propulsion: Propulsion) -> float 
 
 
 def battery(held: list[HeldSpeed]) -> Battery | None:
-    """By voltage and current of the held stretches; None where these were not measured."""
+    """The battery, from voltage and current of the held stretches; None if these were not measured."""
     volts, amperes = (np.array([one.mean[name] for one in held]) for name in ("battery_V", "battery_A"))
     known = np.isfinite(volts) & np.isfinite(amperes)
     if known.sum() < STATISTICS.fewest_readings:

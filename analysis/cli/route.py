@@ -347,7 +347,7 @@ def _questions(results: "RouteInput", flight: "Flight", options: RouteOptions) -
 
 
 def read_route_input(path: Path) -> "RouteInput":
-    """As `read_results`, of one flight or of a pool."""
+    """Reads the results of one flight or of a pool, as `read_results` does."""
     from analysis.missions import inputs
 
     return _trusted(path, inputs.read_route_input(path))

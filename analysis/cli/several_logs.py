@@ -246,7 +246,7 @@ def _attachments(log: Path) -> dict[str, bytes]:
 
 
 def _indexed_attachments(stream: IO[bytes]) -> Iterator[Attachment]:
-    """By the offsets at the end of the file: the rest of the index, a record for each chunk, is not read."""
+    """Finds attachments by the offsets at the end of the file, without reading the index of the chunks."""
     end = stream.seek(-(RECORD_HEAD.size + FOOTER_BYTES + len(MAGIC)), os.SEEK_END)
     footer = Footer.read(_contents(stream.read(RECORD_HEAD.size + FOOTER_BYTES))[0][1])
     if not footer.summary_offset_start:

@@ -93,7 +93,7 @@ class Autoregression(NamedTuple):
 
 
 def transformed_sensitivities(fit: Fit, size: int) -> list[Spectrum]:
-    """By segment, the Fourier transforms (size // 2 + 1, outputs, unknowns) of the whitened sensitivities."""
+    """Fourier transforms (size // 2 + 1, outputs, unknowns) of each segment's whitened sensitivities."""
     return [fft.rfft(segment_fit.white.S, size, axis=0) for segment_fit in fit.segment_fits]
 
 

@@ -96,7 +96,7 @@ def _colored(fit: Fit, explanation: str = RESIDUALS_NOT_WHITE) -> list[Remark]:
 
 
 def _outliers(fit: Fit) -> list[Remark]:
-    """Of normal noise only: t noise gives them a small weight."""
+    """Finds outliers under normal noise; t noise gives them a small weight anyway."""
     counts = np.sum(
         [(np.abs(segment_fit.white.e) > VERDICT.outlier).sum(axis=0) for segment_fit in fit.segment_fits], axis=0
     )

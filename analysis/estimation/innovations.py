@@ -20,7 +20,7 @@ from flight.arrays import Array
 
 @dataclass(frozen=True)
 class InnovationsLikelihood:
-    """Of the innovations. fixed : ln w and ln v that are not among the unknowns."""
+    """Likelihood of the innovations. fixed : ln w and ln v that are not among the unknowns."""
 
     problem: Problem
     filter: KalmanFilter

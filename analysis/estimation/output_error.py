@@ -44,7 +44,7 @@ BLOCK = SAMPLES
 
 @dataclass(frozen=True)
 class Sums:
-    """Of one segment, over its samples, for each output.
+    """Sums over the samples of one segment, for each output.
 
     y : (n, outputs) response     residuals : (n, outputs) z - y, NaN where missing
     gram : (outputs, unknowns, unknowns) of S_i S_j     product : (outputs, unknowns) of S_i times the residual
@@ -240,7 +240,7 @@ def _known_covariance(given: ArrayLike, model: Model) -> Array:
 
 @dataclass(frozen=True)
 class OutputErrorLikelihood:
-    """Of the residuals z - y. known_R : (outputs, outputs), or None to estimate R.
+    """Likelihood of the residuals z - y. known_R : (outputs, outputs), or None to estimate R.
 
     transforms : per segment a matrix (k, n) that residuals and sensitivities are multiplied by; None: used as they are
     """
@@ -254,7 +254,7 @@ class OutputErrorLikelihood:
     LARGEST_KEPT: ClassVar[int] = 1_000_000  # elements of the sensitivities that iterations keep (8 MB)
 
     def responses(self, theta: Array) -> list[Response]:
-        """Of all segments, each with sensitivities to the unknowns of this segment only."""
+        """Responses of all segments, each with sensitivities to its own unknowns only."""
         problem, count = self.problem, len(self.simulator.free)
         responses = self.simulator.run_all(self._records(theta))
         if len(problem.free_states) == len(problem.model.states):

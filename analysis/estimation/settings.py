@@ -14,7 +14,7 @@ class Tests(Settings):
 
     @property
     def half_width(self) -> float:
-        """Of the interval that a value lies in but for false alarms, in standard deviations: 95 %."""
+        """Half width of the 95 % interval, in standard deviations."""
         from scipy import special  # not loaded by those who only name a curve
 
         return float(special.ndtri(1 - self.false_alarms / 2))
@@ -76,7 +76,7 @@ class FilterError(Settings):
 
 @dataclass(frozen=True)
 class VerdictLimits(Settings):
-    """From which size on a verdict names something."""
+    """Sizes from which a verdict mentions something."""
 
     large_correlation: float = setting(
         0.9, "1", "two unknowns are determined only together (Klein & Morelli 2006, ch. 5)"

@@ -20,7 +20,7 @@ from flight.errors import InputError
 
 
 class Agreement(NamedTuple):
-    """Of a predicted output with the measured one.
+    """Agreement of a predicted output with the measured one.
 
     rms : of the difference, in the unit of the output
     R2 : 1 - (sum of squared differences)/(sum of squared deviations of the measurement from its mean); below zero the
@@ -77,7 +77,7 @@ def predict(fit: Fit, segment: Segment) -> Prediction:
 
 
 def agreement(measured: Array, predicted: Array) -> Agreement:
-    """Of two signals (n,). Missing samples (NaN) of `measured` are left out. NaN where nothing was measured."""
+    """Agreement of two signals (n,) without missing samples (NaN); NaN if nothing was measured."""
     present = np.isfinite(measured)
     if not present.any():
         return Agreement(*[float("nan")] * 6)

@@ -107,7 +107,7 @@ def differences_to_others(stack: FlightStack, prior: Prior) -> list[Difference]:
 def _differences(
     values: Array, own: Array, prior_part: Array, prior_covariance: Array, changes: Sequence[Array]
 ) -> list[Difference]:
-    """Of n flights, values (n, M), from a pool each.
+    """Differences of values (n, M) of n flights, each from a pool of its own.
 
     own : (n, M, M) covariance by the errors that each flight has of its own     prior_part : (n, M, M) derivative by
     an error of the prior's mean     changes : (n, M) each, by errors that all flights have in common
@@ -136,7 +136,7 @@ One = TypeVar("One", bound=Compared)
 
 
 def outliers(n: int, compared: Callable[[list[int]], Sequence[One]], false_alarms: float) -> dict[int, One]:
-    """By number, those of n flights that differ from the pool of those that agree; the worst is taken out first.
+    """Flights, by number, that differ from the pool of those that agree; the worst is taken out first.
 
     compared: of some flights, by number, each with the pool of the others. Curve and installation are tested, each at
     the level `false_alarms` over the number of tests. At most half of the flights are named, and none of two: which of
@@ -159,7 +159,7 @@ def least_p(one: Compared) -> float:
 
 
 def outlier_level(one: Compared, flights: int, false_alarms: float) -> float:
-    """Of each test, such that in all flights together one is below it by chance at the rate `false_alarms`."""
+    """The p of each test below which one of all flights falls by chance at the rate `false_alarms`."""
     return false_alarms / (flights if one.p_installation is None else 2 * flights)
 
 
@@ -203,7 +203,7 @@ class ErrorParts(NamedTuple):
 
 
 def error_parts(stack: FlightStack, prior: Prior, of: Array = _OF_POLAR) -> ErrorParts:
-    """Of the values `of` (k, M) times the parameters of each flight."""
+    """Error parts of the values `of` (k, M) times the parameters of each flight."""
     covariance = prior.covariance
     scale = np.sqrt(np.where(np.diag(covariance) > 0, np.diag(covariance), 1.0))
     eigenvalues, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))

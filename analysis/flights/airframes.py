@@ -73,7 +73,7 @@ def airframes(dataset: "Dataset", alarms_a_year: float, unread: list[str], names
 
 
 def airframe(name: str, configuration: str, flights: Sequence[PoolFlight], alarms_a_year: float) -> Airframe:
-    """From its flights in one configuration, in the order of their dates. alarms_a_year: as of `airframes`
+    """Builds an airframe from its flights in one configuration, by date. alarms_a_year: see `airframes`
 
     Whether a flight without a date came before a change is not known: it is pooled only where there is none.
     """
@@ -88,7 +88,7 @@ def airframe(name: str, configuration: str, flights: Sequence[PoolFlight], alarm
 
 
 def _changes(whole: Pool, alarms_a_year: float) -> list[Change]:
-    """By date, of three flights or more that have one. None of electrical power: drag and thrust are one there."""
+    """Changes by date, from three or more dated flights; none of electrical power, where drag and thrust are one."""
     if not isinstance(whole, JointPool):
         return []
     flights = whole.flights
@@ -98,7 +98,7 @@ def _changes(whole: Pool, alarms_a_year: float) -> list[Change]:
 
 
 def fleet_curve(fleet: Sequence[Airframe]) -> FleetCurve:
-    """Of airframes of one kind, three or more: the mean and the scatter among them by restricted maximum likelihood.
+    """Mean and scatter of three or more airframes of one kind, by restricted maximum likelihood.
 
     Each airframe's polar is a draw about the mean, seen with its own error (Gasparrini et al. 2012, multivariate
     random-effects meta-analysis).

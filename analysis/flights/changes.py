@@ -68,7 +68,7 @@ class Change(NamedTuple):
 
 
 def series(pool: JointPool) -> Series:
-    """Of the flights of one airframe and configuration, at the middle of the lift coefficients that they flew."""
+    """Series of the flights of one airframe and configuration, at the middle lift coefficient flown."""
     flights, stack, A = pool.flights, pool.as_stated, pool.polar.A
     CL = np.sqrt(np.median([one.flown_CL[0] for one in flights]) * np.median([one.flown_CL[1] for one in flights]))
     gradient = CL ** np.arange(_N_POLAR)
@@ -81,7 +81,7 @@ def series(pool: JointPool) -> Series:
 
 
 def least_gain(flights_per_false_alarm: float) -> float:
-    """By how much the weighted sum of squared residuals falls by chance once in so many flights."""
+    """The drop of the weighted sum of squared residuals that chance exceeds once in so many flights."""
     # Of the improvement h, chi-square with two degrees of freedom, the best over all flights and both shapes exceeds a
     # level h / 2 times as often as a single one, exp(-h / 2), as the extremes of chi-square fields do (Siegmund and
     # Venkatraman 1995): h / 2 exp(-h / 2) is the rate of false alarms.
@@ -156,7 +156,7 @@ class _Sums(NamedTuple):
 
 
 def _sums(equations: Array, times: Array) -> _Sums:
-    """Of _normal_equations: what any part of the flights needs is a difference of two of these."""
+    """Running sums of _normal_equations; any stretch of flights is a difference of two of them."""
     since = (times - times[0])[:, None, None]
     with_change = equations[:, :, -1 - _SHARES : -1]
     return _Sums(_before_each(equations), np.stack([_before_each(since**power * with_change) for power in (0, 1, 2)]))

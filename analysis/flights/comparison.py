@@ -53,7 +53,7 @@ class Relation(NamedTuple):
 
 
 class _Powers(NamedTuple):
-    """Of both at V_mps (n,), and covariances (n, n) of the difference in percent of A, with what is shared and
+    """Powers of both at V_mps (n,), and covariances (n, n) of the difference in percent of A, with what is shared and
     without."""
 
     V_mps: Array
@@ -221,7 +221,7 @@ def _of_installations(a: JointPool, b: JointPool) -> Relation:
 
 
 def _same_installation(a: JointPool, b: JointPool) -> bool:
-    """By name; without names, the installation of one aircraft, of which each flight has its own deviations."""
+    """Compares installations by name; without names, flights of one aircraft share an installation."""
     first, other = a.flights[0], b.flights[0]
     if first.installation != other.installation or first.probe_calibration != other.probe_calibration:
         return False

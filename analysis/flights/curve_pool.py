@@ -49,7 +49,7 @@ class CurveDifference(NamedTuple):
 
     @property
     def share(self) -> Uncertain:
-        """Of the power of the other (n,)."""
+        """The difference as a share of the other's power (n,)."""
         return self.value_W.through(np.diag(1 / self.power_W))
 
     @property
@@ -172,7 +172,7 @@ class CurvePool(Pool):
 
     @cached_property
     def homogeneity(self) -> Test | None:
-        """By the powers at three speeds; None for one flight, and where fewer than two of them share a speed."""
+        """Tests the powers at three speeds; None for one flight, or if fewer than two share a speed."""
         slow, fast = self.ends_mps
         if len(self.flights) < 2 or slow >= fast:
             return None

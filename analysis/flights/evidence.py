@@ -21,13 +21,13 @@ def against_flights(flights: Sequence[PoolFlight]) -> Iterator[Evidence]:
 
 
 def against_polars(test: Test | None) -> Iterator[Evidence]:
-    """Of the test of whether the curves of the flights agree; None for one flight."""
+    """Evidence from the test that the flights' curves agree; the test is None for a single flight."""
     if test and test.doubtful:
         yield _doubt(EvidenceKind.FLIGHTS_DIFFER, test.p, polars_text(test))
 
 
 def against_installation(test: Test | None) -> Iterator[Evidence]:
-    """Of the test of whether the flights have one installation; None where they do not say so."""
+    """Evidence from the test that the flights share one installation; None if they do not claim it."""
     if test and test.doubtful:
         yield _doubt(EvidenceKind.INSTALLATIONS_DIFFER, test.p, installations_text(test))
 

@@ -49,7 +49,7 @@ def _of_drag(airframes: Sequence[Airframe]) -> bool:
 
 
 def _contradictions(fleet: Sequence[Airframe]) -> list[ContradictionResult]:
-    """By airframe, the first of each kind, in the order of the dates."""
+    """The first contradiction of each kind for each airframe, by date."""
     found: list[ContradictionResult] = []
     by_name: dict[str, list[PoolFlight]] = defaultdict(list)
     for airframe in fleet:
@@ -112,7 +112,7 @@ def _condition(pool: Pool) -> ConditionResult:
 
 
 def _curve(airframes: Sequence[Airframe]) -> FleetCurveResult:
-    """At weight and density of the airframe with the most flights."""
+    """The fleet's curve at weight and density of the airframe with the most flights."""
     curve = fleet_curve(airframes)
     at = max((one.pool for one in airframes if isinstance(one.pool, JointPool)), key=lambda one: len(one.flights))
     return FleetCurveResult(

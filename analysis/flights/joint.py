@@ -53,7 +53,7 @@ class FlightStack(NamedTuple):
 
 
 class Prior(NamedTuple):
-    """Of the shared parameters (k,): information (k, k), 0 where there is no prior, and information times mean (k,)."""
+    """Prior of the shared parameters (k,): information (k, k), 0 if none, and information times mean (k,)."""
 
     information: Array
     vector: Array
@@ -162,7 +162,7 @@ class _DataInformation(NamedTuple):
 
 
 def _without_prior(covariance: Array, prior: Array) -> _DataInformation:
-    """Of an estimate with this covariance, the prior's information (k, k) included."""
+    """Information of the data alone, from an estimate whose covariance includes the prior's (k, k)."""
     scale = np.sqrt(np.diag(covariance))
     own, vectors = np.linalg.eigh(np.linalg.inv(covariance / np.outer(scale, scale)) - prior * np.outer(scale, scale))
     information = (vectors * np.maximum(own, 0.0)) @ vectors.T / np.outer(scale, scale)
@@ -173,7 +173,7 @@ def _without_prior(covariance: Array, prior: Array) -> _DataInformation:
 
 
 def _normal_equations(flight: FlightStatistics, Q: Array) -> tuple[Array, Array, Array, Array, Array]:
-    """Of `FlightStack`: normal_matrix, vector, gain, prior_part, own_covariance. Q: (M,) of the flight's deviations.
+    """The terms of `FlightStack` for one flight. Q: (M,) variances of its own deviations.
 
     s: errors of the installation, the first step, with the covariance S_ss. r: drag and thrust, the second step, which
     change by `slope` times s and have the covariance S_rr - slope S_ss slope' for given s. Their data and priors were
@@ -273,7 +273,7 @@ def _congruent(W: Array, C: Array) -> Array:
 
 
 def _inverse(H: Array) -> Array:
-    """Of matrices (..., k, k) whose parameters have different units."""
+    """Inverse of matrices (..., k, k) whose parameters have different units."""
     scale = 1 / np.sqrt(np.diagonal(H, axis1=-2, axis2=-1))
     scales = scale[..., :, None] * scale[..., None, :]
     return np.asarray(np.linalg.inv(H * scales) * scales)

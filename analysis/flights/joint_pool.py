@@ -86,7 +86,7 @@ class JointPool(Pool):
 
     @cached_property
     def curve(self) -> PolarCurve:
-        """At the flights' mean weight and density; extrapolated where no flight that reaches it knows the thrust."""
+        """The curve at mean weight and density; extrapolated where no flight that reached it knows its thrust."""
         curve = polar_curve(self.polar, self.condition, self.flown_CL)
         return replace(curve, extrapolated=~thrust_known(self.flights, lift_coefficient(curve.V_mps, self.condition)))
 
@@ -302,7 +302,7 @@ def mean_condition(flights: Sequence[FlightStatistics]) -> Condition:
 
 
 def pooled_polar(flights: Sequence[FlightStatistics], estimate: PooledEstimate) -> Polar:
-    """For one flight its own polar: the joint estimate equals it but for rounding."""
+    """Polar of the pool; a single flight keeps its own, which the joint estimate equals but for rounding."""
     if len(flights) == 1:
         return flights[0].polar
     return Polar(estimate.parameters.value[:_N_POLAR], pooled_covariance(estimate.parameters.covariance))

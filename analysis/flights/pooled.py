@@ -108,7 +108,7 @@ class Pool(ABC):
 
     @abstractmethod
     def half_widths_alone_percent(self, number: int, V: Array) -> Array:
-        """Of one of the flights by number; NaN at speeds that it did not fly."""
+        """Half widths [%] of one flight, by its number; NaN at speeds that it did not fly."""
 
     @abstractmethod
     def half_widths_without_percent(self, V: Array) -> Array:
@@ -116,15 +116,15 @@ class Pool(ABC):
 
     @abstractmethod
     def deviations(self) -> list[tuple[Array, Array]]:
-        """Of each flight's curve from the pooled one: percent and 95 % limits, each (n,), at `speeds_mps`."""
+        """Deviation of each flight's curve from the pool: percent and 95 % limits, each (n,), at `speeds_mps`."""
 
     @abstractmethod
     def deviations_for_trends(self) -> tuple[Array, ErrorParts]:
-        """Of each flight's power from the pooled one in percent (flights,), at the speed where flights are surest."""
+        """Deviation of each flight's power from the pool in percent (flights,), where flights are surest."""
 
     @abstractmethod
     def noncentrality(self, flights: int, difference: float) -> float:
-        """Of the test of a difference of this share of power at all speeds, by so many flights each of two such
+        """Noncentrality of the test of a difference of this share of power at all speeds, by so many flights each of two such
         configurations that share all errors that flights share."""
 
     @property
@@ -214,7 +214,7 @@ class Pool(ABC):
 
     @property
     def battery(self) -> BatteryResult | None:
-        """Of the last flight that has one."""
+        """The battery of the last flight that has one."""
         return next((one.content.battery for one in reversed(self.flights) if one.content.battery), None)
 
     def _between_flights(self) -> list[Scatter]:
@@ -339,7 +339,7 @@ def flights_to_see(pool: Pool, difference: float) -> int | None:
 
 
 def plans_to_see(pool: Pool) -> list[FlightsToSee]:
-    """Of `flights_to_see`, for each of `POOLING.differences_to_see`."""
+    """`flights_to_see` for each of `POOLING.differences_to_see`."""
     return [
         FlightsToSee(difference_percent=100 * share, flights_each=flights_to_see(pool, share))
         for share in POOLING.differences_to_see
@@ -347,7 +347,7 @@ def plans_to_see(pool: Pool) -> list[FlightsToSee]:
 
 
 def _needed_noncentrality() -> float:
-    """By which `agreement.of_difference` sees a difference as often as `POOLING.detection` says."""
+    """The noncentrality at which `agreement.of_difference` sees a difference as often as `POOLING.detection`."""
     freedom = len(POLAR)
     limit = chdtri(freedom, EVIDENCE.false_alarms)
     return float(brentq(lambda x: ncx2.sf(limit, freedom, x) - POOLING.detection, 1e-3, 100.0))

@@ -100,7 +100,7 @@ def _mean(parts: Sequence[ParameterVector]) -> ParameterVector:
 
 
 def slowest_flown(pool: DragPool) -> SlowestFlown | None:
-    """At the pool's condition, with the largest lift coefficient of any flight; None where no flight tells it."""
+    """Slowest speed at the pool's condition, with the largest lift coefficient of any flight; None if unknown."""
     known = [one.content.slowest_flown.largest_lift_coefficient for one in pool.flights if one.content.slowest_flown]
     largest_CL = pool.flown_CL[1]
     if not known:

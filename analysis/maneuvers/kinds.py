@@ -99,7 +99,7 @@ class RejectedManeuver:
 
     @property
     def reason(self) -> str:
-        """In words."""
+        """The reason in words."""
         return reason_in_words(self.rejection)
 
 

@@ -121,7 +121,7 @@ def assumption_uncertainty(
     V = np.array([speed_at(flown_CL[1], condition)])
 
     def standard_error(A: Array, covariance: Array) -> float:
-        """Of power required at V."""
+        """Standard error of power required at V."""
         return float(power_required(V, Polar(A, polar_part(covariance)), condition)[1][0])
 
     without_keys = standard_error(estimate.polar.A, own_covariance + covariance)

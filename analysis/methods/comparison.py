@@ -176,7 +176,7 @@ def _power(V: Array, A: Array, condition: Condition) -> Array:
 
 
 class Difference(NamedTuple):
-    """Of the second method from the first at a speed, and how much its cause explains of it.
+    """Difference of the second method from the first at a speed, and how much of it the cause explains.
 
     power_W : by the first method        share_W : of the cause; None where its errors were not estimated
     """

@@ -75,7 +75,7 @@ UPDRAFT, WEIGHT, DENSITY = "updraft", "weight", "air density"  # names of these 
 
 
 def changes(values_of: Callable[[pd.DataFrame], Array], values: Array, flight_forces: FlightForces) -> dict[str, Array]:
-    """By error, UPDRAFT and WEIGHT, the change of an estimate (m,) of A0, A1, A2 and others.
+    """Change of an estimate (m,), A0, A1, A2 first, by each consider error, UPDRAFT and WEIGHT among them.
 
     values_of : the estimate from forces, `values` from the nominal ones
     """
@@ -231,16 +231,16 @@ class JointEstimate(NamedTuple):
     prior_measurements: tuple[PriorMeasurement, ...] = ()
 
     def with_value(self, name: str, value: float) -> "JointEstimate":
-        """The same with another value of one parameter: of an error that the data were corrected for, the whole."""
+        """This estimate with another value of one parameter, for instance an error already corrected in the data."""
         values = np.where(np.array(self.names) == name, value, self.parameters.value)
         return self._replace(parameters=replace(self.parameters, value=values))
 
     def with_changes(self, changes: Mapping[str, Array]) -> "JointEstimate":
-        """The same with more such errors. changes: of the first values; those of the others are zero."""
+        """Adds consider errors; `changes` covers the leading parameters, the rest are zero."""
         return self._with({name: self._whole(change) for name, change in changes.items()})
 
     def with_density_error(self, change: Array, airspeed_scale: float) -> "JointEstimate":
-        """The same with that error of the density. change: of the first values. airspeed_scale: change of V_scale."""
+        """Adds the error of density. change: of the leading parameters. airspeed_scale: change of V_scale."""
         whole = self._whole(change)
         whole[self.names.index("V_scale")] = airspeed_scale
         return self._with({DENSITY: whole})

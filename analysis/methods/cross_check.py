@@ -105,7 +105,7 @@ def _propulsion(V_ref: Array, n: Array, rho: Array, propeller: Propeller) -> dic
 
 
 def _means(signal: Array, block: int) -> Array:
-    """Of the samples of each block that exist; NaN where none does."""
+    """Mean of each block's samples without NaN; NaN for an empty block."""
     blocks = signal.reshape(-1, block)
     count = np.isfinite(blocks).sum(axis=1)
     return np.asarray(np.nansum(blocks, axis=1) / np.where(count > 0, count, np.nan))

@@ -279,7 +279,7 @@ def estimate_values(trajectory: Trajectory, runs: list[Maneuver], aircraft: Airc
 
 
 def _nominal(counted: FlightForces, runs: list[Maneuver]) -> _Nominal:
-    """With an error of motor speed as one more parameter where the runs show one beyond doubt."""
+    """Fits the drag model; adds an error of motor speed as a parameter if the runs clearly show one."""
     level = _within_level_flight(counted.nominal, _airborne(counted), runs)
     model = drag_model(counted.aircraft)
     as_counted = _Nominal(counted, level, _fitted(model, counted.nominal, level, runs))

@@ -173,8 +173,8 @@ def _by_another_method(flight: Reconstructed, methods: list[MethodEstimate], fir
 
 
 def _uncertainty_by_assumptions(flight: Reconstructed, method: str = "") -> AssumptionUncertainty | None:
-    """By what the aircraft file lacks, and by errors of the transducers that no residual shows: the analysis is run
-    again with each of them. method: of the curve, where that is not the dynamic one."""
+    """Uncertainty by what the aircraft file lacks, and by errors of the transducers that no residual shows: the
+    analysis is run again with each. method: of the curve, where that is not the dynamic one."""
     rerun, aircraft = EstimateRerun(flight, method), flight.aircraft
     by_file = assumption_uncertainty(rerun, aircraft, flight.propeller, flight.condition, flight.flown_CL)
     by_transducers = with_transducer_uncertainty(by_file, rerun.values_with_air, flight.table, aircraft)

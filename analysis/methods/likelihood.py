@@ -146,7 +146,7 @@ class _Data:
         return [self._along(error, self._smoothed) for error in np.linalg.cholesky(self._trajectory.covariance).T]
 
     def with_error_removed(self, name: str) -> list[Segment]:
-        """With one of AS_MEASURED removed, as if it were one standard deviation."""
+        """Segments with one error of AS_MEASURED removed, as if it were one standard deviation."""
         return [
             replace(segment, u={**segment.u, "thrust": _thrust_without(name, self.error_sigma[name], segment)})
             for segment in self.segments

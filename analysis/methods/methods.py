@@ -79,7 +79,7 @@ def _inputs(flight_forces: FlightForces, runs: list[Maneuver]) -> tuple[MethodIn
 
 
 def _one_by_one(method: Method, inputs: MethodInputs) -> list[MethodEstimate]:
-    """By each acceleration and deceleration alone."""
+    """One estimate for each acceleration and deceleration alone."""
     return [
         estimate_with(replace(method, title=run.name, kinds=(run.kind,)), replace(inputs, runs=[run]))
         for run in inputs.runs
@@ -109,7 +109,7 @@ def energy_of_runs(
 def one_method(
     name: str, trajectory: Trajectory, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller
 ) -> MethodEstimate:
-    """By one of ALL_METHODS alone, without comparisons."""
+    """The estimate of one of ALL_METHODS, without comparisons."""
     inputs, _ = _inputs(FlightForces(trajectory, aircraft, propeller), runs)
     (method,) = (one for one in ALL_METHODS if one.name == name)
     return estimate_with(method, inputs)

@@ -50,12 +50,12 @@ class RejectedAssumption(NamedTuple):
 
 
 def rejected_assumptions(fit: Fit) -> list[RejectedAssumption]:
-    """Of the drag model, by its fit."""
+    """Assumptions of the drag model that this fit rejects."""
     return _thrust_rejected(fit) + _shape_rejected(fit)
 
 
 def thrust_beyond_prior(model: Model, values: Mapping[str, float]) -> dict[str, float]:
-    """By error of thrust, and by the stand, its prior standard deviations where the prior's 95 % do not contain it.
+    """Errors of thrust outside the 95 % of their prior, or of the stand, in prior standard deviations.
 
     values : of the parameters of the model
     """

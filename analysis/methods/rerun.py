@@ -45,7 +45,7 @@ class EstimateRerun(NamedTuple):
         return self._values(self._trajectory(aircraft, slope_sigma), aircraft, propeller)
 
     def values_with_air(self, air: pd.DataFrame) -> Array:
-        """The same by other air data; by the flight's own table the trajectory is not reconstructed again."""
+        """Repeats the estimate with other air data; the flight's own table needs no new trajectory."""
         flight, trajectory = self.flight, self.flight.trajectory
         if air is not flight.table:
             flight.progress("repeating the estimate with other air data")
@@ -53,7 +53,7 @@ class EstimateRerun(NamedTuple):
         return self._values(trajectory, flight.aircraft, flight.propeller)
 
     def _values(self, trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) -> Array:
-        """By another method than the dynamic one the whole estimate is made all the same."""
+        """Other methods have no cheaper way: this runs the full estimate."""
         if self.method:
             return self._by_another_method(trajectory, aircraft, propeller).values
         return dynamic.estimate_values(trajectory, self.flight.maneuvers.level_runs, aircraft, propeller)

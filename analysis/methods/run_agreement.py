@@ -57,7 +57,7 @@ def one_kind_against_another(
 def _compared(
     run: MethodEstimate, others: list[MethodEstimate], lift: Array, condition: Condition, uncertainty: Uncertainty
 ) -> RunAgainstOthers | None:
-    """At the lift coefficient, of `lift`, where their difference is known best; None where they share none."""
+    """Compares a run with the others at the value of `lift` where they differ most certainly; None without one."""
     found = _differences(run, others, lift, uncertainty)
     if found is None:
         return None
@@ -112,7 +112,7 @@ def _differences(
 
 
 def _variance(rows: Array, covariance: Array) -> Array:
-    """Of each row's combination of the polar's coefficients, (k,)."""
+    """Variance (k,) of each row's combination of the polar's coefficients."""
     return np.asarray(np.einsum("ki,ij,kj->k", rows, covariance, rows))
 
 

@@ -24,12 +24,12 @@ class Regression(Settings):
 
     @property
     def fewest_blocks(self) -> int:
-        """Of a run, or of a steady point."""
+        """How many blocks a run, or a steady point, must have."""
         return FLIGHT.fewest_samples // BLOCK
 
     @property
     def fewest_blocks_of_flight(self) -> int:
-        """Of a whole flight, to fit a line: those of two runs."""
+        """How many blocks a whole flight must have to fit a line: those of two runs."""
         return 2 * self.fewest_blocks
 
 

@@ -87,7 +87,7 @@ def _mean(x: Array) -> float:
 
 
 def _slope(t: Array, x: Array) -> float:
-    """Of the straight line fitted by least squares."""
+    """Slope of the least-squares line."""
     from_mean = t - t.mean()
     return float(from_mean @ (x - x.mean()) / (from_mean @ from_mean))
 

@@ -158,14 +158,14 @@ def _runs(plan: FlightPlan) -> pd.DataFrame:
 
 
 def energy_Wh(plan: FlightPlan) -> float:
-    """From the battery, by the efficiency that small electric aircraft have."""
+    """Battery energy of the plan, with the efficiency typical of small electric aircraft."""
     table = plan.history.table
     power_W = np.nan_to_num(np.maximum(table["thrust_N"].to_numpy() * table["V_mps"].to_numpy(), 0.0))
     return float(power_W.sum()) * PATH.step_s / PRIOR.efficiency.mean / 3600
 
 
 def farthest_m(plan: FlightPlan) -> float:
-    """From the place of take-off."""
+    """Largest distance from the place of take-off."""
     return float(np.hypot(*plan.history.position_m.T).max())
 
 

@@ -103,7 +103,7 @@ def ground_speed(V: Array, course_rad: Array, wind_east_mps: Array, wind_north_m
 
 
 def energy_and_time(legs: Legs, V: Array, world: World, battery: Battery) -> tuple[Array, Array]:
-    """From the battery's cells [J], and time [s], (n, k) at commanded true airspeeds V (k,) or (n, k) [m/s].
+    """Energy from the cells [J] and time [s], (n, k), at commanded true airspeeds V (k,) or (n, k) [m/s].
 
     Infinite where the wind lets the aircraft not arrive.
     """
@@ -138,7 +138,7 @@ class SpeedLimits(NamedTuple):
 
 
 def speed_limits(source: Source, condition: Condition, stall_CL: float, margin: float) -> SpeedLimits:
-    """As slow and as fast as was flown, at the same lift coefficients; and not below `margin` times the stall speed."""
+    """Limits at the lift coefficients flown, and never below `margin` times the stall speed."""
     smallest_CL, largest_CL = source.flown_CL
     slowest = np.maximum(speed_at(largest_CL, condition), margin * speed_at(stall_CL, condition))
     return SpeedLimits(slowest, np.maximum(speed_at(smallest_CL, condition), slowest))

@@ -87,7 +87,7 @@ INSTALLATION = ("alpha_bias", "alpha_scale", "beta_bias", "V_scale", "air_data_l
 
 
 class Covariances(NamedTuple):
-    """Of the sensor errors (m, m), and of A0, A1, A2 (3, 3): by noise, and by consider terms and floor.
+    """Covariances of sensor errors (m, m) and A0, A1, A2 (3, 3): by noise, and by consider terms and floor.
 
     shared : (3, m) derivative of A0, A1, A2 by the sensor errors
     """
@@ -154,7 +154,7 @@ def half_widths(found: Covariances, expected: ExpectedAircraft, V: Array) -> Arr
 
 
 def _of_difference(found: Covariances) -> Covariances:
-    """Of the difference of two flights like this: errors of the installation are the same in both."""
+    """Covariances of the difference of two such flights, which share the errors of the installation."""
     errors = found.errors.copy()
     same = [SENSOR_ERRORS.index(error) for error in INSTALLATION]
     errors[same] = errors[:, same] = 0.0

@@ -23,7 +23,7 @@ class Place(NamedTuple):
     height_m: float = 0.0
 
     def distance_m(self, other: "Place") -> float:
-        """Over the ground."""
+        """Distance over the ground."""
         return hypot(other.east_m - self.east_m, other.north_m - self.north_m)
 
 

@@ -56,7 +56,7 @@ def kept_in_place(
     wind_mps: float,
     wind_from_deg: float = PATH.wind_from_deg,
 ) -> list[Maneuver]:
-    """The same maneuvers, with other angles of turns and other durations of what is held or porpoised.
+    """Adjusts angles of turns and durations of held or porpoised maneuvers to keep the flight in place.
 
     wind_from_deg : clockwise from the first leg
     """
@@ -134,7 +134,7 @@ def _crab_rad(part: _Part, begun: Array, wind: Array) -> float:
 
 
 def _longer_s(part: _Part, held: Hold | Porpoise, headwind_mps: float, until_m: tuple[float, float]) -> float:
-    """By how much longer the held maneuver is flown. until_m: way to where to turn back, and longest leg"""
+    """How much longer to fly the held maneuver. until_m: distance to the turning point, and longest leg"""
     ground_m = part.air_m - headwind_mps * part.seconds
     turn_m, leg_m = until_m
     longer_m = max(turn_m - ground_m, min(leg_m - ground_m, 0.0))
@@ -179,7 +179,7 @@ def _circles(turn: Path) -> bool:
 
 
 def _moved(path: Path, heading: float, wind: Array) -> Array:
-    """Over the ground (2,) [m]."""
+    """Displacement over the ground (2,) [m]."""
     along = heading + np.cumsum(turn_rate(path.bank, path.V)) * PATH.step_s
     air = np.array([path.V @ np.cos(along), path.V @ np.sin(along)])
     return np.asarray((air + wind * len(path.V)) * PATH.step_s)

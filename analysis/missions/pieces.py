@@ -126,7 +126,7 @@ class Piece:
 
 
 def margin_over_stall(wind_kt: float) -> float:
-    """Of speed, at the largest lift that is planned: at the end of a deceleration, in a turn, in porpoising."""
+    """Speed margin at the largest lift planned: at the end of a deceleration, in a turn, in porpoising."""
     return MARGINS.slowest + MARGINS.slowest_per_kt * wind_kt
 
 

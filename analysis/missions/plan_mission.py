@@ -36,7 +36,7 @@ def qgroundcontrol_plan(plan: FlightPlan, home: Home, firmware: str) -> str:
 
 
 def waypoint_file(plan: FlightPlan, home: Home) -> str:
-    """The same mission in the plain-text format (QGC WPL 110), which Mission Planner and MAVProxy load."""
+    """The mission as plain text (QGC WPL 110), which Mission Planner and MAVProxy load."""
     return waypoints_text(_items(plan, home), home.start)
 
 

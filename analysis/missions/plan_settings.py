@@ -20,7 +20,7 @@ TRAINER = Trainer()
 
 @dataclass(frozen=True)
 class Margins(Settings):
-    """Over the stall, and below full power."""
+    """Margins over the stall and below full power."""
 
     slowest: float = setting(1.08, "1", "slowest speed over the stall in still air, at which a deceleration ends")
     slowest_per_kt: float = setting(0.002, "1/kt", "added for each knot of wind at 20 ft, for its gusts")

@@ -31,13 +31,13 @@ class SteadyPower(Protocol):
     def battery_W(self, V: Array, condition: Condition, sine: Floats, load_factor: Floats) -> Array: ...
 
     def best_climb_mps(self, V: Array, condition: Condition) -> Array:
-        """At full throttle; infinite where that is not known."""
+        """Best climb at full throttle; infinite if unknown."""
         ...
 
 
 @dataclass(frozen=True)
 class AerodynamicPower:
-    """By the model of performance. parameters : each (n, 1)     idle_W : with the motor off"""
+    """Power by the model of performance. parameters : each (n, 1)     idle_W : with the motor off"""
 
     parameters: SigmaPoints
     model: PerformanceModel
@@ -69,7 +69,7 @@ def _correction(parameters: SigmaPoints) -> SigmaPoints:
 
 @dataclass(frozen=True)
 class ElectricalPower:
-    """By a curve of level flight. V_mps : (g,) even steps     power_W : (n, g), with idle_W     efficiency : (n, 1)"""
+    """Power by a level-flight curve. V_mps : (g,) even steps     power_W : (n, g), with idle_W     efficiency : (n, 1)"""
 
     V_mps: Array
     power_W: Array
@@ -113,7 +113,7 @@ class Source:
 
 
 def source_of(results: RouteInput, idle_W: float | None, draws: int, rng: np.random.Generator) -> Source:
-    """From an aerodynamic model where the results have one, or else from a curve of electrical power.
+    """Power from an aerodynamic model if the results have one, else from a curve of electrical power.
 
     idle_W: None: as the results know it, or zero. Raises InputError where they have neither.
     """
@@ -158,7 +158,7 @@ def aerodynamic_source(
     *,
     idle_W: float = 0.0,
 ) -> Source:
-    """From a model of performance. draws: how many, by what
+    """Power from a model of performance. draws: how many, by what
 
     largest_CL: that the wing has carried; 0: not known, the largest of level flight. By a gust's low airspeed that may
     be larger than the wing ever carried: the former counts where it is known.

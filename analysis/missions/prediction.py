@@ -59,7 +59,7 @@ class Objective(StrEnum):
 
 
 class Air(NamedTuple):
-    """At home."""
+    """Air at the home position."""
 
     pressure_Pa: float
     temperature_K: float

@@ -103,7 +103,7 @@ def _item(position: int, item: dict[str, Any], where: str) -> Item:
 
 
 class Vehicle(NamedTuple):
-    """For whom a plan is written. cruise_mps: for QGroundControl's times     fence_deg: corners"""
+    """The vehicle that flies the plan. cruise_mps: for QGroundControl's times     fence_deg: corners"""
 
     firmware: str
     cruise_mps: float

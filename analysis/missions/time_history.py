@@ -81,7 +81,7 @@ def wind_vector(wind_mps: float, wind_from_deg: float = PATH.wind_from_deg) -> A
 
 
 def turn_rate(bank: Array | float, V: Array) -> Array:
-    """Of a level turn [rad/s]."""
+    """Turn rate of a level turn [rad/s]."""
     return np.asarray(g * np.tan(bank) / V)
 
 
@@ -155,7 +155,7 @@ def _run(expected: ExpectedAircraft, V: float, first: float, run: Run) -> Array:
 
 
 def turn_path(expected: ExpectedAircraft, V: float, turn: Turn) -> Path:
-    """Of a turn that is begun at a speed [m/s]."""
+    """Path of a turn entered at speed V [m/s]."""
     speed_mps, angle_rad, bank_rad = turn.speed_mps, turn.angle_rad, turn.bank_rad
     most = _steps(1.2 * abs(angle_rad) * max(V, speed_mps) / (g * np.tan(bank_rad)) + 20.0)
     speeds = _towards(expected, V, speed_mps, most)

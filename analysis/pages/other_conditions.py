@@ -192,7 +192,7 @@ def _node(model: PerformanceModel, condition: Condition) -> Json:
 
 
 def _short(values: Array, digits: int) -> list[float | None]:
-    """With so many significant digits; None where there is no value."""
+    """Rounds to so many significant digits; None for a missing value."""
     return [float(f"{value:.{digits}g}") if np.isfinite(value) else None for value in values.tolist()]
 
 

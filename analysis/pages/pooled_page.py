@@ -424,7 +424,7 @@ def half_widths(pooled: PooledResults, best: PooledFlight) -> Figure:
 
 
 def by_date(flights: Sequence[PooledFlight]) -> list[PooledFlight]:
-    """In order of time; those of which it is not known last, as they were given."""
+    """Sorts flights by date; undated ones come last, as given."""
     return sorted(flights, key=lambda flight: np.inf if flight.start_unix_s is None else flight.start_unix_s)
 
 

@@ -136,7 +136,7 @@ class NamedRun(NamedTuple):
 
 
 def _short(values: Array) -> Any:
-    """With twelve significant digits."""
+    """Rounds to twelve significant digits."""
     return [_short(row) if np.ndim(row) else float(f"{row:.12g}") for row in values]
 
 
@@ -157,7 +157,7 @@ def named_runs(results: Results) -> list[NamedRun]:
 
 
 def embedded_runs(analysis: Analysis) -> Json:
-    """For `runs.js`: the runs, the list of runs as a file, and the shares of the runs in the curve, where known."""
+    """Data for `runs.js`: runs, their list as a file, and their shares in the curve, if known."""
     main, results = analysis.drag.main, analysis.results
     shares: Json | None = None
     if main.shares:

@@ -47,7 +47,7 @@ class FlightValues:
 
     @property
     def airspeed_ratio(self) -> Interval | None:
-        """Of ARSPD_RATIO: the airspeed shown goes with its root."""
+        """Interval of ARSPD_RATIO; indicated airspeed goes with its root."""
         logged, factor = self.logged.get("ARSPD_RATIO"), self.airspeed_factor
         if not logged or factor is None:
             return None
@@ -185,7 +185,7 @@ def around(value: float, half: float, least: float = -np.inf) -> Interval:
 def of_power_required(
     results: Results, CD0: Interval | None = None, B: Interval | None = None
 ) -> tuple[list[AutopilotParameter], list[str]]:
-    """For the results of runs: from the curve of power required, and the battery's power where it is known."""
+    """Parameters from the curve of power required, and from battery power if it is known."""
     curve, use = results.power_required, results.use
     if not curve:
         return [], []
@@ -239,7 +239,7 @@ def flight_values(
     by_density = airspeed.by_gps * estimate.rho_sigma / 2
 
     def equivalent(speed_mps: float) -> Interval:
-        """With the errors of the airspeed and, where GPS shows true airspeed, of density."""
+        """Equivalent airspeed with the errors of airspeed and, if GPS shows true airspeed, of density."""
         by_zero = 1 / (c.rho * speed_mps**2)
         by_wind = 0.0 if airspeed.mean_wind_covariance is None else np.trace(airspeed.mean_wind_covariance) / 2
         variance = np.array([1.0, by_zero]) @ airspeed.covariance @ [1.0, by_zero] + by_wind / speed_mps**2

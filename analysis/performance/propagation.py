@@ -81,7 +81,7 @@ class UncertainValue(NamedTuple):
         return Interval(value=float(self.value), lo=float(self.lo), hi=float(self.hi))
 
     def interval(self, least: float = -np.inf) -> Interval:
-        """The same; of no width where the standard error is not known. Its lower end is not below `least`, nor above
+        """The interval; of no width where the standard error is unknown. Its lower end is not below `least`, nor above
         the value for that."""
         known = self.interval_if_known()
         value = float(self.value)

@@ -41,7 +41,7 @@ class Request:
     density_altitudes_m: tuple[float, ...] = ()
 
     def battery(self, aircraft: Aircraft | None) -> BatteryResult | None:
-        """Of this request, or else of the aircraft file. None where neither gives its energy."""
+        """The battery of this request, else of the aircraft file; None if neither gives its energy."""
         in_file = aircraft.propulsion.battery_energy_Wh if aircraft else None
         energy_Wh = in_file if self.battery_Wh is None else self.battery_Wh
         return None if energy_Wh is None else BatteryResult(energy_Wh=energy_Wh, usable=self.usable)

@@ -29,7 +29,7 @@ class PowerTrain(Settings):
 
     @property
     def needed_s(self) -> float:
-        """Of slow flight in all, two points of efficiency; with less the losses stay those assumed."""
+        """Time of slow flight required in all, two points of efficiency; with less, losses stay as assumed."""
         return 2 * STEADY_POINT.smoothing_s
 
 
@@ -55,7 +55,7 @@ class FullThrottleFlown(Settings):
 
     @property
     def needed_s(self) -> float:
-        """Of settled full throttle in all, two stretches; with less it is not known."""
+        """Time of settled full throttle required in all, two stretches; with less it is unknown."""
         return 2 * self.shortest_s
 
     @property

@@ -727,7 +727,7 @@ class WithCurves(msgspec.Struct, frozen=True, kw_only=True):
         return self.curves[self.kind]
 
     def points(self, kind: Kind) -> list[PowerPoint]:
-        """Of a curve; empty where there is none of this kind."""
+        """Points of a curve; empty if there is none of this kind."""
         return self.curves[kind].points if kind in self.curves else []
 
     @property
@@ -749,7 +749,7 @@ class WithCurves(msgspec.Struct, frozen=True, kw_only=True):
         return self.air.pressure_Pa
 
     def with_curve(self, kind: Kind, **changes: object) -> Self:
-        """The same with other fields of one curve."""
+        """These results with other fields of one curve."""
         curve = msgspec.structs.replace(self.curves[kind], **changes)
         return msgspec.structs.replace(self, curves={**self.curves, kind: curve})
 
@@ -807,19 +807,19 @@ class Results(WithCurves, frozen=True, kw_only=True):
 
     @property
     def minimum_power_speed(self) -> SpeedInterval:
-        """Of least power required: the longest endurance with an ideal power train."""
+        """Speed of least power required: the longest endurance with an ideal power train."""
         required = self.curves.get(Kind.POWER_REQUIRED)
         return (required and required.least_power_speed) or UNKNOWN_SPEED
 
     @property
     def best_range_speed(self) -> SpeedInterval:
-        """Of least drag: the longest range with an ideal power train."""
+        """Speed of least drag: the longest range with an ideal power train."""
         required = self.curves.get(Kind.POWER_REQUIRED)
         return (required and required.best_range_speed) or UNKNOWN_SPEED
 
     @property
     def interval_parts(self) -> list[IntervalPart]:
-        """Of the interval of power required."""
+        """Parts of the interval of power required."""
         required = self.curves.get(Kind.POWER_REQUIRED)
         return required.interval_parts if required else []
 
@@ -833,7 +833,7 @@ class Results(WithCurves, frozen=True, kw_only=True):
 
     @property
     def pooling(self) -> PoolingStatistics | None:
-        """Of the joint estimate of drag; null where no acceleration or deceleration was analyzed."""
+        """Statistics for the joint estimate of drag; null if no acceleration or deceleration was analyzed."""
         required = self.curves.get(Kind.POWER_REQUIRED)
         statistics = required and required.statistics
         return statistics if isinstance(statistics, PoolingStatistics) else None

@@ -172,7 +172,7 @@ def _balance(found: EnergyBalanceFindings) -> EnergyBalanceResult:
 
 
 def _thrust_efficiency(estimate: ElectricalEstimate) -> Interval | None:
-    """Of level flight at the speed at which the flight's energy shows it best; None where it does at no speed."""
+    """Efficiency in level flight at the speed where the flight's energy shows it best; None if nowhere."""
     value, error = estimate.shown_efficiency.value, estimate.shown_efficiency.standard_error
     known = np.flatnonzero(np.isfinite(value) & np.isfinite(error))
     if not len(known):

@@ -96,7 +96,7 @@ def evidence_against(results: Results) -> list[Evidence]:
 
 
 def worst_first(evidence: Iterable[Evidence]) -> list[Evidence]:
-    """Of one level causes before their consequences."""
+    """Sorts evidence by level, causes before their consequences."""
     kinds = list(EvidenceKind)
     return sorted(evidence, key=lambda one: (_WORST_FIRST.index(one.level), kinds.index(one.kind)))
 
@@ -123,7 +123,7 @@ def sentence(one: Evidence) -> str:
 
 
 def sentences(evidence: Iterable[Evidence]) -> list[str]:
-    """The same of all, to be read after a heading: what is in doubt is said where it changes."""
+    """Sentences for all evidence, below a heading; each change of what is doubtful is announced."""
     said, part = list[str](), None
     for one in evidence:
         also = "In doubt, too: " if said else ""
@@ -185,7 +185,7 @@ def noise_limit(tests: int) -> float:
 
 
 def _level(figure: float, limit: float) -> Trust:
-    """Of evidence beyond its limit: beyond twice the limit, errors twice as large as stated would be denied, too."""
+    """Level of evidence: beyond twice its limit, errors twice as large as stated would be rejected, too."""
     return Trust.NOT_TO_BE_TRUSTED if abs(figure) > TRUST.beyond_doubt * limit else Trust.DOUBTFUL
 
 
@@ -346,7 +346,7 @@ def _motor_speed(results: Results) -> Iterator[Evidence]:
 
 
 def _efficiencies(results: Results) -> Iterator[Evidence]:
-    """In level flight, where the table covers it. Above one is impossible."""
+    """Judges the efficiencies in level flight within the table; above one is impossible."""
     if results.use is None:
         return
     train = results.use.power_train
@@ -383,7 +383,7 @@ def _efficiency(kind: EvidenceKind, values: list[Interval], best: float) -> Iter
 
 
 def _shaft(results: Results) -> Iterator[Evidence]:
-    """Of the energy balance: drag by the propeller's table is then withheld."""
+    """Judges shaft power in the energy balance; drag by the propeller's table is then withheld."""
     share = results.balance.shaft_over_electrical if results.balance else None
     least, greatest = THRUST.motor_efficiency
     if share is None or least < share < greatest:

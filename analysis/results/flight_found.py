@@ -102,7 +102,7 @@ def autocorrelation(residual: Array, lags: int) -> Array:
 
 
 def parameter_correlation(estimate: DynamicEstimate) -> Correlation:
-    """Of the errors of POLAR and THRUST; 0 beside an estimate without error."""
+    """Correlation of the errors of POLAR and THRUST; 0 for an estimate without error."""
     covariance = estimate.noise + estimate.systematic
     sigma = np.sqrt(np.diag(covariance))
     scale = np.divide(1.0, sigma, out=np.zeros_like(sigma), where=sigma > 0)

@@ -118,7 +118,7 @@ def _rate(name: str, firmware: For, interval: Interval, basis: str) -> Autopilot
 
 
 def _names_used(own: list[AutopilotParameter]) -> Iterator[AutopilotParameter]:
-    """Of a name and the one that follows it in newer versions, the one that the log has, or else the newer one."""
+    """Keeps, of an old and a new name of one parameter, that in the log, else the new one."""
     logged = {one.name for one in own if one.logged is not None}
     old = {name for name, newer in NEWER.items() if name in logged and newer not in logged}
     for one in own:

@@ -64,7 +64,7 @@ def provenance(flight: Recorded, runs_file: Path | None, command_line: str) -> P
 
 
 def provenance_of_file(log: Path, weight_source: str, aircraft: Path | None, command_line: str) -> Provenance:
-    """Of a log of other software, whose contents are not known here: hashes, weight and command alone."""
+    """Provenance of another program's log: hashes, weight and command only."""
     files = []
     if aircraft:
         origin, sha256 = _given(str(aircraft))
@@ -91,7 +91,7 @@ def _start(log: Log, start_ns: int) -> tuple[str | None, Clock]:
 
 
 def _implausible(log: Log, end_ns: int) -> list[ImplausibleReadings]:
-    """From each warning of a comparison to the news that it is plausible again, or the end of the log."""
+    """Stretches from each warning to its all-clear, or to the end of the log."""
     start_ns = next((entry.time_ns for entry in log.entries.get("/imu", [])), 0)
     found: list[ImplausibleReadings] = []
     since_ns: dict[Comparison, int] = {}

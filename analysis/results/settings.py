@@ -18,7 +18,7 @@ class ResultsSettings(Settings):
 
 @dataclass(frozen=True)
 class TrustLimits(Settings):
-    """From when on evidence speaks against a result."""
+    """Limits beyond which evidence makes a result doubtful."""
 
     false_alarm_rate: float = setting(
         0.003, "1", "of each kind of evidence that noise limits, in one sound flight: three kinds make one in 100"

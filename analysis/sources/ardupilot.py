@@ -172,7 +172,7 @@ def _with_sums(batteries: Mapping[tuple[str, int], Battery], parameters: Mapping
 
 
 def _throttle(log: Messages) -> Channel | None:
-    """Of the propulsion, 0 to 1: as the controller gives it, or as the servo channel that drives it has it."""
+    """Throttle, 0 to 1, as commanded or as the motor's servo channel shows it."""
     for kind in ("CTUN", "AETR"):
         for table in log.of((kind,)):
             for field in FIELDS[kind]:

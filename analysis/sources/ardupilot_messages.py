@@ -165,7 +165,7 @@ def _columns(log: DataflashLog | TelemetryLog | TextLog | MatlabLog, kind: str) 
 
 
 def _units(form: Form | None, told: dict[str, NDArray[Any]], multipliers: dict[str, NDArray[Any]]) -> dict[str, float]:
-    """By field that is an integer without a scale of its own, what one unit of it is in SI, as FMTU and MULT say.
+    """SI value of one unit of each unscaled integer field, by FMTU and MULT.
 
     Firmware before 2015, which writes no FMTU, has voltage and current in hundredths.
     """

@@ -7,7 +7,7 @@ from flight.settings import Settings, setting
 
 
 class WrongSigns(NamedTuple):
-    """Of each law: the correlation below which a sign is wrong, and the spread below which nothing is judged."""
+    """Limits of each law: correlation below which a sign is wrong, spread below which it is not judged."""
 
     pitch: tuple[float, float]
     angle_of_attack: tuple[float, float]

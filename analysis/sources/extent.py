@@ -131,7 +131,7 @@ def _line_times_s(text: bytes) -> list[float]:
 
 
 def _mcap(path: Path) -> Extent:
-    """By the statistics at the end of the file; a torn one has none."""
+    """Reads the statistics at the end of the file; a truncated one has none."""
     from mcap.exceptions import McapError
     from mcap.reader import SeekingReader
 

@@ -50,7 +50,7 @@ class Finding(NamedTuple):
 
 
 class Relation(NamedTuple):
-    """Of two signals: correlation at once and at the best delay of the first [s], and the ratio of their spreads."""
+    """Relation of two signals: correlation at no delay and at the best [s], and the ratio of their spreads."""
 
     at_once: float
     best: float
@@ -177,7 +177,7 @@ def relation(first: Array, second: Array) -> Relation | None:
 
 
 def _correlations(x: Array, y: Array, known: NDArray[np.bool_], reach: int) -> Array:
-    """Of x, which is late by -reach to reach samples, and y; zero where too few are known. Unknown ones are zero."""
+    """Correlations of y and x delayed by -reach to reach samples; zero if too few are known."""
 
     def sums(first: Array, second: Array) -> Array:
         late = sliding_window_view(np.pad(second, reach), len(second))[::-1]

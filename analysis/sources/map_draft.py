@@ -187,7 +187,7 @@ def draft(table: Path, output: Path | None = None) -> str:
 
 
 def proposal(table: Path, columns: Columns, path: Path) -> ColumnMap:
-    """By the recorder that has named the columns; else by names and possible values alone.
+    """Proposes a map by the recorder that named the columns, else by names and possible values.
 
     Raises InputError where no column has the name of a time.
     """
@@ -280,7 +280,7 @@ def _plain(name: str) -> str:
 
 
 def _unit_by_name(name: str, quantity: Quantity) -> str | None:
-    """In brackets, or as the last word."""
+    """The unit in brackets, or as the last word."""
     unit = _in_brackets(name)
     if unit is None and not BRACKET.search(name):
         unit = SUFFIXES.get(re.split(r"[^a-z0-9%/^]+", name.lower())[-1])

@@ -192,7 +192,7 @@ def _airspeed(tables: Mapping[str, Table]) -> tuple[Channel | None, list[str]]:
 
 
 def _static(tables: Mapping[str, Table]) -> tuple[Channel | None, list[str]]:
-    """By a barometer where one shows pressure, otherwise by the height of GPS."""
+    """Static pressure by a barometer, else by the height of GPS."""
     for name in ("BARO_RAW", "AIR_DATA"):
         table = tables.get(name)
         if table is not None and np.median(table["static_Pa"]) > 0:

@@ -78,7 +78,7 @@ def _check(log: Log, limits: Limits) -> None:
 
 
 def _check_specific_force(log: Log) -> None:
-    """At rest and on the mean of flight the accelerometers read 1 g upwards, in body axes about -z."""
+    """Checks that accelerometers read 1 g upwards, about -z, at rest and on the mean of flight."""
     median, magnitude = _specific_force(log)
     low, high = (limit * GRAVITY_MPS2 for limit in UNITS.plausible.load_g)
     if not low <= magnitude <= high:
@@ -149,7 +149,7 @@ def _check_current(log: Log) -> None:
 
 
 def _check_differential_pressures(log: Log) -> None:
-    """In flight the center port minus static is positive, and larger than both differences of the side ports."""
+    """Checks that center port minus static is positive in flight, and exceeds both side differences."""
     q_c = _pressure(log, "airspeed")
     low, high = -_reached(-q_c), _reached(q_c)
     if low < -AIRCRAFT_SIZE.least_flying_Pa and -low > 2 * high:

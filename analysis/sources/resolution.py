@@ -31,7 +31,7 @@ def step_of(values: Array) -> float:
 
 
 def without_steps(one: Channel) -> Channel:
-    """The same quantity by straight lines through the middles of its steps, at the same times.
+    """Replaces steps by straight lines through their middles, at the same times.
 
     A pressure that moves by steps of 26 Pa, four meters, has no slope between them and an impossible one at each. Where
     it changes, its value is the middle of the two; where it turns around on a level, that level is reached halfway in

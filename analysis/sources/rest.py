@@ -197,7 +197,7 @@ def _with_unit(name: str, value: float, error: float | None = None) -> str:
 
 
 class Reading(msgspec.Struct, frozen=True):
-    """Of one field of one topic."""
+    """Readings of one field of one topic."""
 
     mean: float
     standard_deviation: float

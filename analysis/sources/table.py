@@ -214,7 +214,7 @@ def _battery(known: Mapping[Quantity, Channel]) -> Fields:
 
 
 def _entries(topic: str, fields: Fields, start_s: float) -> Entries:
-    """At the times of the field that has most of them; the others interpolated."""
+    """Entries at the times of the densest field; the others are interpolated."""
     densest = max(fields.values(), key=lambda one: len(one.t_s))
     entries = Entries(TYPE_OF_TOPIC[topic])
     n = len(densest.t_s)

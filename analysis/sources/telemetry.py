@@ -125,7 +125,7 @@ def _table(name: str, rows: list[list[Any]]) -> Columns:
 
 
 def _as_dataflash(tables: dict[str, Columns]) -> dict[str, Columns]:
-    """By the names of dataflash logs. The airspeed that VFR_HUD shows is a sensor's where one shows pressure."""
+    """Tables under the names of dataflash logs. VFR_HUD's airspeed is measured if pressure is there, too."""
     out: dict[str, Columns] = {}
     _complete(tables)
     beats = tables.get("HEARTBEAT")
@@ -181,7 +181,7 @@ def _as_dataflash(tables: dict[str, Columns]) -> dict[str, Columns]:
 
 
 def _firmware(kind: int) -> bytes:
-    """By MAV_TYPE, of which 19 to 25 are VTOLs whose names have changed; empty for those that are no vehicles."""
+    """Firmware by MAV_TYPE; 19 to 25 are VTOLs whose names have changed; empty for no vehicle."""
     return FIRMWARE.get(kind, b"ArduPlane" if 19 <= kind <= 25 else b"")
 
 

@@ -40,7 +40,7 @@ class ObservedGust(NamedTuple):
 
 
 def vertex(below: float, here: float, above: float) -> float:
-    """Of the parabola through three values at -1, 0, 1."""
+    """Vertex of the parabola through three values at -1, 0, 1."""
     return (below - above) / (2 * (below - 2 * here + above))
 
 
@@ -117,7 +117,7 @@ GUST_AXIS_OF_ERROR = {
 
 
 class AxisSpectrum(NamedTuple):
-    """Of the gusts of one axis: power (m,) at the compared frequencies omega (m,) [rad/s], and the assumed process."""
+    """Spectrum of one axis' gusts: power (m,) at omega (m,) [rad/s], and the assumed process."""
 
     power: Array
     omega: Array
@@ -125,7 +125,7 @@ class AxisSpectrum(NamedTuple):
 
 
 class ScaleLength(NamedTuple):
-    """Of gusts, over the assumed one, and the standard deviation of its logarithm."""
+    """Scale length of gusts over the assumed one, and the standard deviation of its logarithm."""
 
     ratio: float
     log_sigma: float
@@ -227,13 +227,13 @@ def _length_posterior(axes: Sequence[AxisSpectrum], prior_length: float) -> Arra
 
 
 def _spectra(axis: AxisSpectrum) -> Array:
-    """Of the assumed intensity and each of LENGTHS: (80, m)."""
+    """Spectra (80, m) at the assumed intensity for each of LENGTHS."""
     assumed = axis.assumed
     return np.stack([assumed._replace(time_s=assumed.time_s * length).power(axis.omega) for length in LENGTHS])
 
 
 class Estimate(NamedTuple):
-    """Of the sensor errors: values (m,) and covariance (m, m)."""
+    """Estimate of the sensor errors: values (m,) and covariance (m, m)."""
 
     values: Array
     covariance: Array

@@ -66,7 +66,7 @@ class Equations:
 
 
 def _array_function(arguments: list[Any], residual: Any, jacobian: Any) -> ArrayFunction:
-    """Of the residuals, all elements as nonzeros in their order, and of the nonzero derivatives."""
+    """Function of the residuals, all elements stored in order, and of the nonzero derivatives."""
     return ArrayFunction(ca.Function("equations", arguments, ca.cse([ca.densify(residual), jacobian])))
 
 

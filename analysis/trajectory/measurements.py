@@ -105,7 +105,7 @@ class Measurements:
 
 
 def _standard_deviations(blocks: BlockMeans, noise: dict[str, float], V_reference: Array) -> dict[str, Array]:
-    """Of block means (n,); the noise of air data is constant in pascals, not in m/s or radians."""
+    """Standard deviations of block means (n,); noise of air data is constant in pascals."""
     rho = without_gaps(blocks["rho"])
     qbar = rho * V_reference**2 / 2
     root = np.sqrt(BLOCK)

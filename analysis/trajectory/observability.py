@@ -399,7 +399,7 @@ def _worst_first(y: Array, covariance: Array) -> tuple[Array, dict[int, float]]:
 
 
 def _each_against_prior(y: Array, share: Array) -> tuple[Array, Array]:
-    """Of each error by itself, (m,): the estimate in the standard deviations that it has if the prior is right; and the
+    """For each error alone, (m,): the estimate in the standard deviations that it has if the prior is right; and the
     size that the data give it, in prior standard deviations.
 
     y : estimates in prior standard deviations     share : posterior over prior variance
@@ -432,7 +432,7 @@ def conflict_notes(conflict: PriorConflict, trajectory: Trajectory) -> list[str]
 
 
 def misfit(trajectory: Trajectory) -> dict[str, float]:
-    """By measurement, rms of its residuals in standard deviations where it is too large."""
+    """Measurements whose residuals are too large: rms in standard deviations."""
     return {name: rms for name, rms in trajectory.residuals.items() if name in MISFIT and rms > PRIOR_CHECK.largest_rms}
 
 

@@ -188,7 +188,7 @@ class Regressors:
         )
 
     def _airspeed_instruments(self, inertial_V: Array, regressors: Array, sigma_w_mps: float) -> Array:
-        """In place of `regressors` (n, 2): a constant airspeed, and its derivative predicted from past inertial speed.
+        """Instruments (n, 2): a constant airspeed, and its derivative predicted from past inertial speed.
 
         A pilot who holds airspeed changes the inertial speed by the gusts of the last 10 s, and these last: past speed
         knows more of the current gust than noisy air data do (docs/understand/estimators.md).

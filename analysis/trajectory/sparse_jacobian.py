@@ -24,7 +24,7 @@ class SparseJacobian:
 
     @classmethod
     def of(cls, dense: Array) -> "SparseJacobian":
-        """From all derivatives, (n, residuals, variables)."""
+        """Builds it from all derivatives, (n, residuals, variables)."""
         _, residuals, width = dense.shape
         places = [(i, j) for i in range(residuals) for j in range(width)]
         return cls(np.ascontiguousarray(dense.reshape(len(dense), -1).T), places, width)
@@ -83,7 +83,7 @@ class SparseJacobian:
         return result
 
     def _pairs(self, below_first: int, below_second: int) -> dict[tuple[int, int], list[tuple[int, int]]]:
-        """Of two variables below these numbers: indices of the derivatives of each residual that depends on both."""
+        """Pairs of derivatives of residuals that depend on both of two variables below these numbers."""
         of_residual: dict[int, list[tuple[int, int]]] = {}
         for k, (i, j) in enumerate(self.places):
             of_residual.setdefault(i, []).append((k, j))

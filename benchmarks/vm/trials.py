@@ -95,7 +95,7 @@ def exposure(machine: Machine, when: str) -> list[Row]:
 
 
 def figures(machine: Machine) -> list[Row]:
-    """Of a boot and of the service in it; nothing to fail."""
+    """Figures of a boot and of the service in it; none can fail."""
     machine.log_in()
     machine.wait(20.0)
     commands = {

@@ -310,7 +310,7 @@ def configuration(rate_Hz: float, baud: int | None) -> list[bytes]:
 
 
 def configuration_by_keys(rate_Hz: float, baud: int | None) -> list[bytes]:
-    """The same for receivers that are configured by keys. baud: None on I2C."""
+    """Configuration messages for receivers that take keys. baud: None on I2C."""
     serial = baud is not None
     port = {OUT_UBX[serial]: 1, OUT_NMEA[serial]: 0} | ({UART1_BAUD: baud} if baud is not None else {})
     return [

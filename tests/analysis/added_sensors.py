@@ -41,7 +41,7 @@ def with_sensors(recording: FlightRecording, sensors: Sensors) -> FlightRecordin
 
 
 def curve_of(recording: FlightRecording, flown: Flown) -> Curve:
-    """Of a thinned flight with short resampling: the same estimate in a quarter of the time."""
+    """Curve of a thinned flight with short resampling: one estimate in a quarter of the time."""
     table = flight_table(recording, flown.weight_N, flown.wing_area_m2).thinned(3)
     found = estimate(table, flown.weight_N, flown.wing_area_m2, flown.span_m, most_windows=40, most_points=60)
     truth = flown.power_W(found)
@@ -52,7 +52,7 @@ def curve_of(recording: FlightRecording, flown: Flown) -> Curve:
 def curves_by_sensors(
     names: Iterable[str], recorded: Callable[[Sensors], FlightRecording], flown: Flown
 ) -> dict[Sensors, Curve | None]:
-    """By sensors, of every subset; None where there is no curve."""
+    """Curves of every subset of sensors; None if there is none."""
     names, found = list(names), dict[Sensors, Curve | None]()
     for sensors in (frozenset(some) for size in range(len(names) + 1) for some in combinations(names, size)):
         try:

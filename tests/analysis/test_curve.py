@@ -81,7 +81,7 @@ def test_longest_endurance_and_range_are_energy_over_the_least_cost() -> None:
 
 
 def test_endurance_and_range_are_as_uncertain_as_power() -> None:
-    """Of power that is uncertain by 4 % at all speeds alike, 95 of 100 draws lie within 1.96 times 4 %."""
+    """For power uncertain by 4 % at all speeds alike, 95 of 100 draws lie within 1.96 times 4 %."""
     one = Curve(
         kind=Kind.ELECTRICAL, condition=AT, V_mps=CURVE.V_mps,
         power_W=Uncertain(CURVE.power_W.value, 0.0 * CURVE.power_W.own, {"current": 0.04 * CURVE.power_W.value}),
@@ -93,7 +93,7 @@ def test_endurance_and_range_are_as_uncertain_as_power() -> None:
 
 
 def test_no_end_is_known_where_power_falls_to_the_slowest_speed() -> None:
-    """Of an interval of the best speed: slower ones were not flown."""
+    """An interval of the best speed ends where slower ones were not flown."""
     V = np.linspace(12.0, 20.0, 9)
     rising = Curve(kind=Kind.ELECTRICAL, condition=AT, V_mps=V, power_W=Uncertain(10 * V, 1e-6 * np.eye(9)))
     found = rising.best(Cost.POWER)

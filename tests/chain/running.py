@@ -43,7 +43,7 @@ def installed(name: str, *arguments: object) -> subprocess.CompletedProcess[str]
 
 
 def command(name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
-    """The same in this process: what `installed` would return. An error that is not caught is raised.
+    """Runs a command in this process: returns what `installed` would; an uncaught error is raised.
 
     `analyze` reads a log once, however often it is analyzed.
     """
@@ -99,7 +99,7 @@ def rewritten(
     attached: dict[str, bytes] | None = None,
     ticks: int | None = None,
 ) -> None:
-    """The same log with something left out, or something more attached; its first `ticks` only, where given."""
+    """This log with something left out or attached; its first `ticks` only, if given."""
     log, out = read_once(flown / "log.mcap"), io.BytesIO()
     writer = LogWriter(out)
     for name, data in (log.attachments | (attached or {})).items():

@@ -306,7 +306,7 @@ def resting(tmp_path_factory):
 
 
 def left_by(corner_Hz):
-    """Of white noise averaged over a tick, what a first-order low-pass before it leaves (standard deviations)."""
+    """What a first-order low-pass leaves of white noise averaged over a tick (standard deviations)."""
     tau_per_tick = 1 / (2 * math.pi * corner_Hz) / (TICK_NS * 1e-9)
     return math.sqrt(1 - tau_per_tick * (1 - math.exp(-1 / tau_per_tick)))
 

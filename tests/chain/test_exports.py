@@ -48,7 +48,7 @@ def parquet(exports: Path) -> dict[str, pd.DataFrame]:
 
 @pytest.fixture(scope="module")
 def messages(exports: Path) -> dict[str, list[tuple[int, dict]]]:
-    """By topic, time and content of each message of the derived log, by the stock reader."""
+    """Time and content of the derived log's messages by topic, by the stock reader."""
     found = defaultdict(list)
     with (exports / "derived.mcap").open("rb") as stream:
         for schema, channel, message in make_reader(stream).iter_messages():

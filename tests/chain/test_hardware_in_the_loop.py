@@ -40,7 +40,7 @@ NEVER_BY_LATENESS = {Status.FAULT, Status.SATURATED, Status.WRONG_DEVICE, Status
 
 
 def good_messages(path):
-    """By topic, the messages with status OK of a log that may still be growing."""
+    """Messages with status OK, by topic, of a log that may still be growing."""
     try:
         entries = read_log(path).entries
     except InputError:  # no message is on disk yet

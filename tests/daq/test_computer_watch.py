@@ -17,7 +17,7 @@ FIRMWARE = "devices/platform/soc/soc:firmware/get_throttled"
 
 @pytest.fixture
 def sysfs(tmp_path):
-    """Of a Pi in good order, at 48 °C."""
+    """Files of a Pi in good order, at 48 °C."""
     root = tmp_path / "sys"
     for name, text in {FIRMWARE: "0", "class/thermal/thermal_zone0/temp": "48312"}.items():
         (root / name).parent.mkdir(parents=True, exist_ok=True)

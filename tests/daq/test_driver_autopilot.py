@@ -260,7 +260,7 @@ def values_of(content) -> list:
 
 
 def expected(message) -> list:
-    """The same, of a message decoded by pymavlink."""
+    """The reading of a message decoded by pymavlink."""
     pulses = [getattr(message, f"servo{i}_raw", None) for i in range(1, 17)]
     channels = [getattr(message, f"chan{i}_raw", None) for i in range(1, 19)]
     match message.get_type():

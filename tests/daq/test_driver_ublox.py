@@ -206,7 +206,7 @@ def test_a_later_generation_is_configured_by_keys_as_its_version_says():
 
 @pytest.mark.parametrize("baud", [38400, None])
 def test_keys_and_values_are_those_of_pyubx2(baud):
-    """By their names in the interface description."""
+    """Keys are compared by their names in the interface description."""
     port = "UART1" if baud else "I2C"
     named = [
         [
@@ -300,7 +300,7 @@ def test_after_a_lost_solution_the_model_is_unknown_for_a_moment():
 
 
 def test_a_receiver_that_refuses_everything_is_told_in_one_line():
-    """Of an unknown make: NMEA only."""
+    """The receiver is of an unknown make: NMEA only."""
     port = ScriptedPort()
     port.write = lambda data: port.incoming.append(frame_of(ACK_NAK, data[2:4]))
     sensor = UBloxDriver(port, reopen=lambda baud: port)

@@ -105,7 +105,7 @@ def test_each_file_is_complete_by_itself(split):
 
 
 def test_the_analysis_reads_one_file_as_it_reads_the_flight(split, whole):
-    """The same channels on the same grid, but for the ends, where splines have less to lean on."""
+    """Channels on the grid are equal, but for the ends, where splines have less to lean on."""
     import numpy as np
 
     from analysis.sources.daemon import synchronize

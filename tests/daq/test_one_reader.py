@@ -79,7 +79,7 @@ def test_the_service_tries_again_when_something_else_reads_and_not_when_its_tray
     counter,  # noqa: F811
     monkeypatch,
 ):
-    """By exit code: the unit does not restart after 2."""
+    """The exit code decides: the unit does not restart after 2."""
     unit = (Path(__file__).parents[2] / "systemd" / "flightpower-daq.service").read_text()
     assert "\nRestartPreventExitStatus=2\n" in unit and "\nRestart=always\n" in unit
     address = tmp_path / "notify"

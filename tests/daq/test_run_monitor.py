@@ -209,7 +209,7 @@ def test_the_interval_s_half_width_is_told_in_per_cent(monkeypatch):
 
 
 def test_a_leg_in_which_speed_is_held_is_given_after_four_seconds_and_again_if_speed_goes_on():
-    """By more than 5 % of it; the leg's end is that of the furthest speed."""
+    """Speed goes on by more than 5 %; the leg ends at the furthest speed."""
     divided, given, t, V = Legs(), [], 0.0, 12.0
     for wanted, seconds in ((20.0, 4.0), (20.0, 10.0), (20.8, 2.0), (20.8, 8.0), (22.0, 2.0), (22.0, 8.0)):
         n = round(seconds / 0.2)
@@ -363,7 +363,7 @@ def test_thrust_on_a_stand_is_a_prior_of_the_in_flight_estimate():
 
 
 def test_a_climb_is_paid_from_the_energy_and_an_inverse_is_one():
-    """The same run, climbing: thrust work goes into height, and the drag found stays."""
+    """In a climbing run thrust work goes into height, and the drag stays."""
 
     def run(climb_mps: float) -> EnergyBalance:
         balance = EnergyBalance(Uncertainty())

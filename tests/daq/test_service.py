@@ -96,7 +96,7 @@ def system_calls(group: str) -> set[str]:
 
 
 def permitted_calls() -> set[str]:
-    """By the lines of the unit in their order; systemd adds @default."""
+    """Calls permitted by the lines of the unit in their order; systemd adds @default."""
     permitted = system_calls("@default")
     for line in re.findall(r"^SystemCallFilter=(.+)$", UNIT.read_text(), re.MULTILINE):
         calls = set().union(*map(system_calls, line.removeprefix("~").split()))
@@ -291,7 +291,7 @@ def test_the_scripts_are_sound():
 
 
 def test_the_udev_rules_are_understood():
-    """By the grammar of udev(7); `udevadm verify` (systemd 254) says the same where it is there."""
+    """The grammar is that of udev(7); `udevadm verify` (systemd 254) agrees if it is installed."""
     path = ROOT / "systemd" / "60-flightpower.rules"
     rules = [line for line in path.read_text("utf-8").splitlines() if line and not line.startswith("#")]
     assert rules

@@ -115,7 +115,7 @@ def test_power_of_the_speed_controller_alone_is_that_of_the_battery(tmp_path: Pa
 def test_the_board_that_logged_is_known_by_a_hash_of_its_number(
     tmp_path: Path, flight, errors, write, read, name, faults
 ) -> None:
-    """The same in all flights of an installation, and another in that of another."""
+    """The hash is equal in all flights of an installation, and differs between installations."""
     path, found, another = tmp_path / name, [], draw(load_budget("none"), 1)
     for drawn in (errors, of_installation(another, errors), another):
         write(path, flight, FlightSensorTruth(flight, drawn), drawn, faults)

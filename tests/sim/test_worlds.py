@@ -148,7 +148,7 @@ def test_the_true_curve_is_that_of_the_true_aircraft():
 
 
 def test_windmilling_drag_curves_away_from_the_table_s_continuation():
-    """The same thrust and slope at zero thrust; the stalled blades brake less far beyond."""
+    """Thrust and slope at zero thrust are equal; the stalled blades brake less far beyond."""
     true = true_propeller(TABLE, windmilling=1.0)
     J = np.array([0.3, 0.6, 0.85, 0.9, 1.1, 1.4])
     line, element = (np.asarray(p.table(J, RPM)[0]) for p in (TABLE, true))

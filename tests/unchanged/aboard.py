@@ -123,7 +123,7 @@ def telemetry() -> Contents:
 
 
 def thrust() -> Contents:
-    """Of the propellers that come with the program, over speed and motor speed."""
+    """Thrust of the shipped propellers, over speed and motor speed."""
     names = ("apc-10x5e", "apc-12x8e", "apc-12x8e-windmilling", "blade-11x5", "blade-16x10")
     tables = {f"{name} {folding}": load_thrust(name, folding=folding) for name in names for folding in (False, True)}
     return {

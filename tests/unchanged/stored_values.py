@@ -50,7 +50,7 @@ def condensed(value: object) -> dict[str, Leaf]:
 
 
 def in_full(value: object) -> dict[str, Leaf]:
-    """The same with every number of every array."""
+    """Leaves with every number of every array."""
     return {path: _full(leaf) for path, leaf in _leaves(value).items()}
 
 
@@ -138,7 +138,7 @@ def _near(a: float | None, b: float | None, scale: float, relative: float) -> bo
 
 
 def _plain(value: Any) -> Any:
-    """The same of dictionaries, lists, arrays, numbers and texts."""
+    """Plain dictionaries, lists, numbers and texts."""
     match value:
         case msgspec.Struct():
             return {name: getattr(value, name) for name in value.__struct_fields__}

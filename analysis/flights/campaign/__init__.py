@@ -1,1 +1,1 @@
-"""The same analysis of many logs: on all processors or a cluster, without repeating what is already done."""
+"""Analyzes many logs on all processors or a cluster, without repeating finished work."""

@@ -53,7 +53,7 @@ class RemoteLog:
 
     @property
     def place(self) -> PurePosixPath:
-        """As the path of a file: bucket or host, folders, name."""
+        """The address as a file path: bucket or host, folders, name."""
         return PurePosixPath("/", str(self).split("://", 1)[1])
 
 
@@ -77,7 +77,7 @@ def is_address(text: str) -> bool:
 
 
 def shown(address: str) -> str:
-    """As it is written anywhere: without the signature, which follows a question mark in an address of the web."""
+    """The address to print: without the signature that follows a question mark."""
     return address.split("?", 1)[0] if address.startswith("http") else address
 
 
@@ -194,7 +194,7 @@ def content_digest(log: RemoteLog) -> str:
 
 
 def name_by_address(folder: Path, copy: Path, log: Log) -> None:
-    """In the results below a folder, write the address of a log where they have the path of its copy."""
+    """Replaces the path of a log's copy by its address in the results below a folder."""
     for path in folder.rglob("*") if copy != log else ():
         if path != copy and path.is_file() and str(copy).encode() in (content := path.read_bytes()):
             path.write_bytes(content.replace(str(copy).encode(), str(log).encode()))

@@ -193,7 +193,7 @@ def _belongs(folder: Path, record: Record, log: LogFile) -> bool:
 
 
 def _known_digest(logs: Iterable[Log], records: Iterable[Record]) -> Callable[[Log], str | None]:
-    """By log, its digest where it was analyzed before and has not changed since.
+    """Returns a function that knows the digest of every log analyzed before and unchanged since.
 
     A log at an address that differs from all others in its size is no copy of one, and need not be read for that: what
     stands for its digest is unlike any until its analysis reads it.

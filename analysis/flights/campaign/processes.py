@@ -34,7 +34,7 @@ class Analyze(Protocol):
     def __call__(self, log: Path, folder: Path, runs: Path | None, progress: Progress) -> None: ...
 
     def under(self, root: Path) -> "Analyze":
-        """The same where the files that it reads were copied to the same paths below `root`."""
+        """This analysis with the files it reads copied to the same paths below `root`."""
         ...
 
 

@@ -137,7 +137,7 @@ def true_airspeed(pressure_Pa: Array, rho: Array, scale: float, zero_Pa: float) 
 
 
 def by_wind(wind: Array, covariance: Array) -> AirspeedErrors:
-    """Of an airspeed that is the velocity by GPS less a wind (4,) with this covariance (4, 4)."""
+    """Errors of an airspeed taken as GPS velocity less a wind (4,) with covariance (4, 4)."""
     wind_mps, wind_from_deg = _speed_and_direction(unpack(WIND, wind))
     return AirspeedErrors(0.0, 0.0, np.zeros((2, 2)), wind_mps, wind_from_deg, wind=wind, wind_covariance=covariance)
 

@@ -63,7 +63,7 @@ class FlownAircraft:
 def flown_aircraft(
     aircraft: Aircraft | None, weight_N: float | None, wing_area_m2: float | None, span_m: float | None, log: str
 ) -> FlownAircraft:
-    """From an aircraft file, with values that are not None instead of the file's.
+    """The aircraft of a file, with each given value in place of the file's.
 
     Raises InputError, in one line, when a value is missing or the aspect ratio impossible.
     """
@@ -278,7 +278,7 @@ def _prior(balance: EnergyBalance, span_m: float) -> Prior:
 
 
 def drag_prior(span_m: float, wing_area_m2: float) -> Prior:
-    """Of the parameters of the drag polar."""
+    """Prior of the drag polar's parameters."""
     p = PRIOR
     ln_K = float(-np.log(np.pi * p.oswald.mean * span_m**2 / wing_area_m2))
     mean = [float(np.log(p.CD0.mean)), ln_K, p.CL_of_least_drag.mean, p.K4.mean]
@@ -287,7 +287,7 @@ def drag_prior(span_m: float, wing_area_m2: float) -> Prior:
 
 
 def lift_prior(span_m: float, wing_area_m2: float) -> Prior:
-    """Of the parameters of sideslip and angle of attack; lift slope of a straight wing (Helmbold)."""
+    """Prior of the parameters of sideslip and angle of attack; lift slope of a straight wing (Helmbold)."""
     A = span_m**2 / wing_area_m2
     slope = 2 * np.pi * A / (2 + np.sqrt(4 + A**2))
     beta = PRIOR.beta_per_CY

@@ -40,7 +40,7 @@ class DragWithheld(NamedTuple):
     motor_efficiency: float | None = None
 
     def sentence(self) -> str:
-        """For the report."""
+        """The sentence for the report."""
         match self.lacks:
             case DragLacks.PROPELLER:
                 return (

@@ -212,7 +212,7 @@ class EnergyBalance:
         self._x = advance(samples.V_mps, self._motor_power(conditions), conditions.rho)
 
     def _names(self) -> tuple[str, ...]:
-        """Of the parameters, in the order of their vector."""
+        """Names of the parameters, in the order of their vector."""
         efficiency = PROPELLER if self.conditions.power_law is None else POWER_LAW
         return (*DRAG, *efficiency, *LIFT, *(() if self.samples.ground is None else WIND))
 

@@ -59,7 +59,7 @@ class Fit(NamedTuple):
 
 
 def samples_of(flight: FlightTable, scale: float, zero_Pa: float, wind: Array | None = None) -> Samples:
-    """By the pitot, corrected for its scale and zero; with a wind (4,), by GPS less the wind."""
+    """Samples with airspeed by the pitot, corrected for scale and zero, or by GPS less a wind (4,)."""
     table = flight.table
     if wind is None:
         V = true_airspeed(table["pressure_Pa"].to_numpy(), table["rho"].to_numpy(), scale, zero_Pa)

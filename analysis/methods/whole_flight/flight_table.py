@@ -197,7 +197,7 @@ def _believed_throttle(columns: Mapping[str, Array], moving: BoolArray) -> tuple
 
 
 def _ground_speed(columns: Mapping[str, Array]) -> Array:
-    """Over the time that a flight takes to be recognized (n,) [m/s]."""
+    """Ground speed (n,) [m/s], averaged over the time it takes to recognize a flight."""
     speed_mps = pd.Series(np.hypot(columns[recording.GPS[0]], columns[recording.GPS[1]]))
     window = round(FLIGHT.recognized_over_s / FLIGHT.step_s)
     return speed_mps.rolling(window, center=True, min_periods=1).mean().to_numpy()
@@ -413,7 +413,7 @@ class Meter(StrEnum):
 
 
 def meter(columns: Mapping[str, Array], moving: BoolArray) -> Meter:
-    """Of power and throttle (n,) in flight. A propulsion takes at least as its throttle rises, relative to its mean,
+    """What power and throttle (n,) in flight measure. Power rises at least as throttle does, relative to its mean,
     whatever the airspeed; a channel of throttle that power contradicts is another's, or was not in control.
     """
     throttle, power = columns[recording.THROTTLE], columns["power_W"]

@@ -23,7 +23,7 @@ from flight.units import FOOT_M
 
 
 class GroundVelocity(NamedTuple):
-    """By GPS, (n,) [m/s] each. height_factor : wind over that at the median height     elapsed_s : since the middle
+    """GPS velocity (n,) [m/s]. height_factor : wind over that at the median height     elapsed_s : since the middle
 
     first_wind_mps : (2,) by `circle_center`
     """
@@ -44,7 +44,7 @@ class GroundVelocity(NamedTuple):
 
 
 def ground_velocity(table: pd.DataFrame, flown: NDArray[np.bool_], first_wind_mps: Array) -> GroundVelocity:
-    """Of all samples of a `FlightTable`. A GPS velocity is that of GPS.latency_s before."""
+    """Ground velocity of all samples of a `FlightTable`. GPS reports the velocity GPS.latency_s late."""
     t_s = table.index.to_numpy()
     known = table[list(recording.GPS)].notna().all(axis=1).to_numpy()
     north, east, down = (np.interp(t_s + GPS.latency_s, t_s[known], table[name][known]) for name in recording.GPS)
@@ -76,7 +76,7 @@ def height_factor(height_m: Array, ground_m: Array | None, flown: NDArray[np.boo
 
 
 def wind_prior(start: Array) -> Prior:
-    """Of `WIND`. start: (2,) a first wind, which its weak prior is put about."""
+    """Prior of `WIND`, weak, centered on a first wind `start` (2,)."""
     sigma = [GPS.wind_sigma_mps, GPS.wind_sigma_mps, GPS.trend_mps2, GPS.trend_mps2]
     return dict(zip(WIND, zip([*start, 0.0, 0.0], sigma, strict=True), strict=True))
 

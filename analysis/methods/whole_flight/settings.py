@@ -62,7 +62,7 @@ GPS = AirspeedByGps()
 
 @dataclass(frozen=True)
 class DragAndEfficiencyPrior(Settings):
-    """As wide as the differences between small electric aircraft. Of ln and logit the median is given."""
+    """Prior as wide as small electric aircraft differ. Medians are given for ln and logit parameters."""
 
     CD0: Normal = setting(Normal(0.05, 0.6), "1, ln", "from clean sailplanes to trainers with gear")
     oswald: Normal = setting(Normal(0.75, 0.25), "1, ln", "of small straight wings with fuselage")

@@ -10,7 +10,7 @@ from analysis.pages.charts.style import BLUE, GRAY, ORANGE, round_length
 
 
 class Layout(NamedTuple):
-    """Of the image, in its units: its side, and the radius in which everything lies."""
+    """Layout of the image in its units: its side, and the radius that contains everything."""
 
     side: float = 640.0
     room: float = 280.0

@@ -43,7 +43,7 @@ def round_length(length_m: float) -> float:
 
 
 def thinned(x: Array, y: Array, points: int = 1000) -> tuple[Array, Array]:
-    """At most so many points of a time history: the least and the greatest value of each stretch, in order of time.
+    """Thins a time history to `points`: the least and greatest value of each stretch, in order.
 
     points: more than the default do not show on a screen. A stretch without a value keeps its first point, so that a
     gap stays one.

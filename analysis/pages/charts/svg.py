@@ -220,7 +220,7 @@ def _x_ticks(x: Scale, *, labels: bool) -> Iterator[str]:
 
 
 def _given(scale: Scale) -> str:
-    """Of ticks that stay what they are when the reader zooms."""
+    """Attributes of ticks that stay as they are when the reader zooms."""
     return " given" if scale.axis.ticks is not None else ""
 
 
@@ -246,7 +246,7 @@ def _about(mark: Mark, y: Scale) -> str:
 
 
 def _belongs(mark: Mark) -> str:
-    """By what script and style find a part of a mark that the cursor does not read."""
+    """Attributes by which script and style find a part of a mark that the cursor does not read."""
     return "".join(f' data-{key}="{escape(text)}"' for key, text in (("name", mark.name), ("run", mark.run)) if text)
 
 

@@ -32,7 +32,7 @@ WITHOUT_UNIT = ("advance_ratio", "C_L", "C_D", "flying", "propeller_covered", "c
 
 
 def tables_of(analysis: Analysis | WholeFlightAnalysis) -> dict[str, pd.DataFrame]:
-    """By name: `synchronized`, `states`, `derived`, `runs`, `curves`; of a whole flight as `_of_whole_flight`.
+    """Tables by name: `synchronized`, `states`, `derived`, `runs`, `curves`; see `_of_whole_flight`, too.
 
     synchronized : every channel on one time base, corrected, with air data; index t_s since the log began
     states : reconstructed attitude, velocity, height, wind and gusts with standard errors; index t_s
@@ -58,7 +58,7 @@ def tables_of(analysis: Analysis | WholeFlightAnalysis) -> dict[str, pd.DataFram
 
 
 def _of_whole_flight(analysis: WholeFlightAnalysis) -> dict[str, pd.DataFrame]:
-    """By name:
+    """The tables by name:
 
     synchronized : the channels of the flight on one time base, the zero of the pitot corrected; index t_s
     windows : the energy balance of each window of some 8 s: the power that level flight at its airspeed would have

@@ -43,7 +43,7 @@ class Values(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class Limits(NamedTuple):
-    """Of what the page may ask.
+    """Limits of what the page may ask.
 
     log_bytes, request_bytes, name_bytes : of a dropped log, of a request or a polar, of a file's name
     entries, channels : runs and keys in a request; channels that are drawn at a time

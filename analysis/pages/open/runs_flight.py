@@ -247,7 +247,7 @@ def runs_text(runs: Collection[Run], log: str) -> str:
 
 
 def _runs(maneuvers: Maneuvers) -> list[Json]:
-    """In order of time; those that are not used with the reason."""
+    """Runs in order of time; unused ones with the reason."""
     runs = [Run(run.kind, run.start_s, run.end_s, True, "; ".join(run.notes)) for run in maneuvers.maneuvers]
     runs += [Run(one.kind, one.start_s, one.end_s, False, one.reason) for one in maneuvers.rejected]
     found: list[Json] = msgspec.to_builtins(sorted(runs, key=lambda run: run.start_s))

@@ -226,7 +226,7 @@ def _drafted_map(table: Path) -> str:
 
 
 def _length(environ: Environ, most: int) -> int:
-    """Of the body of a request. Raises RefusedError where it is not told, or is too large."""
+    """Length of a request's body. Raises RefusedError if it is missing or too large."""
     told = environ.get("CONTENT_LENGTH") or ""
     if not told.isascii() or not told.isdigit():
         raise RefusedError(HTTPStatus.LENGTH_REQUIRED, "the length of the request is missing")

@@ -176,7 +176,7 @@ def halving(results: Results) -> Halving | None:
 
 
 def _watts(power_W: float) -> str:
-    """With two significant digits."""
+    """Watts with two significant digits."""
     return f"{power_W:.{decimals(power_W)}f} W"
 
 

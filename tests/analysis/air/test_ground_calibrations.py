@@ -128,7 +128,7 @@ def test_angles_that_do_not_fit_are_refused(angles, cause: str) -> None:
 
 
 def test_neighboring_samples_count_as_one() -> None:
-    """Of a slow turn five samples each are the same: the stated errors are those of the 300 that differ."""
+    """In a slow turn five samples each are equal: the stated errors are those of the 300 that differ."""
     over_stated = []
     for seed in range(10):
         field, hard, _ = measured(seed, by_hand=True)

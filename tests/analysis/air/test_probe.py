@@ -43,7 +43,7 @@ def tunnel(seed=0, probe=hemisphere) -> TunnelData:
 
 
 def crooked(alpha, beta, qbar):
-    """The same of a probe that is nobody's formula: uneven ports, an axis off by 2 and 1 deg, a flatter nose."""
+    """Pressures of a probe that is nobody's formula: uneven ports, an axis off by 2 and 1 deg, a flatter nose."""
     alpha, beta = alpha + np.radians(2.0), beta - np.radians(1.0)
     wind = np.stack([np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)], axis=-1)
 
@@ -71,7 +71,7 @@ def test_angles_within_a_tenth_of_a_degree_and_pressure_within_half_a_per_cent(p
 
 @pytest.fixture(scope="module")
 def forty() -> list[ProbeCalibration]:
-    """Of forty simulated tunnels."""
+    """Calibrations of forty simulated tunnels."""
     return [calibrate(simulated_tunnel(seed)) for seed in range(100, 140)]
 
 
@@ -95,7 +95,7 @@ def test_the_sensitivities_to_the_alpha_pressure_are_its_derivatives() -> None:
 
 
 def test_the_stated_error_of_the_pressure_map_is_a_fraction() -> None:
-    """Of points left out, so a little more than the residual of the fit."""
+    """The error is that of points left out, a little more than the residual of the fit."""
     data = simulated_tunnel(2)
     calibration = calibrate(data)
     ratio = data.q_c_Pa / dynamic_pressure(data)

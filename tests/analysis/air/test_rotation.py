@@ -196,7 +196,7 @@ def test_bank_does_not_depend_on_when_the_clock_began() -> None:
 def test_quotients_are_over_a_mean_dynamic_pressure(
     nexstar: Aircraft, propeller: Propeller, scale: float, samples: int
 ) -> None:
-    """Of 0.2 s, and of four times as long at half the speed. Dynamic pressure itself and speed follow each sample."""
+    """The mean is over 0.2 s, four times that at half the speed; dynamic pressure and speed follow each sample."""
     wing_loading = DENSITY_KGPM3 / 2 * (scale * 11.0) ** 2
     aircraft = nexstar.weighing(wing_loading * nexstar.geometry.wing_area_m2)
     table = log_of((0.0, 0.0, 0.0), ALPHA_RAD, 0.0)

@@ -32,7 +32,7 @@ def column(pressures=PRESSURES_PA, *, seed: int = 0, hold_s: float = 8.0, noise_
 
 
 def found(seed: int = 0, reading_Pa: float = 0.0, scale: float = 0.0, **options) -> tuple[TransducerCalibration, str]:
-    """By a reference whose scale and readings have errors."""
+    """Calibrates by a reference whose scale and readings have errors."""
     rng = np.random.default_rng([seed, 1])
     given = np.array(PRESSURES_PA) * (1 + scale * rng.standard_normal())
     given += reading_Pa * rng.standard_normal(len(given))

@@ -86,7 +86,7 @@ def test_digitized_curves(curve: tuple[str, float, float, float]) -> None:
 
 @pytest.mark.parametrize("diameter_mm", [0.3, 0.4])
 def test_the_lag_of_a_simulated_step_is_found_within_five_per_cent(diameter_mm: float) -> None:
-    """By the simulator's own line, first order; and through the full response, which creeps and rings."""
+    """The simulator's line is first order; the full response creeps and rings."""
     line = PneumaticLine(length_m=0.9, diameter_m=diameter_mm * 1e-3, cavity_m3=20e-9)
     lag_s = low_frequency_lag_s([line], SEA_LEVEL)
     for full in (False, True):

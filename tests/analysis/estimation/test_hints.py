@@ -13,7 +13,7 @@ N = 401
 
 
 def fit_of(residuals, *, white=None, weight=1.0, present=None, growth=0.0, status=FitStatus.CONVERGED, seconds=10.0):
-    """Of one output "z" and a state that grows with exp(growth t); white: residuals in standard deviations."""
+    """A fit of one output "z" and a state that grows with exp(growth t); white: residuals in standard deviations."""
     e = np.asarray(residuals, dtype=float)[:, None]
     model = Model(
         name="growing", states=("x",), outputs=("z",), parameters=(Parameter(name="rate", start=growth),),

@@ -34,7 +34,7 @@ def test_the_interval_of_an_intensity_is_that_of_its_logarithm():
 
 
 def test_the_search_for_measurement_noise_starts_at_the_noise_of_the_record():
-    """Of a slow motion with white noise, 2000 samples: to 5 %."""
+    """A slow motion with white noise, 2000 samples, gives it to 5 %."""
     t_s, noise = np.arange(2000) * 0.02, np.random.default_rng(0).standard_normal((2, 2000))
     z = {"alpha": 0.1 * np.sin(0.5 * t_s) + 0.003 * noise[0], "q": 0.05 * np.cos(0.5 * t_s) + 0.005 * noise[1]}
     segment = Segment(name="slow", t_s=t_s, u={"de": 0 * t_s}, z=z)

@@ -62,7 +62,7 @@ def test_when_no_start_gives_a_response_the_reason_is_told():
 
 
 def test_starts_without_a_fit_are_counted():
-    """Of four starts the third gives a fit that did not converge: it is no optimum, and is not compared."""
+    """The third of four starts does not converge: it is no optimum, and is not compared."""
     fit, ends = fit_output_error(SHORT_PERIOD, noisy(0)), iter(["good", "good", "lost", "good"])
     lost = fit.verdict._replace(status=FitStatus.NOT_CONVERGED)
     found = {"good": fit, "lost": replace(fit, verdict=lost, negative_log_likelihood=-1e9)}

@@ -104,7 +104,7 @@ def test_wrong_arrays_are_named():
 
 
 def test_the_predicted_square_error_adds_the_noise_of_each_term():
-    """Of new samples of the same kind: the mean square of residuals, and sigma_max^2/n or twice sigma^2/n a term."""
+    """For new samples: the mean square of residuals, and sigma_max^2/n or twice sigma^2/n a term."""
     candidates, z, *_ = flight(0)
     n = len(z)
     for selection, penalty in (

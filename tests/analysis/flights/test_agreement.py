@@ -106,7 +106,7 @@ def test_flights_that_agree_have_no_outlier() -> None:
 
 @pytest.mark.slow
 def test_what_is_said_of_a_pool_has_the_level_of_its_verdict() -> None:
-    """Of 80 pools that differ by chance some have p below 5 %: nothing beside "trusted" says that flights differ.
+    """Some of 80 pools that differ by chance have p below 5 %: nothing says that flights differ.
 
     Two tests and the outliers, each at 0.3 %, make one of 80 doubtful at most.
     """

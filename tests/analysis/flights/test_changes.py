@@ -52,7 +52,7 @@ def test_a_dented_wing_is_told_as_drag() -> None:
 
 
 def test_dirt_that_grows_is_told_as_a_drift_until_the_last_flight() -> None:
-    """By 10 % over the last 60 of 100 flights."""
+    """Drag grows by 10 % over the last 60 of 100 flights."""
     grown = 0.1 * np.clip((np.arange(100) - 40) / 60, 0, None)
     found = changes_of(drag=grown, noise=0.3)
     assert What.PROPULSION not in {one.what for one in found} and Shape.DRIFT in {one.shape for one in found}

@@ -24,7 +24,7 @@ def test_noise_exceeds_the_limit_of_evidence_as_seldom_as_stated(tests: int) -> 
 
 
 def campaign(drag: float, alpha: float = 0.0, count: int = 5) -> Pool:
-    """Of the last flight drag differs by a share, and the angle of attack of its probe by so much [rad]."""
+    """Flights of which the last has other drag, and a probe turned by so much [rad]."""
     rng = np.random.default_rng(8)
     x = truth(rng)
     flights = []
@@ -38,7 +38,7 @@ def campaign(drag: float, alpha: float = 0.0, count: int = 5) -> Pool:
 
 
 def test_a_flight_is_an_outlier_by_the_limit_of_two_tests_of_each_flight() -> None:
-    """Of polar and installation. Its evidence states the same limit."""
+    """Polar and installation are tested alike, and evidence states their limit."""
     limit, between = TRUST.false_alarm_rate / (2 * 5), 0
     for drag in np.linspace(0.0, 0.02, 41):
         pooled = campaign(drag)

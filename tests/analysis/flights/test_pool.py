@@ -29,7 +29,7 @@ def campaign(seed: int, flights: int, **facts: Any) -> list[dict[str, Any]]:
 
 
 def slowest_error_percent(pooled: JointPool, A: np.ndarray) -> tuple[float, float]:
-    """Of the power by the polar A at the slowest speed: error, and half the 95 % interval of `pooled`."""
+    """Error of power by the polar A at the slowest speed, and half the 95 % interval of `pooled`."""
     V = pooled.speeds_mps[:1]
     power, error = pooled.power(V)
     other, _ = JointPool(**{**vars_of(pooled), "polar": Polar(A, np.zeros((3, 3)))}).power(V)
@@ -127,7 +127,7 @@ def test_flights_with_two_stands_are_not_one_pool() -> None:
 
 
 def test_flights_with_different_stated_priors_are_pooled_with_the_widest() -> None:
-    """The same data, analyzed with a narrower prior once: its own prior is subtracted, so the pool is the same."""
+    """One flight analyzed with a narrower prior: its own prior is subtracted, so the pool is equal."""
     x, narrower = truth(np.random.default_rng(0)), PRIOR_SIGMA / np.where(np.arange(len(PRIOR_SIGMA)) > 2, 2.0, 1.0)
 
     def pooled(first: np.ndarray) -> JointPool:

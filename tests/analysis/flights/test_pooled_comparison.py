@@ -21,7 +21,7 @@ from flight.errors import InputError
 
 
 def pools(seed: int, factor: float, flights: int = 4, noise: float = 0.3, **facts: str) -> tuple[JointPool, JointPool]:
-    """Of one installation and propeller unless `facts` say otherwise of B, whose drag is larger by the factor."""
+    """Pools of one installation and propeller, unless `facts` differ for B, whose drag is larger by the factor."""
     rng = np.random.default_rng(seed)
     x = truth(rng)
     y = np.concatenate([factor * POLAR, x[3:]])
@@ -69,7 +69,7 @@ def test_each_flight_has_its_own_error_of_the_density() -> None:
 
 
 def test_two_measurements_of_thrust_at_rest_are_two_propellers() -> None:
-    """Of one table: whether the propeller is the same is not known, so its errors do not cancel."""
+    """With one table it is unknown whether the propeller is the same, so its errors do not cancel."""
     stand = {"name": "stand", "coefficients": {"thrust_scale": 1.0, "thrust_slope": -0.5}, "value": 0.0, "sigma": 0.03}
     assert compared(1, 1.0).same_propeller
     found = compared(1, 1.0, stand=stand)  # type: ignore[arg-type]

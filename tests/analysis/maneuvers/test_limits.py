@@ -255,7 +255,7 @@ def test_the_longest_stretch_without_a_run_is_told_with_its_times() -> None:
     ],
 )
 def test_a_short_stretch_within_an_input_or_a_porpoise_is_part_of_it(start_s, end_s, within, part) -> None:
-    """Of an input any short overlap; of porpoising what lies within it and three seconds for the stick to settle."""
+    """An input claims any short overlap; porpoising what lies within it and three seconds to settle."""
     stretch = RejectedManeuver(ROLLER_COASTER, start_s, end_s, Rejection(RunRejected.TOO_SHORT))
     steps = Maneuver(STEPS_3211, slice(0, 1), 20.0, 28.0, 15.0, 15.0, 0.0)
     assert _within(stretch, [steps]) is within

@@ -63,7 +63,7 @@ def deceleration(table: Propeller, table_error: float = 0.0) -> Segment:
 
 
 def half_width(last_J: float) -> float:
-    """Of power at 20 m/s [W], with a table that ends there."""
+    """Half width of power at 20 m/s [W], with a table that ends there."""
     fit = fit_output_error(DRAG, [deceleration(straight_table(last_J))])
     covariance = cramer_rao(fit).covariance[:3, :3]
     return float(1.96 * power_required([20.0], Polar(A, covariance), AT)[1][0])
@@ -76,7 +76,7 @@ def test_the_interval_is_wider_where_the_table_ends_before_the_runs_and_widest_w
 
 
 def test_thrust_that_departs_from_the_line_beyond_the_table_is_covered() -> None:
-    """By one standard deviation of the continuation; a fit without that term would be off by more than its interval."""
+    """Thrust departs by one standard deviation; a fit without that term is off by more than its interval."""
     fit = fit_output_error(DRAG, [deceleration(straight_table(0.8), table_error=1.0)])
     covariance = cramer_rao(fit).covariance[:3, :3]
     V = np.array([14.0, 18.0, 22.0])

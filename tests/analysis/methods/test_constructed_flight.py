@@ -189,7 +189,7 @@ def weighed_within(fraction: float) -> Aircraft:
 
 
 def test_a_wrong_weight_changes_power_by_what_the_interval_has_for_it() -> None:
-    """The same flight analyzed with a weight 1 % too large; its curve is that of the heavier aircraft."""
+    """Analyzed with a weight 1 % too large, a flight gives the curve of the heavier aircraft."""
     f, runs = accelerations_and_decelerations()
     trajectory = measured(f)
     known, unsure = (estimate_polar(trajectory, runs, weighed_within(x), PROPELLER) for x in (0.0, 0.01))
@@ -305,7 +305,7 @@ def test_the_interval_contains_the_updrafts_that_differ_from_run_to_run() -> Non
 
 
 def test_a_density_that_is_too_high_looks_like_thrust_and_airspeed_and_leaves_the_power() -> None:
-    """By 2 %, at right airspeeds: of an equal power the polar and the correction of thrust are as `by_density` says."""
+    """Density is 2 % too high, airspeeds are right: power is equal, polar and thrust change as `by_density` says."""
     f, runs = accelerations_and_decelerations()
     aircraft = replace(AIRCRAFT, uncertainty=replace(AIRCRAFT.uncertainty, air_density_fraction=0.02))
     right, trajectory = estimate_polar(measured(f), runs, aircraft, PROPELLER), measured(f)
@@ -362,7 +362,7 @@ FACTORS = {  # of the stated standard deviation, and the error that it is of
 
 
 def test_a_method_s_interval_contains_the_errors_that_the_aircraft_file_states() -> None:
-    """Of the quantities that it takes as measured: systematic errors are sensitivities times stated sizes."""
+    """For quantities taken as measured, systematic errors are sensitivities times stated sizes."""
     f, runs = accelerations_and_decelerations()
     trajectory = measured(f)
     sizes = {key: factor * getattr(Uncertainty(), key) for key, (factor, _) in FACTORS.items()}

@@ -96,7 +96,7 @@ def test_the_cause_with_the_largest_share_in_the_difference_s_direction_is_named
 
 
 def test_a_small_significant_error_is_named_where_the_rest_is_within_what_is_allowed() -> None:
-    """Of a difference of 1.1 times what is allowed 0.2 are explained: by a significant error or by nothing to name."""
+    """A difference is 1.1 times the allowed one; 0.2 are explained, by a significant error or by nothing to name."""
     change = 1.1 * BAND * np.sqrt(2) * 1e-4
     estimate = by(DIRECT, change, cause_effects={"angle of attack": effect(0.2 * change)})
     assert compared(estimate) == []

@@ -96,7 +96,7 @@ def test_maximum_likelihoods_are_right_to_a_third_of_their_intervals(case, by_li
 @pytest.mark.slow
 @pytest.mark.xdist_group("case-1")
 def test_few_more_steps_are_the_effect_of_a_thrust_error(case, by_likelihood) -> None:
-    """The same as a whole fit with a table that is one standard deviation higher."""
+    """A few more steps equal a whole fit with a table that is one standard deviation higher."""
     one = case("case-1", 0)
     sigma = AIRCRAFT.uncertainty.thrust_scale_fraction
     rows = tuple(replace(row, cT=tuple((1 + sigma) * cT for cT in row.cT)) for row in PROPELLER.rows)

@@ -23,7 +23,7 @@ def joint(covariance: np.ndarray, **changes: np.ndarray) -> JointEstimate:
 
 
 def covariance_of(seed: int) -> np.ndarray:
-    """Of seven correlated errors whose units differ by a million."""
+    """Covariance of seven correlated errors whose units differ by a million."""
     root = np.random.default_rng(seed).normal(size=(7, 12))
     scale = np.array([1e-3, 1e-3, 1e-3, 1e-2, 1e-2, 1e-4, 10.0])
     return (root @ root.T) * np.outer(scale, scale)

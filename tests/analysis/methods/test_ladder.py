@@ -99,7 +99,7 @@ def test_without_a_trajectory_the_energy_of_the_runs_still_gives_the_truth(flown
 
 
 def record_of(flown, table, trajectory):
-    """Of a flight whose aircraft file lacks nothing."""
+    """The record of a flight whose aircraft file lacks nothing."""
     maneuvers = find(table, flown.still)
     rows = np.r_[tuple(run.rows for run in maneuvers.level_runs)]
     flown_CL = flown_lift(table.iloc[rows], AIRCRAFT)
@@ -110,7 +110,7 @@ def record_of(flown, table, trajectory):
 
 
 def half_widths(drag, record, flown) -> np.ndarray:
-    """Of the 95 % interval, as shares of power, in which the truth lies at nine speeds."""
+    """Half widths of the 95 % interval, as shares of power; the truth lies inside at nine speeds."""
     V = speed_at(np.linspace(drag.flown_CL[0] * 1.1, drag.flown_CL[1] / 1.1, 9), record.condition)
     power, error = power_required(V, drag.main.polar, record.condition)
     truth = np.interp(V, flown.truth["speed_mps"], flown.truth["power_W"])
@@ -197,7 +197,7 @@ def test_at_noon_the_updraft_is_larger_without_a_trajectory_too(flown, path, mon
 
 
 def trajectory_or_error(path):
-    """Of a flight for which the reconstruction finds none."""
+    """The trajectory, or the error of a flight that has none."""
 
     def trajectory_with(record, data, *, as_measured: bool = False, **assumed):
         if as_measured:

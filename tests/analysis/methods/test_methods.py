@@ -93,7 +93,7 @@ def test_both_forms_of_w_over_delta_are_equal() -> None:
 
 
 def test_piw_and_viw_are_independent_of_weight_and_density() -> None:
-    """The same lift coefficients at another weight and density: the same PIW and VIW to rounding (2.3), (2.5)."""
+    """Equal lift coefficients at another weight and density give equal PIW and VIW to rounding (2.3), (2.5)."""
     A = polar()
     here = joined(steady(A), "steady")
     heavier = dataclasses.replace(AIRCRAFT, mass=dataclasses.replace(AIRCRAFT.mass, weight_N=1.3 * W))

@@ -44,7 +44,7 @@ def flown(noise: np.ndarray, draws: np.ndarray, sigma: float):
 
 
 def colored(rng: np.random.Generator, count: int, sigma: float = 1.0) -> np.ndarray:
-    """Of a correlation of 0.8 from one sample to the next, and this standard deviation."""
+    """Noise with a correlation of 0.8 between samples, and this standard deviation."""
     white = rng.standard_normal(count)
     out = np.empty(count)
     out[0] = white[0]

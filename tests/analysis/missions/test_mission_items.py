@@ -80,7 +80,7 @@ def random_items(seed: int) -> list[Item]:
 
 
 def habits(text: str, seed: int) -> str:
-    """The same file as others write it: spaces for tabs, comments, empty lines, ends of lines of Windows."""
+    """This file as others write it: spaces for tabs, comments, empty lines, line ends of Windows."""
     rng = random.Random(seed)
     head, *rows = text.strip().split("\n")
     lines = [head]

@@ -138,7 +138,7 @@ def test_the_command_takes_a_pool_and_says_whose_losses_count(
 
 
 def test_a_pool_gives_endurance_and_range_as_a_flight_does() -> None:
-    """By the pooled polar, the battery of the last flight, and at other weights; without a battery by none."""
+    """Uses the pooled polar and the battery of the last flight, also at other weights; none without a battery."""
     found = joint_pool(contents()).results()
     assert found.performance is not None and found.battery is not None and found.battery.energy_Wh == 74.0
     flown = found.performance.loadings[0]

@@ -29,7 +29,7 @@ class Half(NamedTuple):
 
 
 def only(flight: FlightTable, rows: slice) -> FlightTable:
-    """The same flight, of which nothing else was flown."""
+    """These rows as a flight of their own."""
     airborne = [
         slice(max(one.start, rows.start), min(one.stop, rows.stop))
         for one in flight.airborne

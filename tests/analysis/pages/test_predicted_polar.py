@@ -123,7 +123,7 @@ def test_drag_below_the_least_induced_drag_of_the_span_is_refused(tmp_path: Path
 
 
 def test_the_power_of_a_parabola_is_that_of_the_measured_polar(tmp_path: Path, results: Results) -> None:
-    """Of the same polar, the prediction lies on the curve; with a tenth more drag, 10 % above it."""
+    """Predicted from the measured polar, power lies on the curve; with a tenth more drag, 10 % above it."""
     at, CL = flown_at(results), np.linspace(0.05, 1.5, 400)
     A = np.array([0.045, 0.0, 0.065])
     for more in (1.0, 1.1):

@@ -87,7 +87,7 @@ def doubted(results: Results, compared: Comparison, after_s: float = 0.0) -> Res
 
 
 def statistics(stand: float = 0.0, **sigmas: float) -> PoolingStatistics:
-    """Of a flight whose corrections of thrust are that many prior standard deviations of 0.1, without others."""
+    """Statistics of a flight whose thrust corrections are that many prior deviations of 0.1, without others."""
     names = ["A0", "A1", "A2", "thrust_scale", "thrust_slope"]
     values = [0.05, 0.0, 0.06, *(0.1 * sigmas.get(name, 0.0) for name in names[3:])]
     return PoolingStatistics(
@@ -101,7 +101,7 @@ def statistics(stand: float = 0.0, **sigmas: float) -> PoolingStatistics:
 
 
 def with_error(name: str, half_widths: float) -> PoolingStatistics:
-    """The same with an estimate of a sensor error of 0.05 ± 0.01, which changes the constant term of drag by so many
+    """Statistics with an estimate of a sensor error of 0.05 ± 0.01, which changes the constant term of drag by so many
     half widths of its interval, 0.0196."""
     by_error = half_widths * 0.0196 / 0.05 * 0.01**2
     one = statistics()
@@ -127,7 +127,7 @@ def path(**conflicts: float) -> PathResult:
 
 
 def together(results: Results, probability: float, **conflicts: float) -> Results:
-    """Of a flight with two sensor errors of this probability, and single ones beyond their priors."""
+    """Results of a flight with two sensor errors of this probability, and single ones beyond their priors."""
     pair = JointConflict(errors={"alpha_bias": -3.4, "alpha_scale": -3.5}, probability=probability)
     return drag(replace(results, path=replace(path(**conflicts), joint_conflict=pair)), statistics=statistics())
 

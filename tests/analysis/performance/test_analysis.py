@@ -107,7 +107,7 @@ def dynamic_estimate(noise: np.ndarray, systematic: np.ndarray) -> DynamicEstima
 
 @pytest.fixture(scope="module")
 def model(nexstar, propeller) -> PerformanceModel:
-    """Of a flight of steady points and full throttle, in which angle of attack is 0.3 rad times lift coefficient."""
+    """Model of a flight of steady points and full throttle, with angle of attack 0.3 rad times lift coefficient."""
     data = pd.concat([steady_points(nexstar, propeller), full_throttle_run(nexstar, propeller)])
     CL = 2 * nexstar.mass.weight_N / (data["rho"] * data["V"] ** 2 * nexstar.geometry.wing_area_m2)
     data = data.assign(CL=CL, alpha=0.3 * CL).set_axis(np.arange(len(data)) * STEP_S)

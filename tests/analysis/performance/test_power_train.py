@@ -133,7 +133,7 @@ def test_intervals_cover_as_often_as_they_say(nexstar, propeller) -> None:
 
 
 def replace_power(propeller, factor):
-    """The same propeller with a table whose power coefficients are off by a factor."""
+    """This propeller with a table whose power coefficients are off by a factor."""
     rows = tuple(replace(row, cP=tuple(factor * c for c in row.cP)) for row in propeller.rows)
     return type(propeller)("off", propeller.diameter_m, rows)
 

@@ -83,7 +83,7 @@ def test_sink_is_power_required_over_weight() -> None:
 
 
 def test_the_cruise_s_power_is_as_uncertain_as_the_range() -> None:
-    """Of the battery: as much energy over a range of 30 to 50 km, 40 km in the middle."""
+    """Battery power: one energy over a range of 30 to 50 km, 40 km in the middle."""
     distance = SimpleNamespace(value=40e3, lo=30e3, hi=50e3)
     cruise = SimpleNamespace(value=16.0, lo=15.0, hi=17.0)
     case = SimpleNamespace(range_speed_mps=cruise, range_power_W=200.0, range_m=distance)

@@ -170,7 +170,7 @@ def test_from_a_correlation_on_a_sensor_is_reversed(name: str, small: float, lar
 
 
 def test_alpha_and_beta_are_exchanged_if_beta_follows_the_lift_and_much_better_than_alpha() -> None:
-    """By a correlation of 0.6, and 0.2 more than alpha's."""
+    """A correlation of 0.6, 0.2 more than alpha's, is required."""
     assert judged(with_correlation("dp_beta_Pa", 0.95).assign(dp_alpha_Pa=swinging()["dp_alpha_Pa"])) == ""
     calm = {"dp_alpha_Pa": 0.1 * swinging()["q_c_Pa"]}  # no angle of attack shown
     assert judged(with_correlation("dp_beta_Pa", 0.5).assign(**calm)) == ""
@@ -231,7 +231,7 @@ def test_the_ground_speed_is_that_of_the_air_and_a_wind(ratio: float, refused: b
     [(5.2, "like km/h"), (5.6, "write m/s"), (45.0, "write m/s"), (55.0, "like cm/s"), (145.0, "like cm/s")],
 )
 def test_a_unit_is_named_if_it_gives_a_ground_speed_near_the_airspeed(ratio: float, remedy: str) -> None:
-    """By a wind of half the airspeed at most."""
+    """The wind may be half the airspeed at most."""
     table = swinging()
     counted = table["V_mps"][table["qbar_Pa"] > table["qbar_Pa"].quantile(0.15)].median()
     assert remedy in judged(table.assign(gps_north_mps=ratio * counted, gps_east_mps=0.0))

@@ -50,7 +50,7 @@ def heading_error(trajectory, truth):
 
 
 def iron(air, field_T):
-    """The same flight with iron that came aboard after the magnetometer was calibrated."""
+    """This flight with iron that came aboard after the magnetometer was calibrated."""
     return air.assign(**{name: air[name] + b for name, b in zip(MAG, field_T, strict=True)})
 
 
@@ -64,7 +64,7 @@ def with_gps(probe):
 
 @pytest.fixture(scope="module")
 def without_gps(probe):
-    """The same without GPS."""
+    """This flight without GPS."""
     truth, drawn, air, still = fly(0, probe, "accel-decel", turbulence_kt=GUSTY_KT, without=GPS)
     return calibration_by_hand(drawn), air, still, reconstruct(air, still), truth
 

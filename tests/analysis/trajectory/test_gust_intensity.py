@@ -24,7 +24,7 @@ def block_means(gust: dryden.GaussMarkov, n: int) -> np.ndarray:
 
 
 def minus_twice_log_likelihood(y: np.ndarray, gust: dryden.GaussMarkov, noise: float) -> float:
-    """Of y (n,), a gust at the blocks' centers with white noise: by its Kalman filter."""
+    """Minus twice the log likelihood of y (n,), a gust with white noise at block centers, by a Kalman filter."""
     decay, increment = gust.discretize(STEP_S)
     g, P, total = 0.0, gust.sigma_mps**2, 0.0
     for value in y:

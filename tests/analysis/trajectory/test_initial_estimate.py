@@ -44,14 +44,14 @@ def circling(flying: np.ndarray = FLYING, ground_mps: float = V, scale: float = 
 
 
 def states(blocks: Blocks, field: Any = None, airspeed_mps: Any = V) -> dict[str, np.ndarray]:
-    """By name, without the ends, at which averages are over less."""
+    """States by name, without the ends, where averages are over less."""
     V_reference = np.broadcast_to(np.asarray(airspeed_mps, dtype=float), N)
     x = initial_states(blocks, np.full(N, BANK), V_reference, field)  # type: ignore[arg-type]
     return dict(zip(STATES, x[10:-10].T, strict=True))
 
 
 def ground_speed(blocks: Blocks) -> np.ndarray:
-    """Of the first trajectory (n,): as fast through the air, where there is no wind."""
+    """Ground speed of the first trajectory (n,): the airspeed, without wind."""
     return np.asarray(np.hypot(*(moving_average(blocks[f"gps_{axis}_mps"], 3) for axis in ("north", "east"))))
 
 
@@ -146,7 +146,7 @@ def test_a_few_fast_blocks_give_the_integrated_heading_its_offset() -> None:
 
 
 def test_the_compass_offset_is_the_mean_direction_in_flight() -> None:
-    """Of directions, not of numbers: 3.1 and -3.1 rad are near each other."""
+    """Directions are averaged, not numbers: 3.1 and -3.1 rad are near each other."""
 
     class Field:
         def heading_offset(self, heading: np.ndarray, phi: np.ndarray, theta: np.ndarray) -> np.ndarray:

@@ -24,7 +24,7 @@ def problem(seed: int) -> tuple[Linearization, TrajectoryPrior, np.ndarray, np.n
 def dense(
     linearization: Linearization, prior: TrajectoryPrior, first: np.ndarray, errors: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The same least squares as one matrix: (residuals, Jacobian), unknowns x_0 … x_n-1 and then the errors."""
+    """These least squares as one matrix: (residuals, Jacobian), unknowns x_0 … x_n-1 and then the errors."""
     rows, r = [], []
     for k in range(N - 1):
         row = np.zeros((NX, N * NX + M))
@@ -92,7 +92,7 @@ def test_draws_have_the_covariance_of_the_states_given_the_sensor_errors() -> No
 
 
 def test_derivatives_that_are_always_zero_can_be_left_out() -> None:
-    """The same step with every third derivative zero, and without it; more instants than are summed at once."""
+    """A step with every third derivative zero, and without them; more instants than are summed at once."""
     rng = np.random.default_rng(0)
     n = SparseJacobian.chunk + 3
     kept = [place for k, place in enumerate(np.ndindex(NX, 2 * NX + M)) if k % 3]

@@ -193,7 +193,7 @@ def test_the_covariance_of_the_air_is_that_of_a_process(time_s: float) -> None:
 
 
 def test_the_size_of_an_error_is_that_which_its_residuals_have() -> None:
-    """By the likelihood over sizes and times, in full, and near the truth of the residuals drawn."""
+    """Compares with the full likelihood over sizes and times, near the truth of the residuals drawn."""
     windows = EnergyBalance(samples_of(climbing(400.0), 0.0, 0.0), CONDITIONS).windows  # type: ignore[arg-type]
     white, sizes = 30.0 * uncorrelated(windows), (0.1, 0.2, 0.3, 0.5, 1.0)
     gusts = [by_air(windows, 3.0, V_MPS, 1.0, time_s) for time_s in WINDOWS.times_s]

@@ -1,4 +1,4 @@
-"""The same flight as PX4, ArduPilot and the daemon record it gives the same curve."""
+"""One flight recorded by PX4, ArduPilot and the daemon gives one curve."""
 
 import sys
 from pathlib import Path

@@ -98,7 +98,7 @@ def test_calibrate_airspeed_of_an_autopilots_log(tmp_path: Path, results: dict) 
 
 @pytest.mark.slow
 def test_without_its_airspeed_sensor_the_flight_gives_the_same_curve(results: dict) -> None:
-    """By GPS on circles, and the intervals are at most two and a half times those with the sensor."""
+    """GPS on circles gives the curve; intervals are at most two and a half times those with the sensor."""
     whole, weight_N = read_px4(LOG), 9.4 * GRAVITY_MPS2
     blind = replace(whole, channels={k: x for k, x in whole.channels.items() if k != AIRSPEED_PRESSURE})
     found = estimate(flight_table(blind, weight_N, 1.499), weight_N, 1.499, 4.0)

@@ -39,7 +39,7 @@ def test_quantities_are_those_of_the_flight() -> None:
 
 
 def test_a_weight_that_is_not_known_changes_the_forces_and_no_angle() -> None:
-    """By its share of the specific force; thrust is that of the table, and its part of lift and drag stays."""
+    """Forces change by the share of specific force; the table's thrust and its part of them stay."""
     unsure = replace(CERTAIN, uncertainty=replace(CERTAIN.uncertainty, weight_fraction=0.01))
     of_lift = 0.01 * m * np.abs(FLOWN["ax"] * np.sin(ALPHA) - FLOWN["az"] * np.cos(ALPHA)) / QS_N
     found = np.sqrt(standard_error("C_L", aircraft=unsure) ** 2 - standard_error("C_L") ** 2)

@@ -55,7 +55,7 @@ def test_a_fix_has_half_the_horizontal_variance_in_each_direction() -> None:
 
 
 def test_an_error_of_the_thrust_s_table_turns_with_alpha_into_lift_and_drag() -> None:
-    """Of thrust: the scale, the slope over J and what is beyond the table. sin(alpha) of it is lift, cos is drag."""
+    """Scale, slope over J and thrust beyond the table: sin(alpha) of the error is lift, cos is drag."""
     aircraft = load_aircraft("nexstar")
     alpha, thrust_N, J, beyond, qS_over_m = 0.2, 5.0, 0.7, 0.03, 12.0
     nominal = np.array([[alpha, 15.0, 0.0, thrust_N, 0.8, 0.06]])

@@ -251,7 +251,7 @@ def test_a_linked_report_folder_that_leads_out_is_not_read(page: LocalPage, tmp_
 
 @pytest.fixture
 def address(opened: Folder) -> Iterator[tuple[str, int]]:
-    """Of the page on a real server, with HOST as its host."""
+    """Address of the page on a real server, with HOST as its host."""
     with socket.create_server(("127.0.0.1", 0), backlog=256) as listening:
         server = server_of(LocalPage(opened, {HOST}, TOKEN), listening)
         Thread(target=server.run, daemon=True).start()

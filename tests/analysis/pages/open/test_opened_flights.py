@@ -32,7 +32,7 @@ def log(shared: Folder) -> RunsFlight:
 
 @pytest.fixture
 def new_log(opened: Folder) -> OpenedFlight:
-    """Of which nothing was computed yet."""
+    """A log of which nothing was computed yet."""
     return opened.flight("log.mcap")
 
 
