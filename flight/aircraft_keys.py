@@ -92,7 +92,7 @@ KEYS: dict[str, Key] = {
     "propulsion.max_rpm": Key("8300", "Highest speed of rotation.", "Static, on the ground.", SIMULATOR, LATER),
     "propulsion.pole_pairs": Key(
         "7",
-        "Magnets of the motor over two.",
+        "Number of motor magnets divided by two.",
         "Count the magnets.",
         "daemon with a pulse counter, simulator",
         "the daemon asks for it where the tray file does not give it",

@@ -175,7 +175,7 @@ def _of_another_table(aircraft: Aircraft, propeller: Propeller) -> str:
 
 def damage(log: Log) -> list[str]:
     """Parts of the log that are torn or cannot be decoded, in sentences."""
-    notes = [f"The log is torn ({log.torn}); the part before is used."] if log.torn else []
+    notes = [f"The log is truncated ({log.torn}); the part before is used."] if log.torn else []
     for topic, found in sorted(log.undecodable_of.items()):
         left_out = "1 message is" if found.count == 1 else f"{found.count} messages are"
         notes.append(f"{left_out} left out: {topic}: {found.mistake}.")

@@ -28,7 +28,7 @@ def airspeed(
 
     Fly two legs or more of half a minute at a steady speed, there and back along one line, better along two crossing
     lines; turns help. A steady wind changes the ground speed by opposite amounts on opposite headings; the mean
-    difference is the scale error. On one heading only, wind and scale error cannot be told apart, and a note says so.
+    difference is the scale error. On a single heading, wind and scale error cannot be separated, and a note says so.
     `analyze` estimates the same for each flight. Exit code 1 and no file if the standard error of the
     scale stays above 0.8 of what it was before the flight, as without GPS.
 

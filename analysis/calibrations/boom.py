@@ -105,7 +105,7 @@ def boom(
         typer.Option(
             "--weights",
             metavar="LIST",
-            help=f"What hung on the tip each time the aircraft stood still, with its unit at the end: {WEIGHTS}.",
+            help=f"Mass hung on the tip at each stop, with its unit at the end: {WEIGHTS}.",
         ),
     ] = "",
     angles: Annotated[

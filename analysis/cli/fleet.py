@@ -26,7 +26,7 @@ def add(
         str, typer.Option("--to", metavar="DATASET", help="A folder, or an address such as s3://bucket/fleet.")
     ],
 ) -> None:
-    """Keep the statistics of flights, a row each. A flight that is there already is left as it is.
+    """Keep the statistics of flights, a row each. Flights already in the dataset are skipped.
 
     \b
     Example:

@@ -230,8 +230,8 @@ def route(
       flightpower route field.waypoints --results results.json --wind "12 kt from 200" --speed energy --map map.svg
       flightpower route --legs "3 km 045, 2 km 135 +50 m, 4 km 250" --results results.json --wind 0
 
-    Exit code 0: the route ends with the reserve left, as sure as --sure asks. 1: it does not. 2: wrong input; one line
-    on stderr says what.
+    Exit code 0: the route ends with the reserve left, at least as likely as --sure says. 1: it does not. 2: wrong
+    input; one line on stderr says what.
     """
     if map_file is not None:
         check_new_file(map_file, replace=replace)

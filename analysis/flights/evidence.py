@@ -112,8 +112,8 @@ def installations_text(test: Test) -> str:
         return f"The errors of the installation are the same in all flights within their errors (p = {test.p:.2g})."
     if not test.doubtful:
         return (
-            f"The errors of the installation may differ between flights (p = {test.p:.2g}): they are taken to be"
-            " mounted anew, which is no doubt but widens the interval."
+            f"The errors of the installation may differ between flights (p = {test.p:.2g}): they are pooled as"
+            " remounted, and the interval includes this."
         )
     return (
         f"The errors of the installation differ between flights (p = {test.p:.2g}): probe, tubes or tray were moved,"

@@ -124,8 +124,8 @@ class Pool(ABC):
 
     @abstractmethod
     def noncentrality(self, flights: int, difference: float) -> float:
-        """Noncentrality of the test of a difference of this share of power at all speeds, by so many flights each of two such
-        configurations that share all errors that flights share."""
+        """Noncentrality of the test of a difference of this share of power at all speeds, by so many flights each of
+        two such configurations that share all errors that flights share."""
 
     @property
     def notes(self) -> list[str]:

@@ -111,7 +111,7 @@ def _shape_rejected(fit: Fit) -> list[RejectedAssumption]:
             Assumption.PARABOLIC_POLAR,
             values - fit.values,
             f"Drag is no parabola of lift: a quartic term is {abs(quartic) / error:.1f} times its standard error. The"
-            " interval is wider by what this term changes; most at the slowest and the fastest speed.",
+            " interval has been widened accordingly, most at the slowest and the fastest speed.",
         )
     ]
 

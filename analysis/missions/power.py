@@ -69,7 +69,7 @@ def _correction(parameters: SigmaPoints) -> SigmaPoints:
 
 @dataclass(frozen=True)
 class ElectricalPower:
-    """Power by a level-flight curve. V_mps : (g,) even steps     power_W : (n, g), with idle_W     efficiency : (n, 1)"""
+    """Power by a level curve. V_mps : (g,) even steps     power_W : (n, g), with idle_W     efficiency : (n, 1)"""
 
     V_mps: Array
     power_W: Array

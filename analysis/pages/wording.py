@@ -12,7 +12,7 @@ T = TypeVar("T")
 
 # The heading of a verdict, and its class in page.css.
 VERDICT = {
-    Trust.TRUSTED: ("To be trusted", "good"),
+    Trust.TRUSTED: ("Trusted", "good"),
     Trust.DOUBTFUL: ("Doubtful", "doubt"),
     Trust.NOT_TO_BE_TRUSTED: ("Not to be trusted as it stands", "bad"),
 }
@@ -26,7 +26,7 @@ class Verdict(NamedTuple):
     reasons: list[str]
 
 
-OF_A_POOL = "Nothing speaks against the flights, nor against taking them together."
+OF_A_POOL = "No warnings for these flights, nor for pooling them."
 
 
 def verdict(trust: Trust, evidence: Sequence[Evidence], none: str = OF_A_POOL) -> Verdict:

@@ -126,7 +126,7 @@ def sentences(evidence: Iterable[Evidence]) -> list[str]:
     """Sentences for all evidence, below a heading; each change of what is doubtful is announced."""
     said, part = list[str](), None
     for one in evidence:
-        also = "In doubt, too: " if said else ""
+        also = "Also doubtful: " if said else ""
         said.append(_reason(one) if one.part is part else f"{also}{sentence(one)}")
         part = one.part
     return said
@@ -463,7 +463,7 @@ def _sensor_errors(results: Results) -> Iterator[Evidence]:
             false_alarm_rate=float(2 * special.ndtr(-limit)) if name == UPDRAFT else TRUST.false_alarm_rate,
             text=(
                 f"The {subject} is {sigmas:+.1f} times the standard deviation assumed (limit {limit:.1f}). Usually"
-                f" {CULPRIT[name]}: mend it, or state a larger [uncertainty] in the aircraft file."
+                f" {CULPRIT[name]}: fix it, or enter a larger value in [uncertainty] of the aircraft file."
             ),
         )
 
@@ -561,8 +561,8 @@ def _runs(results: Results) -> Iterator[Evidence]:
         text=(
             f"The {worst.run} gives {100 * (worst.power_W / worst.others_W - 1):+.0f} % of power against the others of"
             f" its kind at {worst.speed_mps:.1f} m/s, {abs(worst.z):.1f} standard errors (limit {limit:.1f};"
-            f" {beyond} of {len(compared)} runs are beyond it): was something different in it, such as gear, flaps, a"
-            " thermal, or lost pulses? If so, leave it out of runs.toml."
+            f" {beyond} of {len(compared)} runs are beyond it). Check that run for gear or flaps, a thermal, or lost"
+            " pulses; leave it out of runs.toml if it had one."
         ),
     )
 

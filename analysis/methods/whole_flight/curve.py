@@ -250,7 +250,7 @@ def _fitted(
     """With a propeller's efficiency, or with the power law where that is far more probable; and the former balance."""
     balance = EnergyBalance(samples, conditions, most_windows)
     if len(balance.windows.centers_s) < len((*DRAG, *PROPELLER, *LIFT)) + 3:  # a few more than there are parameters
-        raise InputError(f"{log}: the flight is too short or too torn for an energy balance")
+        raise InputError(f"{log}: the flight is too short for an energy balance, or has too many gaps")
     if float(np.max(balance.power_W)) < 2 * conditions.idle_power_W + SHARED.unseen_idle_W:
         raise InputError(f"{log}: the motor took no power in flight; electrical power of level flight is not known")
     fit = most_probable_fit(balance, _prior(balance, span_m))

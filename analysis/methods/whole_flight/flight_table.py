@@ -158,8 +158,8 @@ def _why_too_short(columns: Mapping[str, Array], moving: BoolArray, left_out_s: 
         cause = f"airspeed, height and battery for {known_s:.0f} s in the air"
     else:
         cause = (
-            f"airspeed, height and battery for {known_s:.0f} s of {in_air_s:.0f} s in the air, but torn by gaps, for"
-            f" {lasting_s:.0f} s at most at a time"
+            f"airspeed, height and battery for {known_s:.0f} s of {in_air_s:.0f} s in the air, but broken up by gaps,"
+            f" for {lasting_s:.0f} s at most at a time"
         )
     return (
         f"too short a flight in this log: {cause}; {FLIGHT.shortest_flight_s:.0f} s clear of take-off and landing are"
@@ -175,8 +175,8 @@ def _refuse_meter(path: Path, columns: Mapping[str, Array], moving: BoolArray, w
     opened = f", at up to {100 * np.nanmax(throttle):.0f} % throttle" if np.isfinite(throttle).any() else ""
     if most_W < weight_N * FLIGHT.climb_mps:
         raise InputError(
-            f"{path}: the current sensor shows at most {most_W:.0f} W in the air{opened}, on which"
-            f" {weight_N / g:.3g} kg do not climb: it does not measure the motor's current, or the motor never ran"
+            f"{path}: the current sensor never reads more than {most_W:.0f} W in flight{opened}, too little for"
+            f" {weight_N / g:.3g} kg to climb: it does not measure the motor's current, or the motor never ran"
         )
     if meter(columns, moving) is Meter.STANDS:
         usual_W = float(np.nanmedian(columns["power_W"][moving]))

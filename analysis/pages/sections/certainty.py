@@ -239,7 +239,10 @@ def stall_margin(results: Results) -> str:
         f"The stall was not flown. The slowest speed flown is {slowest.speed_mps:.1f} m/s (lift coefficient {CL:.2f})."
     )
     if largest <= CL * 1.005:
-        return f"{not_flown} No greater lift was reached in the flight, so it shows no margin: the stall may be near."
+        return (
+            f"{not_flown} The flight never exceeded this lift coefficient, so the margin to the stall is unknown; it may"
+            " be small."
+        )
     return (
         f"{not_flown} For a moment the wing carried a lift coefficient of {largest:.2f}: the slowest speed flown has a"
         f" margin of {stall_margin_percent(slowest)} % of speed to the stall at least."
@@ -269,7 +272,9 @@ def next_flight(results: Results) -> list[str]:
             for reason in error.missing:
                 if error.name != results.next_flight_lowers:
                     lacking.setdefault(reason, []).append(error.title)
-        advice += [f"Not determined: {', '.join(titles)} ({reason})." for reason, titles in lacking.items()]
+        advice += [
+            f"The flight does not determine {', '.join(titles)} ({reason})." for reason, titles in lacking.items()
+        ]
     if any(point.extrapolated for point in results.main.points):
         advice.append(
             "A propeller table that reaches further, or more motor speed in the fast runs: parts of the curve lie"

@@ -77,7 +77,7 @@ def test_the_next_flight_of_the_results_is_told_first_and_nothing_twice(results:
     )  # fmt: skip
     path = PathResult(converged=True, gust_mps=0.7, residuals={}, checks=[], sensor_errors=[error])
     gusty = replace(results, path=path)
-    assert "Not determined: slope of angle of attack (gusts)." in next_flight(gusty)
+    assert "The flight does not determine slope of angle of attack (gusts)." in next_flight(gusty)
     assert not any(
         "gusts" in advice
         for advice in next_flight(replace(gusty, next_flight=[sentence], next_flight_lowers="alpha_scale"))
@@ -129,7 +129,7 @@ def test_the_verdict_is_the_curve_at_the_speed_of_least_drag(results: Results) -
         ({"cross_check_differs": True}, "Doubtful"),
     ):
         headings = [verdict_section(with_trust(one)).heading for one in (agreeing, replace(agreeing, **wrong))]
-        assert headings == ["To be trusted", heading]
+        assert headings == ["Trusted", heading]
 
 
 def test_a_fit_of_the_runs_alone_is_said_to_agree_only_where_it_is_compared(results: Results) -> None:

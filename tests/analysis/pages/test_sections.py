@@ -101,7 +101,7 @@ def test_a_trusted_result_of_a_quarter_of_the_power_is_called_wide(results: Resu
         points = [replace(p, power_lo_W=(1 - share) * p.power_W, power_hi_W=(1 + share) * p.power_W)
                   for p in results.power_required]  # fmt: skip
         heading = verdict_section(results.with_curve(Kind.POWER_REQUIRED, points=points)).heading
-        assert heading == ("To be trusted, but wide (±26 %)" if wide else "To be trusted")
+        assert heading == ("Trusted, but wide (±26 %)" if wide else "Trusted")
 
 
 def test_a_flight_of_electrical_power_has_the_sections_that_its_results_hold(results: Results) -> None:

@@ -93,7 +93,7 @@ def test_refused_in_one_line(tmp_path: Path, text: list[str], told: str) -> None
 
 def test_a_log_of_gaps_is_refused_for_its_gaps(tmp_path: Path) -> None:
     kept = [one for one in lines(seconds=600) if float(one.split()[0]) % 30 < 15]
-    with pytest.raises(InputError, match=r"torn by gaps, for 1\d s at most"):
+    with pytest.raises(InputError, match=r"broken up by gaps, for 1\d s at most"):
         flight_table(read_paparazzi(written(tmp_path / "log.data", kept)), WEIGHT_N, WING_AREA_M2)
 
 
