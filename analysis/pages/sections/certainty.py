@@ -240,8 +240,8 @@ def stall_margin(results: Results) -> str:
     )
     if largest <= CL * 1.005:
         return (
-            f"{not_flown} The flight never exceeded this lift coefficient, so the margin to the stall is unknown; it may"
-            " be small."
+            f"{not_flown} The flight never exceeded this lift coefficient, so the margin to the stall is unknown; it"
+            " may be small."
         )
     return (
         f"{not_flown} For a moment the wing carried a lift coefficient of {largest:.2f}: the slowest speed flown has a"
