@@ -194,6 +194,8 @@ def _correlations(x: Array, y: Array, known: NDArray[np.bool_], reach: int) -> A
 
 def findings(channels: Channels, name: Callable[[Quantity], str]) -> list[Finding]:
     """What cannot be true together, first what contradicts most. name: of a quantity, for the texts."""
+    if not channels:
+        return []
     found = list(_ranges(channels, name))
     grid = Grid(channels)
     found += _gravity(grid, name)

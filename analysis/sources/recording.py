@@ -131,7 +131,7 @@ def without_damage(value: ArrayLike) -> Array:
 def modes(t_s: ArrayLike, numbers: ArrayLike, names: Mapping[int, str]) -> list[Event]:
     """The changes of a mode that is logged as a number (n,) at times (n,); one without a name keeps its number."""
     t, number = np.asarray(t_s, dtype=float), np.asarray(numbers, dtype=float)
-    known = np.isfinite(t) & np.isfinite(number)
+    known = np.isfinite(t) & (np.abs(number) < 2**31)  # a larger one is damaged
     t, number = t[known], number[known].astype(int)
     changed = np.flatnonzero(np.append(True, number[1:] != number[:-1])[: len(number)])
     return [Event(float(t[i]), EventKind.MODE, names.get(int(number[i]), f"mode {number[i]}")) for i in changed]

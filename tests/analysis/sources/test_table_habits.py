@@ -290,3 +290,8 @@ def test_pandas_reads_the_same(tmp_path: Path) -> None:
     other = pd.read_csv(io.StringIO(path.read_text()))
     for name, value in read_columns(path).items():
         assert value == pytest.approx(other[name].to_numpy(), abs=0)
+
+
+def test_a_table_with_nothing_but_times_is_drafted_with_them_alone(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("time [s],x\n" + "".join(f"{0.1 * i:.1f},{i % 3}\n" for i in range(50)))
+    assert "[time]" in draft(tmp_path / "a.csv") and "# Not used: x" in draft(tmp_path / "a.csv")

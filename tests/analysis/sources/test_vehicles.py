@@ -193,3 +193,9 @@ def test_a_number_that_no_quantity_has_is_damage(tmp_path: Path) -> None:
     pressure = found.channels[recording.AIRSPEED_PRESSURE]
     assert pressure.value == pytest.approx(1.225 / 2 * np.delete(true, 30) ** 2)
     assert found.parameters == {"TECS_CLMB_MAX": 5.0}
+
+
+@pytest.mark.filterwarnings("error")
+def test_the_number_of_a_mode_that_damage_made_is_left_out() -> None:
+    found = recording.modes([0.0, 1.0, 2.0, 3.0], [10.0, 1e20, np.nan, 11.0], {10: "AUTO", 11: "RTL"})
+    assert [one.text for one in found] == ["AUTO", "RTL"]
