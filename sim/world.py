@@ -80,11 +80,12 @@ class World:
         head, *lines = said.splitlines() or [""]
         if not said or head not in text.splitlines():
             return f"{text}\n{said}" if said else text
-        keys = tuple(line.partition(" = ")[0] for line in lines)
-        before, _, after = text.partition(f"{head}\n")
-        section, bracket, rest = after.partition("\n[")
-        own = [line for line in section.splitlines() if line.partition(" = ")[0] not in keys]
-        return "\n".join([f"{before}{head}", *lines, *own]) + f"\n{bracket}{rest}"
+        before = text.splitlines()
+        first = before.index(head) + 1
+        end = next((i for i in range(first, len(before)) if before[i][:1] == "["), len(before))
+        said_keys = {line.split(" = ")[0] for line in lines}
+        own = [line for line in before[first:end] if line.split(" = ")[0] not in said_keys]
+        return "\n".join([*before[:first], *lines, *own, *before[end:]]) + "\n"
 
 
 def _in_a_file(value: float, unit: str | None) -> str:
