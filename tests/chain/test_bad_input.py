@@ -69,9 +69,9 @@ def test_a_log_without_a_topic_that_drag_needs_gives_electrical_power(flown: Pat
     rewritten(flown, tmp_path / "flight.mcap", without_topic=topic)
     done("analyze", tmp_path / "flight.mcap", "--quiet", "-o", tmp_path / "report")
     results = json.loads((tmp_path / "report" / "results.json").read_text("utf-8"))
-    assert results["electrical_power"]
+    assert results["curves"]["electrical_power"]["points"]
     assert f"The log lacks {topic}, which drag needs" in results["warnings"][0]
-    assert "motor speed" in results["electrical"]["withheld"][0]
+    assert "motor speed" in results["withheld"][0]
 
 
 def test_a_wrong_aircraft_file_whose_runs_give_no_drag_is_doubted_first_of_all(flown: Path, tmp_path: Path) -> None:
@@ -79,12 +79,12 @@ def test_a_wrong_aircraft_file_whose_runs_give_no_drag_is_doubted_first_of_all(f
     told = done("analyze", flown / "log.mcap", "--aircraft", "light-1kg", "--quiet", "-o", tmp_path / "report").stderr
     assert told.startswith("doubtful: the whole curve. The runs give no drag")
     results = json.loads((tmp_path / "report" / "results.json").read_text("utf-8"))
-    assert results["trust"] == "doubtful" and results["electrical_power"] and not results["power_required"]
+    assert results["trust"] == "doubtful" and list(results["curves"]) == ["electrical_power"]
     assert results["methods_tried"][0]["reason"] == "its drag polar is unphysical"
     assert [one["kind"] for one in results["evidence"]] == [
         "method that the log allows", "motor efficiency", "efficiency from battery to thrust"
     ]  # fmt: skip
-    assert results["electrical"]["shaft_over_electrical"] < 0.3
+    assert results["balance"]["shaft_over_electrical"] < 0.3
 
 
 @pytest.mark.parametrize(("name", "option"), [("aircraft.toml", "--aircraft FILE"), ("probe.json", "--probe FILE")])

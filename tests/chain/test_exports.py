@@ -112,7 +112,7 @@ def test_the_curve_is_that_of_the_results(flown: Path, parquet: dict[str, pd.Dat
     curves = parquet["curves"]
     curve = curves[curves["curve"] == "power required, as flown"].drop(columns="curve")
     results = json.loads((flown / "log.report" / "results.json").read_bytes())
-    assert curve.to_dict("records") == results["power_required"]
+    assert curve.to_dict("records") == results["curves"]["power_required"]["points"]
 
 
 def test_the_derived_log_has_the_times_of_the_log(flown: Path, messages, parquet: dict[str, pd.DataFrame]) -> None:

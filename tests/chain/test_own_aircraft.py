@@ -23,7 +23,7 @@ def results(folder: Path) -> dict:
 
 
 def curve(folder: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    points = results(folder)["power_required"]
+    points = results(folder)["curves"]["power_required"]["points"]
     return tuple(np.array([point[name] for point in points]) for name in ("speed_mps", "power_lo_W", "power_hi_W"))
 
 
@@ -67,7 +67,8 @@ def test_options_replace_what_a_log_has_or_lacks(flown: Path, tmp_path: Path) ->
     rewritten(flown, bare, without_attachment="probe.json")
     given = ("--aircraft", heavier, "--weight", "8.47 lbf", "--probe", probe)
     done("analyze", bare, *given, "-o", tmp_path / "report", "--quiet")
-    assert results(tmp_path / "report")["power_required"] == results(flown / "log.report")["power_required"]
+    one, other = (results(of)["curves"]["power_required"] for of in (tmp_path / "report", flown / "log.report"))
+    assert one["points"] == other["points"]
 
 
 def test_the_evidence_against_a_flight_is_read_for_its_pool(four: Path, tmp_path: Path) -> None:

@@ -24,7 +24,9 @@ def test_a_flight_without_hardware(laptop: Laptop) -> None:
 def test_an_analysis_writes_its_report(laptop: Laptop) -> None:
     written = {path.name for path in (laptop.folder / "four").iterdir()}
     assert written >= {"report.html", "results.json", "power_required.csv", "runs.toml"}
-    assert json.loads((laptop.folder / "four" / "results.json").read_text("utf-8"))["power_required"]
+    assert json.loads((laptop.folder / "four" / "results.json").read_text("utf-8"))["curves"]["power_required"][
+        "points"
+    ]
 
 
 @pytest.mark.parametrize("name", ["tubing", "magnetometer", "surfaces"])

@@ -43,7 +43,7 @@ def results(folder: Path) -> dict:
 
 
 def at_speeds(results: dict, name: str) -> np.ndarray:
-    curve = results["electrical_power"]
+    curve = results["curves"]["electrical_power"]["points"]
     return np.interp(SPEEDS, [point["speed_mps"] for point in curve], [point[name] for point in curve])
 
 
@@ -57,12 +57,12 @@ def test_the_curve_agrees_with_the_published_one(results: dict) -> None:
 def test_the_interval_is_useful(results: dict) -> None:
     half_width = (at_speeds(results, "power_hi_W") - at_speeds(results, "power_lo_W")) / 2
     assert (half_width / at_speeds(results, "power_W"))[1:6].max() < 0.25  # 10 to 14 m/s
-    assert results["electrical"]["residual_W"] < 36.0
+    assert results["balance"]["residual_W"] < 36.0
 
 
 def test_drag_is_withheld_with_what_it_would_take(results: dict, folder: Path) -> None:
-    assert results["drag_polar"] is None and results["power_required"] == []
-    (drag, *_) = results["electrical"]["withheld"]
+    assert results["drag_polar"] is None and list(results["curves"]) == ["electrical_power"]
+    (drag, *_) = results["withheld"]
     assert "motor speed" in drag
     assert drag.replace("'", "&#39;") in (folder / "report.html").read_text("utf-8")
 
@@ -77,7 +77,7 @@ def test_what_the_log_does_is_noted(results: dict) -> None:
 
 def test_wind_is_that_of_the_autopilot(results: dict) -> None:
     """PX4's own estimate in flight is about 4 m/s from the east."""
-    found = results["electrical"]
+    found = results["air"]
     assert found["wind_mps"] == pytest.approx(4.4, abs=0.7)
     assert found["wind_from_deg"] == pytest.approx(96, abs=10)
 
@@ -89,8 +89,8 @@ def test_calibrate_airspeed_of_an_autopilots_log(tmp_path: Path, results: dict) 
     wind = re.search(r"wind (\S+) m/s from (\S+) deg", done.output)
     assert scale and wind, done.output
     sign = 1 if scale[2] == "high" else -1
-    assert sign * float(scale[1]) / 100 == pytest.approx(results["electrical"]["airspeed_scale"]["value"], abs=0.002)
-    assert float(wind[1]) == pytest.approx(results["electrical"]["wind_mps"], abs=0.2)
+    assert sign * float(scale[1]) / 100 == pytest.approx(results["balance"]["airspeed_scale"]["value"], abs=0.002)
+    assert float(wind[1]) == pytest.approx(results["air"]["wind_mps"], abs=0.2)
     assert "flown in one direction" not in done.output  # circles
     assert done.exit_code == ExitCode.FAILURE
     assert not (tmp_path / "airspeed.json").exists()
@@ -107,12 +107,12 @@ def test_without_its_airspeed_sensor_the_flight_gives_the_same_curve(results: di
     assert (np.abs(power - at_speeds(results, "power_W")) < NORMAL_95 * error).all()
     assert (np.abs(power - PUBLISHED_W) < NORMAL_95 * error).all()
     assert (NORMAL_95 * error < 2.5 * half_W).all()
-    assert found.airspeed.wind_mps == pytest.approx(results["electrical"]["wind_mps"], abs=0.5)
+    assert found.airspeed.wind_mps == pytest.approx(results["air"]["wind_mps"], abs=0.5)
 
 
 def test_endurance_is_the_battery_at_least_power(results: dict) -> None:
-    least = min(point["power_W"] for point in results["electrical_power"])
-    assert results["electrical"]["endurance_s"]["value"] == pytest.approx(0.8 * 300 * 3600 / least)
+    least = min(point["power_W"] for point in results["curves"]["electrical_power"]["points"])
+    assert results["curves"]["electrical_power"]["endurance_s"]["value"] == pytest.approx(0.8 * 300 * 3600 / least)
 
 
 def test_values_to_type_in_follow_from_the_curve(results: dict, folder: Path) -> None:
@@ -123,7 +123,9 @@ def test_values_to_type_in_follow_from_the_curve(results: dict, folder: Path) ->
     assert found["FW_AIRSPD_MAX"]["value"] == pytest.approx(fastest * to_equivalent, rel=1e-3)
     cruise = results["electrical"]["best_range_speed"]["speed_mps"]
     assert found["nav_fw_cruise_speed"]["value"] == pytest.approx(100 * cruise * to_equivalent, rel=1e-3)
-    power = min(point["power_W"] / point["speed_mps"] for point in results["electrical_power"]) * cruise
+    power = (
+        min(point["power_W"] / point["speed_mps"] for point in results["curves"]["electrical_power"]["points"]) * cruise
+    )
     assert found["cruise_power"]["value"] == pytest.approx(100 * power, rel=1e-3)
     assert 0.3 < found["FW_T_SINK_MIN"]["value"] < 0.9  # a glide ratio of 12 to 30 at 10 m/s
     assert "FW_AIRSPD_TRIM" in (folder / "report.html").read_text("utf-8")
