@@ -117,11 +117,12 @@ def test_endurance_is_the_battery_at_least_power(results: dict) -> None:
 
 def test_values_to_type_in_follow_from_the_curve(results: dict, folder: Path) -> None:
     found = {one["name"]: one for one in results["autopilot_parameters"]}
-    slowest, fastest = (results["electrical_power"][at]["speed_mps"] for at in (0, -1))
+    curve = results["curves"]["electrical_power"]
+    slowest, fastest = (curve["points"][at]["speed_mps"] for at in (0, -1))
     to_equivalent = (results["test"]["air_density_kgpm3"] / 1.225) ** 0.5
     assert found["FW_AIRSPD_MIN"]["value"] == pytest.approx(slowest * to_equivalent, rel=1e-3)
     assert found["FW_AIRSPD_MAX"]["value"] == pytest.approx(fastest * to_equivalent, rel=1e-3)
-    cruise = results["electrical"]["best_range_speed"]["speed_mps"]
+    cruise = curve["best_range_speed"]["speed_mps"]
     assert found["nav_fw_cruise_speed"]["value"] == pytest.approx(100 * cruise * to_equivalent, rel=1e-3)
     power = (
         min(point["power_W"] / point["speed_mps"] for point in results["curves"]["electrical_power"]["points"]) * cruise
