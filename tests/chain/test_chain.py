@@ -133,8 +133,9 @@ def test_the_log_opens_with_the_stock_reader_and_explains_itself(flown: Path) ->
 def test_the_analysis_does_not_look_at_what_the_simulator_flies(flown: Path, results: Results, tmp_path: Path) -> None:
     """The aircraft file's [aerodynamics] doubled: the same curve to the last digit. (The four keys are without.)"""
     head, _, aerodynamics = load_aircraft("nexstar").text.partition("\n[aerodynamics]\n")
+    aerodynamics, section, others = aerodynamics.partition("\n[")
     doubled = re.sub(r"= (-?[\d.]+)", lambda m: f"= {2 * float(m[1])}", aerodynamics)
-    (tmp_path / "doubled.toml").write_text(head + "\n[aerodynamics]\n" + doubled)
+    (tmp_path / "doubled.toml").write_text(head + "\n[aerodynamics]\n" + doubled + section + others)
     done("analyze", flown / "log.mcap", "--aircraft", tmp_path / "doubled.toml", "-o", tmp_path / "report", "-q")
     again = msgspec.json.decode((tmp_path / "report" / "results.json").read_bytes(), type=Results)
     assert again.power_required == results.power_required
