@@ -71,6 +71,7 @@ COMMON_UNITS: Mapping[str, tuple[str, float]] = types.MappingProxyType(
         "lbf": ("N", 0.45359237 * GRAVITY_MPS2),
         "lb": ("kg", 0.45359237),
         "g": ("kg", 1e-3),
+        "%": ("dimensionless", 1e-2),
     }
 )
 

@@ -58,6 +58,6 @@ def test_here_a_file_s_own_test_comes_first() -> None:
     for name, test in (
         ("analysis/curve.py", "tests/analysis/test_curve.py"),
         ("daq/sensors/ublox.py", "tests/daq/test_driver_ublox.py"),
-        ("analysis/flights/electrical.py", "tests/analysis/flights/test_electrical_pool.py"),
+        ("analysis/uncertain.py", "tests/analysis/test_uncertain.py"),
     ):
         assert near.nearest(Path(name), graph, [Path(name)], count=1) == [Path(test)]

@@ -3,12 +3,15 @@
 import ast
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("analysis", "benchmarks", "daq", "debian", "docs", "flight", "flightpower", "hw_fakes", "sim", "tests")
 WITHOUT_SUBJECT = ("Of ", "By ", "The same")
 DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 
 
+@pytest.mark.slow
 def test_no_docstring_lacks_its_subject() -> None:
     found = [
         f"{path.relative_to(ROOT)}: {text.splitlines()[0]}"

@@ -80,13 +80,13 @@ def compute(request: Request, flight: Estimated) -> Performance | None:
     None where the battery's energy is not known, or the propeller's table cannot give the thrust of level flight.
     """
     aircraft, drag = flight.aircraft, flight.drag
+    battery = request.battery(aircraft)
+    if battery is None:
+        return None
     flown = flight.rows_flown
     at = FlownCondition(flight.condition, float(flown["static_Pa"].mean()), float(flown["temperature_K"].mean()))
     data = power_train_data(flight.trajectory, aircraft, flight.propeller)
     model = performance_model(data, drag.main, aircraft, flight.propeller, drag.flown_CL)
-    battery = request.battery(aircraft)
-    if battery is None:
-        return None
     result = flight_performance(model, flight.condition, requested_conditions(request, at), battery)
     return Performance(result, battery, model, at) if result else None
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from analysis.sources.dataflash import DataflashLog
+from flight.errors import InputError
 from flight.formats import GZIP_MAGIC, Format, format_of, is_telemetry
 
 TEXT_TIME = re.compile(rb"^[A-Z][A-Z0-9]+, (\d{4,})[,\s]", re.MULTILINE)
@@ -45,7 +46,11 @@ class Extent(NamedTuple):
 def extent(path: Path) -> Extent:
     """What the edges of a file say of its log. Raises OSError where it cannot be read."""
     first, last = _edges(path)
-    match format_of(path):
+    try:
+        form = format_of(path)
+    except InputError:  # damaged: the analysis says what is wrong with it
+        return Extent(LogKind.UNKNOWN)
+    match form:
         case Format.ULOG:
             return Extent(LogKind.PX4, None, _length(_ulog_times_s(first, last)))
         case Format.PAPARAZZI:

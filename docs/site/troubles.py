@@ -65,6 +65,14 @@ EVIDENCE: Mapping[EvidenceKind, Trouble] = {
         "Check weight, wing area, propeller and its table, pole pairs, and units and delays of the log.",
     ),
     EvidenceKind.COUNTED_SPEED: Trouble("Pulses of the motor are lost, or counted with wrong poles.", POLES),
+    EvidenceKind.MOTOR_LAG: Trouble(
+        "Motor speed is late against the IMU: a filter in the controller, or a late clock.",
+        "State the delay in the tray file, or turn the filter off.",
+    ),
+    EvidenceKind.OTHER_BLADES: Trouble(
+        "In decelerations the propeller brakes otherwise than the aircraft file says.",
+        "Set `propulsion.beyond_zero_thrust`: do the blades fold, windmill or stop?",
+    ),
     EvidenceKind.THRUST_TABLE: Trouble("Thrust is not that of the propeller's table.", POLES),
     EvidenceKind.MOTOR_SPEED: Trouble(
         "At full throttle the motor turns unlike its kv says.", "Check kv, battery voltage and `propulsion.pole_pairs`."
@@ -82,6 +90,10 @@ EVIDENCE: Mapping[EvidenceKind, Trouble] = {
     ),
     EvidenceKind.SENSOR_ERROR: Trouble(
         "A sensor is off by more than its prior allows.", "See the table of sensor errors below."
+    ),
+    EvidenceKind.SENSOR_ERRORS_TOGETHER: Trouble(
+        "Several sensors are off, none beyond its own limit.",
+        "One cause may move them: rising or sinking air, or an instrument that is mounted wrong.",
     ),
     EvidenceKind.RUN_AGAINST_OTHERS: Trouble(
         "One run differs from the others.",

@@ -34,7 +34,7 @@ def refused(
         (None, "cannot be read"),
         (b"", "is empty"),
         (b"\x89MC", "neither a log nor a table"),
-        (b"time,speed\n0,12\n" * 100, "columns need a map"),
+        (b"time,speed\n" + b"0,12\n" * 100, "columns need a map"),
         (b"\x89MCAP0\r\n", "holds no message"),
         (b"\x89MCAP0\r\n" + bytes(1000), "holds no message"),
     ],
@@ -76,13 +76,14 @@ def test_a_log_without_a_topic_that_drag_needs_gives_electrical_power(flown: Pat
 
 def test_a_wrong_aircraft_file_whose_runs_give_no_drag_is_doubted_first_of_all(flown: Path, tmp_path: Path) -> None:
     """A quarter of the weight makes drag negative; the energy balance finds power of another aircraft, too."""
-    told = done("analyze", flown / "log.mcap", "--aircraft", "light-1kg", "--quiet", "-o", tmp_path / "report").stderr
-    assert told.startswith("doubtful: the whole curve. The runs give no drag")
+    ended = command("analyze", flown / "log.mcap", "--aircraft", "light-1kg", "--quiet", "-o", tmp_path / "report")
+    assert ended.returncode == 1
+    assert ended.stderr.startswith("doubtful: the whole curve. The runs give no drag")
     results = json.loads((tmp_path / "report" / "results.json").read_text("utf-8"))
-    assert results["trust"] == "doubtful" and list(results["curves"]) == ["electrical_power"]
+    assert results["trust"] == "not to be trusted" and list(results["curves"]) == ["electrical_power"]
     assert results["methods_tried"][0]["reason"] == "its drag polar is unphysical"
     assert [one["kind"] for one in results["evidence"]] == [
-        "method that the log allows", "motor efficiency", "efficiency from battery to thrust"
+        "efficiency from battery to thrust", "method that the log allows", "motor efficiency"
     ]  # fmt: skip
     assert results["balance"]["shaft_over_electrical"] < 0.3
 

@@ -102,8 +102,9 @@ RUN_ELSEWHERE = {
 }
 NOT_RUN = {
     "(sim fly --plan full-test-flight -o|analyze) out/full.*": "15 s: as the tutorial's demonstration, but longer",
-    "make (demo|test)": "run by .ci/run; `make test` is the run that this test belongs to",
-    "(python3|py) -m venv (.venv|/opt/flightpower)": "installs",
+    "make (demo|test|test-all)( #.*)?": "run by .ci/run; `make test` is the run that this test belongs to",
+    "(python3|py) -m venv (.venv|/opt/flightpower)(; .*)?": "installs",
+    "analyze sharpe/data/flight3.ulg .*": "somebody else's log; test_formats.py analyzes logs of PX4",
     "(pip|uv tool) install .*": "installs, from the network; test_packaging.py checks what is declared and contained",
     "(python3 -m )?pip wheel .*": "installs, from the network; test_packaging.py checks what is declared and contained",
     "apt-get (install|remove) .*": "installs, as root",

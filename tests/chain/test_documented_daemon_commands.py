@@ -52,6 +52,7 @@ def _standing(walk: Walk, monkeypatch: pytest.MonkeyPatch) -> None:
 
     recorded = unthreaded(daemon.record)
     monkeypatch.setattr(daemon, "record", record)
+    monkeypatch.setattr(dry_run, "check_devices_here", lambda tray: None)  # no device files: the parts are fakes
     monkeypatch.setattr(dry_run, "dry_run", unthreaded(dry_run.dry_run))
     monkeypatch.setattr(tray_check, "check_tray", unthreaded(tray_check.check_tray))
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from running import done, read_once, rewritten
 
-from analysis.flights.campaign.campaign import read_results
+from analysis.flights.campaign.campaign import read_flights
 from analysis.flights.pool import joint_pool
 from analysis.performance.analysis import compute
 from analysis.performance.request import Request
@@ -74,11 +74,16 @@ def test_options_replace_what_a_log_has_or_lacks(flown: Path, tmp_path: Path) ->
 def test_the_evidence_against_a_flight_is_read_for_its_pool(four: Path, tmp_path: Path) -> None:
     content = json.loads((four / "four" / "results.json").read_text("utf-8"))
     against = {"kind": "not converged", "level": "not to be trusted", "part": "the whole curve", "text": "No."}
-    of_0_1 = {name: value for name, value in content.items() if name not in ("trust", "evidence")}
+    of_today = ("trust", "evidence", "kind", "curves", "air", "battery", "balance", "withheld")
+    curve = content["curves"]["power_required"]
+    of_0_1 = {name: value for name, value in content.items() if name not in of_today} | {
+        "format": "flightpower-results-2", "power_required": curve["points"],
+        "interval_parts": curve["interval_parts"], "pooling": curve["statistics"],
+    }  # fmt: skip
     for written, found in (
         (content, content["trust"]),
         (content | {"evidence": [against]}, "not to be trusted"),
         (of_0_1, "doubtful"),
     ):
         (tmp_path / "results.json").write_text(json.dumps(written), "utf-8")
-        assert joint_pool(read_results([tmp_path]).to_pool).results().trust == found
+        assert joint_pool(read_flights([tmp_path]).to_pool).results().trust == found

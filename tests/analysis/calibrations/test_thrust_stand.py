@@ -83,7 +83,11 @@ def test_the_command_writes_a_file_that_replaces_the_aircraft_files_ratio(tmp_pa
     assert aircraft.uncertainty.static_thrust_ratio_fraction == pytest.approx(0.01)
     sections = outcome.output.split("aircraft file:\n")[1]
     propulsion, uncertainty = sections.split("\n\n")
-    text = load_aircraft("nexstar").text.replace("[propulsion]", propulsion) + "\n" + uncertainty
+    text = (
+        load_aircraft("nexstar").text.partition("[uncertainty]")[0].replace("[propulsion]", propulsion)
+        + "\n"
+        + uncertainty
+    )
     assert parse_aircraft(text, "mine.toml").propulsion.static_thrust_ratio == pytest.approx(1.03, abs=1e-4)
     again = run(*arguments)
     assert "exists already; give --replace" in str(again.exception)
@@ -162,7 +166,11 @@ def test_a_table_with_one_speed_of_rotation_is_compared() -> None:
 
 def test_an_analysis_takes_the_file_in_place_of_the_aircraft_files_ratio_and_of_no_other_table() -> None:
     """Keys of the aircraft file belong to its own propeller: with another table they are left out, as a note says."""
-    text = load_aircraft("nexstar").text.replace("[propulsion]", "[propulsion]\nstatic_thrust_ratio = 1.07")
+    text = (
+        load_aircraft("nexstar")
+        .text.partition("[uncertainty]")[0]
+        .replace("[propulsion]", "[propulsion]\nstatic_thrust_ratio = 1.07")
+    )
     log = Log(Path("log.mcap"), attachments={"aircraft.toml": text.encode(), "propeller.csv": TABLE.to_csv().encode()})
     with_probe = Replacements(probe=SimpleNamespace())  # type: ignore[arg-type]
     found, _ = calibrate(readings(), TABLE, 0.01, "stand.csv")

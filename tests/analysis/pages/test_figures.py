@@ -205,6 +205,6 @@ def test_a_slow_flight_s_margin_is_in_speed_and_an_unknown_optimum_is_advice(res
     shown = SimpleNamespace(slowest_flown=slowest)
     assert "margin of 20 % of speed" in certainty.stall_margin(shown)  # type: ignore[arg-type]
     slowest.largest_lift_coefficient = 0.803
-    assert "shows no margin" in certainty.stall_margin(shown)  # type: ignore[arg-type]
+    assert "margin to the stall is unknown" in certainty.stall_margin(shown)  # type: ignore[arg-type]
     none = SpeedInterval(speed_mps=None, lo_mps=None, hi_mps=None, inside_flown_range=False)
     assert results.minimum_power_speed == none

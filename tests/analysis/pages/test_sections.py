@@ -53,7 +53,7 @@ def test_a_method_is_told_with_half_of_its_interval() -> None:
 
 
 def test_the_battery_s_share_and_the_ceilings_are_told(with_battery: Results) -> None:
-    section = performance_section(with_battery)
+    section = performance_section(with_battery, with_battery.use)
     assert section is not None and section.battery == "74 Wh of which 80 % are used"
     assert with_battery.use is not None
     assert "Service ceiling (climb of 0.5 m/s): density altitude 3000" in ceilings(with_battery.use)

@@ -66,7 +66,7 @@ def test_a_meter_that_stands_is_refused_in_words() -> None:
     with pytest.raises(InputError, match="about 30 W in the air whatever the throttle"):
         flight_table(flown(30.0 + 2 * NOISE), 20.0, 0.45)
     with pytest.raises(
-        InputError, match=r"at most 8 W in the air, at up to 100 % throttle, on which 2\.04 kg do not climb"
+        InputError, match=r"never reads more than 8 W in flight, at up to 100 % throttle, too little for 2\.04 kg"
     ):
         flight_table(flown(7.5 + 0.01 * NOISE), 20.0, 0.45)
 

@@ -101,12 +101,14 @@ def test_what_was_left_out_by_hand_is_repeated_by_the_command(
     told = log.write(values)["command"]
     results = json.loads((log.path.parent / "flight.report" / "results.json").read_text("utf-8"))
     for name, drawn in cut["curve"].items():
-        assert drawn == pytest.approx([point[name] for point in results["electrical_power"]], rel=1e-12)
+        assert drawn == pytest.approx(
+            [point[name] for point in results["curves"]["electrical_power"]["points"]], rel=1e-12
+        )
     _, *words = shlex.split(told)
     assert words[-2:] == ["--leave-out", f"{round(middle):.1f} to {round(middle) + 60:.1f} s"]
     assert run("analyze", *words, "-o", tmp_path / "again")["exit code"] == 0
     again = json.loads((tmp_path / "again" / "results.json").read_text("utf-8"))
-    assert again["electrical_power"] == results["electrical_power"]
+    assert again["curves"] == results["curves"]
     assert opened(Folder(folder.path, folder.workspace)).shown["remembered"] == {
         "mass": "3.84 kg", "wing-area": "0.464 m^2", "span": "1.75 m",
     }, "the next time its report says what was flown"  # fmt: skip
@@ -163,7 +165,7 @@ def test_another_flight_is_compared_at_equal_weight_and_density(folder: Folder) 
     asked = log.curve(Values("flight.BIN", aircraft=AIRCRAFT, at=at))
     factor = (2 / 0.9) ** 0.5
     assert asked["curve"]["speed_mps"] == pytest.approx(factor * np.array(flown["curve"]["speed_mps"]), rel=1e-9)
-    assert asked["kind"] == flown["kind"] == "electrical power"
+    assert asked["kind"] == flown["kind"] == "electrical_power"
 
 
 def test_a_log_of_the_daemon_without_flow_angles_keeps_its_aircraft_file(
