@@ -27,7 +27,8 @@ NO_AXE = "no axe-core here (npm pack axe-core; AXE_CORE=…/axe.min.js)"
 A4_INCHES = (8.27, 11.69)
 # After the timers of a page that are due within this time, whenever they come: in the order in which they are due.
 AFTER_TIMERS = "new Promise(done => setTimeout(() => requestAnimationFrame(done), 200))"
-HANGS_S = 600  # an end for what would never end
+HANGS_S = 120  # an end for what would never end
+LOOK_AGAIN_S = 1.0  # while answers are outstanding: some requests end without an event
 QUIET_ROUNDS = 3  # in which a page neither waits for an answer nor does what is waited for
 
 
@@ -59,9 +60,12 @@ class Browser:
                 assert "error" not in answer, f"{method}: {answer['error']}"
                 return answer["result"]
 
+    def _speaks(self, within_s: float) -> bool:
+        return b"\0" in self._rest or bool(select.select([self._in], [], [], within_s)[0])
+
     def _next(self) -> dict[str, Any]:
         while b"\0" not in self._rest:
-            assert select.select([self._in], [], [], HANGS_S)[0], f"Chromium says nothing for {HANGS_S} s"
+            assert self._speaks(HANGS_S), f"Chromium says nothing for {HANGS_S} s"
             part = os.read(self._in.fileno(), 2**20)
             assert part, "Chromium ended"
             self._rest += part
@@ -115,10 +119,15 @@ class Browser:
 
         Fails when the page waits for no answer and for no timer, and the expression is still false.
         """
-        quiet = 0
+        quiet = silent = 0
         while not self.value_of(condition):
             if self._unanswered:
-                self._next()
+                if self._speaks(LOOK_AGAIN_S):
+                    self._next()
+                    silent = 0
+                else:
+                    silent += 1
+                    assert silent * LOOK_AGAIN_S < HANGS_S, f"no answer for {HANGS_S} s, and this is false: {condition}"
                 quiet = 0
                 continue
             assert quiet < QUIET_ROUNDS, f"the page waits for nothing, and this is false: {condition}"
