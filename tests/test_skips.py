@@ -50,7 +50,8 @@ def test_a_skip_that_is_not_expected_fails_and_is_named(tmp_path: Path, expected
 def test_a_list_that_is_missing_is_said(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "pytest", "-c", os.devnull, "--expected-skips", "absent"]
     (tmp_path / "conftest.py").write_text(CONFTEST.read_text("utf-8"), "utf-8")
-    environment = {**os.environ, "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "PYTHONPATH": str(CONFTEST.parents[1])}
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
+    environment |= {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "PYTHONPATH": str(CONFTEST.parents[1])}
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=60)
     assert done.returncode == 4
     assert "--expected-skips absent: cannot be read" in done.stderr
@@ -62,7 +63,8 @@ def test_what_is_thorough_is_left_to_test_all(tmp_path: Path, options: list[str]
     test = "import pytest\n\ndef test_daily(): pass\n\n@pytest.mark.thorough\ndef test_more(): assert False\n"
     (tmp_path / "test_it.py").write_text(test, "utf-8")
     command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", f"--rootdir={tmp_path}", *options]
-    environment = {**os.environ, "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "PYTHONPATH": str(CONFTEST.parents[1])}
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
+    environment |= {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "PYTHONPATH": str(CONFTEST.parents[1])}
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=60)
     assert done.returncode == code, done.stdout + done.stderr
     assert ("1 deselected" in done.stdout) is (code == 0)

@@ -8,7 +8,6 @@ from typing import NamedTuple, cast
 
 import numpy as np
 import pytest
-from analysis.results.electrical import ElectricalFindings, UsedBattery, _warnings, electrical_results
 
 from analysis.estimation.model import NamedValues, PriorMeasurement
 from analysis.methods.whole_flight.airspeed_gps import airspeed_errors, one_way
@@ -20,7 +19,8 @@ from analysis.methods.whole_flight.flight_table import FlightTable, flight_table
 from analysis.methods.whole_flight.parameters import Source
 from analysis.methods.whole_flight.thrust_balance import PARAMETERS, MotorConstants
 from analysis.performance.autopilot_parameters import flight_values
-from analysis.records.flight import EvidenceKind, Provenance, SpeedInterval, Trust
+from analysis.records.flight import BatteryResult, EvidenceKind, Kind, Provenance, SpeedInterval, Trust
+from analysis.results.energy_balance import EnergyBalanceFindings, _warnings, assemble_energy_balance
 from analysis.sources import recording
 from analysis.sources.recording import Channel, FlightRecording
 from analysis.uncertain import Uncertain
@@ -257,8 +257,8 @@ def test_a_wrong_number_of_poles_is_found_by_the_efficiency(table: FlightTable, 
     )
     assert drag_estimate(table, electrical, SPAN_M, ThrustSource()) == DragWithheld(DragLacks.PROPELLER)
     aircraft = FlownAircraft("test", MASS_KG * g, AREA_M2, SPAN_M)
-    results = electrical_results(
-        Path("log"), aircraft, ElectricalFindings(table, electrical, said), cast(Provenance, None)
+    results = assemble_energy_balance(
+        Path("log"), aircraft, EnergyBalanceFindings(table, electrical, said), cast(Provenance, None)
     )
     assert [(one.kind, one.figure) for one in results.evidence] == [
         (EvidenceKind.MOTOR_EFFICIENCY, said.motor_efficiency)
@@ -296,22 +296,23 @@ def test_the_results_are_those_of_the_estimate(
     drag: tuple[DragEstimate, bool], table: FlightTable, electrical: ElectricalEstimate
 ) -> None:
     found, _ = drag
-    aircraft, battery = FlownAircraft("test", MASS_KG * g, AREA_M2, SPAN_M), UsedBattery(125.0, 0.8)
+    aircraft, battery = FlownAircraft("test", MASS_KG * g, AREA_M2, SPAN_M), BatteryResult(energy_Wh=125.0, usable=0.8)
     provenance = cast(Provenance, None)
-    known = ElectricalFindings(table, electrical, found, "apc-12x8e", battery)
-    results = electrical_results(Path("log"), aircraft, known, provenance)
-    beside = results.electrical
-    assert beside is not None and beside.endurance_s is not None and beside.range_m is not None
+    known = EnergyBalanceFindings(table, electrical, found, "apc-12x8e", battery)
+    results = assemble_energy_balance(Path("log"), aircraft, known, provenance)
+    beside, balance = results.curves[Kind.ELECTRICAL], results.balance
+    assert balance is not None and balance.airspeed_scale is not None
+    assert beside.endurance_s is not None and beside.range_m is not None and beside.best_range_speed is not None
     V, power = electrical.V_mps, electrical.power_W
     assert beside.endurance_s.value == pytest.approx(battery.usable_J / power.min())
     assert beside.range_m.value == pytest.approx(battery.usable_J * np.max(V / power))
     assert 0.9 < beside.range_m.lo / beside.range_m.value < 0.995
     assert 1.005 < beside.range_m.hi / beside.range_m.value < 1.1
     assert beside.best_range_speed.speed_mps == pytest.approx(V[np.argmin(power / V)])
-    assert beside.airspeed_scale.hi - beside.airspeed_scale.value == pytest.approx(
+    assert balance.airspeed_scale.hi - balance.airspeed_scale.value == pytest.approx(
         1.96 * np.sqrt(electrical.airspeed.covariance[0, 0]), rel=1e-3
     )
-    assert beside.flown_s == pytest.approx(table.flown.sum() * 0.2)
+    assert balance.flown_s == pytest.approx(table.flown.sum() * 0.2)
     for point, p, error in zip(results.electrical_power, power, electrical.standard_error_W, strict=True):
         assert (point.power_hi_W - p, p - point.power_lo_W) == pytest.approx((1.96 * error,) * 2, rel=1e-3)
     parts = beside.interval_parts[10]
@@ -337,11 +338,12 @@ def test_efficiency_from_battery_to_thrust_is_as_wrong_as_the_current(
         table = flight_table(wrong, MASS_KG * g, AREA_M2)
         electrical = estimate(table, MASS_KG * g, AREA_M2, SPAN_M, most_windows=100)
     aircraft = FlownAircraft("test", MASS_KG * g, AREA_M2, SPAN_M)
-    results = electrical_results(Path("log"), aircraft, ElectricalFindings(table, electrical), cast(Provenance, None))
+    known = EnergyBalanceFindings(table, electrical)
+    results = assemble_energy_balance(Path("log"), aircraft, known, cast(Provenance, None))
     V, rho = electrical.V_mps, np.full(len(electrical.V_mps), electrical.conditions.rho)
     required_W = drag_W(V, 1.0, rho)
     true = required_W / (electrical_W(required_W / V, V, rho)[0] - IDLE_W)
-    found = results.electrical.thrust_efficiency if results.electrical else None
+    found = results.balance.thrust_efficiency if results.balance else None
     assert found is not None
     assert found.lo < np.max(true) / scale and found.hi > np.min(true) / scale
     assert found.value == pytest.approx(np.mean(true) / scale, rel=0.05)

@@ -59,6 +59,7 @@ def typed(key: str, text: str) -> str:
     return f"{box}.focus(); {box}.value = '{text}'; {box}.dispatchEvent(new Event('change'))"
 
 
+@pytest.mark.slow
 def test_mass_and_span_stand_beside_the_curve_and_it_follows(page: Browser) -> None:
     """A guess is said to be one; what cannot be used has a red border with its message, also in the status."""
     assert page.value_of("!at('guessed').hidden && at('first').querySelectorAll('.guessed').length") == 3
