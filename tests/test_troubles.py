@@ -62,6 +62,7 @@ def test_each_kind_has_a_row_with_what_to_do(
         assert all(len(cell.split()) > 1 for cell in row[1:]), row
 
 
+@pytest.mark.slow
 def test_each_refusal_of_the_code_is_on_the_page(sections: dict[str, list[list[str]]]) -> None:
     """Counted independently: calls of `InputError` with a text in the source."""
     written = {one.text for one in troubles.messages()}

@@ -79,7 +79,8 @@ def test_a_full_disk_ends_all_at_once_by_the_name_that_was_asked_for(tmp_path: P
     report = tmp_path / "out" / "b" / "report.html"
     with pytest.raises(StorageError, match=rf"^{report}: cannot be written"):
         run_in(tmp_path / "out", paths, work)
-    assert analyzed() == ["a.mcap", "b.mcap"]
+    begun = analyzed()
+    assert "b.mcap" in begun and len(begun) < 10, "no more than were begun at once"
     assert [path.name for path in (tmp_path / "out").iterdir()] == [".lock"]
 
 
