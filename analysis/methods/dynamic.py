@@ -295,7 +295,7 @@ def _nominal(counted: FlightForces, runs: list[Maneuver]) -> _Nominal:
     for _ in range(5):  # Gauss-Newton steps: thrust goes with the square of motor speed
         forces = FlightForces(counted.trajectory, counted.aircraft, counted.propeller, motor_speed=error)
         fit = _fitted(with_speed, forces.nominal, level, runs)
-        left, standard_error = motor_speed.share_and_error(fit)
+        left, standard_error = motor_speed.value_and_error(fit, motor_speed.PARAMETER)
         total = (1 + error.share) * (1 + left) - 1
         least = MOTOR_SPEED.least_pole_share if error.by_poles else EVIDENCE.negligible
         if abs(total) < max(least, MOTOR_SPEED.least_errors * standard_error):

@@ -7,16 +7,10 @@ Known delays are corrected before; what is left is tested in every flight, and e
 show it beyond doubt. A late IMU looks the same with the other sign.
 """
 
-from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any
-
-import numpy as np
-
 from analysis.estimation.fit import Fit
-from analysis.estimation.model import Model, NamedValues, Parameter
-from analysis.methods import consider as covariance
+from analysis.estimation.model import Model, Parameter
 from analysis.methods.forces import THRUST_RATE
+from analysis.methods.motor_speed import value_and_error, with_thrust_error
 from analysis.methods.settings import MOTOR_SPEED
 from analysis.trajectory.settings import CONSISTENCY
 
@@ -25,18 +19,7 @@ PARAMETER = "motor_lag"
 
 def with_motor_lag(model: Model) -> Model:
     """The drag model with the lag of the motor speed [s]."""
-
-    def drag(x: NamedValues, u: NamedValues, p: NamedValues) -> Sequence[Any]:
-        (without,) = model.output_function(x, u, p)
-        return (without - u.thrust_rate * p.motor_lag,)
-
-    return replace(
-        model,
-        name=f"{model.name}, motor lag",
-        inputs=(*model.inputs, THRUST_RATE),
-        output_function=drag,
-        parameters=(*model.parameters, Parameter(name=PARAMETER, start=0.0)),
-    )
+    return with_thrust_error(model, THRUST_RATE, Parameter(name=PARAMETER, start=0.0))
 
 
 def beyond_doubt(fit: Fit) -> bool:
@@ -44,7 +27,5 @@ def beyond_doubt(fit: Fit) -> bool:
 
     fit: of the model with it
     """
-    i = fit.names.index(PARAMETER)
-    error = float(np.sqrt(covariance.of_noise(fit)[i, i]))
-    least_s = max(MOTOR_SPEED.least_errors * error, CONSISTENCY.least_shift_s)
-    return bool(fit.verdict.ok and abs(fit.values[i]) > least_s)
+    lag_s, error_s = value_and_error(fit, PARAMETER)
+    return bool(fit.verdict.ok and abs(lag_s) > max(MOTOR_SPEED.least_errors * error_s, CONSISTENCY.least_shift_s))

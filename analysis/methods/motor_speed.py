@@ -50,21 +50,27 @@ def suspect(fit: Fit, flight_forces: FlightForces) -> MotorSpeedError | None:
 
 def with_motor_speed(model: Model) -> Model:
     """The drag model with what is left of the error of motor speed, a share of it."""
+    share = Parameter(name=PARAMETER, start=0.0, prior_sigma=MOTOR_SPEED.least_pole_share)
+    return with_thrust_error(model, THRUST_BY_MOTOR_SPEED, share)
+
+
+def with_thrust_error(model: Model, derivative: str, parameter: Parameter) -> Model:
+    """The drag model with one more error, by which thrust over mass is larger. derivative: the input, by the error"""
 
     def drag(x: NamedValues, u: NamedValues, p: NamedValues) -> Sequence[Any]:
         (without,) = model.output_function(x, u, p)
-        return (without - u.thrust_by_motor_speed * p.motor_speed,)
+        return (without - getattr(u, derivative) * getattr(p, parameter.name),)
 
     return replace(
         model,
-        name=f"{model.name}, motor speed",
-        inputs=(*model.inputs, THRUST_BY_MOTOR_SPEED),
+        name=f"{model.name}, {parameter.name.replace('_', ' ')}",
+        inputs=(*model.inputs, derivative),
         output_function=drag,
-        parameters=(*model.parameters, Parameter(name=PARAMETER, start=0.0, prior_sigma=MOTOR_SPEED.least_pole_share)),
+        parameters=(*model.parameters, parameter),
     )
 
 
-def share_and_error(fit: Fit) -> tuple[float, float]:
-    """What is left of the share by a fit, and its standard error."""
-    i = fit.names.index(PARAMETER)
+def value_and_error(fit: Fit, name: str) -> tuple[float, float]:
+    """The estimate of a parameter, and its standard error by noise."""
+    i = fit.names.index(name)
     return float(fit.values[i]), float(np.sqrt(covariance.of_noise(fit)[i, i]))
