@@ -23,10 +23,12 @@ from analysis.pages.open.request import FieldError, Json, Values
 from analysis.pipeline import analyze
 from analysis.pipeline.whole_flight import WholeFlightAnalysis
 from analysis.records.flight import Kind
+from analysis.results.read import read_results
 from analysis.sources import autopilot, daemon, recording
 from analysis.sources.daemon import times_ns
 from analysis.sources.recognize import autopilot_of
 from analysis.sources.recording import AllChannels, Channel, Event, FlightRecording
+from flight.errors import InputError
 from flight.log_reader import Log
 from flight.shipped_propellers import shipped_propellers
 from flight.units import GRAVITY_MPS2
@@ -195,30 +197,14 @@ class WholeFlight(OpenedFlight):
 def remembered(report: Path) -> dict[str, str]:
     """Mass, wing area and span of the last report of a log, as typed; empty where there is none."""
     try:
-        found = msgspec.json.decode((report / "results.json").read_bytes(), type=_Flown)
-    except (OSError, msgspec.MsgspecError):
+        found = read_results(report / "results.json")
+    except InputError:
         return {}
     return {
         "mass": f"{found.test.weight_N / GRAVITY_MPS2:.4g} kg",
         "wing-area": f"{found.aircraft.wing_area_m2:.4g} m^2",
         "span": f"{found.aircraft.span_m:.4g} m",
     }
-
-
-class _Weight(msgspec.Struct):
-    weight_N: float
-
-
-class _Size(msgspec.Struct):
-    wing_area_m2: float
-    span_m: float
-
-
-class _Flown(msgspec.Struct):
-    """What of `results.json` says which aircraft flew."""
-
-    test: _Weight
-    aircraft: _Size
 
 
 def _variances(estimate: ElectricalEstimate, at: int) -> dict[str, Any]:
