@@ -265,8 +265,7 @@ def _counted_speed(statistics: PoolingStatistics | None) -> Iterator[Evidence]:
     """An error of motor speed that the runs showed, for which the curve is corrected."""
     if statistics is None or MOTOR_SPEED_PARAMETER not in statistics.names:
         return
-    i = statistics.names.index(MOTOR_SPEED_PARAMETER)
-    share, error = statistics.values[i], math.sqrt(statistics.covariance[i][i])
+    share, error = _estimate(statistics, MOTOR_SPEED_PARAMETER)
     poles, limit = abs(share) > MOTOR_SPEED.least_pole_share, MOTOR_SPEED.least_errors * error
     check = "check `propulsion.pole_pairs`, and analyze again" if poles else "check its signal and wires"
     yield Evidence(
@@ -285,12 +284,17 @@ def _counted_speed(statistics: PoolingStatistics | None) -> Iterator[Evidence]:
     )
 
 
+def _estimate(statistics: PoolingStatistics, name: str) -> tuple[float, float]:
+    """The estimate of a parameter and its standard error."""
+    i = statistics.names.index(name)
+    return statistics.values[i], math.sqrt(statistics.covariance[i][i])
+
+
 def _motor_lag(statistics: PoolingStatistics | None) -> Iterator[Evidence]:
     """A lag of the motor speed that the runs showed, for which the curve is corrected."""
     if statistics is None or MOTOR_LAG_PARAMETER not in statistics.names:
         return
-    i = statistics.names.index(MOTOR_LAG_PARAMETER)
-    lag_s, error_s = statistics.values[i], math.sqrt(statistics.covariance[i][i])
+    lag_s, error_s = _estimate(statistics, MOTOR_LAG_PARAMETER)
     limit_s = MOTOR_SPEED.least_errors * error_s
     yield Evidence(
         kind=EvidenceKind.MOTOR_LAG,
@@ -463,7 +467,7 @@ def _sensor_errors(results: Results) -> Iterator[Evidence]:
             false_alarm_rate=float(2 * special.ndtr(-limit)) if name == UPDRAFT else TRUST.false_alarm_rate,
             text=(
                 f"The {subject} is {sigmas:+.1f} times the standard deviation assumed (limit {limit:.1f}). Usually"
-                f" {CULPRIT[name]}: fix it, or enter a larger value in [uncertainty] of the aircraft file."
+                f" {CULPRIT[name]}. If it cannot be fixed, enter a larger value in [uncertainty] of the aircraft file."
             ),
         )
 
