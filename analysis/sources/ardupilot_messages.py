@@ -1,6 +1,5 @@
 """The messages of an ArduPilot log that are read, by kind and instance, in SI units or those of their fields."""
 
-import mmap
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -115,9 +114,7 @@ def _read(
             case Format.MAT:
                 return MatlabLog(path, kinds)
             case _:
-                with path.open("rb") as stream:
-                    empty = not stream.read(1)
-                    return DataflashLog(b"" if empty else mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ))
+                return DataflashLog(path)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
     except ValueError as error:

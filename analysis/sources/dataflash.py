@@ -5,14 +5,16 @@ length, name, codes and names of the fields.
 """
 
 import itertools
-import mmap
 import struct
 from array import array
-from collections.abc import Collection
-from typing import Any, ClassVar, NamedTuple
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import Any, BinaryIO, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from flight.errors import InputError
 
 START, DEFINITION = b"\xa3\x95", ord(b"\x80")
 FORMAT = struct.Struct("<BB4s16s64s")
@@ -42,39 +44,69 @@ class _Kind(NamedTuple):
     dtype: np.dtype[np.void]
 
 
+def _read(stream: BinaryIO, size: int) -> bytes:
+    data = stream.read(size)
+    if len(data) < size:
+        raise InputError(f"{stream.name}: became shorter while it was read; copy the log, then analyze the copy")
+    return data
+
+
 class DataflashLog:
-    """The messages of a file by kind."""
+    """The messages of a file by kind. Of the file itself, one block is in memory at a time.
+
+    The file is read, not mapped: where the card of a mapped file is pulled, the process ends without a word.
+
+    Raises OSError where the file cannot be read, InputError where that happens later, or where it became shorter.
+    """
 
     notes = ()
-    BLOCK_BYTES: ClassVar[int] = 1 << 23  # of a mapped file that are in memory at once
+    BLOCK_BYTES: ClassVar[int] = 1 << 23
 
-    def __init__(self, data: bytes | mmap.mmap):
-        self._data = data
+    def __init__(self, source: bytes | Path):
+        self._source = source
+        self._bytes = len(source) if isinstance(source, bytes) else source.stat().st_size
         self._kinds: dict[int, _Kind] = {}
         lengths = [0] * 256
         lengths[DEFINITION] = HEADER_BYTES + FORMAT.size
         self._offsets = [array("Q") for _ in range(256)]
-        at, find, kept = 0, data.find, self.BLOCK_BYTES
-        while 0 <= (at := find(START, at)) <= len(data) - HEADER_BYTES:
-            if at > kept:
-                self._forget()
-                kept = at + self.BLOCK_BYTES
-            number = data[at + 2]
-            length = lengths[number]
-            if not length or at + length > len(data):
-                at += 1
-                continue
-            self._offsets[number].append(at)
-            if number == DEFINITION and (defined := self._define(data, at)) is not None:
-                lengths[defined] = HEADER_BYTES + self._kinds[defined].dtype.itemsize
-            at += length
+        begin, data = 0, b""
+        for block in self._blocks():
+            data += block
+            at, find, last = 0, data.find, begin + len(data) == self._bytes
+            while 0 <= (at := find(START, at)) <= len(data) - HEADER_BYTES:
+                number = data[at + 2]
+                length = lengths[number]
+                if at + length > len(data) and not last:
+                    break
+                if not length or at + length > len(data):
+                    at += 1
+                    continue
+                self._offsets[number].append(begin + at)
+                if number == DEFINITION and (defined := self._define(data, at)) is not None:
+                    lengths[defined] = HEADER_BYTES + self._kinds[defined].dtype.itemsize
+                at += length
+            rest = at if at >= 0 else len(data) - 1  # whose byte may be the first one of START
+            begin, data = begin + rest, data[rest:]
 
-    def _forget(self) -> None:
-        """Give back the memory of a file that is mapped: what is needed again is read again."""
-        if isinstance(self._data, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
-            self._data.madvise(mmap.MADV_DONTNEED)
+    def _blocks(self) -> Iterator[bytes]:
+        if isinstance(self._source, bytes):
+            yield self._source
+            return
+        with self._source.open("rb") as stream:
+            for begin in range(0, self._bytes, self.BLOCK_BYTES):
+                yield _read(stream, min(self.BLOCK_BYTES, self._bytes - begin))
 
-    def _define(self, data: bytes | mmap.mmap, at: int) -> int | None:
+    def _slice(self, begin: int, end: int) -> bytes:
+        if isinstance(self._source, bytes):
+            return self._source[begin:end]
+        try:
+            with self._source.open("rb") as stream:
+                stream.seek(begin)
+                return _read(stream, end - begin)
+        except OSError as error:
+            raise InputError(f"{self._source}: cannot be read any longer ({error.strerror or error})") from None
+
+    def _define(self, data: bytes, at: int) -> int | None:
         """The number of the kind that a format message defines; None where it is damaged, or known before."""
         number, length, *texts = FORMAT.unpack_from(data, at + HEADER_BYTES)
         name, codes, listed = (text.rstrip(b"\0").decode("ascii", "replace") for text in texts)
@@ -113,7 +145,7 @@ class DataflashLog:
                 text = code in "nNZ"
                 out[field] = np.empty(len(offsets), dtype=kind.dtype[field] if text else np.float64)
         step = self.BLOCK_BYTES
-        ends = np.searchsorted(offsets, np.arange(step, len(self._data) + step, step)).tolist()
+        ends = np.searchsorted(offsets, np.arange(step, self._bytes + step, step)).tolist()
         for first, last in itertools.pairwise([0, *ends]):
             self._fill(kind, offsets[first:last], {field: column[first:last] for field, column in out.items()})
         for field, code in zip(kind.fields, kind.codes, strict=True):
@@ -126,10 +158,9 @@ class DataflashLog:
         if not len(offsets):
             return
         begin, end = int(offsets[0]) + HEADER_BYTES, int(offsets[-1]) + HEADER_BYTES + kind.dtype.itemsize
-        block = np.frombuffer(self._data[begin:end], dtype=np.uint8)
+        block = np.frombuffer(self._slice(begin, end), dtype=np.uint8)
         at = offsets.astype(np.int64) + HEADER_BYTES - begin
         rows = block[at[:, None] + np.arange(kind.dtype.itemsize)].view(kind.dtype).reshape(-1)
         with np.errstate(invalid="ignore"):
             for field, column in out.items():
                 column[:] = rows[field]
-        self._forget()

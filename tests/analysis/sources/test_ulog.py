@@ -12,6 +12,7 @@ from pyulog import ULog
 
 from analysis.sources.dataflash import DataflashLog
 from analysis.sources.ulog import BlockwiseULog, _Advancing
+from flight.errors import InputError
 from sim.dataflash_writer import DataflashMessages, write_dataflash
 from sim.ulog_writer import UlogContents, UlogTopic, write_ulog
 
@@ -82,22 +83,53 @@ def test_a_damaged_log_gives_what_pyulog_gives(log: bytes, monkeypatch: pytest.M
     assert corrupt > 10
 
 
-def test_a_dataflash_log_is_read_from_block_to_block(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+@pytest.fixture
+def dataflash_log(tmp_path: Path) -> Path:
     t = 10_000 * np.arange(2000, dtype=np.uint64)
     write_dataflash(tmp_path / "log.BIN", [
         DataflashMessages("IMU", "Qfc", {"TimeUS": t, "AccX": np.arange(2000.0), "AccY": -0.1 * np.arange(2000.0)}),
         DataflashMessages("BARO", "Qf", {"TimeUS": t[::10], "Press": 1e5 + np.arange(200.0)}),
     ])  # fmt: skip
-    data = (tmp_path / "log.BIN").read_bytes()
-    whole = DataflashLog(data)
-    monkeypatch.setattr(DataflashLog, "BLOCK_BYTES", 1000)
-    assert len(data) > 20 * 1000
-    for kind in ("IMU", "BARO"):
-        in_blocks = DataflashLog(data).columns(kind)
-        assert {name: x.tolist() for name, x in in_blocks.items()} == {
-            name: x.tolist() for name, x in whole.columns(kind).items()
-        }
-    assert whole.columns("IMU")["AccX"] == pytest.approx(np.arange(2000.0))
+    return tmp_path / "log.BIN"
+
+
+def columns_of(log: DataflashLog) -> dict[str, dict[str, bytes]]:
+    """The columns by kind, to the bit, since damaged ones hold NaN."""
+    return {kind: {name: x.tobytes() for name, x in log.columns(kind).items()} for kind in log.names()}
+
+
+def test_a_dataflash_log_holds_what_was_written(dataflash_log: Path) -> None:
+    log = DataflashLog(dataflash_log)
+    assert log.columns("IMU")["AccX"] == pytest.approx(np.arange(2000.0))
     # An integer of hundredths in the file.
-    assert whole.columns("IMU")["AccY"] == pytest.approx(-0.1 * np.arange(2000.0), abs=1e-9)
-    assert list(whole.columns("IMU", {"AccY"})) == ["AccY"]
+    assert log.columns("IMU")["AccY"] == pytest.approx(-0.1 * np.arange(2000.0), abs=1e-9)
+    assert list(log.columns("IMU", {"AccY"})) == ["AccY"]
+
+
+@pytest.mark.parametrize("block_bytes", [64, 257, 1000, 1 << 23])
+@pytest.mark.parametrize("damaged", [False, True])
+def test_a_dataflash_log_is_read_from_block_to_block(
+    monkeypatch: pytest.MonkeyPatch, dataflash_log: Path, block_bytes: int, damaged: bool
+) -> None:
+    """Blocks end within messages, within heads of messages and between; a damaged file has false heads, too."""
+    data = bytearray(dataflash_log.read_bytes())
+    if damaged:
+        rng = np.random.default_rng(3)
+        for at in rng.integers(400, len(data) - 300, 200):
+            data[at : at + 3] = (b"\xa3\x95\x80", b"\xa3\x95\xff", b"\xa3\xa3\x95")[at % 3]
+        del data[-7:]
+        dataflash_log.write_bytes(data)
+    whole = columns_of(DataflashLog(bytes(data)))
+    monkeypatch.setattr(DataflashLog, "BLOCK_BYTES", block_bytes)
+    assert columns_of(DataflashLog(dataflash_log)) == whole
+    assert len(whole["IMU"]["AccX"]) > 8 * (1500 if damaged else 1999)
+
+
+def test_a_dataflash_log_that_is_cut_off_or_taken_away_meanwhile_ends_in_one_line(dataflash_log: Path) -> None:
+    log, data = DataflashLog(dataflash_log), dataflash_log.read_bytes()
+    dataflash_log.write_bytes(data[:-100])
+    with pytest.raises(InputError, match="became shorter while it was read; copy the log"):
+        log.columns("IMU")
+    dataflash_log.unlink()
+    with pytest.raises(InputError, match="cannot be read any longer"):
+        log.columns("IMU")
