@@ -13,7 +13,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.records.flight import (
+from flightpower.analysis.records.flight import (
     CurveResult,
     Interval,
     Kind,
@@ -22,9 +22,9 @@ from analysis.records.flight import (
     SpeedInterval,
     SpeedReason,
 )
-from analysis.settings import CURVES
-from analysis.uncertain import Uncertain
-from flight.arrays import Array
+from flightpower.analysis.settings import CURVES
+from flightpower.analysis.uncertain import Uncertain
+from flightpower.flight.arrays import Array
 
 
 class Condition(NamedTuple):

@@ -3,7 +3,7 @@
 from itertools import count
 from pathlib import Path
 
-from flight.files import write_error, write_file
+from flightpower.flight.files import write_error, write_file
 
 __all__ = ["write_file", "write_keeping_previous"]
 

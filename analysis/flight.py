@@ -21,16 +21,16 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from analysis.air.contents import LogContents, Replacements, contents
-from analysis.air.flight_data import FlightData, flight_data
-from analysis.air.flown import check_lift, flown_condition, flown_lift, largest_lift, thrust_coverage
-from analysis.curve import Condition
-from analysis.maneuvers.kinds import Maneuvers
-from analysis.maneuvers.runs_file import select
-from analysis.sources.axes import check_axes
-from analysis.sources.structure import check_decodable, check_log, receiver_notes
-from analysis.trajectory.as_measured import path_as_measured
-from analysis.trajectory.observability import (
+from flightpower.analysis.air.contents import LogContents, Replacements, contents
+from flightpower.analysis.air.flight_data import FlightData, flight_data
+from flightpower.analysis.air.flown import check_lift, flown_condition, flown_lift, largest_lift, thrust_coverage
+from flightpower.analysis.curve import Condition
+from flightpower.analysis.maneuvers.kinds import Maneuvers
+from flightpower.analysis.maneuvers.runs_file import select
+from flightpower.analysis.sources.axes import check_axes
+from flightpower.analysis.sources.structure import check_decodable, check_log, receiver_notes
+from flightpower.analysis.trajectory.as_measured import path_as_measured
+from flightpower.analysis.trajectory.observability import (
     PriorConflict,
     conflict_notes,
     misfit,
@@ -40,13 +40,13 @@ from analysis.trajectory.observability import (
     trajectory_notes,
     with_misfit,
 )
-from analysis.trajectory.priors import SensorPriors, stated_sigma, upwash_slope_sigma
-from analysis.trajectory.reconstruction import Trajectory, reconstruct
-from analysis.trajectory.updraft import denied_updraft, mean_updraft, sun_over, updraft_notes
-from flight.aircraft import Aircraft
-from flight.errors import InputError
-from flight.log_reader import Log
-from flight.propeller import Propeller
+from flightpower.analysis.trajectory.priors import SensorPriors, stated_sigma, upwash_slope_sigma
+from flightpower.analysis.trajectory.reconstruction import Trajectory, reconstruct
+from flightpower.analysis.trajectory.updraft import denied_updraft, mean_updraft, sun_over, updraft_notes
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_reader import Log
+from flightpower.flight.propeller import Propeller
 
 Progress = Callable[[str], None]
 

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from analysis.performance.request import Request, parse_request, parse_weight
-from flight.aircraft import load_aircraft
-from flight.command_line import quantity
-from flight.errors import InputError
-from flight.units import GRAVITY_MPS2
+from flightpower.analysis.performance.request import Request, parse_request, parse_weight
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.command_line import quantity
+from flightpower.flight.errors import InputError
+from flightpower.flight.units import GRAVITY_MPS2
 
 if TYPE_CHECKING:
-    from analysis.air.contents import Replacements
+    from flightpower.analysis.air.contents import Replacements
 
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
 ReplaceOption = Annotated[bool, typer.Option("--replace", help="Replace an existing file.")]
@@ -147,16 +147,16 @@ class LogOptions:
     def replacements(self) -> "Replacements":
         """What the files contain. Raises InputError when one of them, or the list of runs, cannot be used."""
         aircraft = load_aircraft(self.aircraft) if self.aircraft else None
-        from flight.propeller_files import load_propeller
+        from flightpower.flight.propeller_files import load_propeller
 
         propeller = load_propeller(self.propeller) if self.propeller else None
-        from analysis.air.contents import Replacements
-        from analysis.air.magnetometer import MAGNETOMETER_FILE
-        from analysis.air.probe import PROBE_FILE
-        from analysis.air.thrust_stand import THRUST_STAND_FILE
-        from analysis.air.transducers import TRANSDUCERS_FILE
-        from analysis.maneuvers import runs_file
-        from analysis.sources.rest import ZERO_FILE
+        from flightpower.analysis.air.contents import Replacements
+        from flightpower.analysis.air.magnetometer import MAGNETOMETER_FILE
+        from flightpower.analysis.air.probe import PROBE_FILE
+        from flightpower.analysis.air.thrust_stand import THRUST_STAND_FILE
+        from flightpower.analysis.air.transducers import TRANSDUCERS_FILE
+        from flightpower.analysis.maneuvers import runs_file
+        from flightpower.analysis.sources.rest import ZERO_FILE
 
         if self.runs:
             runs_file.load(self.runs)  # a wrong one is refused before anything is computed

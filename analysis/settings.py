@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from analysis.estimation.settings import TESTS
-from flight.settings import Settings, setting
+from flightpower.analysis.estimation.settings import TESTS
+from flightpower.flight.settings import Settings, setting
 
 
 @dataclass(frozen=True)

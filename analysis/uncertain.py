@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.estimation.settings import TESTS
-from flight.arrays import Array
+from flightpower.analysis.estimation.settings import TESTS
+from flightpower.flight.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -35,19 +35,19 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 import numpy as np
 import typer
 
-from analysis.missions.mission import Assumed
-from analysis.missions.mission_files import load_mission
-from analysis.sources.ardupilot import read_ardupilot
-from analysis.sources.map_draft import draft
-from analysis.sources.open import open_source
-from analysis.sources.paparazzi import read_paparazzi
-from analysis.sources.px4 import read_px4
-from flight.errors import InputError
-from flight.propeller_files import load_propeller
-from flight.shipped_propellers import FOLDER
-from sim.dataflash_writer import DataflashMessages, write_dataflash, write_text
-from sim.telemetry_writer import write_telemetry
-from sim.ulog_writer import UlogContents, UlogTopic, write_ulog
+from flightpower.analysis.missions.mission import Assumed
+from flightpower.analysis.missions.mission_files import load_mission
+from flightpower.analysis.sources.ardupilot import read_ardupilot
+from flightpower.analysis.sources.map_draft import draft
+from flightpower.analysis.sources.open import open_source
+from flightpower.analysis.sources.paparazzi import read_paparazzi
+from flightpower.analysis.sources.px4 import read_px4
+from flightpower.flight.errors import InputError
+from flightpower.flight.propeller_files import load_propeller
+from flightpower.flight.shipped_propellers import FOLDER
+from flightpower.sim.dataflash_writer import DataflashMessages, write_dataflash, write_text
+from flightpower.sim.telemetry_writer import write_telemetry
+from flightpower.sim.ulog_writer import UlogContents, UlogTopic, write_ulog
 from tests.fuzz_targets import electrical
 
 KEPT = Path(__file__).resolve().parent.parent / "tests" / "data" / "fuzz"

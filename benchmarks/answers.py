@@ -14,21 +14,21 @@ from estimators import speeds
 from flights import Rows, Setup
 from scipy.optimize import brentq
 
-from analysis.curve import Condition, lift_coefficient
-from analysis.maneuvers.find_level import find_runs
-from analysis.methods import dynamic
-from analysis.performance.analysis import performance_model, power_train_data
-from analysis.performance.climb import full_throttle_performance
-from analysis.performance.level_flight import PerformanceModel, level_flight
-from analysis.trajectory.reconstruction import reconstruct
-from flight.aircraft import Aircraft, load_aircraft
-from flight.errors import InputError
-from flight.propeller_files import load_propeller
-from sim.air import ambient
-from sim.plant import Deviations, plant_of
-from sim.propulsion import power_train
-from sim.sensors.budget import DrawnErrors
-from sim.trim import Trimmer
+from flightpower.analysis.curve import Condition, lift_coefficient
+from flightpower.analysis.maneuvers.find_level import find_runs
+from flightpower.analysis.methods import dynamic
+from flightpower.analysis.performance.analysis import performance_model, power_train_data
+from flightpower.analysis.performance.climb import full_throttle_performance
+from flightpower.analysis.performance.level_flight import PerformanceModel, level_flight
+from flightpower.analysis.trajectory.reconstruction import reconstruct
+from flightpower.flight.aircraft import Aircraft, load_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.propeller_files import load_propeller
+from flightpower.sim.air import ambient
+from flightpower.sim.plant import Deviations, plant_of
+from flightpower.sim.propulsion import power_train
+from flightpower.sim.sensors.budget import DrawnErrors
+from flightpower.sim.trim import Trimmer
 
 
 def truth_of(aircraft: Aircraft, deviations: Deviations, rho: float, V: np.ndarray, climb_V: float) -> np.ndarray:

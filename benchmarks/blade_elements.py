@@ -16,8 +16,8 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from flight.propeller import Propeller, Row
-from flight.propeller_files import INCH_M
+from flightpower.flight.propeller import Propeller, Row
+from flightpower.flight.propeller_files import INCH_M
 
 Array = NDArray[np.float64]
 

@@ -17,15 +17,15 @@ import typer
 from numpy.typing import NDArray
 from records import Record, counted, markdown, rounded
 
-from analysis.air.probe import ProbeCalibration, ProbeFlow, flow_at_probe
-from analysis.air.tubing import air, low_frequency_lag_s, response
-from analysis.calibrations.probe import TunnelData, calibrate
-from analysis.calibrations.tubing import find_steps, fit_lag, through
-from analysis.estimation.noise import NORMAL_95
-from flight.aircraft import PneumaticLine
-from sim.sensors.probe import port_pressures
-from sim.sensors.tubing import first_order_lag, time_constant_s
-from sim.tunnel import simulated_measurements
+from flightpower.analysis.air.probe import ProbeCalibration, ProbeFlow, flow_at_probe
+from flightpower.analysis.air.tubing import air, low_frequency_lag_s, response
+from flightpower.analysis.calibrations.probe import TunnelData, calibrate
+from flightpower.analysis.calibrations.tubing import find_steps, fit_lag, through
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.flight.aircraft import PneumaticLine
+from flightpower.sim.sensors.probe import port_pressures
+from flightpower.sim.sensors.tubing import first_order_lag, time_constant_s
+from flightpower.sim.tunnel import simulated_measurements
 
 Array = NDArray[np.float64]
 ANGLES_RAD = np.radians(np.linspace(-15, 15, 31))

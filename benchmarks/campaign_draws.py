@@ -10,11 +10,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.flights.flight_statistics import POOLED, FlightStatistics, M
-from analysis.flights.joint import OWN_CHANGES, stacked
-from analysis.flights.joint_pool import JointPool
-from analysis.flights.pool import pool
-from sim.sensors.budget import load_budget
+from flightpower.analysis.flights.flight_statistics import POOLED, FlightStatistics, M
+from flightpower.analysis.flights.joint import OWN_CHANGES, stacked
+from flightpower.analysis.flights.joint_pool import JointPool
+from flightpower.analysis.flights.pool import pool
+from flightpower.sim.sensors.budget import load_budget
 
 Array = NDArray[np.float64]
 

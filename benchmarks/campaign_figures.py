@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 from records import Record, counted, markdown, rounded
 from worlds import Points, world_records
 
-from analysis.curve import Polar, power_required
-from analysis.estimation.noise import NORMAL_95
-from analysis.flights.comparison import compare
-from analysis.flights.flight_statistics import read_statistics
-from analysis.flights.joint_pool import JointPool
-from analysis.flights.pool import joint_pool
-from analysis.flights.pooled import flights_to_see
-from flight.aircraft import load_aircraft
+from flightpower.analysis.curve import Polar, power_required
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.flights.comparison import compare
+from flightpower.analysis.flights.flight_statistics import read_statistics
+from flightpower.analysis.flights.joint_pool import JointPool
+from flightpower.analysis.flights.pool import joint_pool
+from flightpower.analysis.flights.pooled import flights_to_see
+from flightpower.flight.aircraft import load_aircraft
 
 Array = NDArray[np.float64]
 Flights = dict[int, dict[str, Any]]  # lines by the number of the flight in its campaign

@@ -27,28 +27,28 @@ from campaign_draws import MORE_DRAG
 from estimators import speeds
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.air.flight_data import Calibrations
-from analysis.air.flown import flown_condition, flown_lift
-from analysis.air.probe import ProbeCalibration
-from analysis.maneuvers.kinds import Maneuver
-from analysis.maneuvers.runs_file import select
-from analysis.methods import dynamic
-from analysis.methods.assumed_values import with_assumption_uncertainty, with_transducer_uncertainty
-from analysis.methods.dynamic import DynamicEstimate
-from analysis.records.flight import Kind
-from analysis.results.assemble import pooling_statistics
-from analysis.trajectory.observability import prior_conflict, with_misfit
-from analysis.trajectory.priors import SensorPriors, stated_sigma
-from analysis.trajectory.reconstruction import Trajectory, reconstruct
-from flight.aircraft import Aircraft, Installation, load_aircraft
-from flight.errors import InputError
-from flight.propeller import Propeller
-from flight.propeller_files import load_propeller
-from sim.fly import fly
-from sim.plan import load_plan
-from sim.sensors import FlightSensorTruth
-from sim.sensors.budget import DrawnErrors, of_installation
-from sim.world import World, load_world
+from flightpower.analysis.air.flight_data import Calibrations
+from flightpower.analysis.air.flown import flown_condition, flown_lift
+from flightpower.analysis.air.probe import ProbeCalibration
+from flightpower.analysis.maneuvers.kinds import Maneuver
+from flightpower.analysis.maneuvers.runs_file import select
+from flightpower.analysis.methods import dynamic
+from flightpower.analysis.methods.assumed_values import with_assumption_uncertainty, with_transducer_uncertainty
+from flightpower.analysis.methods.dynamic import DynamicEstimate
+from flightpower.analysis.records.flight import Kind
+from flightpower.analysis.results.assemble import pooling_statistics
+from flightpower.analysis.trajectory.observability import prior_conflict, with_misfit
+from flightpower.analysis.trajectory.priors import SensorPriors, stated_sigma
+from flightpower.analysis.trajectory.reconstruction import Trajectory, reconstruct
+from flightpower.flight.aircraft import Aircraft, Installation, load_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.propeller import Propeller
+from flightpower.flight.propeller_files import load_propeller
+from flightpower.sim.fly import fly
+from flightpower.sim.plan import load_plan
+from flightpower.sim.sensors import FlightSensorTruth
+from flightpower.sim.sensors.budget import DrawnErrors, of_installation
+from flightpower.sim.world import World, load_world
 
 ROOT = Path(__file__).parents[1]
 PLAN, SEEDS_A_CAMPAIGN = "full-test-flight", 100

@@ -22,8 +22,8 @@ import msgspec
 import numpy as np
 from flights import Rows, Setup, tunnel_probe
 
-from analysis.curve import Condition, Polar, power_required
-from flight.aircraft import load_aircraft
+from flightpower.analysis.curve import Condition, Polar, power_required
+from flightpower.flight.aircraft import load_aircraft
 
 ALONE = {"one acceleration": "acceleration", "one deceleration": "deceleration"}
 NOT_TRUSTED, REFUSED = 1, 2  # exit codes: a result with a warning; input that is refused
@@ -94,7 +94,7 @@ def read_truth(folder: Path) -> np.ndarray:
 
 def plan_text(plan: str, turbulence_kt: float) -> str:
     """A shipped plan with turbulence of this W20."""
-    text = (resources.files("sim") / "plans" / f"{plan}.toml").read_text("utf-8")
+    text = (resources.files("flightpower.sim") / "plans" / f"{plan}.toml").read_text("utf-8")
     return text.replace("[air]\n", f'[air]\nturbulence = "{turbulence_kt} kt"\n')
 
 

@@ -20,15 +20,15 @@ import typer
 from electrical import AUTOPILOTS, CLOSED_LOOP, true_power
 from flights import Setup, flown
 
-from analysis.curve import Cost
-from analysis.estimation.noise import NORMAL_95
-from analysis.methods.whole_flight.curve import estimate
-from analysis.methods.whole_flight.flight_table import flight_table
-from analysis.performance.autopilot_parameters import flight_values
-from analysis.records.flight import Interval
-from flight.atmosphere import SEA_LEVEL_DENSITY
-from flight.complete_aircraft import load_complete_aircraft
-from flight.errors import InputError
+from flightpower.analysis.curve import Cost
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.methods.whole_flight.curve import estimate
+from flightpower.analysis.methods.whole_flight.flight_table import flight_table
+from flightpower.analysis.performance.autopilot_parameters import flight_values
+from flightpower.analysis.records.flight import Interval
+from flightpower.flight.atmosphere import SEA_LEVEL_DENSITY
+from flightpower.flight.complete_aircraft import load_complete_aircraft
+from flightpower.flight.errors import InputError
 
 BIN, TEXT, TELEMETRY = "log.BIN", "log.log", "log.tlog"
 RIGHT = [

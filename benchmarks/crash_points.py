@@ -36,9 +36,9 @@ import typer
 from daemon import DAQ, ROOT
 from mcap.reader import make_reader
 
-from daq.log_names import numbered_logs
-from daq.log_recovery import recovery_event
-from flight.log_reader import read_log
+from flightpower.daq.log_names import numbered_logs
+from flightpower.daq.log_recovery import recovery_event
+from flightpower.flight.log_reader import read_log
 
 # The daemon has the priority of its service. Parts and disk stand above it: real ones do not wait for a scheduler.
 REAL_TIME = ("chrt", "-f")

@@ -128,8 +128,8 @@ def watch(daemon: subprocess.Popen) -> tuple[list[tuple[float, int]], list[tuple
 
 def ticks_of(paths: list[Path]) -> Record:
     """Ticks, missed ones, how late they were, and messages without measurement."""
-    from flight.log_reader import read_log
-    from flight.messages import Status
+    from flightpower.flight.log_reader import read_log
+    from flightpower.flight.messages import Status
 
     logs = [read_log(path) for path in paths]
     ticks = [entry for log in logs for entry in log.entries["/daq/tick"]]
@@ -158,13 +158,13 @@ def faults() -> None:
 def fault_records() -> list[Record]:
     from analytic_sensor_truth import AnalyticSensorTruth
 
-    from daq.config import parse_tray
-    from daq.daemon import record
-    from flight.log_reader import read_log
-    from flight.messages import Status
-    from hw_fakes.clock import SimulatedClock
-    from hw_fakes.faults import DEVICES_OF_KIND, Fault
-    from hw_fakes.tray import FakeTray
+    from flightpower.daq.config import parse_tray
+    from flightpower.daq.daemon import record
+    from flightpower.flight.log_reader import read_log
+    from flightpower.flight.messages import Status
+    from flightpower.hw_fakes.clock import SimulatedClock
+    from flightpower.hw_fakes.faults import DEVICES_OF_KIND, Fault
+    from flightpower.hw_fakes.tray import FakeTray
 
     topics = {
         "imu": ["/imu"], "magnetometer": ["/mag"], "baro": ["/baro"], "static": ["/static"], "alpha": ["/probe/alpha"],
@@ -215,11 +215,11 @@ def day(rate: float = 25.0, hours: float = 24.0, file_min: float = 60.0) -> None
 
 def day_record(rate: float, hours: float, file_min: float) -> Record:
     """Memory is weighed a simulated minute after each change of file, when the disk's thread has nothing left to do."""
-    from daq import disk_writer
-    from daq.__main__ import prepare_process
-    from daq.config import parse_tray
-    from daq.daemon import record
-    from flight.log_reader import read_log
+    from flightpower.daq import disk_writer
+    from flightpower.daq.__main__ import prepare_process
+    from flightpower.daq.config import parse_tray
+    from flightpower.daq.daemon import record
+    from flightpower.flight.log_reader import read_log
 
     class Bus:
         def read(self, address: int, count: int) -> bytes:
@@ -228,7 +228,7 @@ def day_record(rate: float, hours: float, file_min: float) -> Record:
         def i2c(self, device: str) -> "Bus":
             return self
 
-    from hw_fakes.clock import SimulatedClock
+    from flightpower.hw_fakes.clock import SimulatedClock
 
     sensors = "".join(
         f'[[sensors]]\ndriver="{driver}"\nbus="b"\npart="{part}"\nmeasures="{measures}"\n'
@@ -286,12 +286,12 @@ def mend_record(hours: float) -> Record:
     from analytic_sensor_truth import AnalyticSensorTruth
     from mcap.opcode import Opcode
 
-    from daq.config import parse_tray
-    from daq.daemon import record
-    from daq.log_recovery import recover
-    from flight.log_index import RECORD_HEAD
-    from hw_fakes.clock import SimulatedClock
-    from hw_fakes.tray import FakeTray
+    from flightpower.daq.config import parse_tray
+    from flightpower.daq.daemon import record
+    from flightpower.daq.log_recovery import recover
+    from flightpower.flight.log_index import RECORD_HEAD
+    from flightpower.hw_fakes.clock import SimulatedClock
+    from flightpower.hw_fakes.tray import FakeTray
 
     with tempfile.TemporaryDirectory() as folder:
         clock = SimulatedClock()
@@ -326,9 +326,9 @@ def serve(folder: Path, rate: float = 25.0, file_min: float = 4.0, bit_rate: flo
     """The fake tray on device files, until SIGTERM."""
     from analytic_sensor_truth import AnalyticSensorTruth, sine
 
-    from hw_fakes.fuse_i2c import FuseI2C
-    from hw_fakes.pty import PtyServer
-    from hw_fakes.tray import I2C_BUS, PORTS, FakeTray
+    from flightpower.hw_fakes.fuse_i2c import FuseI2C
+    from flightpower.hw_fakes.pty import PtyServer
+    from flightpower.hw_fakes.tray import I2C_BUS, PORTS, FakeTray
 
     class RealClock:
         def now_ns(self) -> int:

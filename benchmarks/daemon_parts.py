@@ -54,7 +54,7 @@ def threads_of(process_id: int) -> dict[int, Usage]:
 
 def account(code: Path, tray: Path, seconds: float, rate: float, *, fifo: bool) -> list[tuple[float, float]]:
     """CPU time [us] and changes of thread a tick, of each thread of a daemon that runs `code`."""
-    command = [*(["chrt", "-f", "50"] if fifo else []), sys.executable, "-m", "daq", "run", "-c", str(tray)]
+    command = [*(["chrt", "-f", "50"] if fifo else []), sys.executable, "-m", "flightpower.daq", "run", "-c", str(tray)]
     environment = os.environ | {"PYTHONPATH": str(code)}
     daemon = subprocess.Popen(command, cwd=code, env=environment, stderr=subprocess.DEVNULL)
     try:
@@ -182,15 +182,15 @@ def parts(seconds: float = 60.0) -> None:
     sys.path.append(str(ROOT / "tests" / "hw_fakes"))
     from analytic_sensor_truth import AnalyticSensorTruth
 
-    from daq.bus_worker import BusWorker
-    from daq.config import TelemetryConfig, parse_tray
-    from daq.daemon import record
-    from daq.log_files import LogFiles
-    from daq.recorder import Recorder
-    from daq.sensor_supervisor import SensorSupervisor
-    from daq.telemetry import TelemetryLink
-    from hw_fakes.clock import SimulatedClock
-    from hw_fakes.tray import FakeTray
+    from flightpower.daq.bus_worker import BusWorker
+    from flightpower.daq.config import TelemetryConfig, parse_tray
+    from flightpower.daq.daemon import record
+    from flightpower.daq.log_files import LogFiles
+    from flightpower.daq.recorder import Recorder
+    from flightpower.daq.sensor_supervisor import SensorSupervisor
+    from flightpower.daq.telemetry import TelemetryLink
+    from flightpower.hw_fakes.clock import SimulatedClock
+    from flightpower.hw_fakes.tray import FakeTray
 
     counted, clock = Parts(), SimulatedClock()
     fake = FakeTray(AnalyticSensorTruth(), clock, 2)

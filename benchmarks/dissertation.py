@@ -33,7 +33,7 @@ from rich.console import Console
 from rich.progress import track
 from simulation_figures import picture
 
-from flight.aircraft import load_aircraft
+from flightpower.flight.aircraft import load_aircraft
 
 OUT, DOCS = Path("out/dissertation"), Path("docs/figures")
 FACTORS, DRAWS = (0.5, 1.0, 1.5), 3

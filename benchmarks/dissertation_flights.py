@@ -10,14 +10,14 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from analysis.curve import Condition, power_required
-from analysis.estimation import uncertainty
-from analysis.estimation.fit import Fit
-from analysis.maneuvers.kinds import LEVEL_RUNS, STANDING, Maneuver, Maneuvers
-from analysis.methods import likelihood
-from analysis.pipeline.runs import Analysis, analyze_runs
-from flight.aircraft import load_aircraft
-from flight.log_reader import read_log
+from flightpower.analysis.curve import Condition, power_required
+from flightpower.analysis.estimation import uncertainty
+from flightpower.analysis.estimation.fit import Fit
+from flightpower.analysis.maneuvers.kinds import LEVEL_RUNS, STANDING, Maneuver, Maneuvers
+from flightpower.analysis.methods import likelihood
+from flightpower.analysis.pipeline.runs import Analysis, analyze_runs
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.log_reader import read_log
 
 AIRCRAFT = {"Astraeus LS": "astraeus-ls", "Astraeus HS": "astraeus-hs", "Nexstar": "nexstar"}
 WINDMILLING = "apc-12x8e-windmilling"  # the table of all these flights: decelerations windmill
@@ -101,7 +101,7 @@ def flown(name: FlightName, folder: Path) -> Path:
         text = Path("flight/data/aircraft", f"{name.aircraft}.toml").read_text("utf-8")
         aircraft.write_text(text.replace('"apc-12x8e"', f'"{WINDMILLING}"'), "utf-8")
         errors.write_text(_budget(name.noise), "utf-8")
-        command = [sys.executable, "-m", "sim", "fly", "--replace", "--no-hardware", "--seed", str(SEED)]
+        command = [sys.executable, "-m", "flightpower.sim", "fly", "--replace", "--no-hardware", "--seed", str(SEED)]
         command += ["--aircraft", str(aircraft), "--plan", name.plan, "--errors", str(errors), "-o", str(path)]
         subprocess.run(command, check=True, stderr=subprocess.DEVNULL)
     return path

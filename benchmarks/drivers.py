@@ -13,14 +13,14 @@ from statistics import fmean, quantiles
 
 import typer
 
-from daq.config import parse_tray
-from daq.driver_factory import driver_factory
-from flight.aircraft import load_aircraft
-from hw_fakes.clock import SimulatedClock
-from hw_fakes.tray import FakeTray, TrayVariant
-from sim.fly import fly
-from sim.plan import load_plan
-from sim.sensors import FlightSensorTruth, draw, load_budget
+from flightpower.daq.config import parse_tray
+from flightpower.daq.driver_factory import driver_factory
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.hw_fakes.clock import SimulatedClock
+from flightpower.hw_fakes.tray import FakeTray, TrayVariant
+from flightpower.sim.fly import fly
+from flightpower.sim.plan import load_plan
+from flightpower.sim.sensors import FlightSensorTruth, draw, load_budget
 
 EXAMPLE = Path(__file__).resolve().parent.parent / "daq" / "tray.example.toml"
 LIMIT_US = 1000.0  # a tick, for the whole tray

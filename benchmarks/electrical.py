@@ -12,31 +12,31 @@ import numpy as np
 from flights import Rows, Setup, flown
 from numpy.typing import NDArray
 
-from analysis.estimation.noise import NORMAL_95
-from analysis.flights.comparison import compare
-from analysis.flights.pool import pool_results
-from analysis.methods.whole_flight.curve import FlownAircraft, estimate
-from analysis.methods.whole_flight.drag import DragWithheld, ThrustSource, drag_estimate
-from analysis.methods.whole_flight.flight_table import flight_table
-from analysis.methods.whole_flight.thrust_balance import motor_constants
-from analysis.records.flight import Results
-from analysis.results.energy_balance import EnergyBalanceFindings as Found
-from analysis.results.energy_balance import assemble_energy_balance
-from analysis.results.provenance import provenance_of_file
-from analysis.sources.ardupilot import read_ardupilot
-from analysis.sources.px4 import read_px4
-from analysis.sources.recording import AIRSPEED_PRESSURE, MOTOR, Channel, FlightRecording
-from flight.aircraft import Aircraft
-from flight.complete_aircraft import CompleteAircraft, load_complete_aircraft
-from flight.errors import InputError
-from flight.propeller_files import load_propeller
-from sim.ardupilot_log import write_ardupilot_log
-from sim.fly import Flight
-from sim.log_faults import FAULTS
-from sim.plant import plant_of
-from sim.propulsion import power_train, throttle_for
-from sim.px4_log import IDLE_A, write_px4_log
-from sim.sensors.budget import DrawnErrors
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.flights.comparison import compare
+from flightpower.analysis.flights.pool import pool_results
+from flightpower.analysis.methods.whole_flight.curve import FlownAircraft, estimate
+from flightpower.analysis.methods.whole_flight.drag import DragWithheld, ThrustSource, drag_estimate
+from flightpower.analysis.methods.whole_flight.flight_table import flight_table
+from flightpower.analysis.methods.whole_flight.thrust_balance import motor_constants
+from flightpower.analysis.records.flight import Results
+from flightpower.analysis.results.energy_balance import EnergyBalanceFindings as Found
+from flightpower.analysis.results.energy_balance import assemble_energy_balance
+from flightpower.analysis.results.provenance import provenance_of_file
+from flightpower.analysis.sources.ardupilot import read_ardupilot
+from flightpower.analysis.sources.px4 import read_px4
+from flightpower.analysis.sources.recording import AIRSPEED_PRESSURE, MOTOR, Channel, FlightRecording
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.complete_aircraft import CompleteAircraft, load_complete_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.propeller_files import load_propeller
+from flightpower.sim.ardupilot_log import write_ardupilot_log
+from flightpower.sim.fly import Flight
+from flightpower.sim.log_faults import FAULTS
+from flightpower.sim.plant import plant_of
+from flightpower.sim.propulsion import power_train, throttle_for
+from flightpower.sim.px4_log import IDLE_A, write_px4_log
+from flightpower.sim.sensors.budget import DrawnErrors
 
 Array = NDArray[np.float64]
 Errors = tuple[Array, Array]

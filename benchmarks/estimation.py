@@ -21,15 +21,15 @@ from rich.console import Console
 from rich.table import Table
 from simulation_figures import runs
 
-from analysis.estimation import uncertainty
-from analysis.estimation.data import Segment
-from analysis.estimation.filter_error import fit_filter_error
-from analysis.estimation.noise import NORMAL_95
-from analysis.estimation.output_error import fit_output_error
-from analysis.methods import aircraft_models
-from analysis.trajectory.reconstruction import reconstruct
-from flight.aircraft import Aircraft, load_aircraft
-from sim.sensors import load_budget
+from flightpower.analysis.estimation import uncertainty
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.filter_error import fit_filter_error
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.estimation.output_error import fit_output_error
+from flightpower.analysis.methods import aircraft_models
+from flightpower.analysis.trajectory.reconstruction import reconstruct
+from flightpower.flight.aircraft import Aircraft, load_aircraft
+from flightpower.sim.sensors import load_budget
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "analysis" / "estimation"))
 import disturbed
@@ -75,9 +75,12 @@ def speed() -> None:
 def _import_s() -> float:
     """Processor time of a new Python process that imports the package and NumPy and compiles an aircraft model."""
     program = (
-        "import time; from analysis.methods import aircraft_models; from analysis.estimation import output_error;"
-        "from analysis.estimation.simulation import build_simulator;"
-        "from flight.aircraft import load_aircraft; m = aircraft_models.level_run(load_aircraft('nexstar'));"
+        "import time;"
+        "from flightpower.analysis.methods import aircraft_models;"
+        "from flightpower.analysis.estimation import output_error;"
+        "from flightpower.analysis.estimation.simulation import build_simulator;"
+        "from flightpower.flight.aircraft import load_aircraft;"
+        "m = aircraft_models.level_run(load_aircraft('nexstar'));"
         "build_simulator(m, tuple(q.name for q in m.parameters if q.free)); print(time.process_time())"
     )
     ran = [

@@ -19,14 +19,14 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from analysis.estimation.data import split
-from analysis.estimation.filter_error import fit_filter_error
-from analysis.estimation.fit import Fit
-from analysis.estimation.noise import NORMAL_95
-from analysis.estimation.output_error import fit_output_error
-from analysis.estimation.problem import FitOptions
-from analysis.estimation.settings import VERDICT
-from flight.errors import InputError
+from flightpower.analysis.estimation.data import split
+from flightpower.analysis.estimation.filter_error import fit_filter_error
+from flightpower.analysis.estimation.fit import Fit
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.estimation.output_error import fit_output_error
+from flightpower.analysis.estimation.problem import FitOptions
+from flightpower.analysis.estimation.settings import VERDICT
+from flightpower.flight.errors import InputError
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "analysis" / "estimation"))
 import bimodal

@@ -18,10 +18,10 @@ from rich.console import Console
 from rich.table import Table
 from scipy import optimize
 
-from analysis.estimation.data import Segment
-from analysis.estimation.model import Model, Parameter
-from analysis.estimation.output_error import fit_output_error
-from analysis.estimation.simulation import build_simulator
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.model import Model, Parameter
+from flightpower.analysis.estimation.output_error import fit_output_error
+from flightpower.analysis.estimation.simulation import build_simulator
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "analysis" / "estimation"))
 import disturbed
@@ -188,7 +188,7 @@ def ratios() -> None:
         row("aeroid", seconds, np.array([results[0].parameters[name] for name in truth]))
     from test_starts_of_an_aircraft import MODEL, NEXSTAR, made_by_the_model
 
-    from analysis.methods import aircraft_models
+    from flightpower.analysis.methods import aircraft_models
 
     run = made_by_the_model("run", 1)
     first = aircraft_models.starting_values(NEXSTAR, run)

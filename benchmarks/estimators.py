@@ -12,20 +12,20 @@ import pandas as pd
 from flights import Rows, Setup
 from numpy.polynomial import Polynomial
 
-from analysis.air.transducers import air_data_errors
-from analysis.curve import Condition, Polar, power_required
-from analysis.estimation.noise import NORMAL_95
-from analysis.maneuvers.find_level import find_runs
-from analysis.methods import cross_check as checks
-from analysis.methods import dynamic
-from analysis.trajectory.equations import SENSOR_ERRORS, STATES
-from analysis.trajectory.priors import SensorPriors
-from analysis.trajectory.reconstruction import Trajectory, reconstruct
-from flight.aircraft import Aircraft, load_aircraft
-from flight.errors import InputError
-from flight.probe_maps import ALPHA_PORT_SLOPE
-from flight.propeller_files import load_propeller
-from sim.sensors.budget import DrawnErrors
+from flightpower.analysis.air.transducers import air_data_errors
+from flightpower.analysis.curve import Condition, Polar, power_required
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.maneuvers.find_level import find_runs
+from flightpower.analysis.methods import cross_check as checks
+from flightpower.analysis.methods import dynamic
+from flightpower.analysis.trajectory.equations import SENSOR_ERRORS, STATES
+from flightpower.analysis.trajectory.priors import SensorPriors
+from flightpower.analysis.trajectory.reconstruction import Trajectory, reconstruct
+from flightpower.flight.aircraft import Aircraft, load_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.probe_maps import ALPHA_PORT_SLOPE
+from flightpower.flight.propeller_files import load_propeller
+from flightpower.sim.sensors.budget import DrawnErrors
 
 OVER_STALL = (1.1, 1.3, 1.6, 1.9, 2.2)
 FLYING_M = 30.0

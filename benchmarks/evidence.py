@@ -47,8 +47,8 @@ from evidence_figures import coverage_by_world, error_by_speed
 from flights import Setup
 from records import Record, markdown, rounded, text, with_lead
 
-from analysis.records.flight import Trust
-from sim.world import load_world
+from flightpower.analysis.records.flight import Trust
+from flightpower.sim.world import load_world
 
 ROOT = Path(__file__).parents[1]
 PAGES, KEPT = ROOT / "docs" / "evidence", ROOT / "out" / "evidence"

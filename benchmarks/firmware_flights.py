@@ -14,14 +14,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.estimation.noise import NORMAL_95
-from analysis.methods.whole_flight.curve import ElectricalEstimate, estimate
-from analysis.methods.whole_flight.flight_table import flight_table
-from analysis.methods.whole_flight.simulated_truth import SimulatedTruth, compared
-from analysis.performance.autopilot_parameters import flight_values, typed_in
-from analysis.records.flight import UNKNOWN_SPEED
-from analysis.sources.ardupilot import read_ardupilot
-from flight.units import GRAVITY_MPS2 as g
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.methods.whole_flight.curve import ElectricalEstimate, estimate
+from flightpower.analysis.methods.whole_flight.flight_table import flight_table
+from flightpower.analysis.methods.whole_flight.simulated_truth import SimulatedTruth, compared
+from flightpower.analysis.performance.autopilot_parameters import flight_values, typed_in
+from flightpower.analysis.records.flight import UNKNOWN_SPEED
+from flightpower.analysis.sources.ardupilot import read_ardupilot
+from flightpower.flight.units import GRAVITY_MPS2 as g
 
 Array = NDArray[np.float64]
 

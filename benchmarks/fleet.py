@@ -40,18 +40,18 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "analysis" / "fligh
 from fleet_flights import POLAR, flights_of
 from measured_row import FILE, RowModel, mean_row, measured_row, written
 
-from analysis.curve import Polar, power_required
-from analysis.estimation.noise import NORMAL_95
-from analysis.flights.airframes import airframe, airframes, fleet_curve
-from analysis.flights.campaign.addresses import find_logs, place
-from analysis.flights.campaign.folders import names
-from analysis.flights.changes import Series, find_changes, least_gain, series
-from analysis.flights.dataset import Dataset
-from analysis.flights.fleet_summary import fleet_results
-from analysis.flights.flight_statistics import read_statistics
-from analysis.flights.pool import joint_pool
-from analysis.pages.fleet_page import render_fleet
-from analysis.records.fleet import What
+from flightpower.analysis.curve import Polar, power_required
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.flights.airframes import airframe, airframes, fleet_curve
+from flightpower.analysis.flights.campaign.addresses import find_logs, place
+from flightpower.analysis.flights.campaign.folders import names
+from flightpower.analysis.flights.changes import Series, find_changes, least_gain, series
+from flightpower.analysis.flights.dataset import Dataset
+from flightpower.analysis.flights.fleet_summary import fleet_results
+from flightpower.analysis.flights.flight_statistics import read_statistics
+from flightpower.analysis.flights.pool import joint_pool
+from flightpower.analysis.pages.fleet_page import render_fleet
+from flightpower.analysis.records.fleet import What
 from tests import browser, s3_server
 
 A_YEAR, BEFORE = 200, 100  # flights; and before the change

@@ -17,27 +17,27 @@ import numpy as np
 import pandas as pd
 from scipy.interpolate import CubicSpline
 
-from analysis.air.air import air_data, specific_force_at_cg
-from analysis.air.probe import ProbeCalibration
-from analysis.air.transducers import CHANNELS, Plateau, TransducerCalibration
-from analysis.calibrations.probe import calibrate, read_tunnel
-from analysis.calibrations.transducers import calibrate as calibrate_transducers
-from analysis.sources.daemon import speed_scale
-from analysis.sources.rest import Zeros, rest_segments, without_zeros, zeros
-from flight.aircraft import Aircraft
-from flight.errors import InputError
-from flight.propeller_files import load_propeller
-from flight.runs import flying_Pa
-from flight.units import KNOT_MPS
-from sim.bench import ColumnSegment
-from sim.fly import Flight, fly
-from sim.plan import load_plan
-from sim.plant import plant_of
-from sim.sensors import FlightSensorTruth, draw
-from sim.sensors.budget import DrawnErrors, ErrorBudget
-from sim.trim import Trimmer
-from sim.tunnel import simulated_measurements, write_calibration
-from sim.world import load_world
+from flightpower.analysis.air.air import air_data, specific_force_at_cg
+from flightpower.analysis.air.probe import ProbeCalibration
+from flightpower.analysis.air.transducers import CHANNELS, Plateau, TransducerCalibration
+from flightpower.analysis.calibrations.probe import calibrate, read_tunnel
+from flightpower.analysis.calibrations.transducers import calibrate as calibrate_transducers
+from flightpower.analysis.sources.daemon import speed_scale
+from flightpower.analysis.sources.rest import Zeros, rest_segments, without_zeros, zeros
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.propeller_files import load_propeller
+from flightpower.flight.runs import flying_Pa
+from flightpower.flight.units import KNOT_MPS
+from flightpower.sim.bench import ColumnSegment
+from flightpower.sim.fly import Flight, fly
+from flightpower.sim.plan import load_plan
+from flightpower.sim.plant import plant_of
+from flightpower.sim.sensors import FlightSensorTruth, draw
+from flightpower.sim.sensors.budget import DrawnErrors, ErrorBudget
+from flightpower.sim.trim import Trimmer
+from flightpower.sim.tunnel import simulated_measurements, write_calibration
+from flightpower.sim.world import load_world
 
 Job = TypeVar("Job")
 Key = tuple[Any, ...]

@@ -83,10 +83,10 @@ def seeds(name: str, folder: Path) -> None:
 
 
 def record_a_log(path: Path) -> None:
-    from daq.config import parse_tray
-    from daq.daemon import record
-    from hw_fakes.clock import SimulatedClock
-    from hw_fakes.tray import FakeTray
+    from flightpower.daq.config import parse_tray
+    from flightpower.daq.daemon import record
+    from flightpower.hw_fakes.clock import SimulatedClock
+    from flightpower.hw_fakes.tray import FakeTray
 
     sys.path.append(str(ROOT / "tests" / "hw_fakes"))
     from analytic_sensor_truth import AnalyticSensorTruth
@@ -106,8 +106,8 @@ def record_a_log(path: Path) -> None:
 
 def frames(name: str) -> bytes:
     """What a fake part sends in a second."""
-    from hw_fakes.clock import SimulatedClock
-    from hw_fakes.tray import AUTOPILOT_PORT, ESC_PORT, GPS_PORT, FakeTray, TrayVariant
+    from flightpower.hw_fakes.clock import SimulatedClock
+    from flightpower.hw_fakes.tray import AUTOPILOT_PORT, ESC_PORT, GPS_PORT, FakeTray, TrayVariant
 
     sys.path.append(str(ROOT / "tests" / "hw_fakes"))
     from analytic_sensor_truth import AnalyticSensorTruth
@@ -126,7 +126,13 @@ def one(name: str, inputs: int = 50_000, seed: int = 1) -> None:
     import atheris
 
     with atheris.instrument_imports(
-        include=["daq", "flight", "analysis.sources", "analysis.air", "analysis.methods.whole_flight"]
+        include=[
+            "daq",
+            "flight",
+            "flightpower.analysis.sources",
+            "flightpower.analysis.air",
+            "flightpower.analysis.methods.whole_flight",
+        ]
     ):
         from tests.fuzz_targets import TARGETS
     folder = Path(tempfile.mkdtemp())

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from scipy import optimize
 
-from analysis.estimation.output_error import fit_output_error
-from analysis.estimation.simulation import build_simulator
-from analysis.methods import aircraft_models
+from flightpower.analysis.estimation.output_error import fit_output_error
+from flightpower.analysis.estimation.simulation import build_simulator
+from flightpower.analysis.methods import aircraft_models
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "analysis" / "estimation"))
 from test_starts_of_an_aircraft import MODEL, NEXSTAR, STEP_S, N

@@ -18,13 +18,13 @@ import numpy as np
 import pandas as pd
 import typer
 
-from analysis.records.flight import Results
+from flightpower.analysis.records.flight import Results
 
 COMMAND = (sys.executable, "-m", "flightpower")
 # Without the last two commands, which set the dynamic model and read it back.
 AS_AT_THE_FACTORY = """
 import sys
-from daq.sensors import ublox
+from flightpower.daq.sensors import ublox
 configuration = ublox.configuration
 ublox.configuration = lambda *arguments: configuration(*arguments)[:-2]
 from flightpower.simulate import main

@@ -33,11 +33,11 @@ def record_flight(folder: Path, port: int, seconds: float) -> None:
     """The daemon on fake parts, in real time."""
     from analytic_sensor_truth import AnalyticSensorTruth
 
-    from daq.clock import SystemClock
-    from daq.config import parse_tray
-    from daq.daemon import record
-    from daq.telemetry import TelemetryLink
-    from hw_fakes.tray import FakeTray
+    from flightpower.daq.clock import SystemClock
+    from flightpower.daq.config import parse_tray
+    from flightpower.daq.daemon import record
+    from flightpower.daq.telemetry import TelemetryLink
+    from flightpower.hw_fakes.tray import FakeTray
 
     class Truth(AnalyticSensorTruth):
         def absolute_pressure_Pa(self, which, t_s):  # type: ignore[no-untyped-def]

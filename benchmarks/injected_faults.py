@@ -19,14 +19,14 @@ import numpy as np
 import typer
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from daq.config import parse_tray
-from daq.daemon import record
-from daq.sensors.ublox import take_frames
-from flight.log_reader import read_log
-from flight.messages import Status
-from hw_fakes.clock import SimulatedClock
-from hw_fakes.tray import ADDRESSES, AUTOPILOT_PORT, ESC_PORT, GPS_PORT, FakeTray, TrayVariant
-from hw_fakes.ublox import ubx
+from flightpower.daq.config import parse_tray
+from flightpower.daq.daemon import record
+from flightpower.daq.sensors.ublox import take_frames
+from flightpower.flight.log_reader import read_log
+from flightpower.flight.messages import Status
+from flightpower.hw_fakes.clock import SimulatedClock
+from flightpower.hw_fakes.tray import ADDRESSES, AUTOPILOT_PORT, ESC_PORT, GPS_PORT, FakeTray, TrayVariant
+from flightpower.hw_fakes.ublox import ubx
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.append(str(ROOT / "tests" / "hw_fakes"))

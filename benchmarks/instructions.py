@@ -124,8 +124,8 @@ class Opened:
 
 def ticks_of(replies: Replies, clock: Any, seconds: float) -> int:
     """Ticks of a recording of the example tray."""
-    from daq.config import parse_tray
-    from daq.daemon import record
+    from flightpower.daq.config import parse_tray
+    from flightpower.daq.daemon import record
 
     with tempfile.TemporaryDirectory() as folder:
         tray = parse_tray((ROOT / "daq" / "tray.example.toml").read_text("utf-8"), "tray.toml", Path(folder))
@@ -139,8 +139,8 @@ def record_replies(seconds: float, file: Path) -> None:
     sys.path.append(str(ROOT / "tests" / "hw_fakes"))
     from analytic_sensor_truth import AnalyticSensorTruth, sine
 
-    from hw_fakes.clock import SimulatedClock
-    from hw_fakes.tray import FakeTray
+    from flightpower.hw_fakes.clock import SimulatedClock
+    from flightpower.hw_fakes.tray import FakeTray
 
     clock = SimulatedClock(start_ns=3_000_000_000)
     fake = FakeTray(AnalyticSensorTruth(differential_Pa=sine(100.0, 20.0, 0.5)), clock, 4)
@@ -150,7 +150,7 @@ def record_replies(seconds: float, file: Path) -> None:
 
 
 def play_back(file: Path, seconds: float) -> None:
-    from hw_fakes.clock import SimulatedClock
+    from flightpower.hw_fakes.clock import SimulatedClock
 
     clock = SimulatedClock(start_ns=3_000_000_000)
     print("ticks", ticks_of(Replies(clock, pickle.loads(file.read_bytes())), clock, seconds))

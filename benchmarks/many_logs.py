@@ -30,17 +30,17 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment
 from rich.console import Console
 
-from analysis.cli.several_logs import files_used, settings
-from analysis.flights.campaign.addresses import FoundLogs
-from analysis.flights.campaign.campaign import Work, run
-from analysis.flights.campaign.folders import exclusive
-from analysis.flights.campaign.processes import Outcome
-from analysis.options import Options
-from flight.log_index import MAGIC, RECORD_HEAD
-from flight.log_writer import LogWriter
+from flightpower.analysis.cli.several_logs import files_used, settings
+from flightpower.analysis.flights.campaign.addresses import FoundLogs
+from flightpower.analysis.flights.campaign.campaign import Work, run
+from flightpower.analysis.flights.campaign.folders import exclusive
+from flightpower.analysis.flights.campaign.processes import Outcome
+from flightpower.analysis.options import Options
+from flightpower.flight.log_index import MAGIC, RECORD_HEAD
+from flightpower.flight.log_writer import LogWriter
 
 SCRIPTS = Path(sysconfig.get_path("scripts"))
-ANALYZE = (sys.executable, "-m", "analysis.cli.analyze")
+ANALYZE = (sys.executable, "-m", "flightpower.analysis.cli.analyze")
 FIRST_SEED, PORT = 1000, 8797
 PARTS = ["processors", "killed", "one-more", "cluster", "hundred", "memory"]
 console = Console(width=120, highlight=False)
@@ -62,7 +62,9 @@ def simulated(folder: Path, count: int) -> list[Path]:
     for seed in range(FIRST_SEED, FIRST_SEED + count):
         log = folder / f"seed-{seed}" / "log.mcap"
         if not log.exists():
-            words = command(sys.executable, "-m", "sim", "fly", "--plan", "demo", "--no-hardware", "--seed", seed)
+            words = command(
+                sys.executable, "-m", "flightpower.sim", "fly", "--plan", "demo", "--no-hardware", "--seed", seed
+            )
             subprocess.run([*words, "-o", str(log.parent), "--replace"], check=True, stdout=subprocess.DEVNULL)
         logs.append(log)
     return logs

@@ -12,21 +12,21 @@ import numpy as np
 import pandas as pd
 from flights import Rows, Setup
 
-from analysis.air.flown import flown_condition, flown_lift
-from analysis.air.probe import ProbeCalibration
-from analysis.curve import Condition, Polar, lift_coefficient, power_required
-from analysis.estimation.noise import NORMAL_95
-from analysis.maneuvers.find import find
-from analysis.maneuvers.kinds import LEVEL_RUNS
-from analysis.methods.dynamic import DynamicEstimate, estimate_polar
-from analysis.methods.method import MethodEstimate
-from analysis.methods.methods import every_method
-from analysis.records.flight import DisagreementResult
-from analysis.trajectory.reconstruction import reconstruct
-from flight.aircraft import Aircraft, load_aircraft
-from flight.propeller_files import load_propeller
-from sim.sensors.budget import DrawnErrors, ErrorBudget
-from sim.world import load_world
+from flightpower.analysis.air.flown import flown_condition, flown_lift
+from flightpower.analysis.air.probe import ProbeCalibration
+from flightpower.analysis.curve import Condition, Polar, lift_coefficient, power_required
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.maneuvers.find import find
+from flightpower.analysis.maneuvers.kinds import LEVEL_RUNS
+from flightpower.analysis.methods.dynamic import DynamicEstimate, estimate_polar
+from flightpower.analysis.methods.method import MethodEstimate
+from flightpower.analysis.methods.methods import every_method
+from flightpower.analysis.records.flight import DisagreementResult
+from flightpower.analysis.trajectory.reconstruction import reconstruct
+from flightpower.flight.aircraft import Aircraft, load_aircraft
+from flightpower.flight.propeller_files import load_propeller
+from flightpower.sim.sensors.budget import DrawnErrors, ErrorBudget
+from flightpower.sim.world import load_world
 
 OVER_STALL = (1.2, 1.4, 1.7, 2.0, 2.3)
 

@@ -29,6 +29,8 @@ from typing import Annotated, NamedTuple
 
 import typer
 
+from tests.our_files import dotted_path, module_of
+
 ROOT = Path(__file__).resolve().parent.parent
 PLACES = ("analysis", "daq", "flight")
 OPERATORS: dict[type[ast.operator], type[ast.operator]] = {
@@ -152,7 +154,7 @@ def imported(file: Path) -> Iterator[Path]:
             case _:
                 continue
         for module in modules:
-            path = Path(*module.split("."))
+            path = Path(*dotted_path(module).split("."))
             for candidate in (path.with_suffix(".py"), path / "__init__.py"):
                 if (ROOT / candidate).is_file():
                     yield candidate
@@ -212,7 +214,7 @@ def failure(copy: Path, tests: list[str], timeout_s: float) -> str | None:
 def can_be_imported(made: Mutation, copy: Path) -> bool:
     (copy / made.file).write_text(made.text, "utf-8")
     try:
-        module = ".".join(made.file.with_suffix("").parts).removesuffix(".__init__")
+        module = module_of(".".join(made.file.with_suffix("").parts).removesuffix(".__init__"))
         done = run(copy, ["-c", f"import {module}"], 60.0)
         return done is not None and done.returncode == 0
     finally:
@@ -261,7 +263,7 @@ def main(
         tracked = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
         for name in tracked.splitlines():
             (copy / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(ROOT / name, copy / name)
+            shutil.copy2(ROOT / name, copy / name, follow_symlinks=False)
         for made in islice((m for m in draw if can_be_imported(m, copy)), count):
             begin = time.monotonic()
             test = killer(made, copy, tests_by_distance(made.file)[: nearest or None], timeout_s)

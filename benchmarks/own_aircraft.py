@@ -13,7 +13,7 @@ import numpy as np
 from chain import compared, fly, read_results, read_truth, run
 from flights import Rows, Setup
 
-from flight.aircraft import load_aircraft
+from flightpower.flight.aircraft import load_aircraft
 
 FOUR_KEYS = """name = "mine"
 [geometry]

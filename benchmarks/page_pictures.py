@@ -14,7 +14,7 @@ from typing import Annotated
 
 import typer
 
-from sim.output_folder import LOG
+from flightpower.sim.output_folder import LOG
 from tests.browser import Browser, started
 
 PROGRAM = (sys.executable, "-m", "flightpower")

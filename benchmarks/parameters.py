@@ -27,14 +27,14 @@ import typer
 from flights import Setup
 from planned_aircraft import MODEL, aircraft_of
 
-from analysis.cli.route import read_results
-from analysis.performance.autopilot_parameters import PX4
-from analysis.records.flight import Interval, Results
-from analysis.results.parameter_file import climb_at_cruise, sink_at_fastest
-from flight.atmosphere import SEA_LEVEL_DENSITY
-from flight.complete_aircraft import CompleteAircraft
-from flight.errors import InputError
-from sim.plant import Deviations
+from flightpower.analysis.cli.route import read_results
+from flightpower.analysis.performance.autopilot_parameters import PX4
+from flightpower.analysis.records.flight import Interval, Results
+from flightpower.analysis.results.parameter_file import climb_at_cruise, sink_at_fastest
+from flightpower.flight.atmosphere import SEA_LEVEL_DENSITY
+from flightpower.flight.complete_aircraft import CompleteAircraft
+from flightpower.flight.errors import InputError
+from flightpower.sim.plant import Deviations
 
 SPEEDS = 31  # at which the battery's true power is computed
 

@@ -12,10 +12,10 @@ import plotly.graph_objects as go
 import typer
 from simulation_figures import picture
 
-from analysis.pages.charts.power import power_required
-from analysis.pages.charts.style import ORANGE
-from analysis.records.flight import Results
-from sim.output_folder import CURVE, LOG
+from flightpower.analysis.pages.charts.power import power_required
+from flightpower.analysis.pages.charts.style import ORANGE
+from flightpower.analysis.records.flight import Results
+from flightpower.sim.output_folder import CURVE, LOG
 
 WIDTH, HEIGHT = 1200, 600
 

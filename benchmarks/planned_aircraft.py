@@ -26,20 +26,20 @@ import numpy as np
 import plans
 import typer
 
-from analysis.curve import Condition, power_required
-from analysis.estimation.noise import NORMAL_95
-from analysis.missions.card import uncovered_mps
-from analysis.missions.expected_aircraft import expected_aircraft
-from analysis.missions.information import half_widths
-from analysis.missions.pieces import Space
-from analysis.missions.search import Request, plan_flight
-from analysis.missions.simulator_plan import simulator_plan
-from flight.aircraft import parse_aircraft
-from flight.complete_aircraft import CompleteAircraft, load_complete_aircraft
-from flight.errors import InputError
-from flight.propeller_files import load_propeller
-from flight.units import GRAVITY_MPS2
-from sim.like import scaled_from
+from flightpower.analysis.curve import Condition, power_required
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.missions.card import uncovered_mps
+from flightpower.analysis.missions.expected_aircraft import expected_aircraft
+from flightpower.analysis.missions.information import half_widths
+from flightpower.analysis.missions.pieces import Space
+from flightpower.analysis.missions.search import Request, plan_flight
+from flightpower.analysis.missions.simulator_plan import simulator_plan
+from flightpower.flight.aircraft import parse_aircraft
+from flightpower.flight.complete_aircraft import CompleteAircraft, load_complete_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.propeller_files import load_propeller
+from flightpower.flight.units import GRAVITY_MPS2
+from flightpower.sim.like import scaled_from
 
 PROPELLERS = ("apc-10x5e", "apc-12x8e", "apc-12x8e-windmilling", "blade-11x5", "blade-16x10")
 MODEL, HEIGHT_M, LEG_M = "nexstar", 40.0, 500.0

@@ -19,22 +19,22 @@ import pandas as pd
 import typer
 from records import Record, counted, markdown, rounded
 
-from analysis.curve import Condition, Polar, power_required
-from analysis.estimation.noise import NORMAL_95
-from analysis.maneuvers.find_level import find_runs
-from analysis.methods import dynamic
-from analysis.missions.expected_aircraft import ExpectedAircraft, expected_aircraft
-from analysis.missions.information import half_widths
-from analysis.missions.pieces import Hold, Land, Maneuver, Pilot, Porpoise, Run, Space, Stand, TakeOff, Turn
-from analysis.missions.search import Request, plan_flight, predicted
-from analysis.missions.simulator_plan import simulator_plan
-from analysis.missions.time_history import fly
-from analysis.trajectory.priors import SensorPriors
-from analysis.trajectory.reconstruction import reconstruct
-from flight.aircraft import Aircraft, load_aircraft
-from flight.errors import InputError
-from flight.propeller_files import load_propeller
-from sim.sensors import load_budget
+from flightpower.analysis.curve import Condition, Polar, power_required
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.maneuvers.find_level import find_runs
+from flightpower.analysis.methods import dynamic
+from flightpower.analysis.missions.expected_aircraft import ExpectedAircraft, expected_aircraft
+from flightpower.analysis.missions.information import half_widths
+from flightpower.analysis.missions.pieces import Hold, Land, Maneuver, Pilot, Porpoise, Run, Space, Stand, TakeOff, Turn
+from flightpower.analysis.missions.search import Request, plan_flight, predicted
+from flightpower.analysis.missions.simulator_plan import simulator_plan
+from flightpower.analysis.missions.time_history import fly
+from flightpower.analysis.trajectory.priors import SensorPriors
+from flightpower.analysis.trajectory.reconstruction import reconstruct
+from flightpower.flight.aircraft import Aircraft, load_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.propeller_files import load_propeller
+from flightpower.sim.sensors import load_budget
 
 SHIPPED = "full-test-flight"
 BY_HAND = Pilot(autopilot=False, load=1.0)

@@ -19,11 +19,11 @@ from typing import Annotated
 import msgspec
 import typer
 
-from daq.plausibility import Plausibility
-from daq.sensors import Sample
-from flight.log_reader import Log, read_log
-from flight.messages import Message
-from flight.probe_maps import ProbeMaps
+from flightpower.daq.plausibility import Plausibility
+from flightpower.daq.sensors import Sample
+from flightpower.flight.log_reader import Log, read_log
+from flightpower.flight.messages import Message
+from flightpower.flight.probe_maps import ProbeMaps
 
 PLANS = ("accel-decel", "full-test-flight")
 WINDS_KT = (0.0, 3.0, 15.0)
@@ -91,7 +91,7 @@ def main(
                     )
                     command = ["fly", "--no-hardware", "--replace", "--errors", "study", "--seed", str(seed)]
                     command += ["--plan", str(windy), "-o", str(Path(name) / "flight")]
-                    subprocess.run([sys.executable, "-m", "sim", *command], check=True, capture_output=True)
+                    subprocess.run([sys.executable, "-m", "flightpower.sim", *command], check=True, capture_output=True)
                     log = read_log(Path(name) / "flight" / "log.mcap")
                     flights += 1
                     for defect, change in DEFECTS.items():

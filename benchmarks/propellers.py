@@ -14,8 +14,8 @@ import numpy as np
 import typer
 from simulation_figures import picture
 
-from flight.propeller import Propeller, Row
-from flight.propeller_files import load_propeller
+from flightpower.flight.propeller import Propeller, Row
+from flightpower.flight.propeller_files import load_propeller
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT.parent / "shared" / "data" / "propellers"

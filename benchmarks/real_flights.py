@@ -24,25 +24,25 @@ import pandas as pd
 from numpy.typing import NDArray
 from records import Record, markdown, rounded
 
-from analysis.air.contents import Replacements
-from analysis.estimation.noise import NORMAL_95
-from analysis.methods.whole_flight.curve import ElectricalEstimate, estimate
-from analysis.methods.whole_flight.flight_table import FlightTable, flight_table
-from analysis.methods.whole_flight.method import recording_of
-from analysis.pipeline.runs import analyze_runs
-from analysis.records.flight import Results
-from analysis.sources.column_map import load_map, mapped_channels
-from analysis.sources.map_draft import draft
-from analysis.sources.paparazzi import read_paparazzi
-from analysis.sources.position import velocity_by_position
-from analysis.sources.quantities import Quantity
-from analysis.sources.recording import FlightRecording
-from analysis.sources.table import as_log, log_of_table
-from analysis.sources.table_file import read_columns
-from flight.aircraft import parse_aircraft
-from flight.errors import InputError
-from flight.log_reader import Log
-from flight.units import GRAVITY_MPS2 as g
+from flightpower.analysis.air.contents import Replacements
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.methods.whole_flight.curve import ElectricalEstimate, estimate
+from flightpower.analysis.methods.whole_flight.flight_table import FlightTable, flight_table
+from flightpower.analysis.methods.whole_flight.method import recording_of
+from flightpower.analysis.pipeline.runs import analyze_runs
+from flightpower.analysis.records.flight import Results
+from flightpower.analysis.sources.column_map import load_map, mapped_channels
+from flightpower.analysis.sources.map_draft import draft
+from flightpower.analysis.sources.paparazzi import read_paparazzi
+from flightpower.analysis.sources.position import velocity_by_position
+from flightpower.analysis.sources.quantities import Quantity
+from flightpower.analysis.sources.recording import FlightRecording
+from flightpower.analysis.sources.table import as_log, log_of_table
+from flightpower.analysis.sources.table_file import read_columns
+from flightpower.flight.aircraft import parse_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_reader import Log
+from flightpower.flight.units import GRAVITY_MPS2 as g
 
 Array = NDArray[np.float64]
 BESIDE = [folder / "shared" / "data" / "real-flights" for folder in Path(__file__).resolve().parents]

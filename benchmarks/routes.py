@@ -34,30 +34,30 @@ from records import Record, counted, markdown, rounded
 from rich.console import Console
 from rich.progress import track
 
-from analysis.air.flight_data import Calibrations
-from analysis.curve import Condition
-from analysis.flights.pool import joint_pool
-from analysis.flights.power_train import pooled_use
-from analysis.methods.whole_flight.settings import GPS
-from analysis.missions.energy import Battery, ground_speed
-from analysis.missions.mission import HOME, Mission, Place, Step, Wind
-from analysis.missions.power import aerodynamic_source
-from analysis.missions.prediction import RESOLUTION, Air, Flight, Route
-from analysis.performance.level_flight import PerformanceModel
-from analysis.performance.stored_model import model_of, model_result
-from analysis.records.flight import Kind
-from analysis.results.assemble import pooling_statistics
-from analysis.trajectory import dryden
-from flight.aircraft import Aircraft, Installation, load_aircraft
-from flight.units import GRAVITY_MPS2
-from sim.air import WIND_HEIGHT_M, ambient
-from sim.air import Air as SimulatedAir
-from sim.fly import fly
-from sim.pilot import pilot_named, wrap_angle
-from sim.plan import Plan
-from sim.segments import LEVEL_OFF_S, ROLL_OUT_S, ClimbSegment, HoldSegment, TurnSegment
-from sim.sensors.budget import of_installation
-from sim.world import load_world
+from flightpower.analysis.air.flight_data import Calibrations
+from flightpower.analysis.curve import Condition
+from flightpower.analysis.flights.pool import joint_pool
+from flightpower.analysis.flights.power_train import pooled_use
+from flightpower.analysis.methods.whole_flight.settings import GPS
+from flightpower.analysis.missions.energy import Battery, ground_speed
+from flightpower.analysis.missions.mission import HOME, Mission, Place, Step, Wind
+from flightpower.analysis.missions.power import aerodynamic_source
+from flightpower.analysis.missions.prediction import RESOLUTION, Air, Flight, Route
+from flightpower.analysis.performance.level_flight import PerformanceModel
+from flightpower.analysis.performance.stored_model import model_of, model_result
+from flightpower.analysis.records.flight import Kind
+from flightpower.analysis.results.assemble import pooling_statistics
+from flightpower.analysis.trajectory import dryden
+from flightpower.flight.aircraft import Aircraft, Installation, load_aircraft
+from flightpower.flight.units import GRAVITY_MPS2
+from flightpower.sim.air import WIND_HEIGHT_M, ambient
+from flightpower.sim.air import Air as SimulatedAir
+from flightpower.sim.fly import fly
+from flightpower.sim.pilot import pilot_named, wrap_angle
+from flightpower.sim.plan import Plan
+from flightpower.sim.segments import LEVEL_OFF_S, ROLL_OUT_S, ClimbSegment, HoldSegment, TurnSegment
+from flightpower.sim.sensors.budget import of_installation
+from flightpower.sim.world import load_world
 
 WIND_SD_MPS = 1.0
 STRONGEST_MPS = 8.0

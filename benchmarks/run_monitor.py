@@ -16,14 +16,14 @@ import numpy as np
 import pandas as pd
 import typer
 
-from analysis.maneuvers.find_level import find_runs
-from daq.run_monitor import RunMonitor, Verdict
-from daq.sensors import Sample
-from daq.tick_means import FIELDS, Means, TickMeans
-from flight.aircraft import Aircraft, load_aircraft
-from flight.messages import TYPE_OF_TOPIC
-from flight.probe_maps import ProbeMaps
-from sim.sensors import load_budget
+from flightpower.analysis.maneuvers.find_level import find_runs
+from flightpower.daq.run_monitor import RunMonitor, Verdict
+from flightpower.daq.sensors import Sample
+from flightpower.daq.tick_means import FIELDS, Means, TickMeans
+from flightpower.flight.aircraft import Aircraft, load_aircraft
+from flightpower.flight.messages import TYPE_OF_TOPIC
+from flightpower.flight.probe_maps import ProbeMaps
+from flightpower.sim.sensors import load_budget
 
 
 def samples_of(table: pd.DataFrame) -> Iterator[tuple[int, list[Sample]]]:

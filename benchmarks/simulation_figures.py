@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from flight.complete_aircraft import load_complete_aircraft
-from flight.errors import InputError
-from sim.fly import fly
-from sim.plan import load_plan
-from sim.sensors import load_budget
+from flightpower.flight.complete_aircraft import load_complete_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.sim.fly import fly
+from flightpower.sim.plan import load_plan
+from flightpower.sim.sensors import load_budget
 
 FOLDER = Path(__file__).parents[1] / "docs" / "figures"
 WIDTH, HEIGHT = 900, 560

@@ -21,10 +21,10 @@ from resource import RUSAGE_CHILDREN, getrusage
 import numpy as np
 from records import Record, markdown, rounded
 
-from flight.aircraft import load_aircraft
-from sim.fly import fly
-from sim.plan import DT_S, load_plan
-from sim.sensors import FlightSensorTruth, draw, load_budget
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.sim.fly import fly
+from flightpower.sim.plan import DT_S, load_plan
+from flightpower.sim.sensors import FlightSensorTruth, draw, load_budget
 
 PLAN = "full-test-flight"
 PRESSURES = {"absolute_pressure_Pa": ("baro", "static"), "differential_pressure_Pa": ("alpha", "beta", "airspeed")}
@@ -62,7 +62,17 @@ def logged(*options: str) -> tuple[float, float]:
     before = getrusage(RUSAGE_CHILDREN)
     begun = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "sim", "fly", "--plan", PLAN, "-o", str(Path(folder) / "out"), *options]
+        command = [
+            sys.executable,
+            "-m",
+            "flightpower.sim",
+            "fly",
+            "--plan",
+            PLAN,
+            "-o",
+            str(Path(folder) / "out"),
+            *options,
+        ]
         subprocess.run(command, check=True, stderr=subprocess.DEVNULL)
     after = getrusage(RUSAGE_CHILDREN)
     used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime

@@ -36,18 +36,18 @@ def step(name):
     now = time.process_time()
     steps[name] = steps.get(name, 0.0) + now - last
     last = now
-import analysis.cli.analyze
+import flightpower.analysis.cli.analyze
 step("import of the command")
-from flight.log_reader import read_log
+from flightpower.flight.log_reader import read_log
 log = read_log(sys.argv[1])
 step("reading the log")
 try:
-    from analysis.pages.lean_imports import import_lean
+    from flightpower.analysis.pages.lean_imports import import_lean
     import_lean()
 except ImportError:  # earlier versions
     pass
-from analysis.pipeline.runs import analyze_runs
-from analysis.pages.write import write_report
+from flightpower.analysis.pipeline.runs import analyze_runs
+from flightpower.analysis.pages.write import write_report
 step("import of the libraries")
 doing = ["units of the aircraft file"]
 def progress(name):
@@ -75,7 +75,7 @@ def measured(code: Path, log: Path, folder: Path) -> dict:
 
 def flown(folder: Path, hours: float) -> Path:
     """The log of a simulated flight."""
-    plan = (resources.files("sim") / "plans" / "full-test-flight.toml").read_text("utf-8")
+    plan = (resources.files("flightpower.sim") / "plans" / "full-test-flight.toml").read_text("utf-8")
     more = round(max(0.0, hours * 3600 - MINUTES * 60) / PAIR_S)
     plan = plan.replace(f"times = {RUN_PAIRS}", f"times = {RUN_PAIRS + more}")
     (folder / "plan.toml").write_text(plan, "utf-8")

@@ -35,8 +35,8 @@ from records import Record, counted, markdown, rounded
 from rich.console import Console
 from rich.progress import track
 
-from analysis.estimation.noise import NORMAL_95
-from flight.aircraft import Aircraft, load_aircraft
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.flight.aircraft import Aircraft, load_aircraft
 
 
 def at_speeds(aircraft: Aircraft) -> list[str]:

@@ -15,25 +15,25 @@ import numpy as np
 from estimators import speeds
 from flights import Rows, Setup
 
-from analysis.air.thrust_stand import ThrustStand
-from analysis.calibrations.thrust import StandReadings, calibrate
-from analysis.curve import Condition, Polar, power_required, speed_at
-from analysis.estimation.noise import NORMAL_95
-from analysis.maneuvers.find import find
-from analysis.maneuvers.find_level import find_runs
-from analysis.maneuvers.kinds import LEVEL_RUNS, Maneuver
-from analysis.methods import dynamic
-from analysis.methods.methods import every_method, fallback
-from analysis.trajectory.priors import SensorPriors
-from analysis.trajectory.reconstruction import Trajectory, reconstruct
-from flight.aircraft import Aircraft, load_aircraft
-from flight.atmosphere import SEA_LEVEL_DENSITY
-from flight.errors import InputError
-from flight.propeller import Propeller
-from flight.propeller_files import load_propeller
-from sim.plant import plant_of
-from sim.sensors.budget import DrawnErrors, ErrorBudget
-from sim.world import load_world
+from flightpower.analysis.air.thrust_stand import ThrustStand
+from flightpower.analysis.calibrations.thrust import StandReadings, calibrate
+from flightpower.analysis.curve import Condition, Polar, power_required, speed_at
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.maneuvers.find import find
+from flightpower.analysis.maneuvers.find_level import find_runs
+from flightpower.analysis.maneuvers.kinds import LEVEL_RUNS, Maneuver
+from flightpower.analysis.methods import dynamic
+from flightpower.analysis.methods.methods import every_method, fallback
+from flightpower.analysis.trajectory.priors import SensorPriors
+from flightpower.analysis.trajectory.reconstruction import Trajectory, reconstruct
+from flightpower.flight.aircraft import Aircraft, load_aircraft
+from flightpower.flight.atmosphere import SEA_LEVEL_DENSITY
+from flightpower.flight.errors import InputError
+from flightpower.flight.propeller import Propeller
+from flightpower.flight.propeller_files import load_propeller
+from flightpower.sim.plant import plant_of
+from flightpower.sim.sensors.budget import DrawnErrors, ErrorBudget
+from flightpower.sim.world import load_world
 
 SHARES = (0.45, 0.6, 0.7, 0.8, 0.9)  # of the highest motor speed
 READING_ERROR, SCALE_ERROR = 0.01, 0.01

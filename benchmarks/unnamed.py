@@ -28,26 +28,26 @@ from estimators import speeds
 from flights import fly_missing, tunnel_probe
 from records import Record, markdown
 
-from analysis.air.contents import Replacements
-from analysis.pipeline.runs import analyze_runs
-from analysis.records.flight import Trust
-from analysis.results.files import to_json
-from flight.aircraft import load_aircraft
-from flight.arrays import Array
-from flight.complete_aircraft import load_complete_aircraft
-from flight.errors import InputError
-from flight.log_reader import Log, read_log
-from flight.propeller import Propeller, Row
-from flight.propeller_files import load_propeller
+from flightpower.analysis.air.contents import Replacements
+from flightpower.analysis.pipeline.runs import analyze_runs
+from flightpower.analysis.records.flight import Trust
+from flightpower.analysis.results.files import to_json
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.arrays import Array
+from flightpower.flight.complete_aircraft import load_complete_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_reader import Log, read_log
+from flightpower.flight.propeller import Propeller, Row
+from flightpower.flight.propeller_files import load_propeller
+from flightpower.sim.fly import fly
+from flightpower.sim.output_folder import write_flight
+from flightpower.sim.plan import load_plan
+from flightpower.sim.plant import Deviations
+from flightpower.sim.sensor_truth import GpsSolution
+from flightpower.sim.sensors import FlightSensorTruth, draw
+from flightpower.sim.sensors.tubing import first_order_lag
+from flightpower.sim.world import load_world
 from flightpower.simulate import _tray_variant, _write_without_hardware
-from sim.fly import fly
-from sim.output_folder import write_flight
-from sim.plan import load_plan
-from sim.plant import Deviations
-from sim.sensor_truth import GpsSolution
-from sim.sensors import FlightSensorTruth, draw
-from sim.sensors.tubing import first_order_lag
-from sim.world import load_world
 
 AIRCRAFT, PLAN, WORLD = "nexstar", "two-pairs", "study"
 FINE_S = 0.005  # of what a sensor's own lag is computed on

@@ -34,19 +34,19 @@ from flights import COLUMN, COLUMN_SCALE, as_read, column_pressures, error_rows,
 from numpy.typing import ArrayLike, NDArray
 from records import Record, counted, markdown, rounded
 
-from analysis.air.contents import Replacements
-from analysis.air.transducers import TransducerCalibration, plateaus, readings
-from analysis.calibrations.transducers import calibrate
-from analysis.curve import Condition
-from analysis.methods import cross_check
-from analysis.pipeline.runs import Analysis, analyze_runs
-from analysis.records.flight import Trust
-from analysis.results.files import to_json
-from flight.aircraft import load_aircraft
-from flight.errors import InputError
-from flight.log_reader import read_log
+from flightpower.analysis.air.contents import Replacements
+from flightpower.analysis.air.transducers import TransducerCalibration, plateaus, readings
+from flightpower.analysis.calibrations.transducers import calibrate
+from flightpower.analysis.curve import Condition
+from flightpower.analysis.methods import cross_check
+from flightpower.analysis.pipeline.runs import Analysis, analyze_runs
+from flightpower.analysis.records.flight import Trust
+from flightpower.analysis.results.files import to_json
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_reader import read_log
+from flightpower.sim.world import load_world, worlds, worlds_with_defects
 from flightpower.simulate import fly
-from sim.world import load_world, worlds, worlds_with_defects
 
 ROOT = Path(__file__).parents[1]
 WEATHER_KT, PLANS = (0.0, 3.0, 15.0), ("full-test-flight", "two-pairs")

@@ -13,13 +13,13 @@ from typing import Annotated, Any
 
 import typer
 
-from daq.process_setup import prepare_process, raise_priority
-from daq.systemd_notify import ALIVE, READY, STOPPING, is_service, notify
-from daq.terminal import StatusLine, has_terminal, print_error, show_event
-from flight.command_line import ExitCode, application, quantity
-from flight.command_line import run as run_command
-from flight.errors import InputError
-from flight.messages import Event
+from flightpower.daq.process_setup import prepare_process, raise_priority
+from flightpower.daq.systemd_notify import ALIVE, READY, STOPPING, is_service, notify
+from flightpower.daq.terminal import StatusLine, has_terminal, print_error, show_event
+from flightpower.flight.command_line import ExitCode, application, quantity
+from flightpower.flight.command_line import run as run_command
+from flightpower.flight.errors import InputError
+from flightpower.flight.messages import Event
 
 LONGEST_CHECK_S = 3600.0
 SHOWN_LOGS = 50
@@ -80,13 +80,13 @@ def run(
       daq run --config tray.toml
       daq run --config tray.toml --duration "5 min" -o test.mcap
     """
-    from daq.bus_recording import BusRecording
-    from daq.clock import SystemClock
-    from daq.config import load_tray
-    from daq.crew_light import CrewLight
-    from daq.daemon import NoDeviceOpened, check_configuration, record
-    from daq.linux_bus import LinuxBuses
-    from daq.recording_status import RecordingStatus, StatusFile
+    from flightpower.daq.bus_recording import BusRecording
+    from flightpower.daq.clock import SystemClock
+    from flightpower.daq.config import load_tray
+    from flightpower.daq.crew_light import CrewLight
+    from flightpower.daq.daemon import NoDeviceOpened, check_configuration, record
+    from flightpower.daq.linux_bus import LinuxBuses
+    from flightpower.daq.recording_status import RecordingStatus, StatusFile
 
     tray, buses = load_tray(config), LinuxBuses()
     check_configuration(tray, buses)
@@ -100,7 +100,7 @@ def run(
     bus_recording = BusRecording(record_bus, clock) if record_bus else None
     link = None
     if tray.telemetry:
-        from daq.telemetry import TelemetryLink
+        from flightpower.daq.telemetry import TelemetryLink
 
         link = TelemetryLink(tray.telemetry, tray)
     prepare_process()
@@ -172,7 +172,7 @@ def _seconds_option(least: float, text: str) -> Any:
 
 def drivers_line() -> str:
     """The drivers that a tray file may name, those of other packages with the package."""
-    from daq.config import installed_drivers
+    from flightpower.daq.config import installed_drivers
 
     drivers = installed_drivers().items()
     return f"drivers: {', '.join(f'{name} ({package})' if package else name for name, package in drivers)}"
@@ -192,11 +192,11 @@ def zero(
     Example:
       daq zero --config tray.toml
     """
-    from daq.clock import SystemClock
-    from daq.config import load_tray
-    from daq.dry_run import check_devices_here, dry_run
-    from daq.linux_bus import LinuxBuses
-    from daq.still_air_zero import NotStill, save_zero, zero_from_samples
+    from flightpower.daq.clock import SystemClock
+    from flightpower.daq.config import load_tray
+    from flightpower.daq.dry_run import check_devices_here, dry_run
+    from flightpower.daq.linux_bus import LinuxBuses
+    from flightpower.daq.still_air_zero import NotStill, save_zero, zero_from_samples
 
     tray, clock = load_tray(config), SystemClock()
     check_devices_here(tray)
@@ -234,11 +234,11 @@ def check(
     from rich.markup import escape
     from rich.table import Table
 
-    from daq import tray_check
-    from daq.clock import SystemClock
-    from daq.config import load_tray
-    from daq.dry_run import check_devices_here
-    from daq.linux_bus import LinuxBuses
+    from flightpower.daq import tray_check
+    from flightpower.daq.clock import SystemClock
+    from flightpower.daq.config import load_tray
+    from flightpower.daq.dry_run import check_devices_here
+    from flightpower.daq.linux_bus import LinuxBuses
 
     tray = load_tray(config)
     check_devices_here(tray)
@@ -283,7 +283,7 @@ def info(log: Annotated[Path, typer.Argument(metavar="LOG", help="A log; may be 
     from rich.console import Console
     from rich.table import Table
 
-    from daq.log_summary import summarize
+    from flightpower.daq.log_summary import summarize
 
     summary = summarize(log)
     console = Console()
@@ -313,8 +313,8 @@ def list_(
     from rich.console import Console
     from rich.table import Table
 
-    from daq.log_list import list_logs
-    from daq.log_names import numbered_logs
+    from flightpower.daq.log_list import list_logs
+    from flightpower.daq.log_names import numbered_logs
 
     table = Table("log", "begin (UTC)", "min", "MB", "state", box=None)
     for log in list_logs(folder, latest=None if every else SHOWN_LOGS):
@@ -341,8 +341,8 @@ def status(
     Example:
       daq status --config tray.toml --listen 0.0.0.0:8080
     """
-    from daq.config import load_tray
-    from daq.status_page import serve, sources_of
+    from flightpower.daq.config import load_tray
+    from flightpower.daq.status_page import serve, sources_of
 
     host, _, port = listen.rpartition(":")
     if not host or not port.isdigit() or not 0 < int(port) < 65536:
@@ -366,15 +366,15 @@ def config(
       daq config --check tray.toml
     """
     if unit is not None:
-        from daq.config import load_tray
-        from daq.systemd_unit import unit_drop_in
+        from flightpower.daq.config import load_tray
+        from flightpower.daq.systemd_unit import unit_drop_in
 
         typer.echo(unit_drop_in(load_tray(unit)), nl=False)
         return
     if check is not None:
-        from daq.attachments import load_attachments
-        from daq.config import check_places, load_tray
-        from daq.driver_factory import check_drivers
+        from flightpower.daq.attachments import load_attachments
+        from flightpower.daq.config import check_places, load_tray
+        from flightpower.daq.driver_factory import check_drivers
 
         tray = load_tray(check)
         check_places(tray, str(check))
@@ -382,7 +382,7 @@ def config(
         typer.echo(f"{check}: {len(tray.sensors)} sensors at {tray.rate_Hz:g} Hz")
         typer.echo(drivers_line())
     elif example:
-        typer.echo(resources.files("daq").joinpath("tray.example.toml").read_text("utf-8"), nl=False)
+        typer.echo(resources.files("flightpower.daq").joinpath("tray.example.toml").read_text("utf-8"), nl=False)
     else:
         raise InputError("give --example, --check FILE or --unit FILE")
 

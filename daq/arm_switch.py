@@ -1,8 +1,8 @@
 """A switch on the transmitter that marks the log, or starts and stops the recording."""
 
-from daq.config import ArmSwitchConfig
-from daq.sensors import Sample
-from flight.messages import Controls, Event
+from flightpower.daq.config import ArmSwitchConfig
+from flightpower.daq.sensors import Sample
+from flightpower.flight.messages import Controls, Event
 
 HYSTERESIS_US = 50.0  # pulse widths vary by a few microseconds
 ABSENT_NS = 2_000_000_000  # a channel without a pulse for so long, while others have one, is not connected

@@ -3,14 +3,14 @@
 from pathlib import Path
 from typing import NamedTuple
 
-from daq.config import Tray
-from daq.still_air_zero import parse_zero
-from flight.aircraft import Aircraft, load_aircraft
-from flight.errors import InputError
-from flight.files import json_object_text, read_text
-from flight.log_writer import LogWriter
-from flight.shipped_propellers import FOLDER, shipped_propellers
-from flight.version import version
+from flightpower.daq.config import Tray
+from flightpower.daq.still_air_zero import parse_zero
+from flightpower.flight.aircraft import Aircraft, load_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.files import json_object_text, read_text
+from flightpower.flight.log_writer import LogWriter
+from flightpower.flight.shipped_propellers import FOLDER, shipped_propellers
+from flightpower.flight.version import version
 
 
 class Attachments(NamedTuple):

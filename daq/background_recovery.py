@@ -22,8 +22,8 @@ from typing import NoReturn
 
 import msgspec
 
-from daq.log_recovery import failure_event, recovery_event, unfinished_logs
-from flight.messages import Event
+from flightpower.daq.log_recovery import failure_event, recovery_event, unfinished_logs
+from flightpower.flight.messages import Event
 
 MEMORY_BYTES = 512 * 2**20  # of address space; the libraries take half of it
 CPU_S = 120  # for each log; an hour of the default tray takes 0.65 s on a fast processor

@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Mapping
 
-from flight.messages import Event
+from flightpower.flight.messages import Event
 
 READINGS = 25  # of the whole bus, over which its need is found; and as many of a greater need before it is reported
 NEED_RANK = 22  # of the sorted durations: a tenth take longer

@@ -20,12 +20,12 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from daq.bus import Buses, BytePort, I2CBus
-from daq.clock import Clock
-from daq.disk_writer import DiskWriter
-from daq.sensors import Sample, Sensor
-from flight.aircraft import Aircraft
-from flight.errors import InputError
+from flightpower.daq.bus import Buses, BytePort, I2CBus
+from flightpower.daq.clock import Clock
+from flightpower.daq.disk_writer import DiskWriter
+from flightpower.daq.sensors import Sample, Sensor
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.errors import InputError
 
 T = TypeVar("T")
 FORMAT = "flightpower-bus-recording-1"

@@ -11,11 +11,11 @@ import threading
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from daq.bus_load import BusLoad
-from daq.clock import Clock
-from daq.sensor_supervisor import SensorSupervisor
-from daq.sensors import Sample
-from flight.messages import Event
+from flightpower.daq.bus_load import BusLoad
+from flightpower.daq.clock import Clock
+from flightpower.daq.sensor_supervisor import SensorSupervisor
+from flightpower.daq.sensors import Sample
+from flightpower.flight.messages import Event
 
 HANG_REPORT_NS = 500_000_000  # a bus that has not returned for this long is reported as hanging
 

@@ -7,9 +7,9 @@ from collections import deque
 from pathlib import Path
 from typing import NamedTuple
 
-from daq.computer_check import supply_check
-from daq.process_setup import use_every_processor
-from flight.messages import Event
+from flightpower.daq.computer_check import supply_check
+from flightpower.daq.process_setup import use_every_processor
+from flightpower.flight.messages import Event
 
 CHECK_EVERY_S = 1.0
 HELD_S = 10.0  # a dip lasts milliseconds; it is told for so long

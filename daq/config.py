@@ -14,14 +14,14 @@ from typing import Annotated, Any, ClassVar, Literal, cast, get_args, get_type_h
 import msgspec
 from msgspec import Meta
 
-from daq.bus import Buses
-from daq.sensors import Sensor, honeywell, ms45xxdo
-from daq.sensors.ads1115 import FULL_SCALE_V
-from daq.sensors.axes import Axes, parse_axes
-from daq.sensors.bridge import TransferFunction
-from flight.errors import InputError
-from flight.files import read_text
-from flight.messages import DOUBLED, SECOND, TYPE_OF_TOPIC
+from flightpower.daq.bus import Buses
+from flightpower.daq.sensors import Sensor, honeywell, ms45xxdo
+from flightpower.daq.sensors.ads1115 import FULL_SCALE_V
+from flightpower.daq.sensors.axes import Axes, parse_axes
+from flightpower.daq.sensors.bridge import TransferFunction
+from flightpower.flight.errors import InputError
+from flightpower.flight.files import read_text
+from flightpower.flight.messages import DOUBLED, SECOND, TYPE_OF_TOPIC
 
 Address = Annotated[int, Meta(ge=0x03, le=0x77)]
 ZERO_FILE = "zero.json"
@@ -341,7 +341,9 @@ def load_driver(point: metadata.EntryPoint) -> type[SensorTable]:
     except Exception as error:  # of another package: anything may be wrong with it
         raise InputError(f"{failed} cannot be loaded ({type(error).__name__}: {error})") from None
     if not (isinstance(table, type) and issubclass(table, SensorTable)):
-        raise InputError(f"{failed}: {point.value} is no sensor table (daq.config.BusSensorTable or PortSensorTable)")
+        raise InputError(
+            f"{failed}: {point.value} is no sensor table (flightpower.daq.config.BusSensorTable or PortSensorTable)"
+        )
     if table.__struct_config__.tag != point.name:
         raise InputError(f"{failed}: {point.value} has the tag {table.__struct_config__.tag!r}, not its name")
     return table

@@ -9,10 +9,10 @@ import time
 from collections import deque
 from collections.abc import Callable
 
-from daq.config import LightConfig
-from daq.gpio import GpioLine, LineFlag
-from daq.recording_status import NO_NEWS_S, RecordingState, RecordingStatus
-from flight.messages import Event
+from flightpower.daq.config import LightConfig
+from flightpower.daq.gpio import GpioLine, LineFlag
+from flightpower.daq.recording_status import NO_NEWS_S, RecordingState, RecordingStatus
+from flightpower.flight.messages import Event
 
 STEP_S = 0.05  # between two looks at lamp and button; a button that bounces has settled by the next one
 

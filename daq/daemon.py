@@ -6,32 +6,32 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
-from daq.arm_switch import ArmSwitch
-from daq.attachments import Attachments, load_attachments, write_attachments
-from daq.background_recovery import BackgroundRecovery, Recovery
-from daq.bus import Buses
-from daq.bus_recording import BusRecording
-from daq.clock import Clock
-from daq.computer_watch import ComputerWatch
-from daq.config import EscCounterConfig, SensorTable, Tray
-from daq.crew_light import CrewLight
-from daq.disk_space import DiskSpace
-from daq.driver_factory import DriverFactory, driver_factory
-from daq.flight_card import load_card
-from daq.log_files import FileLimits, LogFiles
-from daq.log_names import numbered_logs, numbered_names, part_names
-from daq.missed_ticks import MissedTicks
-from daq.plausibility import Plausibility
-from daq.recorder import Recorder
-from daq.recording_status import RecordingState, RecordingStatus, RunNews, readable
-from daq.sampling_loop import Cycle, StopFlag, cycles
-from daq.sensor_supervisor import SensorSupervisor, cause_of
-from daq.sensors import Sample
-from daq.still_air_zero import parse_zero
-from flight.aircraft import Aircraft
-from flight.errors import InputError
-from flight.messages import Event, Time
-from flight.probe_maps import load_probe_maps
+from flightpower.daq.arm_switch import ArmSwitch
+from flightpower.daq.attachments import Attachments, load_attachments, write_attachments
+from flightpower.daq.background_recovery import BackgroundRecovery, Recovery
+from flightpower.daq.bus import Buses
+from flightpower.daq.bus_recording import BusRecording
+from flightpower.daq.clock import Clock
+from flightpower.daq.computer_watch import ComputerWatch
+from flightpower.daq.config import EscCounterConfig, SensorTable, Tray
+from flightpower.daq.crew_light import CrewLight
+from flightpower.daq.disk_space import DiskSpace
+from flightpower.daq.driver_factory import DriverFactory, driver_factory
+from flightpower.daq.flight_card import load_card
+from flightpower.daq.log_files import FileLimits, LogFiles
+from flightpower.daq.log_names import numbered_logs, numbered_names, part_names
+from flightpower.daq.missed_ticks import MissedTicks
+from flightpower.daq.plausibility import Plausibility
+from flightpower.daq.recorder import Recorder
+from flightpower.daq.recording_status import RecordingState, RecordingStatus, RunNews, readable
+from flightpower.daq.sampling_loop import Cycle, StopFlag, cycles
+from flightpower.daq.sensor_supervisor import SensorSupervisor, cause_of
+from flightpower.daq.sensors import Sample
+from flightpower.daq.still_air_zero import parse_zero
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.messages import Event, Time
+from flightpower.flight.probe_maps import load_probe_maps
 
 REPORT_EVERY_NS = 1_000_000_000
 STOP_SERVICE = "sudo systemctl stop flightpower-daq"

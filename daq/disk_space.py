@@ -6,10 +6,10 @@ import threading
 from collections import deque
 from pathlib import Path
 
-from daq.config import FullDiskPolicy
-from daq.log_names import numbered_logs
-from flight.log_index import MAGIC
-from flight.messages import Event
+from flightpower.daq.config import FullDiskPolicy
+from flightpower.daq.log_names import numbered_logs
+from flightpower.flight.log_index import MAGIC
+from flightpower.flight.messages import Event
 
 CHECK_EVERY_S = 2.0
 RESUME_FACTOR = 1.25  # recording resumes when this multiple of the space to be kept is free

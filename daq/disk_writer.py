@@ -16,8 +16,8 @@ from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 
-from daq.process_setup import use_every_processor
-from daq.sync_directory import sync_directory
+from flightpower.daq.process_setup import use_every_processor
+from flightpower.daq.sync_directory import sync_directory
 
 SYNC_EVERY_S = 0.25
 RETRY_EVERY_S = 1.0  # after a write error: space may be freed, a stalled card may recover

@@ -3,21 +3,21 @@
 from collections.abc import Callable
 from typing import NoReturn
 
-from daq import config
-from daq.bus import Buses
-from daq.config import SensorTable, Tray
-from daq.sensors import Sensor
-from daq.sensors.ads1115 import ADS1115Driver
-from daq.sensors.ak8963 import AK8963Driver
-from daq.sensors.bridge import BridgeTransducerDriver
-from daq.sensors.esc_counter import EscCounterDriver
-from daq.sensors.ina2xx import INA226, INA228, PowerMonitorDriver
-from daq.sensors.mpu9250 import MPU9250Driver, Ranges
-from daq.sensors.ms56xx import VARIANTS, MS56xxDriver
-from daq.sensors.ublox import UBloxDriver
-from daq.sensors.ublox_ddc import DdcPort
-from flight.aircraft import Aircraft
-from flight.errors import InputError
+from flightpower.daq import config
+from flightpower.daq.bus import Buses
+from flightpower.daq.config import SensorTable, Tray
+from flightpower.daq.sensors import Sensor
+from flightpower.daq.sensors.ads1115 import ADS1115Driver
+from flightpower.daq.sensors.ak8963 import AK8963Driver
+from flightpower.daq.sensors.bridge import BridgeTransducerDriver
+from flightpower.daq.sensors.esc_counter import EscCounterDriver
+from flightpower.daq.sensors.ina2xx import INA226, INA228, PowerMonitorDriver
+from flightpower.daq.sensors.mpu9250 import MPU9250Driver, Ranges
+from flightpower.daq.sensors.ms56xx import VARIANTS, MS56xxDriver
+from flightpower.daq.sensors.ublox import UBloxDriver
+from flightpower.daq.sensors.ublox_ddc import DdcPort
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.errors import InputError
 
 DriverFactory = Callable[[], Sensor]
 
@@ -85,7 +85,7 @@ def driver_factory(table: SensorTable, tray: Tray, buses: Buses, aircraft: Aircr
                 topic=table.topics[0],
             )
         case config.Navio2Config():
-            from daq.sensors.navio2 import Navio2Driver  # needs pymavlink too
+            from flightpower.daq.sensors.navio2 import Navio2Driver  # needs pymavlink too
 
             return lambda: Navio2Driver(buses.port(table.port, 0), aircraft=aircraft)
         case config.EscCounterConfig():
@@ -99,7 +99,9 @@ def driver_factory(table: SensorTable, tray: Tray, buses: Buses, aircraft: Aircr
                 buses.port(table.port, table.baud), pole_pairs=pole_pairs, framed=table.framed
             )
         case config.AutopilotConfig():
-            from daq.sensors.autopilot import AutopilotDriver  # pymavlink doubles the time of the daemon's imports
+            from flightpower.daq.sensors.autopilot import (
+                AutopilotDriver,  # pymavlink doubles the time of the daemon's imports
+            )
 
             return lambda: AutopilotDriver(
                 buses.port(table.port, table.baud),

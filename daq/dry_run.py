@@ -4,14 +4,14 @@ import threading
 from pathlib import Path
 from typing import NamedTuple
 
-from daq.attachments import load_attachments
-from daq.bus import Buses
-from daq.clock import Clock
-from daq.config import Tray
-from daq.daemon import refuse_devices_in_use, sensor_supervisors
-from daq.sampling_loop import cycles
-from daq.sensors import Sample
-from flight.errors import InputError
+from flightpower.daq.attachments import load_attachments
+from flightpower.daq.bus import Buses
+from flightpower.daq.clock import Clock
+from flightpower.daq.config import Tray
+from flightpower.daq.daemon import refuse_devices_in_use, sensor_supervisors
+from flightpower.daq.sampling_loop import cycles
+from flightpower.daq.sensors import Sample
+from flightpower.flight.errors import InputError
 
 SETTLING_S = 2.0  # for the sensors' startup; readings of this time are discarded
 

@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
-from daq.legs import Row
-from flight.aircraft import Uncertainty
-from flight.units import GRAVITY_MPS2
+from flightpower.daq.legs import Row
+from flightpower.flight.aircraft import Uncertainty
+from flightpower.flight.units import GRAVITY_MPS2
 
 WINDOW_ROWS = 11  # longer than the smoothing: errors of speed at both ends are independent
 UNKNOWNS = 5  # A0, A1, A2, thrust scale, thrust slope

@@ -5,8 +5,8 @@ from typing import Literal
 
 import msgspec
 
-from flight.errors import InputError
-from flight.files import read_text
+from flightpower.flight.errors import InputError
+from flightpower.flight.files import read_text
 
 COVERED = 0.7  # of the planned change of speed: a pilot turns a little early, and smoothing takes a part of each end
 

@@ -5,8 +5,8 @@ The legs are those of `flight.runs`. In flight a leg is judged before it has end
 
 from typing import NamedTuple
 
-from flight import runs
-from flight.runs import LEVEL_RUN
+from flightpower.flight import runs
+from flightpower.flight.runs import LEVEL_RUN
 
 JUDGED_AFTER_S = 4.0  # a leg whose fastest or slowest point is this old is judged before it has ended
 GOING_ON_S = 1.0  # gusts let smoothed speed stand still for so long within a run

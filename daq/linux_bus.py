@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from smbus2 import SMBus, i2c_msg
 from smbus2.smbus2 import I2C_RDWR, i2c_rdwr_ioctl_data
 
-from daq.bus import IN_USE, BytePort, I2CBus
+from flightpower.daq.bus import IN_USE, BytePort, I2CBus
 
 RECEIVE_BYTES = 4096  # the kernel's buffer of a serial line (N_TTY_BUF_SIZE)
 # Of one read of a UDP port: ten times what an autopilot sends in a tick. A flood of datagrams costs its own port only.

@@ -12,13 +12,13 @@ from typing import NamedTuple
 
 from zstandard import ZstdCompressor
 
-from daq.disk_space import DiskSpace
-from daq.disk_writer import CARD_FAULTS, CLOSE_WITHIN_S, Gone
-from daq.log_names import name_with_start
-from daq.recorder import BACKLOG_BYTES, Recorder
-from daq.sensors import Sample
-from flight.errors import InputError
-from flight.messages import Event
+from flightpower.daq.disk_space import DiskSpace
+from flightpower.daq.disk_writer import CARD_FAULTS, CLOSE_WITHIN_S, Gone
+from flightpower.daq.log_names import name_with_start
+from flightpower.daq.recorder import BACKLOG_BYTES, Recorder
+from flightpower.daq.sensors import Sample
+from flightpower.flight.errors import InputError
+from flightpower.flight.messages import Event
 
 GIVE_UP_AFTER_S = 3.0  # a file that cannot be written or synced (unless the disk is full) is replaced after this time
 BACK_OFF_FACTOR = 2  # each further file gets this many times longer,

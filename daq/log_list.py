@@ -12,14 +12,14 @@ from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
 from mcap.summary import Summary
 
-from daq.disk_space import is_finished
-from daq.log_names import numbered_logs
-from daq.log_recovery import MAX_RECORD_BYTES, chunk_of
-from flight.errors import InputError
-from flight.log_index import CHUNK_HEAD, MAGIC, RECORD_HEAD
-from flight.log_writer import MESSAGE_HEAD
-from flight.messages import Time
-from flight.satellite_time import ahead_of_log_ns
+from flightpower.daq.disk_space import is_finished
+from flightpower.daq.log_names import numbered_logs
+from flightpower.daq.log_recovery import MAX_RECORD_BYTES, chunk_of
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_index import CHUNK_HEAD, MAGIC, RECORD_HEAD
+from flightpower.flight.log_writer import MESSAGE_HEAD
+from flightpower.flight.messages import Time
+from flightpower.flight.satellite_time import ahead_of_log_ns
 
 TIME_TOPIC = "/time"
 

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 
-from daq.disk_writer import CARD_FAULTS
-from flight.errors import InputError
+from flightpower.daq.disk_writer import CARD_FAULTS
+from flightpower.flight.errors import InputError
 
 NAME = re.compile(r"log-(\d+)(_[^/]*)?\.mcap")
 

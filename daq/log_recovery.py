@@ -18,11 +18,11 @@ from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Chunk
 
-from daq.sync_directory import sync_directory
-from flight.log_chunk import LogTooLarge, decompressed
-from flight.log_index import MAGIC, RECORD_HEAD, LogIndex
-from flight.log_writer import INDEX_ENTRY, MESSAGE_HEAD, message_index
-from flight.messages import Event
+from flightpower.daq.sync_directory import sync_directory
+from flightpower.flight.log_chunk import LogTooLarge, decompressed
+from flightpower.flight.log_index import MAGIC, RECORD_HEAD, LogIndex
+from flightpower.flight.log_writer import INDEX_ENTRY, MESSAGE_HEAD, message_index
+from flightpower.flight.messages import Event
 
 MAX_RECORD_BYTES = 32 * 2**20  # of a record that is complete; those of this program are below 1 MB
 # Synced data are intact: a power cut can only damage the last second, two or three chunks. Verifying the checksums of

@@ -6,10 +6,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
 
-from daq.sensor_health import GOOD_STATUSES
-from flight.log_entries import NO_ENTRIES, LogEntry
-from flight.log_reader import Log, read_log
-from flight.satellite_time import satellites_minus_log_time_ns
+from flightpower.daq.sensor_health import GOOD_STATUSES
+from flightpower.flight.log_entries import NO_ENTRIES, LogEntry
+from flightpower.flight.log_reader import Log, read_log
+from flightpower.flight.satellite_time import satellites_minus_log_time_ns
 
 
 class TopicSummary(NamedTuple):

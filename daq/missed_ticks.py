@@ -2,9 +2,9 @@
 
 from collections import deque
 
-from daq.recording_status import RECENT_S
-from daq.sampling_loop import GridTick
-from flight.messages import Event
+from flightpower.daq.recording_status import RECENT_S
+from flightpower.daq.sampling_loop import GridTick
+from flightpower.flight.messages import Event
 
 EVENT_SPACING_NS = 5_000_000_000  # at least, between two events
 STALL_NS = 5_000_000_000  # so long without a tick is a stall: a run has a hole that no interpolation bridges

@@ -4,12 +4,12 @@ import math
 from collections import deque
 from typing import NamedTuple
 
-from daq.thrust import ThrustTable
-from daq.tick_means import MEAN_OVER_NS, Means
-from flight.aircraft import Aircraft
-from flight.probe_maps import ProbeMaps
-from flight.runs import LEVEL_RUN, STANDING, flying_Pa, speed_scale
-from flight.units import GAS_CONSTANT_AIR, GRAVITY_MPS2, LAPSE_RATE
+from flightpower.daq.thrust import ThrustTable
+from flightpower.daq.tick_means import MEAN_OVER_NS, Means
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.probe_maps import ProbeMaps
+from flightpower.flight.runs import LEVEL_RUN, STANDING, flying_Pa, speed_scale
+from flightpower.flight.units import GAS_CONSTANT_AIR, GRAVITY_MPS2, LAPSE_RATE
 
 STEP_S = MEAN_OVER_NS / 1e9
 HEIGHT_EXPONENT = GAS_CONSTANT_AIR * LAPSE_RATE / GRAVITY_MPS2

@@ -9,18 +9,18 @@ from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from daq import config
-from daq.bus import Buses, BytePort, I2CBus
-from daq.clock import Clock
-from daq.config import SensorTable
-from daq.sensors import SensorFailure
-from daq.sensors.ads1115 import CONFIG as ADS1115_CONFIG
-from daq.sensors.autopilot import OUR_COMPONENT, OUR_SYSTEM, is_autopilot
-from daq.sensors.esc_counter import FramedParser, LegacyParser
-from daq.sensors.ina2xx import INA226, INA228
-from daq.sensors.ms56xx import PROM_WORDS, READ_PROM, VARIANTS
-from daq.sensors.ublox import frame_of, take_frames
-from daq.sensors.ublox_ddc import DdcPort
+from flightpower.daq import config
+from flightpower.daq.bus import Buses, BytePort, I2CBus
+from flightpower.daq.clock import Clock
+from flightpower.daq.config import SensorTable
+from flightpower.daq.sensors import SensorFailure
+from flightpower.daq.sensors.ads1115 import CONFIG as ADS1115_CONFIG
+from flightpower.daq.sensors.autopilot import OUR_COMPONENT, OUR_SYSTEM, is_autopilot
+from flightpower.daq.sensors.esc_counter import FramedParser, LegacyParser
+from flightpower.daq.sensors.ina2xx import INA226, INA228
+from flightpower.daq.sensors.ms56xx import PROM_WORDS, READ_PROM, VARIANTS
+from flightpower.daq.sensors.ublox import frame_of, take_frames
+from flightpower.daq.sensors.ublox_ddc import DdcPort
 
 MPU_WHO_AM_I = 0x75
 MPU_NAMES = {0x71: "MPU-9250", 0x73: "MPU-9255"}

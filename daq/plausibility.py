@@ -11,10 +11,10 @@ from typing import TypeVar
 
 import msgspec
 
-from daq.rest_check import MAX_BAROMETER_DIFFERENCE_PA, MIN_SATELLITES, THREE_DIMENSIONAL
-from daq.sensors import Sample
-from daq.still_air_zero import DIFFERENCE, Zero
-from flight.messages import (
+from flightpower.daq.rest_check import MAX_BAROMETER_DIFFERENCE_PA, MIN_SATELLITES, THREE_DIMENSIONAL
+from flightpower.daq.sensors import Sample
+from flightpower.daq.still_air_zero import DIFFERENCE, Zero
+from flightpower.flight.messages import (
     AIRBORNE_MODELS,
     OK,
     AbsolutePressure,
@@ -26,7 +26,7 @@ from flight.messages import (
     Gps,
     Rpm,
 )
-from flight.probe_maps import ProbeMaps
+from flightpower.flight.probe_maps import ProbeMaps
 
 TOPICS = frozenset(
     (

@@ -6,9 +6,9 @@ from pathlib import Path
 from mcap.opcode import Opcode
 from zstandard import ZstdCompressor
 
-from daq.disk_writer import DiskWriter
-from daq.sensors import Sample
-from flight.log_writer import LogWriter
+from flightpower.daq.disk_writer import DiskWriter
+from flightpower.daq.sensors import Sample
+from flightpower.flight.log_writer import LogWriter
 
 CHUNK_EVERY_NS = 400_000_000  # of the log's time; with the disk's SYNC_EVERY_S, the most that a power cut can cost
 BACKLOG_BYTES = 8 * 2**20  # several minutes of the default tray; messages are dropped beyond it

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import msgspec
 
-from daq.plausibility import Values
-from daq.sensor_health import SensorState
-from flight.messages import Event, State
+from flightpower.daq.plausibility import Values
+from flightpower.daq.sensor_health import SensorState
+from flightpower.flight.messages import Event, State
 
 LATEST_EVENTS = 20
 NO_NEWS_S = 3.0  # a status is written once a second; an older one says nothing of now

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from operator import attrgetter
 from typing import NamedTuple
 
-from daq.sensors import Sample
-from flight.messages import (
+from flightpower.daq.sensors import Sample
+from flightpower.flight.messages import (
     OK,
     AbsolutePressure,
     Attitude,

@@ -4,9 +4,17 @@ import math
 from collections.abc import Mapping, Sequence
 from statistics import fmean
 
-from daq.still_air_zero import COVER, PRESSURE
-from flight.messages import AIRBORNE_MODELS, AbsolutePressure, DifferentialPressure, Gps, Imu, Magnetometer, Message
-from flight.units import GRAVITY_MPS2
+from flightpower.daq.still_air_zero import COVER, PRESSURE
+from flightpower.flight.messages import (
+    AIRBORNE_MODELS,
+    AbsolutePressure,
+    DifferentialPressure,
+    Gps,
+    Imu,
+    Magnetometer,
+    Message,
+)
+from flightpower.flight.units import GRAVITY_MPS2
 
 THREE_DIMENSIONAL = 3  # fix
 OPEN_SKY = "give the antenna a clear view of the sky and wait a minute"

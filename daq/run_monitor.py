@@ -8,15 +8,15 @@ import math
 from collections import deque
 from typing import NamedTuple
 
-from daq.energy_balance import EnergyBalance
-from daq.flight_card import FlightCard
-from daq.legs import Leg, Legs, Row
-from daq.motion_means import Motion, MotionFromMeans
-from daq.thrust import load_thrust
-from daq.tick_means import MEAN_OVER_NS, Means
-from flight.aircraft import Aircraft
-from flight.probe_maps import ProbeMaps
-from flight.runs import LEVEL_RUN, Rejection, RunMeasures, RunRejected
+from flightpower.daq.energy_balance import EnergyBalance
+from flightpower.daq.flight_card import FlightCard
+from flightpower.daq.legs import Leg, Legs, Row
+from flightpower.daq.motion_means import Motion, MotionFromMeans
+from flightpower.daq.thrust import load_thrust
+from flightpower.daq.tick_means import MEAN_OVER_NS, Means
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.probe_maps import ProbeMaps
+from flightpower.flight.runs import LEVEL_RUN, Rejection, RunMeasures, RunRejected
 
 STEP_S = MEAN_OVER_NS / 1e9
 HALF = round(LEVEL_RUN.smoothing_s / STEP_S / 2 - 0.5)  # rows on each side of a fit

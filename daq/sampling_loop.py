@@ -3,13 +3,13 @@
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple, Protocol
 
-from daq.bus_worker import bus_workers
-from daq.clock import Clock
-from daq.process_setup import computes_while_it_waits, use_every_processor, use_one_processor
-from daq.repeated_readings import InFlight
-from daq.sensor_supervisor import SensorSupervisor
-from daq.sensors import Sample
-from flight.messages import FIRST_UTC_NS, LAST_UTC_NS, Event, Gps, Tick, Time
+from flightpower.daq.bus_worker import bus_workers
+from flightpower.daq.clock import Clock
+from flightpower.daq.process_setup import computes_while_it_waits, use_every_processor, use_one_processor
+from flightpower.daq.repeated_readings import InFlight
+from flightpower.daq.sensor_supervisor import SensorSupervisor
+from flightpower.daq.sensors import Sample
+from flightpower.flight.messages import FIRST_UTC_NS, LAST_UTC_NS, Event, Gps, Tick, Time
 
 TIME_EVERY_NS = 1_000_000_000
 STARTING_NS = 5_000_000_000  # sensors are being brought up: a late bus is no sign of trouble

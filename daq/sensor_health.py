@@ -3,7 +3,7 @@
 import enum
 from collections import Counter
 
-from flight.messages import Event, Status
+from flightpower.flight.messages import Event, Status
 
 
 class SensorState(enum.StrEnum):

@@ -7,10 +7,10 @@ import errno
 from collections import deque
 from collections.abc import Callable, Iterator
 
-from daq.repeated_readings import RepeatedReadingsOfSensor
-from daq.sensor_health import SensorHealth
-from daq.sensors import Sample, Sensor, SensorFailure, complaint_of
-from flight.messages import OK, TYPE_OF_TOPIC, Event, Status
+from flightpower.daq.repeated_readings import RepeatedReadingsOfSensor
+from flightpower.daq.sensor_health import SensorHealth
+from flightpower.daq.sensors import Sample, Sensor, SensorFailure, complaint_of
+from flightpower.flight.messages import OK, TYPE_OF_TOPIC, Event, Status
 
 RETRY_NS = 500_000_000
 TRANSFER_FAILURES_LIMIT = 3  # failed transfers in a row after which the sensor is restarted

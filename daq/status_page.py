@@ -13,14 +13,14 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from daq.computer_watch import CELSIUS_K
-from daq.config import Tray
-from daq.log_names import numbered_logs
-from daq.plausibility import Values
-from daq.recording_status import IN_ORDER, PublishedStatus, RecordingState
-from daq.still_air_zero import Zero
-from daq.tray_check import check_file
-from flight.errors import InputError
+from flightpower.daq.computer_watch import CELSIUS_K
+from flightpower.daq.config import Tray
+from flightpower.daq.log_names import numbered_logs
+from flightpower.daq.plausibility import Values
+from flightpower.daq.recording_status import IN_ORDER, PublishedStatus, RecordingState
+from flightpower.daq.still_air_zero import Zero
+from flightpower.daq.tray_check import check_file
+from flightpower.flight.errors import InputError
 
 SHOWN_LOGS = 5
 REFRESH_S = 2

@@ -12,11 +12,11 @@ from typing import NamedTuple
 
 import msgspec
 
-from daq.sensors import Sample
-from daq.sync_directory import sync_directory
-from flight.errors import InputError
-from flight.files import JsonFormat
-from flight.messages import DifferentialPressure, Imu, Rpm, Status
+from flightpower.daq.sensors import Sample
+from flightpower.daq.sync_directory import sync_directory
+from flightpower.flight.errors import InputError
+from flightpower.flight.files import JsonFormat
+from flightpower.flight.messages import DifferentialPressure, Imu, Rpm, Status
 
 FORMAT = "flightpower-zero-1"
 MINIMUM_FRACTION = 0.9  # of the ticks must have a measurement

@@ -2,7 +2,7 @@
 
 import re
 
-from daq.config import Tray, parse_port
+from flightpower.daq.config import Tray, parse_port
 
 # systemd ignores a path that does not exist when the service starts. Devices that may appear later are therefore
 # permitted by number (Linux, Documentation/admin-guide/devices.txt), or by class where the number changes when they are

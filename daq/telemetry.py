@@ -18,19 +18,19 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from daq.config import AutopilotConfig, TelemetryConfig, Tray
-from daq.flight_card import FlightCard, load_card
-from daq.linux_bus import LinuxSerial
-from daq.recording_status import IN_ORDER, NO_NEWS_S, RecordingState, RecordingStatus, RunNews
-from daq.run_monitor import Progress, RunMonitor
-from daq.sampling_loop import Cycle
-from daq.still_air_zero import DIFFERENCE, Zero, parse_zero
-from daq.telemetry_port import UdpSender, open_port
-from daq.tick_means import FIELDS, Means, TickMeans
-from flight.aircraft import Aircraft, load_aircraft
-from flight.messages import OK, Event
-from flight.probe_maps import ProbeMaps, load_probe_maps
-from flight.units import GAS_CONSTANT_AIR
+from flightpower.daq.config import AutopilotConfig, TelemetryConfig, Tray
+from flightpower.daq.flight_card import FlightCard, load_card
+from flightpower.daq.linux_bus import LinuxSerial
+from flightpower.daq.recording_status import IN_ORDER, NO_NEWS_S, RecordingState, RecordingStatus, RunNews
+from flightpower.daq.run_monitor import Progress, RunMonitor
+from flightpower.daq.sampling_loop import Cycle
+from flightpower.daq.still_air_zero import DIFFERENCE, Zero, parse_zero
+from flightpower.daq.telemetry_port import UdpSender, open_port
+from flightpower.daq.tick_means import FIELDS, Means, TickMeans
+from flightpower.flight.aircraft import Aircraft, load_aircraft
+from flightpower.flight.messages import OK, Event
+from flightpower.flight.probe_maps import ProbeMaps, load_probe_maps
+from flightpower.flight.units import GAS_CONSTANT_AIR
 
 RESTART_AFTER_S = 5.0
 HEARTBEAT_PERIOD_S = 1.0
@@ -117,7 +117,7 @@ class TelemetryLink:
         self._command = [
             sys.executable,
             "-m",
-            "daq.telemetry",
+            "flightpower.daq.telemetry",
             msgspec.json.encode(telemetry).decode(),
             tray.probe_calibration or "",
             tray.zero if Path(tray.zero).exists() else "",

@@ -2,8 +2,8 @@
 
 import socket
 
-from daq.config import TelemetryConfig, parse_port
-from daq.linux_bus import LinuxSerial
+from flightpower.daq.config import TelemetryConfig, parse_port
+from flightpower.daq.linux_bus import LinuxSerial
 
 
 class UdpSender:

@@ -4,7 +4,7 @@ import os
 import shutil
 import sys
 
-from flight.messages import Event
+from flightpower.flight.messages import Event
 
 
 def print_error(line: str) -> None:

@@ -6,7 +6,7 @@ from bisect import bisect_right
 from pathlib import Path
 from typing import NamedTuple
 
-from flight.shipped_propellers import FOLDER
+from flightpower.flight.shipped_propellers import FOLDER
 
 
 class ThrustRow(NamedTuple):

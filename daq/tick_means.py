@@ -4,8 +4,8 @@ from collections.abc import Iterable
 
 import msgspec
 
-from daq.sensors import Sample
-from flight.messages import OK
+from flightpower.daq.sensors import Sample
+from flightpower.flight.messages import OK
 
 MEAN_OVER_NS = 200_000_000
 FIELDS: dict[str, tuple[tuple[str, str], ...]] = {

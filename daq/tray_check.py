@@ -9,19 +9,19 @@ from typing import NamedTuple
 
 import msgspec
 
-from daq import config
-from daq.bus import Buses
-from daq.clock import Clock
-from daq.computer_check import card_check, supply_check
-from daq.config import SensorTable, Tray
-from daq.daemon import STOP_SERVICE
-from daq.disk_space import free_bytes
-from daq.dry_run import DryRun, dry_run
-from daq.part_identity import PartIdentity, identify
-from daq.rest_check import OPEN_SKY, barometer_comparison, height_comparison, is_finite, rest_problem
-from daq.sensor_health import GOOD_STATUSES
-from daq.sensors.autopilot import FAR_TOO_FEW
-from flight.messages import SECOND, Message, Status
+from flightpower.daq import config
+from flightpower.daq.bus import Buses
+from flightpower.daq.clock import Clock
+from flightpower.daq.computer_check import card_check, supply_check
+from flightpower.daq.config import SensorTable, Tray
+from flightpower.daq.daemon import STOP_SERVICE
+from flightpower.daq.disk_space import free_bytes
+from flightpower.daq.dry_run import DryRun, dry_run
+from flightpower.daq.part_identity import PartIdentity, identify
+from flightpower.daq.rest_check import OPEN_SKY, barometer_comparison, height_comparison, is_finite, rest_problem
+from flightpower.daq.sensor_health import GOOD_STATUSES
+from flightpower.daq.sensors.autopilot import FAR_TOO_FEW
+from flightpower.flight.messages import SECOND, Message, Status
 
 LEAST_OF_RATE = 0.9  # of the rate that is set
 EVERY_TICK = frozenset({"/imu", "/mag", "/baro", "/static", "/probe/alpha", "/probe/beta", "/probe/airspeed"})

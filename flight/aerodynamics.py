@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flight.aircraft import Aircraft
-from flight.errors import InputError
-from flight.number import Number, Vector
-from flight.units import read_table
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.number import Number, Vector
+from flightpower.flight.units import read_table
 
 
 @dataclass(frozen=True, kw_only=True)

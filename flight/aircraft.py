@@ -16,11 +16,11 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, TypeVar
 
-from flight import units
-from flight.aircraft_keys import EXAMPLES, SURFACES
-from flight.errors import InputError
-from flight.files import read_text
-from flight.units import GRAVITY_MPS2, NO_KEY
+from flightpower.flight import units
+from flightpower.flight.aircraft_keys import EXAMPLES, SURFACES
+from flightpower.flight.errors import InputError
+from flightpower.flight.files import read_text
+from flightpower.flight.units import GRAVITY_MPS2, NO_KEY
 
 Position = tuple[float, float, float]
 VIBRATION_REVPS = 100.0  # motor speed [1/s] at which an offset of the accelerometers by vibration is given
@@ -259,13 +259,13 @@ def load_aircraft(name_or_path: str | Path) -> Aircraft:
 
 def shipped_aircraft() -> list[str]:
     """The names of the aircraft that come with the package."""
-    shipped = resources.files("flight") / "data" / "aircraft"
+    shipped = resources.files("flightpower.flight") / "data" / "aircraft"
     return sorted(f.name.removesuffix(".toml") for f in shipped.iterdir() if f.name.endswith(".toml"))
 
 
 def aircraft_text(name_or_path: str | Path) -> tuple[str, str]:
     """The text of an aircraft file, and what messages call it. Raises InputError when there is none."""
-    shipped = resources.files("flight") / "data" / "aircraft"
+    shipped = resources.files("flightpower.flight") / "data" / "aircraft"
     path = Path(name_or_path)
     if path.suffix == "" and (shipped / f"{name_or_path}.toml").is_file():
         return (shipped / f"{name_or_path}.toml").read_text("utf-8"), f"{name_or_path}.toml"

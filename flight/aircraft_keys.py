@@ -1,7 +1,7 @@
 """Every key of the aircraft file: an example, its meaning, how to measure it, who needs it, what is assumed without it.
 
 Messages, the template of `flightpower new aircraft` and a page of the site are made of it;
-`python -m flight.aircraft_keys` prints the tables of that page.
+`python -m flightpower.flight.aircraft_keys` prints the tables of that page.
 """
 
 from typing import NamedTuple

@@ -5,13 +5,13 @@ The functions work elementwise and accept floats, arrays and CasADi symbols.
 
 import numpy as np
 
-from flight.number import Number
-from flight.units import GAS_CONSTANT_AIR as GAS_CONSTANT_AIR
-from flight.units import GRAVITY_MPS2 as GRAVITY_MPS2
-from flight.units import LAPSE_RATE as LAPSE_RATE
-from flight.units import SEA_LEVEL_DENSITY as SEA_LEVEL_DENSITY
-from flight.units import SEA_LEVEL_PRESSURE_PA as SEA_LEVEL_PRESSURE_PA
-from flight.units import SEA_LEVEL_TEMPERATURE_K as SEA_LEVEL_TEMPERATURE_K
+from flightpower.flight.number import Number
+from flightpower.flight.units import GAS_CONSTANT_AIR as GAS_CONSTANT_AIR
+from flightpower.flight.units import GRAVITY_MPS2 as GRAVITY_MPS2
+from flightpower.flight.units import LAPSE_RATE as LAPSE_RATE
+from flightpower.flight.units import SEA_LEVEL_DENSITY as SEA_LEVEL_DENSITY
+from flightpower.flight.units import SEA_LEVEL_PRESSURE_PA as SEA_LEVEL_PRESSURE_PA
+from flightpower.flight.units import SEA_LEVEL_TEMPERATURE_K as SEA_LEVEL_TEMPERATURE_K
 
 _EXPONENT = GRAVITY_MPS2 / (GAS_CONSTANT_AIR * LAPSE_RATE)
 FOOT_POUND_PER_SECOND_W = 1.3558179483314

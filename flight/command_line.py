@@ -16,9 +16,9 @@ from typing import Annotated, Any, TypeVar, get_type_hints
 
 import typer
 
-from flight.errors import STORAGE_FAILS, InputError, StorageError
-from flight.units import to_si
-from flight.version import version
+from flightpower.flight.errors import STORAGE_FAILS, InputError, StorageError
+from flightpower.flight.units import to_si
+from flightpower.flight.version import version
 
 Record = TypeVar("Record")
 

@@ -8,7 +8,7 @@ import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from flight.aircraft import (
+from flightpower.flight.aircraft import (
     Aircraft,
     ControlSurface,
     Geometry,
@@ -21,7 +21,7 @@ from flight.aircraft import (
     parse_aircraft,
     parse_as,
 )
-from flight.errors import InputError
+from flightpower.flight.errors import InputError
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,7 @@ from typing import Generic, Protocol, TypeVar
 
 import msgspec
 
-from flight.errors import STORAGE_FAILS, InputError, StorageError
+from flightpower.flight.errors import STORAGE_FAILS, InputError, StorageError
 
 
 def read_text(path: Path) -> str:

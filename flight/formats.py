@@ -10,8 +10,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import NamedTuple
 
-from flight.errors import InputError
-from flight.log_index import MAGIC as MCAP_MAGIC
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_index import MAGIC as MCAP_MAGIC
 
 GZIP_MAGIC, ZIP_MAGIC = b"\x1f\x8b", b"PK\x03\x04"
 TEXT_MAGIC = b"FMT,"  # of a dataflash log that a ground station has converted to text

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, get_args, overload
 
 import msgspec
 
-from flight.messages import Message, Status
+from flightpower.flight.messages import Message, Status
 
 STATUSES = tuple(Status)
 STATUS_CODE = {status: code for code, status in enumerate(STATUSES)}

@@ -10,15 +10,15 @@ from typing import Any
 import msgspec
 from mcap.records import Attachment, Channel, Header, McapRecord, Metadata
 
-from flight.errors import InputError
-from flight.formats import refusal
-from flight.log_chunk import LogTooLarge, allowed_bytes
-from flight.log_entries import Entries
-from flight.log_index import MAGIC
-from flight.log_records import Messages, records
-from flight.log_writer import PROFILE
-from flight.messages import TYPE_OF_TOPIC, Message, Status
-from flight.undecodable import Undecodable
+from flightpower.flight.errors import InputError
+from flightpower.flight.formats import refusal
+from flightpower.flight.log_chunk import LogTooLarge, allowed_bytes
+from flightpower.flight.log_entries import Entries
+from flightpower.flight.log_index import MAGIC
+from flightpower.flight.log_records import Messages, records
+from flightpower.flight.log_writer import PROFILE
+from flightpower.flight.messages import TYPE_OF_TOPIC, Message, Status
+from flightpower.flight.undecodable import Undecodable
 
 ENCODING = "json"
 WANTED = "a log of the daemon (.mcap)"

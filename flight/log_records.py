@@ -10,8 +10,8 @@ from mcap.exceptions import EndOfFile, InvalidMagic, RecordLengthLimitExceeded
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Header, McapRecord, Metadata
 
-from flight.log_chunk import LogTooLarge, decompressed
-from flight.log_index import MAGIC, RECORD_HEAD
+from flightpower.flight.log_chunk import LogTooLarge, decompressed
+from flightpower.flight.log_index import MAGIC, RECORD_HEAD
 
 MAX_RECORD_BYTES = 256 * 2**20
 TOGETHER_BYTES = 2**19  # of decompressed chunks, whose messages are returned together

@@ -19,8 +19,8 @@ from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, McapRecord, Metadata, Schema
 
-from flight.log_index import CHUNK_HEAD, MAGIC, MESSAGE_INDEX_HEAD, RECORD_HEAD, LogIndex
-from flight.messages import TYPE_OF_TOPIC, Message, Status, schema_of
+from flightpower.flight.log_index import CHUNK_HEAD, MAGIC, MESSAGE_INDEX_HEAD, RECORD_HEAD, LogIndex
+from flightpower.flight.messages import TYPE_OF_TOPIC, Message, Status, schema_of
 
 PROFILE = "flightpower"
 FORMAT_VERSION = "1"

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flight.atmosphere import GRAVITY_MPS2 as g
-from flight.number import Number, Vector
+from flightpower.flight.atmosphere import GRAVITY_MPS2 as g
+from flightpower.flight.number import Number, Vector
 
 
 class Inertia(NamedTuple):

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from flight.files import read_text
+from flightpower.flight.files import read_text
 
 FORMAT = "flightpower-probe-2"
 FIRST_FORMAT = "flightpower-probe-1"  # its angles are polynomials in C_alpha and C_beta, its q_c/qbar is one itself

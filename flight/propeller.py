@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flight.errors import InputError
-from flight.number import Number
+from flightpower.flight.errors import InputError
+from flightpower.flight.number import Number
 
 # The analysis corrects a table's thrust by the factor 1 + thrust_scale + thrust_slope (J - J_REFERENCE).
 J_REFERENCE = 0.5

@@ -1,6 +1,6 @@
 """Propeller tables from files: our own CSV, UIUC text tables and APC `PER3` files, as downloaded.
 
-`python -m flight.propeller_files FILE_OR_FOLDER > mine.csv` converts any of them to our own format.
+`python -m flightpower.flight.propeller_files FILE_OR_FOLDER > mine.csv` converts any of them to our own format.
 """
 
 import csv
@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from flight.errors import InputError
-from flight.propeller import Propeller, Row
-from flight.shipped_propellers import FOLDER, shipped_propellers
+from flightpower.flight.errors import InputError
+from flightpower.flight.propeller import Propeller, Row
+from flightpower.flight.shipped_propellers import FOLDER, shipped_propellers
 
 INCH_M = 0.0254
 LARGEST_INCHES = 40.0  # larger numbers are millimeters: UIUC names a few small propellers so (E-Flite 130x70)
@@ -86,7 +86,7 @@ def parse_propeller(text: str, name: str) -> Propeller:
     if _is_uiuc(text):
         raise InputError(
             f"propeller {name}: a UIUC table contains neither diameter nor speed of rotation; convert all its tables by"
-            " `python -m flight.propeller_files FOLDER > mine.csv`"
+            " `python -m flightpower.flight.propeller_files FOLDER > mine.csv`"
         )
     diameter_m, rows, source = _apc_table(text, name) if "PROP RPM" in text else _csv_table(text, name)
     return Propeller(name, diameter_m, rows, source)
@@ -206,7 +206,7 @@ def _rows(points: dict[float, list[tuple[float, float, float]]]) -> tuple[Row, .
 
 if __name__ == "__main__":
     if len(sys.argv) != 2:
-        sys.exit("usage: python -m flight.propeller_files FILE_OR_FOLDER > mine.csv")
+        sys.exit("usage: python -m flightpower.flight.propeller_files FILE_OR_FOLDER > mine.csv")
     try:
         print(load_propeller(sys.argv[1]).to_csv(), end="")
     except InputError as error:

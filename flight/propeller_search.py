@@ -16,12 +16,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flight.aircraft import Uncertainty
-from flight.arrays import Array
-from flight.errors import InputError
-from flight.propeller import J_REFERENCE, Origin, Propeller
-from flight.propeller_files import INCH_M, LARGEST_INCHES, UIUC_NAME, load_propeller
-from flight.shipped_propellers import shipped_propellers
+from flightpower.flight.aircraft import Uncertainty
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
+from flightpower.flight.propeller import J_REFERENCE, Origin, Propeller
+from flightpower.flight.propeller_files import INCH_M, LARGEST_INCHES, UIUC_NAME, load_propeller
+from flightpower.flight.shipped_propellers import shipped_propellers
 
 # Flights are looked at from the J at which the propeller's efficiency is this share of its best, up to the best: climbs
 # and level flight. Nearer to zero thrust a relative difference has no meaning.

@@ -8,8 +8,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from flight.arrays import Array
-from flight.propeller import J_REFERENCE, Propeller
+from flightpower.flight.arrays import Array
+from flightpower.flight.propeller import J_REFERENCE, Propeller
 
 Floats = float | Array
 

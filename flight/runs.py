@@ -21,8 +21,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
 
-from flight.settings import Settings, setting
-from flight.units import SEA_LEVEL_DENSITY
+from flightpower.flight.settings import Settings, setting
+from flightpower.flight.units import SEA_LEVEL_DENSITY
 
 ACCELERATION, DECELERATION = "acceleration", "deceleration"
 

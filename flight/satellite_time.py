@@ -1,8 +1,8 @@
 """Date and time of a log by the satellites; the log's own times are those of a clock that may never have been set."""
 
-from flight.log_entries import NO_ENTRIES
-from flight.log_reader import Log
-from flight.messages import FIRST_UTC_NS, LAST_UTC_NS, Gps, Message, Time
+from flightpower.flight.log_entries import NO_ENTRIES
+from flightpower.flight.log_reader import Log
+from flightpower.flight.messages import FIRST_UTC_NS, LAST_UTC_NS, Gps, Message, Time
 
 
 def satellites_minus_log_time_ns(log: Log) -> int | None:

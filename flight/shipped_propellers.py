@@ -2,7 +2,7 @@
 
 from importlib import resources
 
-FOLDER = resources.files("flight") / "data" / "propellers"
+FOLDER = resources.files("flightpower.flight") / "data" / "propellers"
 
 
 def shipped_propellers() -> list[str]:

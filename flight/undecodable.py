@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass
 
-from flight.messages import Status
+from flightpower.flight.messages import Status
 
 AT_FIELD = re.compile(r" - at `\$\.(\w+)")
 STATUS = re.compile(rb'"status"\s*:\s*("[^"]*"|[\w.-]+)')

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from flight.errors import InputError
-from flight.files import read_text
-from flight.units import to_si
+from flightpower.flight.errors import InputError
+from flightpower.flight.files import read_text
+from flightpower.flight.units import to_si
 
 
 def csv_rows(path: Path) -> list[list[str]]:

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any, TypeVar
 
-from flight.errors import InputError
+from flightpower.flight.errors import InputError
 
 # Of the standard atmosphere (ICAO Doc 7488/3); here because the daemon uses them without NumPy.
 GRAVITY_MPS2 = 9.80665  # standard gravity

@@ -7,7 +7,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from analysis import estimation
+    from flightpower.analysis import estimation
     from flightpower.interface import (
         Comparison,
         Flight,
@@ -57,12 +57,8 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module 'flightpower' has no attribute {name!r}")
-    from flightpower.scripts import hidden_package
-
-    if message := hidden_package():
-        raise ImportError(message)
     if name == "estimation":
-        return importlib.import_module("analysis.estimation")
+        return importlib.import_module("flightpower.analysis.estimation")
     return getattr(importlib.import_module("flightpower.interface"), name)
 
 

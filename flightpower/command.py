@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import typer
 from typer.core import TyperGroup
 
-from flight.command_line import application, command_of, run
-from flight.errors import InputError
+from flightpower.flight.command_line import application, command_of, run
+from flightpower.flight.errors import InputError
 
 
 class Side(NamedTuple):
@@ -23,20 +23,33 @@ class Side(NamedTuple):
 LOGS = ("jinja2", "numpy", "pandas", "pyulog", "scipy")
 LAPTOP = ("casadi", *LOGS)
 SIDES = {
-    "analyze": Side("analysis.cli.analyze", "From a log to the power-required curve.", LOGS, "analysis"),
-    "export": Side("analysis.cli.export", "A flight as tables and files for other programs.", LAPTOP, "analysis"),
-    "open": Side(
-        "analysis.pages.open.command", "Flights in the browser: edit runs.", (*LAPTOP, "waitress"), "analysis"
+    "analyze": Side("flightpower.analysis.cli.analyze", "From a log to the power-required curve.", LOGS, "analysis"),
+    "export": Side(
+        "flightpower.analysis.cli.export", "A flight as tables and files for other programs.", LAPTOP, "analysis"
     ),
-    "plan": Side("analysis.cli.plan", "What to fly next, for the narrowest interval.", LAPTOP, "analysis"),
-    "route": Side("analysis.cli.route", "The energy of a mission in wind, and the way home.", LOGS, "autopilot"),
-    "parameters": Side("analysis.cli.parameters", "A flight's parameters for an autopilot.", LOGS, "autopilot"),
-    "fleet": Side("analysis.cli.fleet", "Many airframes: which got worse.", (*LAPTOP, "fsspec", "pyarrow"), "fleet"),
-    "calibrate": Side("analysis.cli.calibrate", "Probe, tubes, magnetometer, surfaces, airspeed.", LAPTOP, "analysis"),
+    "open": Side(
+        "flightpower.analysis.pages.open.command",
+        "Flights in the browser: edit runs.",
+        (*LAPTOP, "waitress"),
+        "analysis",
+    ),
+    "plan": Side("flightpower.analysis.cli.plan", "What to fly next, for the narrowest interval.", LAPTOP, "analysis"),
+    "route": Side(
+        "flightpower.analysis.cli.route", "The energy of a mission in wind, and the way home.", LOGS, "autopilot"
+    ),
+    "parameters": Side(
+        "flightpower.analysis.cli.parameters", "A flight's parameters for an autopilot.", LOGS, "autopilot"
+    ),
+    "fleet": Side(
+        "flightpower.analysis.cli.fleet", "Many airframes: which got worse.", (*LAPTOP, "fsspec", "pyarrow"), "fleet"
+    ),
+    "calibrate": Side(
+        "flightpower.analysis.cli.calibrate", "Probe, tubes, magnetometer, surfaces, airspeed.", LAPTOP, "analysis"
+    ),
     "sim": Side(
         "flightpower.simulate", "Simulated flights and wind tunnel.", ("casadi", "numpy", "pandas", "pyarrow"), "sim"
     ),
-    "daq": Side("daq.__main__", "Record the sensors on the aircraft's computer.", ()),
+    "daq": Side("flightpower.daq.__main__", "Record the sensors on the aircraft's computer.", ()),
     "propellers": Side("flightpower.propellers", "Propeller tables by size and maker.", ("numpy",), "analysis"),
     "new": Side("flightpower.new", "Files to begin with: an aircraft, a tray, a map of columns.", ()),
 }

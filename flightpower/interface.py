@@ -9,23 +9,23 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from analysis import pipeline
-from analysis.cli.plan import PlanOptions, flight_plan
-from analysis.flights.comparison import Comparison
-from analysis.flights.comparison import compare as compare_pools
-from analysis.flights.pool import Pool, pool_results
-from analysis.missions.search import FlightPlan
-from analysis.options import Options
-from analysis.pages import write
-from analysis.pages.exports import tables as exports
-from analysis.pipeline.runs import Analysis
-from analysis.pipeline.whole_flight import WholeFlightAnalysis
-from analysis.records.flight import Results
-from analysis.results.evidence import reasons_not_to_trust
-from analysis.sources.open import open_source
-from analysis.sources.recording import FlightRecording as Recording
-from flight.errors import InputError
-from flight.log_reader import Log
+from flightpower.analysis import pipeline
+from flightpower.analysis.cli.plan import PlanOptions, flight_plan
+from flightpower.analysis.flights.comparison import Comparison
+from flightpower.analysis.flights.comparison import compare as compare_pools
+from flightpower.analysis.flights.pool import Pool, pool_results
+from flightpower.analysis.missions.search import FlightPlan
+from flightpower.analysis.options import Options
+from flightpower.analysis.pages import write
+from flightpower.analysis.pages.exports import tables as exports
+from flightpower.analysis.pipeline.runs import Analysis
+from flightpower.analysis.pipeline.whole_flight import WholeFlightAnalysis
+from flightpower.analysis.records.flight import Results
+from flightpower.analysis.results.evidence import reasons_not_to_trust
+from flightpower.analysis.sources.open import open_source
+from flightpower.analysis.sources.recording import FlightRecording as Recording
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_reader import Log
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -10,11 +10,11 @@ from typing import Annotated
 
 import typer
 
-from flight.aircraft import shipped_aircraft
-from flight.command_line import application
-from flight.errors import InputError
-from flight.files import check_new_file, write_file
 from flightpower import templates
+from flightpower.flight.aircraft import shipped_aircraft
+from flightpower.flight.command_line import application
+from flightpower.flight.errors import InputError
+from flightpower.flight.files import check_new_file, write_file
 
 app = application(help="Write a commented file to fill in.")
 
@@ -60,7 +60,7 @@ def tray(
     Example:
       flightpower new tray --aircraft my.toml -o tray.toml
     """
-    text = resources.files("daq").joinpath("tray.example.toml").read_text("utf-8")
+    text = resources.files("flightpower.daq").joinpath("tray.example.toml").read_text("utf-8")
     if aircraft is not None:
         # A JSON string is a TOML string: the backslashes of a Windows path are escaped.
         text = text.replace('aircraft = "nexstar" ', f"aircraft = {json.dumps(aircraft, ensure_ascii=False)} ", 1)
@@ -83,7 +83,7 @@ def columns(
       flightpower new columns table.csv -o table.csv.columns.toml
       flightpower new columns table.mat -o map.toml
     """
-    draft = importlib.import_module("analysis.sources.map_draft")  # needs the laptop's libraries
+    draft = importlib.import_module("flightpower.analysis.sources.map_draft")  # needs the laptop's libraries
     _write(draft.draft(table, output), output, replace)
 
 

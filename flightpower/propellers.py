@@ -8,11 +8,11 @@ from typing import Annotated, Any
 
 import typer
 
-from flight.command_line import ExitCode, application
-from flight.errors import InputError
-from flight.files import check_new_file, write_files
-from flight.propeller import Origin
-from flight.propeller_search import (
+from flightpower.flight.command_line import ExitCode, application
+from flightpower.flight.errors import InputError
+from flightpower.flight.files import check_new_file, write_files
+from flightpower.flight.propeller import Origin
+from flightpower.flight.propeller_search import (
     Cost,
     Query,
     Table,

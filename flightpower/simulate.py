@@ -13,12 +13,12 @@ from zlib import crc32
 import typer
 from rich.console import Console
 
-from flight.aircraft import aircraft_text
-from flight.command_line import application, run
-from flight.complete_aircraft import CompleteAircraft, load_complete_aircraft
-from flight.errors import InputError, StorageError
-from flight.files import check_new_file, write_file
-from sim.options import (
+from flightpower.flight.aircraft import aircraft_text
+from flightpower.flight.command_line import application, run
+from flightpower.flight.complete_aircraft import CompleteAircraft, load_complete_aircraft
+from flightpower.flight.errors import InputError, StorageError
+from flightpower.flight.files import check_new_file, write_file
+from flightpower.sim.options import (
     AircraftOption,
     BankOption,
     ClimbOption,
@@ -33,7 +33,7 @@ from sim.options import (
     SpeedOption,
     progress_bar,
 )
-from sim.output_folder import (
+from flightpower.sim.output_folder import (
     LOG,
     TRAY,
     TRUTH,
@@ -45,10 +45,10 @@ from sim.output_folder import (
 )
 
 if TYPE_CHECKING:
-    from hw_fakes.direct_log import Compensation
-    from hw_fakes.faults import Fault
-    from hw_fakes.tray import FakeTray, TrayVariant
-    from sim.sensor_truth import SensorTruth
+    from flightpower.hw_fakes.direct_log import Compensation
+    from flightpower.hw_fakes.faults import Fault
+    from flightpower.hw_fakes.tray import FakeTray, TrayVariant
+    from flightpower.sim.sensor_truth import SensorTruth
 
 
 app = application(help="Simulated flights and wind tunnel: what the sensors would measure, and the truth beside it.")
@@ -110,13 +110,13 @@ def fly(
       sim fly --aircraft my.toml --plan full-test-flight --no-hardware -o out
       sim fly --aircraft my.toml --like nexstar --installation may --no-hardware
     """
-    from hw_fakes.faults import load_faults
-    from sim.autopilot_log import faults_of, write_autopilot_log
-    from sim.fly import fly as fly_plan
-    from sim.plan import load_plan
-    from sim.sensors import FlightSensorTruth, draw
-    from sim.sensors.budget import of_installation
-    from sim.world import world_of
+    from flightpower.hw_fakes.faults import load_faults
+    from flightpower.sim.autopilot_log import faults_of, write_autopilot_log
+    from flightpower.sim.fly import fly as fly_plan
+    from flightpower.sim.plan import load_plan
+    from flightpower.sim.sensors import FlightSensorTruth, draw
+    from flightpower.sim.sensors.budget import of_installation
+    from flightpower.sim.world import world_of
 
     if no_hardware and (real_time or faults is not None):
         raise InputError("--no-hardware excludes --faults and --real-time")
@@ -153,7 +153,7 @@ def fly(
 
 def _aircraft(name: str, like: str | None, installation: str | None) -> CompleteAircraft:
     """The aircraft that is flown. Raises InputError where its file lacks a key, and no model for it is given."""
-    from sim.like import scaled_from, with_installation
+    from flightpower.sim.like import scaled_from, with_installation
 
     if like is None:
         craft = load_complete_aircraft(name)
@@ -164,7 +164,7 @@ def _aircraft(name: str, like: str | None, installation: str | None) -> Complete
 
 def _tray_variant(craft: CompleteAircraft, time_of_day_s: float) -> "TrayVariant":
     """The tray aboard an aircraft at this time [s, UTC] of the simulator's day."""
-    from hw_fakes.tray import UTC_AT_START, TrayVariant
+    from flightpower.hw_fakes.tray import UTC_AT_START, TrayVariant
 
     midnight = UTC_AT_START.replace(hour=0, minute=0)
     return TrayVariant(pole_pairs=craft.propulsion.pole_pairs, utc_at_start=midnight + timedelta(seconds=time_of_day_s))
@@ -180,11 +180,11 @@ def _record(
     real_time: bool,
     report: Report,
 ) -> None:
-    from daq.clock import SystemClock
-    from daq.config import load_tray
-    from daq.daemon import record
-    from hw_fakes.clock import SimulatedClock
-    from hw_fakes.tray import FakeTray
+    from flightpower.daq.clock import SystemClock
+    from flightpower.daq.config import load_tray
+    from flightpower.daq.daemon import record
+    from flightpower.hw_fakes.clock import SimulatedClock
+    from flightpower.hw_fakes.tray import FakeTray
 
     clock = SystemClock() if real_time else SimulatedClock(unix_at_start_ns=_believed_unix_ns(variant.utc_at_start))
     start_ns = clock.now_ns()
@@ -215,12 +215,12 @@ def _write_without_hardware(
     *,
     report: Report,
 ) -> None:
-    from daq.attachments import load_attachments, write_attachments
-    from daq.config import load_tray
-    from flight.log_writer import LogWriter
-    from hw_fakes.clock import SimulatedClock
-    from hw_fakes.direct_log import write_direct_log
-    from hw_fakes.tray import FakeTray
+    from flightpower.daq.attachments import load_attachments, write_attachments
+    from flightpower.daq.config import load_tray
+    from flightpower.flight.log_writer import LogWriter
+    from flightpower.hw_fakes.clock import SimulatedClock
+    from flightpower.hw_fakes.direct_log import write_direct_log
+    from flightpower.hw_fakes.tray import FakeTray
 
     tray = load_tray(output / TRAY)
     parts = FakeTray(sensor_truth, SimulatedClock(), seed, variant=variant)
@@ -249,8 +249,8 @@ def _compensations(parts: "FakeTray") -> "dict[str, Compensation]":
     """What the drivers make of the counts of the barometers."""
     from functools import partial
 
-    from daq.sensors.ms56xx import MS5611, MS5805, TemperatureTrend, compensate
-    from hw_fakes.direct_log import Compensation
+    from flightpower.daq.sensors.ms56xx import MS5611, MS5805, TemperatureTrend, compensate
+    from flightpower.hw_fakes.direct_log import Compensation
 
     return {
         "baro": Compensation(partial(compensate, MS5611, tuple(parts.baro.prom)), TemperatureTrend),
@@ -266,7 +266,7 @@ def list_worlds() -> None:
     Example:
       sim worlds
     """
-    from sim.world import load_world, worlds
+    from flightpower.sim.world import load_world, worlds
 
     for name in worlds():
         print(f"{name:20s} {load_world(name).title}")
@@ -284,7 +284,7 @@ def tunnel(
     Example:
       sim tunnel -o tunnel.csv
     """
-    from sim.tunnel import simulated_measurements, write_calibration
+    from flightpower.sim.tunnel import simulated_measurements, write_calibration
 
     table = simulated_measurements(seed=seed)
     write_calibration(output, table, replace=replace)
@@ -310,9 +310,9 @@ def trim(
       sim trim --aircraft my.toml
       sim trim --speed 15 --climb 2
     """
-    from sim.plant import plant_of
-    from sim.tables import trim_table
-    from sim.trim import Trimmer
+    from flightpower.sim.plant import plant_of
+    from flightpower.sim.tables import trim_table
+    from flightpower.sim.trim import Trimmer
 
     trimmer = Trimmer(plant_of(load_complete_aircraft(aircraft)), height)
     motor_revps = None if rpm is None else rpm / 60
@@ -334,9 +334,9 @@ def show_modes(
     Example:
       sim modes --aircraft nexstar --speed 15
     """
-    from sim.plant import plant_of
-    from sim.tables import modes_table
-    from sim.trim import Trimmer
+    from flightpower.sim.plant import plant_of
+    from flightpower.sim.tables import modes_table
+    from flightpower.sim.trim import Trimmer
 
     trimmer = Trimmer(plant_of(load_complete_aircraft(aircraft)), height)
     V = speed if speed is not None else 1.6 * trimmer.V_stall
@@ -355,8 +355,8 @@ def plot(
     Example:
       sim plot out/demo -o flight.html
     """
-    from sim.plot import figure
-    from sim.truth import read_truth
+    from flightpower.sim.plot import figure
+    from flightpower.sim.truth import read_truth
 
     check_new_file(output, replace=replace)
     table, metadata = read_truth(truth / TRUTH if truth.is_dir() else truth)

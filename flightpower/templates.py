@@ -6,8 +6,8 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from flight.aircraft import aircraft_text
-from flight.aircraft_keys import KEYS, SURFACES, Key
+from flightpower.flight.aircraft import aircraft_text
+from flightpower.flight.aircraft_keys import KEYS, SURFACES, Key
 
 UNKNOWN = '"?"'
 WIDTH = 110

@@ -9,9 +9,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from flight.arrays import Array
-from hw_fakes.sample_blocks import SampleBlocks
-from sim.sensor_truth import SensorTruth
+from flightpower.flight.arrays import Array
+from flightpower.hw_fakes.sample_blocks import SampleBlocks
+from flightpower.sim.sensor_truth import SensorTruth
 
 # Registers (sec. 8.1).
 WIA, INFO, ST1, HXL, HZH, ST2, CNTL1, CNTL2, ASTC, ASAX, ASAZ = (

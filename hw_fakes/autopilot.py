@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from flight.arrays import Array
-from hw_fakes.sample_blocks import SampleBlocks
-from sim.sensor_truth import SensorTruth
+from flightpower.flight.arrays import Array
+from flightpower.hw_fakes.sample_blocks import SampleBlocks
+from flightpower.sim.sensor_truth import SensorTruth
 
 BAUD = 57600  # the usual setting of a telemetry port
 PERIOD_MS = {

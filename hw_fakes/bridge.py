@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flight.arrays import Array
-from hw_fakes.i2c import no_acknowledge
-from hw_fakes.sample_blocks import SampleBlocks
-from sim.sensor_truth import SensorTruth
+from flightpower.flight.arrays import Array
+from flightpower.hw_fakes.i2c import no_acknowledge
+from flightpower.hw_fakes.sample_blocks import SampleBlocks
+from flightpower.sim.sensor_truth import SensorTruth
 
 Counts = NDArray[np.int64]
 

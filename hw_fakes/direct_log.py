@@ -16,10 +16,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flight.arrays import Array
-from flight.complete_aircraft import CompleteAircraft
-from flight.log_writer import LogWriter
-from flight.messages import (
+from flightpower.flight.arrays import Array
+from flightpower.flight.complete_aircraft import CompleteAircraft
+from flightpower.flight.log_writer import LogWriter
+from flightpower.flight.messages import (
     AbsolutePressure,
     Attitude,
     Battery,
@@ -33,12 +33,12 @@ from flight.messages import (
     Status,
     Time,
 )
-from hw_fakes import ak8963, bridge, mpu9250, ms56xx
-from hw_fakes.esc_counter import BAUD, FakeEscCounter
-from hw_fakes.ms56xx import FakeMS56xx, pressure_counts, temperature_counts
-from hw_fakes.tray import FakeTray
-from hw_fakes.ublox import GPS_EPOCH, LEAP_SECONDS, WEEK_MS
-from sim.sensor_truth import SensorTruth
+from flightpower.hw_fakes import ak8963, bridge, mpu9250, ms56xx
+from flightpower.hw_fakes.esc_counter import BAUD, FakeEscCounter
+from flightpower.hw_fakes.ms56xx import FakeMS56xx, pressure_counts, temperature_counts
+from flightpower.hw_fakes.tray import FakeTray
+from flightpower.hw_fakes.ublox import GPS_EPOCH, LEAP_SECONDS, WEEK_MS
+from flightpower.sim.sensor_truth import SensorTruth
 
 Ints = NDArray[np.int64]
 

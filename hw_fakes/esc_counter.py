@@ -23,7 +23,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from sim.sensor_truth import SensorTruth
+from flightpower.sim.sensor_truth import SensorTruth
 
 BAUD = 115200
 DECADE = 10

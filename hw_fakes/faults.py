@@ -26,10 +26,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from flight.errors import InputError
-from flight.files import read_text
-from flight.units import read_table
-from hw_fakes.i2c import I2CBus, no_acknowledge
+from flightpower.flight.errors import InputError
+from flightpower.flight.files import read_text
+from flightpower.flight.units import read_table
+from flightpower.hw_fakes.i2c import I2CBus, no_acknowledge
 
 BRIDGES = ("alpha", "beta", "airspeed")
 BAROMETERS = ("baro", "static")

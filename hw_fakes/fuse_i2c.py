@@ -15,7 +15,7 @@ import threading
 import time
 from pathlib import Path
 
-from hw_fakes.i2c import I2CBus
+from flightpower.hw_fakes.i2c import I2CBus
 
 # linux/i2c-dev.h and linux/i2c.h
 I2C_RETRIES, I2C_TIMEOUT, I2C_SLAVE, I2C_FUNCS, I2C_SLAVE_FORCE, I2C_RDWR = (

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flight.arrays import Array
-from sim.sensor_truth import SensorTruth
+from flightpower.flight.arrays import Array
+from flightpower.sim.sensor_truth import SensorTruth
 
 AVERAGES = (1, 4, 16, 64, 128, 256, 512, 1024)
 CLOCK_TOLERANCE = 0.1  # conversion times: typical to maximum in "Electrical Characteristics"

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from flight.arrays import Array
-from flight.atmosphere import GRAVITY_MPS2
-from hw_fakes.i2c import no_acknowledge
-from hw_fakes.sample_blocks import SampleBlocks
-from sim.sensor_truth import SensorTruth
+from flightpower.flight.arrays import Array
+from flightpower.flight.atmosphere import GRAVITY_MPS2
+from flightpower.hw_fakes.i2c import no_acknowledge
+from flightpower.hw_fakes.sample_blocks import SampleBlocks
+from flightpower.sim.sensor_truth import SensorTruth
 
 # Register addresses (RM sec. 3).
 SELF_TEST_X_GYRO, SELF_TEST_X_ACCEL = 0x00, 0x0D

@@ -14,9 +14,9 @@ from math import sqrt
 
 import numpy as np
 
-from hw_fakes.i2c import no_acknowledge
-from hw_fakes.sample_blocks import SampleBlocks
-from sim.sensor_truth import SensorTruth
+from flightpower.hw_fakes.i2c import no_acknowledge
+from flightpower.hw_fakes.sample_blocks import SampleBlocks
+from flightpower.sim.sensor_truth import SensorTruth
 
 RESET, READ_ADC, CONVERT_D1, CONVERT_D2, READ_PROM = 0x1E, 0x00, 0x40, 0x50, 0xA0
 RELOAD_NS = 2_800_000  # PROM into the registers after a reset (MS5611 datasheet fig. 2)

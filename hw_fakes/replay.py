@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from flight.errors import InputError
+from flightpower.flight.errors import InputError
 
 FORMAT = "flightpower-bus-recording-1"  # described in daq/bus_recording.py
 REPLY = ("t_ns", "received", "errno", "error")  # keys of a line with the result; the others describe the access

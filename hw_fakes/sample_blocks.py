@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from flight.arrays import Array
+from flightpower.flight.arrays import Array
 
 
 class SampleBlocks:

@@ -10,18 +10,18 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from hw_fakes import bridge, ms56xx
-from hw_fakes.ads1115 import FakeADS1115
-from hw_fakes.ak8963 import FakeAK8963
-from hw_fakes.autopilot import FakeAutopilot
-from hw_fakes.esc_counter import FakeEscCounter
-from hw_fakes.faults import BUS, Fault, FaultKind, FaultyBus, FaultyPort, PartFault, check_fault, part_fault
-from hw_fakes.i2c import FakeI2CBus, I2CBus, I2CDevice
-from hw_fakes.ina2xx import INA226, FakePowerMonitor
-from hw_fakes.mpu9250 import FakeMPU9250
-from hw_fakes.port import FakePort, SerialDevice
-from hw_fakes.ublox import DDC_ADDRESS, PORT_DDC, PORT_UART1, FakeUbloxDdc, FakeUbloxM8, FakeUbloxM10
-from sim.sensor_truth import SensorTruth
+from flightpower.hw_fakes import bridge, ms56xx
+from flightpower.hw_fakes.ads1115 import FakeADS1115
+from flightpower.hw_fakes.ak8963 import FakeAK8963
+from flightpower.hw_fakes.autopilot import FakeAutopilot
+from flightpower.hw_fakes.esc_counter import FakeEscCounter
+from flightpower.hw_fakes.faults import BUS, Fault, FaultKind, FaultyBus, FaultyPort, PartFault, check_fault, part_fault
+from flightpower.hw_fakes.i2c import FakeI2CBus, I2CBus, I2CDevice
+from flightpower.hw_fakes.ina2xx import INA226, FakePowerMonitor
+from flightpower.hw_fakes.mpu9250 import FakeMPU9250
+from flightpower.hw_fakes.port import FakePort, SerialDevice
+from flightpower.hw_fakes.ublox import DDC_ADDRESS, PORT_DDC, PORT_UART1, FakeUbloxDdc, FakeUbloxM8, FakeUbloxM10
+from flightpower.sim.sensor_truth import SensorTruth
 
 I2C_BUS, GPS_PORT, ESC_PORT, AUTOPILOT_PORT = "/dev/i2c-1", "/dev/ttyAMA0", "/dev/ttyUSB0", "/dev/ttyUSB1"
 PORTS = {"gps": GPS_PORT, "esc_counter": ESC_PORT, "autopilot": AUTOPILOT_PORT}

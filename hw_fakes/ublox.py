@@ -9,9 +9,9 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 
-from flight.arrays import Array
-from hw_fakes.sample_blocks import SampleBlocks
-from sim.sensor_truth import SensorTruth
+from flightpower.flight.arrays import Array
+from flightpower.hw_fakes.sample_blocks import SampleBlocks
+from flightpower.sim.sensor_truth import SensorTruth
 
 SYNC = b"\xb5\x62"
 NAV, ACK, CFG, MON, NMEA = 0x01, 0x05, 0x06, 0x0A, 0xF0  # message classes

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flight.atmosphere import density, pressure_at, temperature_at
-from flight.errors import InputError
-from flight.number import Number, Vector
+from flightpower.flight.atmosphere import density, pressure_at, temperature_at
+from flightpower.flight.errors import InputError
+from flightpower.flight.number import Number, Vector
 
 FOOT_M = 0.3048
 # MIL-F-8785C sec. 3.7.3.4: the wind is given at 20 ft; roughness length 0.15 ft for all but the terminal phase.

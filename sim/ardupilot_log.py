@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from flight.arrays import Array
-from sim.autopilot_pitot import AutopilotPitot, indicated_airspeed
-from sim.dataflash_writer import DataflashMessages, write_dataflash, write_text
-from sim.fly import Flight
-from sim.log_faults import (
+from flightpower.flight.arrays import Array
+from flightpower.sim.autopilot_pitot import AutopilotPitot, indicated_airspeed
+from flightpower.sim.dataflash_writer import DataflashMessages, write_dataflash, write_text
+from flightpower.sim.fly import Flight
+from flightpower.sim.log_faults import (
     CLOCK_SET_AT,
     CLOCK_SET_US,
     DEAD_A,
@@ -21,11 +21,11 @@ from sim.log_faults import (
     with_dropouts,
     without,
 )
-from sim.px4_log import AVIONICS_V, RAW_OFFSET_PA, RAW_STEP_PA, airborne_us
-from sim.sensor_truth import SensorTruth
-from sim.sensors.budget import DrawnErrors
-from sim.sensors.noise import white
-from sim.telemetry_writer import write_telemetry
+from flightpower.sim.px4_log import AVIONICS_V, RAW_OFFSET_PA, RAW_STEP_PA, airborne_us
+from flightpower.sim.sensor_truth import SensorTruth
+from flightpower.sim.sensors.budget import DrawnErrors
+from flightpower.sim.sensors.noise import white
+from flightpower.sim.telemetry_writer import write_telemetry
 
 BOOT_US = 81_000_000
 SLOW_HZ, IMU_HZ, GPS_HZ = 10.0, 25.0, 5.0

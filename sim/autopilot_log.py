@@ -2,14 +2,14 @@
 
 from pathlib import Path
 
-from flight.errors import InputError
-from sim.ardupilot_log import write_ardupilot_log
-from sim.fly import Flight
-from sim.log_faults import FAULTS
-from sim.output_folder import AUTOPILOT_LOGS
-from sim.px4_log import write_px4_log
-from sim.sensors import FlightSensorTruth
-from sim.sensors.budget import DrawnErrors
+from flightpower.flight.errors import InputError
+from flightpower.sim.ardupilot_log import write_ardupilot_log
+from flightpower.sim.fly import Flight
+from flightpower.sim.log_faults import FAULTS
+from flightpower.sim.output_folder import AUTOPILOT_LOGS
+from flightpower.sim.px4_log import write_px4_log
+from flightpower.sim.sensors import FlightSensorTruth
+from flightpower.sim.sensors.budget import DrawnErrors
 
 
 def faults_of(recorder: str | None, text: str) -> list[str]:

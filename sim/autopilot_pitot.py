@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from flight.arrays import Array
-from sim.fly import Flight
-from sim.sensors.budget import DrawnErrors
-from sim.sensors.noise import white
+from flightpower.flight.arrays import Array
+from flightpower.sim.fly import Flight
+from flightpower.sim.sensors.budget import DrawnErrors
+from flightpower.sim.sensors.noise import white
 
 ZERO_SIGMA_PA = 1.5  # what the autopilot's own calibration before the flight leaves
 NOISE_S = 0.04  # the budget's noise is that of means over this time

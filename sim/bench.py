@@ -10,13 +10,13 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
-from flight.arrays import Array
-from flight.errors import InputError
-from flight.units import GRAVITY_MPS2
-from sim.air import ambient
-from sim.ground import Motion, motion_of, smooth_step, stand
-from sim.plant import Plant
-from sim.propulsion import ThrustFactor, power_train
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
+from flightpower.flight.units import GRAVITY_MPS2
+from flightpower.sim.air import ambient
+from flightpower.sim.ground import Motion, motion_of, smooth_step, stand
+from flightpower.sim.plant import Plant
+from flightpower.sim.propulsion import ThrustFactor, power_train
 
 LINES = ("alpha", "beta", "airspeed")
 SURFACES = ("elevator", "aileron", "rudder")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flight.arrays import Array
+from flightpower.flight.arrays import Array
 
 # Speed at which the offset by vibration is given; the force of an imbalance is proportional to the square of the speed.
 VIBRATION_REVPS = 100.0

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flight.aerodynamics import Aerodynamics
-from flight.number import Number
+from flightpower.flight.aerodynamics import Aerodynamics
+from flightpower.flight.number import Number
 
 # The low-drag range of a NACA 6-series section at low Reynolds number: some 0.25 of lift coefficient to either side of
 # the design lift, and 0.001 to 0.002 deep (Abbott & von Doenhoff, Theory of Wing Sections, sec. 7.4).

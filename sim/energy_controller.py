@@ -8,8 +8,8 @@ gains are those of ArduPlane 4.x with its default parameters (A. A. Lambregts, A
 from dataclasses import dataclass
 from math import cos, sin, sqrt
 
-from flight.units import GRAVITY_MPS2 as g
-from sim.integration import Observation
+from flightpower.flight.units import GRAVITY_MPS2 as g
+from flightpower.sim.integration import Observation
 
 CLIMB_MPS, SINK_MPS = 5.0, 2.0  # TECS_CLMB_MAX, TECS_SINK_MIN: at full throttle, and without
 TIME_CONSTANT_S, THROTTLE_DAMPING_S, PITCH_DAMPING_S = 5.0, 0.5, 0.3  # TECS_TIME_CONST, THR_DAMP, PTCH_DAMP

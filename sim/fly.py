@@ -7,21 +7,21 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from flight.arrays import Array
-from flight.complete_aircraft import CompleteAircraft
-from flight.errors import InputError
-from flight.motion import earth_from_body, velocity_derivative
-from sim.air import mean_wind
-from sim.bench import BenchSegment
-from sim.ground import EndState, Motion, move, smooth_step, stand
-from sim.integration import Observation, Stepper
-from sim.pilot import Pilot, drawn_phases
-from sim.plan import DT_S, Plan
-from sim.plan_segment import FlightContext
-from sim.plant import NO_DEVIATIONS, AircraftState, Commands, Deviations, Plant, plant_of
-from sim.segments import GROUND, ClimbSegment, LandSegment, RunSegment, StandSegment, TakeOffSegment
-from sim.trim import Trim, Trimmer
-from sim.truth import Columns, Prescribed, airborne_rows, kinematic_rows, power_required_table, table_of
+from flightpower.flight.arrays import Array
+from flightpower.flight.complete_aircraft import CompleteAircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.motion import earth_from_body, velocity_derivative
+from flightpower.sim.air import mean_wind
+from flightpower.sim.bench import BenchSegment
+from flightpower.sim.ground import EndState, Motion, move, smooth_step, stand
+from flightpower.sim.integration import Observation, Stepper
+from flightpower.sim.pilot import Pilot, drawn_phases
+from flightpower.sim.plan import DT_S, Plan
+from flightpower.sim.plan_segment import FlightContext
+from flightpower.sim.plant import NO_DEVIATIONS, AircraftState, Commands, Deviations, Plant, plant_of
+from flightpower.sim.segments import GROUND, ClimbSegment, LandSegment, RunSegment, StandSegment, TakeOffSegment
+from flightpower.sim.trim import Trim, Trimmer
+from flightpower.sim.truth import Columns, Prescribed, airborne_rows, kinematic_rows, power_required_table, table_of
 
 Progress = Callable[[float], None]
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from flight.arrays import Array
-from flight.atmosphere import GRAVITY_MPS2
-from flight.motion import body_from_earth
+from flightpower.flight.arrays import Array
+from flightpower.flight.atmosphere import GRAVITY_MPS2
+from flightpower.flight.motion import body_from_earth
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flight.atmosphere import GRAVITY_MPS2
-from flight.propeller import CellIndex, Propeller, TableCell, TableCells
-from sim.plant import MOTOR, AircraftState, Commands, FlightCondition, Plant
-from sim.propulsion import SLOWEST_REVPS, motor_time_constant
+from flightpower.flight.atmosphere import GRAVITY_MPS2
+from flightpower.flight.propeller import CellIndex, Propeller, TableCell, TableCells
+from flightpower.sim.plant import MOTOR, AircraftState, Commands, FlightCondition, Plant
+from flightpower.sim.propulsion import SLOWEST_REVPS, motor_time_constant
 
 # rk4 is stable up to a step of 2.8 times the shortest time constant; the propeller's torque shortens the motor's.
 LONGEST_STEP = 2.0

@@ -4,17 +4,17 @@ from dataclasses import fields, replace
 from math import pi
 from typing import Any, TypeVar
 
-from flight.aerodynamics import aerodynamics_of
-from flight.aircraft import Aircraft, parse_aircraft
-from flight.aircraft_keys import SURFACES
-from flight.complete_aircraft import (
+from flightpower.flight.aerodynamics import aerodynamics_of
+from flightpower.flight.aircraft import Aircraft, parse_aircraft
+from flightpower.flight.aircraft_keys import SURFACES
+from flightpower.flight.complete_aircraft import (
     CompleteAircraft,
     CompleteGeometry,
     CompleteMass,
 )
-from flight.errors import InputError
-from flight.propeller_files import load_propeller
-from flight.units import split_unit
+from flightpower.flight.errors import InputError
+from flightpower.flight.propeller_files import load_propeller
+from flightpower.flight.units import split_unit
 
 Section = TypeVar("Section")
 

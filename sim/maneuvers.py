@@ -4,10 +4,10 @@ from cmath import exp
 from dataclasses import dataclass
 from math import acos, pi, radians, sin
 
-from flight.errors import InputError
-from sim.integration import Observation
-from sim.pilot import Targets
-from sim.plan_segment import FlightContext, SegmentTargets, chosen_speed, steps_in
+from flightpower.flight.errors import InputError
+from flightpower.sim.integration import Observation
+from flightpower.sim.pilot import Targets
+from flightpower.sim.plan_segment import FlightContext, SegmentTargets, chosen_speed, steps_in
 
 RECOVERY_S = 8.0
 ADAPTING, MOST_CORRECTED = 0.5, 1.5  # of porpoising, from one cycle to the next: power, and limits, of the correction

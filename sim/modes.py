@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flight.arrays import Array
-from sim.plant import AircraftState, Commands, Plant
-from sim.trim import Trim
+from flightpower.flight.arrays import Array
+from flightpower.sim.plant import AircraftState, Commands, Plant
+from flightpower.sim.trim import Trim
 
 LONGITUDINAL = ("u", "w", "q", "theta")
 LATERAL = ("v", "p", "r", "phi")

@@ -9,8 +9,8 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from flight.aircraft import shipped_aircraft
-from flight.command_line import quantity
+from flightpower.flight.aircraft import shipped_aircraft
+from flightpower.flight.command_line import quantity
 
 AircraftOption = Annotated[
     str, typer.Option(metavar="NAME", help=f"A shipped aircraft ({', '.join(shipped_aircraft())}), or a file.")

@@ -6,14 +6,14 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flight.aircraft import aircraft_text
-from flight.errors import InputError
-from flight.files import check_writable, json_object_text, write_error
+from flightpower.flight.aircraft import aircraft_text
+from flightpower.flight.errors import InputError
+from flightpower.flight.files import check_writable, json_object_text, write_error
 
 if TYPE_CHECKING:
-    from sim.fly import Flight
-    from sim.sensors.budget import DrawnErrors
-    from sim.world import World
+    from flightpower.sim.fly import Flight
+    from flightpower.sim.sensors.budget import DrawnErrors
+    from flightpower.sim.world import World
 
 TRUTH, CURVE, TRAY, LOG = "truth.parquet", "truth_power_required.csv", "tray.toml", "log.mcap"
 AUTOPILOT_LOGS = {"px4": "log.ulg", "ardupilot": "log.BIN", "ardupilot-telemetry": "log.tlog"}  # by --as
@@ -64,7 +64,7 @@ def whole_or_nothing(output: Path) -> Iterator[None]:
 def probe_text(probe: Path | None) -> str:
     """The probe calibration of a file; by default the shipped one, of the simulated probe in the simulated tunnel."""
     if probe is None:
-        return (resources.files("sim") / "data" / PROBE).read_bytes().decode()
+        return (resources.files("flightpower.sim") / "data" / PROBE).read_bytes().decode()
     if not probe.exists():
         raise InputError(f"{probe}: no such file; make a probe calibration with `calibrate probe`")
     return json_object_text(probe, "a probe calibration")
@@ -86,7 +86,7 @@ def write_flight(
 
     aircraft: name or file     calibration: of the probe
     """
-    from sim.truth import write_truth
+    from flightpower.sim.truth import write_truth
 
     for name in OUTPUT_FILES:
         (output / name).unlink(missing_ok=True)
@@ -113,7 +113,7 @@ def _aircraft(output: Path, flight: "Flight", world: "World", name: str) -> str:
 
 def _tray_text(aircraft: str) -> str:
     """The daemon's example tray, changed for this flight. Files it needs are copied, so the folder can be moved."""
-    text = resources.files("daq").joinpath("tray.example.toml").read_text("utf-8")
+    text = resources.files("flightpower.daq").joinpath("tray.example.toml").read_text("utf-8")
     lines = []
     for line in text.splitlines():
         key = line.lstrip("# ").split("=")[0].strip()

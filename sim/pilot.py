@@ -12,13 +12,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flight.aircraft import ControlSurface
-from flight.atmosphere import GRAVITY_MPS2 as g
-from flight.errors import InputError
-from sim.energy_controller import Cruise, EnergyController
-from sim.integration import Observation
-from sim.plant import Commands, Plant
-from sim.trim import Trimmer
+from flightpower.flight.aircraft import ControlSurface
+from flightpower.flight.atmosphere import GRAVITY_MPS2 as g
+from flightpower.flight.errors import InputError
+from flightpower.sim.energy_controller import Cruise, EnergyController
+from flightpower.sim.integration import Observation
+from flightpower.sim.plant import Commands, Plant
+from flightpower.sim.trim import Trimmer
 
 MAX_BANK_RAD = 0.8
 MAX_GAMMA_RAD = 0.35

@@ -6,12 +6,12 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from flight.errors import InputError
-from flight.files import read_text
-from flight.units import read_table
-from sim.air import Air
-from sim.pilot import Gains, PilotWander, pilot_named
-from sim.segments import AIRBORNE, GROUND
+from flightpower.flight.errors import InputError
+from flightpower.flight.files import read_text
+from flightpower.flight.units import read_table
+from flightpower.sim.air import Air
+from flightpower.sim.pilot import Gains, PilotWander, pilot_named
+from flightpower.sim.segments import AIRBORNE, GROUND
 
 DT_S = 0.02
 LONGEST_S = 4 * 3600.0  # of a segment
@@ -35,7 +35,7 @@ class Plan:
 
 
 def shipped_plans() -> list[str]:
-    folder = resources.files("sim") / "plans"
+    folder = resources.files("flightpower.sim") / "plans"
     return sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml"))
 
 
@@ -44,7 +44,7 @@ def load_plan(name_or_path: str | Path) -> Plan:
 
     Raises InputError, which names file, segment and key, when something is missing, unknown or has a wrong unit.
     """
-    shipped = resources.files("sim") / "plans" / f"{name_or_path}.toml"
+    shipped = resources.files("flightpower.sim") / "plans" / f"{name_or_path}.toml"
     path = Path(name_or_path)
     if path.suffix == "" and shipped.is_file():
         return parse_plan(shipped.read_text("utf-8"), str(name_or_path))

@@ -4,8 +4,8 @@ from collections.abc import Generator
 from dataclasses import dataclass
 from typing import Protocol
 
-from sim.integration import Observation
-from sim.pilot import Targets
+from flightpower.sim.integration import Observation
+from flightpower.sim.pilot import Targets
 
 SegmentTargets = Generator[Targets, Observation, None]
 

@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flight.aerodynamics import Aerodynamics, aerodynamics_of, body_axes, coefficients
-from flight.aircraft import ControlSurface
-from flight.complete_aircraft import CompleteAircraft, CompletePropulsion
-from flight.motion import (
+from flightpower.flight.aerodynamics import Aerodynamics, aerodynamics_of, body_axes, coefficients
+from flightpower.flight.aircraft import ControlSurface
+from flightpower.flight.complete_aircraft import CompleteAircraft, CompletePropulsion
+from flightpower.flight.motion import (
     Inertia,
     attitude_derivative,
     body_from_earth,
@@ -21,13 +21,13 @@ from flight.motion import (
     rate_derivative,
     velocity_derivative,
 )
-from flight.number import Number
-from flight.propeller import PropellerModel
-from flight.propeller_files import load_propeller
-from sim.air import VON_KARMAN, Air, Gust, GustStates, ambient, dryden, gust_scales, mean_wind, von_karman
-from sim.drag_shape import PARABOLA, REFERENCE_CL, DragShape
-from sim.propulsion import PowerTrainState, ThrustFactor, power_train
-from sim.true_propeller import true_propeller
+from flightpower.flight.number import Number
+from flightpower.flight.propeller import PropellerModel
+from flightpower.flight.propeller_files import load_propeller
+from flightpower.sim.air import VON_KARMAN, Air, Gust, GustStates, ambient, dryden, gust_scales, mean_wind, von_karman
+from flightpower.sim.drag_shape import PARABOLA, REFERENCE_CL, DragShape
+from flightpower.sim.propulsion import PowerTrainState, ThrustFactor, power_train
+from flightpower.sim.true_propeller import true_propeller
 
 
 class AircraftState(NamedTuple):

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flight.complete_aircraft import CompletePropulsion
-from flight.number import Number
-from flight.propeller import PropellerModel
+from flightpower.flight.complete_aircraft import CompletePropulsion
+from flightpower.flight.number import Number
+from flightpower.flight.propeller import PropellerModel
 
 # Below this speed the advance ratio means nothing: thrust changes linearly to that of stopped blades, and the motor's
 # friction decreases to zero, so that it can stop.

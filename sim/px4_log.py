@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from flight.arrays import Array
-from sim.autopilot_pitot import AutopilotPitot, indicated_airspeed
-from sim.fly import Flight
-from sim.log_faults import (
+from flightpower.flight.arrays import Array
+from flightpower.sim.autopilot_pitot import AutopilotPitot, indicated_airspeed
+from flightpower.sim.fly import Flight
+from flightpower.sim.log_faults import (
     CLOCK_SET_AT,
     CLOCK_SET_US,
     DEAD_A,
@@ -22,10 +22,10 @@ from sim.log_faults import (
     with_clock_set,
     with_dropouts,
 )
-from sim.sensor_truth import SensorTruth
-from sim.sensors.budget import DrawnErrors
-from sim.sensors.noise import white
-from sim.ulog_writer import UlogContents, UlogTopic, write_ulog
+from flightpower.sim.sensor_truth import SensorTruth
+from flightpower.sim.sensors.budget import DrawnErrors
+from flightpower.sim.sensors.noise import white
+from flightpower.sim.ulog_writer import UlogContents, UlogTopic, write_ulog
 
 BOOT_US = 35_000_000  # clock of the autopilot when logging begins
 RATES_HZ = {"vehicle_angular_velocity": 50.0, "vehicle_acceleration": 20.0, "vehicle_attitude": 20.0,

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import cos, pi, sin
 
-from flight.errors import InputError
-from sim.bench import (
+from flightpower.flight.errors import InputError
+from flightpower.sim.bench import (
     BoomWeightsSegment,
     BurstsSegment,
     ColumnSegment,
@@ -13,10 +13,10 @@ from sim.bench import (
     HandTurnSegment,
     RunUpSegment,
 )
-from sim.integration import Observation
-from sim.maneuvers import MultistepSegment, PorpoiseSegment, RollerCoasterSegment, WindUpTurnSegment
-from sim.pilot import Targets, wrap_angle
-from sim.plan_segment import FlightContext, SegmentTargets, chosen_speed, steps_in
+from flightpower.sim.integration import Observation
+from flightpower.sim.maneuvers import MultistepSegment, PorpoiseSegment, RollerCoasterSegment, WindUpTurnSegment
+from flightpower.sim.pilot import Targets, wrap_angle
+from flightpower.sim.plan_segment import FlightContext, SegmentTargets, chosen_speed, steps_in
 
 LEVEL_OFF_S = 10.0  # longest, after a climb
 ROLL_OUT_S = 5.0

@@ -5,7 +5,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from flight.arrays import Array
+from flightpower.flight.arrays import Array
 
 
 class GpsSolution(NamedTuple):

@@ -4,9 +4,9 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
-from flight.errors import InputError
-from sim.modes import modes
-from sim.trim import Trimmer, power_required
+from flightpower.flight.errors import InputError
+from flightpower.sim.modes import modes
+from flightpower.sim.trim import Trimmer, power_required
 
 
 def trim_table(

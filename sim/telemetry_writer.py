@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from flight.units import GRAVITY_MPS2
-from sim.dataflash_writer import DataflashMessages
+from flightpower.flight.units import GRAVITY_MPS2
+from flightpower.sim.dataflash_writer import DataflashMessages
 
 BOOTED_US = 1_700_000_000_000_000  # in November 2023
 HEARTBEAT_US = 1_000_000

@@ -11,14 +11,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flight.aerodynamics import lift_and_drag
-from flight.atmosphere import GRAVITY_MPS2 as g
-from flight.errors import InputError
-from flight.motion import body_from_earth, velocity_derivative, velocity_of
-from flight.number import Number
-from sim.air import Air, ambient
-from sim.plant import FIRST_GUST, MOTOR, AircraftState, Commands, Plant, in_still_air
-from sim.propulsion import throttle_for
+from flightpower.flight.aerodynamics import lift_and_drag
+from flightpower.flight.atmosphere import GRAVITY_MPS2 as g
+from flightpower.flight.errors import InputError
+from flightpower.flight.motion import body_from_earth, velocity_derivative, velocity_of
+from flightpower.flight.number import Number
+from flightpower.sim.air import Air, ambient
+from flightpower.sim.plant import FIRST_GUST, MOTOR, AircraftState, Commands, Plant, in_still_air
+from flightpower.sim.propulsion import throttle_for
 
 RESIDUAL_LIMIT = 1e-9
 

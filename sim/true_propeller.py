@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from flight.arrays import Array
-from flight.propeller import Propeller, Row
+from flightpower.flight.arrays import Array
+from flightpower.flight.propeller import Propeller, Row
 
 FARTHEST_J, STEP_J = 3.0, 0.1
 # The blade element that stands for the whole blade, at three quarters of the radius (Glauert, Airplane Propellers,

@@ -9,14 +9,14 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from flight.arrays import Array
-from flight.errors import InputError
-from flight.motion import body_from_earth, flow_of, velocity_derivative
-from sim.air import ambient, mean_wind
-from sim.ground import Motion
-from sim.plant import AircraftState, Commands, Plant
-from sim.propulsion import power_train, throttle_for
-from sim.trim import Trimmer, power_required
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
+from flightpower.flight.motion import body_from_earth, flow_of, velocity_derivative
+from flightpower.sim.air import ambient, mean_wind
+from flightpower.sim.ground import Motion
+from flightpower.sim.plant import AircraftState, Commands, Plant
+from flightpower.sim.propulsion import power_train, throttle_for
+from flightpower.sim.trim import Trimmer, power_required
 
 Columns = dict[str, NDArray[Any]]
 METADATA_KEY = b"flightpower"

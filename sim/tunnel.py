@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from flight.atmosphere import density
-from flight.files import check_new_file, write_file
-from sim.sensors.noise import rng_of
-from sim.sensors.probe import port_pressures
+from flightpower.flight.atmosphere import density
+from flightpower.flight.files import check_new_file, write_file
+from flightpower.sim.sensors.noise import rng_of
+from flightpower.sim.sensors.probe import port_pressures
 
 HEADER = (
     "speed [m/s]",

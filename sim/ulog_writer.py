@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.log_faults import Dropout
+from flightpower.sim.log_faults import Dropout
 
 MAGIC_AND_VERSION = b"ULog\x01\x12\x35\x01"
 TYPE_NAMES = {"float32": "float", "float64": "double", "uint8": "uint8_t", "int8": "int8_t", "int32": "int32_t",

@@ -10,17 +10,17 @@ from dataclasses import dataclass, field, fields, replace
 from importlib import resources
 from typing import Any
 
-from flight.aircraft import Propulsion, Uncertainty
-from flight.errors import InputError
-from flight.propeller import Propeller
-from flight.propeller_files import load_propeller
-from flight.units import read_table, split_unit
-from sim.air import Air
-from sim.defects import NO_DEFECTS
-from sim.pilot import PilotWander
-from sim.plan import Plan
-from sim.sensors.budget import AS_GIVEN, ErrorBudget, Systematic, load_budget, shipped_budgets
-from sim.true_propeller import table_until, true_propeller
+from flightpower.flight.aircraft import Propulsion, Uncertainty
+from flightpower.flight.errors import InputError
+from flightpower.flight.propeller import Propeller
+from flightpower.flight.propeller_files import load_propeller
+from flightpower.flight.units import read_table, split_unit
+from flightpower.sim.air import Air
+from flightpower.sim.defects import NO_DEFECTS
+from flightpower.sim.pilot import PilotWander
+from flightpower.sim.plan import Plan
+from flightpower.sim.sensors.budget import AS_GIVEN, ErrorBudget, Systematic, load_budget, shipped_budgets
+from flightpower.sim.true_propeller import table_until, true_propeller
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,7 +114,7 @@ class _File:
 
 def worlds() -> list[str]:
     """Names of all worlds: the error budgets first."""
-    folder = resources.files("sim") / "data" / "worlds"
+    folder = resources.files("flightpower.sim") / "data" / "worlds"
     return shipped_budgets() + sorted(
         f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml")
     )
@@ -140,7 +140,7 @@ def load_world(name: str) -> World:
     if name in shipped_budgets():
         errors = load_budget(name)
         return World(name, errors.title, errors)
-    shipped = resources.files("sim") / "data" / "worlds" / f"{name}.toml"
+    shipped = resources.files("flightpower.sim") / "data" / "worlds" / f"{name}.toml"
     if name not in worlds():
         raise InputError(f"world {name}: not one of {', '.join(worlds())}")
     return parse_world(shipped.read_text("utf-8"), name)

@@ -21,10 +21,10 @@ ROOT = Path(__file__).parent.parent
 TUTORIAL = ROOT / "docs" / "use" / "tutorial.md"
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*/*.md"))]
 MODULES = {
-    "analyze": "analysis.cli.analyze",
-    "calibrate": "analysis.cli.calibrate",
+    "analyze": "flightpower.analysis.cli.analyze",
+    "calibrate": "flightpower.analysis.cli.calibrate",
     "sim": "flightpower.simulate",
-    "daq": "daq.__main__",
+    "daq": "flightpower.daq.__main__",
     "flightpower": "flightpower.command",
 }
 SHELL = ("", "sh", "bash", "console")

@@ -7,31 +7,31 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from analysis.air.magnetometer import MAGNETOMETER_FILE
-from analysis.air.probe import PROBE_FILE
-from analysis.air.transducers import TRANSDUCERS_FILE
-from analysis.methods.whole_flight.curve import estimate
-from analysis.methods.whole_flight.flight_table import flight_table
-from analysis.sources import ardupilot, px4
-from daq.config import parse_tray
-from daq.log_list import listed
-from daq.log_recovery import recovery_event
-from daq.log_summary import summarize
-from daq.sensors import SensorFailure, honeywell, ms45xxdo, ms56xx
-from daq.sensors.ads1115 import ADS1115Driver
-from daq.sensors.ak8963 import AK8963Driver
-from daq.sensors.autopilot import AutopilotDriver
-from daq.sensors.bridge import BridgeTransducerDriver
-from daq.sensors.esc_counter import EscCounterDriver
-from daq.sensors.ina2xx import INA226, INA228, PowerMonitorDriver
-from daq.sensors.mpu9250 import MPU9250Driver
-from daq.sensors.ublox import UBloxDriver
-from daq.sensors.ublox_ddc import DdcPort
-from daq.still_air_zero import parse_zero
-from flight.aircraft import load_aircraft, parse_aircraft
-from flight.errors import InputError
-from flight.propeller_files import parse_propeller
-from sim.plan import parse_plan
+from flightpower.analysis.air.magnetometer import MAGNETOMETER_FILE
+from flightpower.analysis.air.probe import PROBE_FILE
+from flightpower.analysis.air.transducers import TRANSDUCERS_FILE
+from flightpower.analysis.methods.whole_flight.curve import estimate
+from flightpower.analysis.methods.whole_flight.flight_table import flight_table
+from flightpower.analysis.sources import ardupilot, px4
+from flightpower.daq.config import parse_tray
+from flightpower.daq.log_list import listed
+from flightpower.daq.log_recovery import recovery_event
+from flightpower.daq.log_summary import summarize
+from flightpower.daq.sensors import SensorFailure, honeywell, ms45xxdo, ms56xx
+from flightpower.daq.sensors.ads1115 import ADS1115Driver
+from flightpower.daq.sensors.ak8963 import AK8963Driver
+from flightpower.daq.sensors.autopilot import AutopilotDriver
+from flightpower.daq.sensors.bridge import BridgeTransducerDriver
+from flightpower.daq.sensors.esc_counter import EscCounterDriver
+from flightpower.daq.sensors.ina2xx import INA226, INA228, PowerMonitorDriver
+from flightpower.daq.sensors.mpu9250 import MPU9250Driver
+from flightpower.daq.sensors.ublox import UBloxDriver
+from flightpower.daq.sensors.ublox_ddc import DdcPort
+from flightpower.daq.still_air_zero import parse_zero
+from flightpower.flight.aircraft import load_aircraft, parse_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.propeller_files import parse_propeller
+from flightpower.sim.plan import parse_plan
 
 FOLDER = Path("/dev/shm") if Path("/dev/shm").is_dir() else None
 TICKS = 6

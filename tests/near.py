@@ -9,6 +9,8 @@ import sys
 from collections import deque
 from pathlib import Path
 
+from tests.our_files import module_of
+
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("analysis", "daq", "flight", "flightpower", "hw_fakes", "sim", "tests", "benchmarks")
 COUNT = 5
@@ -23,7 +25,7 @@ def files_of(root: Path) -> list[Path]:
 def imports(root: Path) -> dict[Path, set[Path]]:
     """Which file imports which. Tests import what lies beside them, and benchmarks, by their bare names."""
     files = files_of(root)
-    by_name = {".".join(path.with_suffix("").parts).removesuffix(".__init__"): path for path in files}
+    by_name = {module_of(".".join(path.with_suffix("").parts).removesuffix(".__init__")): path for path in files}
     graph: dict[Path, set[Path]] = {}
     for path in files:
         beside = [".".join(folder.parts) + "." for folder in path.parents if folder.parts] + ["benchmarks."]

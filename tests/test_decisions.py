@@ -15,8 +15,9 @@ from typing import NamedTuple
 
 import pytest
 
-from analysis.flights.flight_statistics import POOLED
-from analysis.trajectory.equations import SENSOR_ERRORS
+from flightpower.analysis.flights.flight_statistics import POOLED
+from flightpower.analysis.trajectory.equations import SENSOR_ERRORS
+from tests.our_files import dotted_path
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("analysis", "daq", "flight", "flightpower", "sim")
@@ -197,7 +198,7 @@ def _imported_constants(tree: ast.Module, constants: dict[str, set[str]]) -> set
         for node in tree.body
         if isinstance(node, ast.ImportFrom) and node.module
         for alias in node.names
-        if alias.name in constants.get(f"{node.module.replace('.', '/')}.py", set())
+        if alias.name in constants.get(f"{dotted_path(node.module).replace('.', '/')}.py", set())
     }
 
 

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.our_files import dotted_path
+
 ROOT = Path(__file__).parent.parent
 OTHER_PAGES = ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md", "Makefile",
                "systemd/README.md", "firmware/esc_counter/README.md", "tests/data/README.md")  # fmt: skip
@@ -40,7 +42,7 @@ def exists(named: str, page: Path) -> bool:
 
 def module_exists(dotted: str) -> bool:
     """Whether a dotted name is a module, or one of its files contains the last name as a word."""
-    package, *rest = dotted.split(".")
+    package, *rest = dotted_path(dotted).split(".")
     place = ROOT / package
     while rest and (place / rest[0]).is_dir():
         place /= rest.pop(0)

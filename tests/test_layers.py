@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.our_files import dotted_path
+
 ROOT = Path(__file__).parent.parent
 ALLOWED = {
     "flight": set(),
@@ -38,9 +40,10 @@ def imported_packages(path: Path) -> set[str]:
     names = set()
     for node in import_statements(path):
         if isinstance(node, ast.Import):
-            names |= {alias.name.split(".")[0] for alias in node.names}
+            names |= {dotted_path(alias.name).split(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
-            names.add(node.module.split(".")[0])
+            whole = (dotted_path(f"{node.module}.{alias.name}") for alias in node.names)
+            names |= {name.split(".")[0] for name in whole}
     return names
 
 
@@ -55,7 +58,7 @@ def test_a_package_imports_only_what_it_may(package: str) -> None:
         assert not others, f"{name} imports {others}"
 
 
-@pytest.mark.parametrize("module", ["daq.__main__", "daq.daemon"])
+@pytest.mark.parametrize("module", ["flightpower.daq.__main__", "flightpower.daq.daemon"])
 def test_the_daemon_imports_no_library_of_the_analysis(module: str) -> None:
     heavy = ["numpy", "scipy", "pandas", "casadi", "plotly", "pyarrow"]
     code = f"import sys, {module}; print([name for name in {heavy} if name in sys.modules])"
@@ -66,11 +69,13 @@ def test_the_daemon_imports_no_library_of_the_analysis(module: str) -> None:
 def test_the_analysis_of_an_autopilot_s_log_imports_no_casadi() -> None:
     """Its 280 MB are then not needed: the extra [autopilot]. Here are the modules that such an analysis loads."""
     modules = (
-        "analysis.pages.one_log, analysis.pipeline.whole_flight, analysis.methods.whole_flight.drag,"
-        "analysis.methods.whole_flight.simulated_truth, analysis.pages.write,"
-        "analysis.results.energy_balance, analysis.flights.pool, analysis.pages.pooled_page,"
-        "analysis.cli.route, analysis.cli.parameters,"
-        "analysis.pages.open.whole_flight, analysis.pages.open.server"
+        "flightpower.analysis.pages.one_log, flightpower.analysis.pipeline.whole_flight,"
+        "flightpower.analysis.methods.whole_flight.drag,"
+        "flightpower.analysis.methods.whole_flight.simulated_truth, flightpower.analysis.pages.write,"
+        "flightpower.analysis.results.energy_balance, flightpower.analysis.flights.pool,"
+        "flightpower.analysis.pages.pooled_page,"
+        "flightpower.analysis.cli.route, flightpower.analysis.cli.parameters,"
+        "flightpower.analysis.pages.open.whole_flight, flightpower.analysis.pages.open.server"
     )
     code = f"import sys, {modules}; print([name for name in ('casadi', 'plotly') if name in sys.modules])"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
@@ -78,7 +83,7 @@ def test_the_analysis_of_an_autopilot_s_log_imports_no_casadi() -> None:
 
 
 def test_importing_flightpower_imports_no_library_and_not_even_our_own_packages() -> None:
-    heavy = ["numpy", "typer", "flight", "analysis"]
+    heavy = ["numpy", "typer", "flightpower.flight", "flightpower.analysis"]
     code = f"import sys, flightpower; print([name for name in {heavy} if name in sys.modules])"
     printed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT).stdout
     assert printed.strip() == "[]"
@@ -89,8 +94,10 @@ def test_an_analysis_loads_no_library_that_it_does_not_use() -> None:
     heavy = ["scipy.optimize", "scipy.ndimage", "scipy.signal", "scipy.stats", "scipy.constants"]
     heavy += ["numpy.f2py", "numpy.testing", "pyarrow"]
     code = (
-        "import sys, analysis.cli.analyze; from analysis.pages.lean_imports import import_lean; import_lean();"
-        f"import analysis.pipeline, analysis.pages.write; print([name for name in {heavy} if name in sys.modules]);"
+        "import sys, flightpower.analysis.cli.analyze;"
+        "from flightpower.analysis.pages.lean_imports import import_lean; import_lean();"
+        "import flightpower.analysis.pipeline, flightpower.analysis.pages.write;"
+        f"print([name for name in {heavy} if name in sys.modules]);"
         "import io, numpy, pandas;"
         "file = io.BytesIO(); pandas.DataFrame({'V_mps': [1.5]}, index=['a']).to_parquet(file);"
         "print(pandas.read_parquet(file).loc['a', 'V_mps'], numpy.testing.__name__)"
@@ -104,9 +111,11 @@ def imports_in(path: Path) -> set[str]:
     names = set()
     for node in import_statements(path):
         if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
+            names |= {dotted_path(alias.name) for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
-            names |= {node.module} | {f"{node.module}.{alias.name}" for alias in node.names}
+            names |= {
+                dotted_path(name) for name in (node.module, *(f"{node.module}.{alias.name}" for alias in node.names))
+            }
     return {name for name in names if name.split(".")[0] in ALLOWED}
 
 

@@ -6,10 +6,10 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from analysis.sources.daemon import COLUMNS
-from daq.attachments import Attachments, write_attachments
-from flight.aircraft import load_aircraft
-from flight.messages import SECOND_TOPICS, TOPICS_FOR_DRAG, TYPE_OF_TOPIC, Status
+from flightpower.analysis.sources.daemon import COLUMNS
+from flightpower.daq.attachments import Attachments, write_attachments
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.messages import SECOND_TOPICS, TOPICS_FOR_DRAG, TYPE_OF_TOPIC, Status
 
 PAGE = (Path(__file__).parent.parent / "docs" / "understand" / "log-format.md").read_text("utf-8")
 

@@ -8,17 +8,21 @@ from tests import near
 
 FILES = {
     "analysis/curve.py": "",
-    "analysis/pool.py": "from analysis.curve import Curve",
+    "analysis/pool.py": "from flightpower.analysis.curve import Curve",
     "analysis/page.py": "SCRIPT = 'chart.js'",
     "analysis/chart.js": "",
     "analysis/alone.py": "",
-    "benchmarks/flights.py": "import analysis.pool",
+    "benchmarks/flights.py": "import flightpower.analysis.pool",
     "tests/analysis/conftest.py": "",
-    "tests/analysis/cases.py": "from analysis import (  # a comment, with a comma\n    curve as c,\n)",
-    "tests/analysis/test_curve.py": "import os\nfrom analysis.curve import Curve\nfrom analysis.page import Page",
-    "tests/analysis/test_many.py": "import analysis.curve, analysis.pool, analysis.page",
+    "tests/analysis/cases.py": "from flightpower.analysis import (  # a comment, with a comma\n    curve as c,\n)",
+    "tests/analysis/test_curve.py": (
+        "import os\nfrom flightpower.analysis.curve import Curve\nfrom flightpower.analysis.page import Page"
+    ),
+    "tests/analysis/test_many.py": (
+        "import flightpower.analysis.curve, flightpower.analysis.pool, flightpower.analysis.page"
+    ),
     "tests/analysis/test_with_cases.py": "import cases",
-    "tests/analysis/test_pool.py": "from analysis import pool",
+    "tests/analysis/test_pool.py": "from flightpower.analysis import pool",
     "tests/analysis/test_flown.py": "import flights",
     "tests/analysis/test_other.py": "import math",
 }

@@ -2,14 +2,17 @@
 
 import ast
 import re
+import runpy
 import sys
 import tomllib
 from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from flightpower.command import SIDES
+from tests.our_files import PARTS
 
 ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
@@ -68,11 +71,26 @@ def test_tests_and_benchmarks_import_only_what_the_developers_extra_has(folder: 
 def test_every_file_of_a_package_is_installed(package: str) -> None:
     patterns = PROJECT["tool"]["setuptools"]["package-data"]
     installed = {
-        file for pattern in patterns["*"] + patterns.get(package, []) for file in (ROOT / package).glob(pattern)
+        file
+        for pattern in patterns["*"] + patterns.get(f"flightpower.{package}", [])
+        for file in (ROOT / package).glob(pattern)
     }
     present = {file for file in (ROOT / package).rglob("*") if file.is_file() and "__pycache__" not in file.parts}
     assert ROOT / package / "py.typed" in present
     assert {file for file in present if file.suffix != ".py"} <= installed
+
+
+def test_every_part_is_installed_inside_flightpower(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Other packages are called `analysis` or `daq`, too: their files would mix in one folder."""
+    given: dict[str, Any] = {}
+    setuptools = pytest.importorskip("setuptools")  # of the builder; environments of Python 3.12 have none
+    monkeypatch.setattr(setuptools, "setup", given.update)
+    runpy.run_path(str(ROOT / "setup.py"))
+    folders = {path.parent.relative_to(ROOT) for part in PARTS for path in (ROOT / part).rglob("__init__.py")}
+    assert set(given["packages"]) == {"flightpower", *(f"flightpower.{'.'.join(folder.parts)}" for folder in folders)}
+    assert given["package_dir"] == {f"flightpower.{part}": part for part in PARTS}
+    for part in PARTS:
+        assert (ROOT / "flightpower" / part).resolve() == ROOT / part
 
 
 @pytest.mark.parametrize("folder", ["systemd", "firmware/esc_counter"])

@@ -8,16 +8,16 @@ from pathlib import Path
 
 import pytest
 
-from analysis.maneuvers.kinds import Unsuitable
-from analysis.missions.flown import INSTEAD
-from analysis.records.flight import EvidenceKind, WhyNot
-from analysis.results.evidence import CULPRIT
-from analysis.sources.laws import Mistake
-from analysis.trajectory.observability import SENSOR_ERROR_KINDS, Lacking
-from daq.tray_check import GOOD_STATUSES
-from flight.command_line import ExitCode
-from flight.messages import Status
-from flight.runs import RunRejected
+from flightpower.analysis.maneuvers.kinds import Unsuitable
+from flightpower.analysis.missions.flown import INSTEAD
+from flightpower.analysis.records.flight import EvidenceKind, WhyNot
+from flightpower.analysis.results.evidence import CULPRIT
+from flightpower.analysis.sources.laws import Mistake
+from flightpower.analysis.trajectory.observability import SENSOR_ERROR_KINDS, Lacking
+from flightpower.daq.tray_check import GOOD_STATUSES
+from flightpower.flight.command_line import ExitCode
+from flightpower.flight.messages import Status
+from flightpower.flight.runs import RunRejected
 
 SOURCE = Path(__file__).parents[1] / "docs" / "site" / "troubles.py"
 spec = importlib.util.spec_from_file_location("troubles", SOURCE)

@@ -5,18 +5,18 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from analysis.air.probe import ProbeCalibration, flow_at_probe
-from analysis.air.settings import AIR
-from analysis.sources.daemon import COLUMNS, SPEED_SCALE
-from analysis.sources.grid_settings import CHANNELS, STATISTICS
-from flight import runs
-from flight.aircraft import VIBRATION_REVPS, Aircraft
-from flight.arrays import Array
-from flight.atmosphere import density, height_at, temperature_at
-from flight.motion import specific_force_at
-from flight.propeller import Propeller
-from flight.runs import AIRCRAFT_SIZE, LEVEL_RUN, STANDING, flying_Pa
-from flight.units import GRAVITY_MPS2
+from flightpower.analysis.air.probe import ProbeCalibration, flow_at_probe
+from flightpower.analysis.air.settings import AIR
+from flightpower.analysis.sources.daemon import COLUMNS, SPEED_SCALE
+from flightpower.analysis.sources.grid_settings import CHANNELS, STATISTICS
+from flightpower.flight import runs
+from flightpower.flight.aircraft import VIBRATION_REVPS, Aircraft
+from flightpower.flight.arrays import Array
+from flightpower.flight.atmosphere import density, height_at, temperature_at
+from flightpower.flight.motion import specific_force_at
+from flightpower.flight.propeller import Propeller
+from flightpower.flight.runs import AIRCRAFT_SIZE, LEVEL_RUN, STANDING, flying_Pa
+from flightpower.flight.units import GRAVITY_MPS2
 
 
 def specific_force_at_cg(table: pd.DataFrame, aircraft: Aircraft) -> pd.DataFrame:

@@ -7,18 +7,18 @@ from pathlib import PurePath
 from types import MappingProxyType
 from typing import NamedTuple
 
-from analysis.air.flight_data import Calibrations
-from analysis.air.magnetometer import MAGNETOMETER_FILE, MagnetometerCalibration
-from analysis.air.probe import PROBE_FILE, ProbeCalibration
-from analysis.air.thrust_stand import ThrustStand
-from analysis.air.transducers import TRANSDUCERS_FILE, TransducerCalibration
-from analysis.sources.rest import ZERO_FILE
-from flight.aircraft import Aircraft, parse_aircraft
-from flight.errors import InputError
-from flight.log_reader import Log
-from flight.propeller import Propeller
-from flight.propeller_files import load_propeller, parse_propeller
-from flight.propeller_search import with_table_error
+from flightpower.analysis.air.flight_data import Calibrations
+from flightpower.analysis.air.magnetometer import MAGNETOMETER_FILE, MagnetometerCalibration
+from flightpower.analysis.air.probe import PROBE_FILE, ProbeCalibration
+from flightpower.analysis.air.thrust_stand import ThrustStand
+from flightpower.analysis.air.transducers import TRANSDUCERS_FILE, TransducerCalibration
+from flightpower.analysis.sources.rest import ZERO_FILE
+from flightpower.flight.aircraft import Aircraft, parse_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_reader import Log
+from flightpower.flight.propeller import Propeller
+from flightpower.flight.propeller_files import load_propeller, parse_propeller
+from flightpower.flight.propeller_search import with_table_error
 
 # By attachment that an analysis needs, the option instead.
 REMEDIES = {

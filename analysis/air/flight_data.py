@@ -6,19 +6,19 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from analysis.air import magnetometer
-from analysis.air.air import air_data, specific_force_at_cg
-from analysis.air.lines import line_responses, without_remainder
-from analysis.air.magnetometer import Compass, MagnetometerCalibration
-from analysis.air.probe import ProbeCalibration
-from analysis.air.transducers import TransducerCalibration, air_data_errors
-from analysis.sources.daemon import COLUMNS, speed_scale, synchronize
-from analysis.sources.grid_settings import STATISTICS
-from analysis.sources.rest import rest_segments, without_zeros, zeros
-from flight.aircraft import Aircraft
-from flight.log_reader import Log
-from flight.propeller import Propeller
-from flight.runs import flying_Pa
+from flightpower.analysis.air import magnetometer
+from flightpower.analysis.air.air import air_data, specific_force_at_cg
+from flightpower.analysis.air.lines import line_responses, without_remainder
+from flightpower.analysis.air.magnetometer import Compass, MagnetometerCalibration
+from flightpower.analysis.air.probe import ProbeCalibration
+from flightpower.analysis.air.transducers import TransducerCalibration, air_data_errors
+from flightpower.analysis.sources.daemon import COLUMNS, speed_scale, synchronize
+from flightpower.analysis.sources.grid_settings import STATISTICS
+from flightpower.analysis.sources.rest import rest_segments, without_zeros, zeros
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.log_reader import Log
+from flightpower.flight.propeller import Propeller
+from flightpower.flight.runs import flying_Pa
 
 OPTIONAL_TOPICS = ("/battery", "/mag")
 # Topics that are not needed: what a log without them lacks; empty where another note says so.

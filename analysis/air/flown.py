@@ -9,16 +9,16 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.curve import Condition
-from analysis.settings import FLOWN
-from analysis.sources.daemon import least_height_m, speed_scale_of
-from analysis.sources.grid_settings import STATISTICS
-from flight.aircraft import Aircraft
-from flight.arrays import Array
-from flight.errors import InputError
-from flight.propeller import Propeller
-from flight.runs import DECELERATION
-from flight.units import GRAVITY_MPS2
+from flightpower.analysis.curve import Condition
+from flightpower.analysis.settings import FLOWN
+from flightpower.analysis.sources.daemon import least_height_m, speed_scale_of
+from flightpower.analysis.sources.grid_settings import STATISTICS
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
+from flightpower.flight.propeller import Propeller
+from flightpower.flight.runs import DECELERATION
+from flightpower.flight.units import GRAVITY_MPS2
 
 
 def flown_condition(rows_flown: pd.DataFrame, aircraft: Aircraft) -> Condition:

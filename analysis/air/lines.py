@@ -11,14 +11,14 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from analysis.air.settings import LAG
-from analysis.air.tubing import ComplexArray, Gas, air, low_frequency_lag_s, remainder_of
-from analysis.sources.daemon import field_of
-from analysis.sources.grid import stretches
-from flight.aircraft import Aircraft
-from flight.arrays import Array
-from flight.atmosphere import SEA_LEVEL_PRESSURE_PA, SEA_LEVEL_TEMPERATURE_K
-from flight.log_reader import Log
+from flightpower.analysis.air.settings import LAG
+from flightpower.analysis.air.tubing import ComplexArray, Gas, air, low_frequency_lag_s, remainder_of
+from flightpower.analysis.sources.daemon import field_of
+from flightpower.analysis.sources.grid import stretches
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.arrays import Array
+from flightpower.flight.atmosphere import SEA_LEVEL_PRESSURE_PA, SEA_LEVEL_TEMPERATURE_K
+from flightpower.flight.log_reader import Log
 
 TOPIC = {"alpha": "/probe/alpha", "beta": "/probe/beta", "airspeed": "/probe/airspeed", "static": "/static"}
 COLUMN = {"alpha": "dp_alpha_Pa", "beta": "dp_beta_Pa", "airspeed": "q_c_Pa", "static": "static_Pa"}

@@ -14,11 +14,11 @@ import msgspec
 import numpy as np
 import pandas as pd
 
-from analysis.air.settings import MAGNETOMETER
-from analysis.sources.grid_settings import STATISTICS
-from flight.arrays import Array
-from flight.errors import InputError
-from flight.files import JsonFormat
+from flightpower.analysis.air.settings import MAGNETOMETER
+from flightpower.analysis.sources.grid_settings import STATISTICS
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
+from flightpower.flight.files import JsonFormat
 
 FORMAT = "flightpower-magnetometer-1"
 

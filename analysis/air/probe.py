@@ -15,10 +15,10 @@ import pandas as pd
 from msgspec import structs
 from numpy.typing import NDArray
 
-from analysis.air.settings import MAP
-from flight.arrays import Array
-from flight.files import JsonFormat
-from flight.probe_maps import FIRST_FORMAT, FORMATS, LEAST_SUM, PolynomialMap
+from flightpower.analysis.air.settings import MAP
+from flightpower.flight.arrays import Array
+from flightpower.flight.files import JsonFormat
+from flightpower.flight.probe_maps import FIRST_FORMAT, FORMATS, LEAST_SUM, PolynomialMap
 
 Powers = list[tuple[int, int]]
 

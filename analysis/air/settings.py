@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.sources.grid_settings import STATISTICS
-from flight.aircraft import Uncertainty
-from flight.settings import Settings, setting
+from flightpower.analysis.sources.grid_settings import STATISTICS
+from flightpower.flight.aircraft import Uncertainty
+from flightpower.flight.settings import Settings, setting
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,12 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 
-from analysis.air.settings import STAND_LIMITS
-from analysis.settings import EVIDENCE
-from flight.aircraft import Aircraft
-from flight.errors import InputError
-from flight.files import JsonFormat
-from flight.propeller import Propeller
+from flightpower.analysis.air.settings import STAND_LIMITS
+from flightpower.analysis.settings import EVIDENCE
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.files import JsonFormat
+from flightpower.flight.propeller import Propeller
 
 FORMAT = "flightpower-thrust-stand-1"
 

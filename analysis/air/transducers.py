@@ -14,14 +14,14 @@ import msgspec
 import numpy as np
 import pandas as pd
 
-from analysis.air.settings import GROUND
-from analysis.sources.grid_settings import REST
-from flight.arrays import Array
-from flight.errors import InputError
-from flight.files import JsonFormat
-from flight.log_entries import NO_ENTRIES
-from flight.log_reader import Log
-from flight.messages import DifferentialPressure, Status
+from flightpower.analysis.air.settings import GROUND
+from flightpower.analysis.sources.grid_settings import REST
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
+from flightpower.flight.files import JsonFormat
+from flightpower.flight.log_entries import NO_ENTRIES
+from flightpower.flight.log_reader import Log
+from flightpower.flight.messages import DifferentialPressure, Status
 
 CHANNELS = ("alpha", "beta", "airspeed")
 

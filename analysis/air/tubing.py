@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import jve
 
-from flight.aircraft import PneumaticLine
-from flight.arrays import Array
-from flight.atmosphere import density, viscosity
+from flightpower.flight.aircraft import PneumaticLine
+from flightpower.flight.arrays import Array
+from flightpower.flight.atmosphere import density, viscosity
 
 ComplexArray = NDArray[np.complex128]
 

@@ -5,14 +5,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from analysis.calibrations.runner import Calibrated, OptionalFile, calibration
-from analysis.estimation.noise import NORMAL_95
-from analysis.options import AircraftOption, ProbeOption, refuse_drag_options
-from analysis.sources.recognize import Autopilot, autopilot_of
-from flight.errors import InputError
+from flightpower.analysis.calibrations.runner import Calibrated, OptionalFile, calibration
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.options import AircraftOption, ProbeOption, refuse_drag_options
+from flightpower.analysis.sources.recognize import Autopilot, autopilot_of
+from flightpower.flight.errors import InputError
 
 if TYPE_CHECKING:
-    from analysis.trajectory.consistency import AirspeedCalibration
+    from flightpower.analysis.trajectory.consistency import AirspeedCalibration
 
 
 @calibration(OptionalFile)
@@ -40,12 +40,12 @@ def airspeed(
       calibrate airspeed log.mcap --probe probe.json -o airspeed.json
       calibrate airspeed log.ulg                     a log of PX4 or ArduPilot
     """
-    from analysis.air.contents import Replacements
-    from analysis.air.probe import PROBE_FILE
-    from analysis.flight import recorded, synchronized, trajectory_with
-    from analysis.trajectory.consistency import calibrate
-    from flight.aircraft import load_aircraft
-    from flight.log_reader import read_log
+    from flightpower.analysis.air.contents import Replacements
+    from flightpower.analysis.air.probe import PROBE_FILE
+    from flightpower.analysis.flight import recorded, synchronized, trajectory_with
+    from flightpower.analysis.trajectory.consistency import calibrate
+    from flightpower.flight.aircraft import load_aircraft
+    from flightpower.flight.log_reader import read_log
 
     autopilot = autopilot_of(log)
     if autopilot:
@@ -63,11 +63,11 @@ def airspeed(
 
 def autopilot_airspeed(log: Path, autopilot: Autopilot) -> "AirspeedCalibration":
     """Scale and wind of a flight under PX4 or ArduPilot. Raises InputError."""
-    from analysis.methods.whole_flight.airspeed_gps import airspeed_errors, one_way
-    from analysis.methods.whole_flight.flight_table import flight_table
-    from analysis.sources.autopilot import read_autopilot_log
-    from analysis.sources.recording import GPS
-    from analysis.trajectory.consistency import AirspeedCalibration, notes_on, why_not_determined
+    from flightpower.analysis.methods.whole_flight.airspeed_gps import airspeed_errors, one_way
+    from flightpower.analysis.methods.whole_flight.flight_table import flight_table
+    from flightpower.analysis.sources.autopilot import read_autopilot_log
+    from flightpower.analysis.sources.recording import GPS
+    from flightpower.analysis.trajectory.consistency import AirspeedCalibration, notes_on, why_not_determined
 
     typical_N, area_m2 = 60.0, 1.0  # their ratio recognizes flight
     flight = flight_table(read_autopilot_log(log, autopilot), typical_N, area_m2)

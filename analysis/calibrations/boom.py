@@ -14,14 +14,14 @@ import numpy as np
 import pandas as pd
 import typer
 
-from analysis.air.settings import STAND_LIMITS
-from analysis.calibrations.runner import AircraftFileLines, Calibrated, LogFile, calibration
-from analysis.calibrations.thrust import student_fit
-from analysis.sources.grid_settings import STATISTICS
-from analysis.sources.rest import rest_segments
-from flight.command_line import numbers_and_unit, quantity
-from flight.errors import InputError
-from flight.units import GRAVITY_MPS2, to_si
+from flightpower.analysis.air.settings import STAND_LIMITS
+from flightpower.analysis.calibrations.runner import AircraftFileLines, Calibrated, LogFile, calibration
+from flightpower.analysis.calibrations.thrust import student_fit
+from flightpower.analysis.sources.grid_settings import STATISTICS
+from flightpower.analysis.sources.rest import rest_segments
+from flightpower.flight.command_line import numbers_and_unit, quantity
+from flightpower.flight.errors import InputError
+from flightpower.flight.units import GRAVITY_MPS2, to_si
 
 
 class HangingWeight(NamedTuple):
@@ -156,8 +156,8 @@ def boom(
       calibrate boom log.mcap --weights "0 100 200 300 200 100 0 g"
         --angles "4.1 2.0 -0.1 -2.2 -0.2 2.1 4.2 deg" --carried "45 g"
     """
-    from analysis.sources.daemon import synchronize
-    from flight.log_reader import read_log
+    from flightpower.analysis.sources.daemon import synchronize
+    from flightpower.flight.log_reader import read_log
 
     mass_kg, level_rad = quantities(weights, "kg", "--weights", WEIGHTS), quantities(angles, "rad", "--angles", ANGLES)
     found = hanging_weights(synchronize(read_log(log)).table, str(log))
@@ -184,7 +184,7 @@ def quantities(text: str, unit: str, option: str, example: str) -> list[float]:
 
 def summary(bending: "BoomBending") -> list[str]:
     """The result in lines."""
-    from analysis.estimation.noise import NORMAL_95
+    from flightpower.analysis.estimation.noise import NORMAL_95
 
     per_g, half, per_N = (
         math.degrees(x) for x in (bending.per_g_rad, NORMAL_95 * bending.error_rad, bending.per_N_rad)

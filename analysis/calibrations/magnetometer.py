@@ -4,14 +4,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from analysis.air.magnetometer import MagnetometerCalibration
-from analysis.air.settings import MAGNETOMETER
-from analysis.calibrations.runner import Calibrated, CalibrationFile, LogFile, calibration
-from flight.arrays import Array
-from flight.errors import InputError
+from flightpower.analysis.air.magnetometer import MagnetometerCalibration
+from flightpower.analysis.air.settings import MAGNETOMETER
+from flightpower.analysis.calibrations.runner import Calibrated, CalibrationFile, LogFile, calibration
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
 
 if TYPE_CHECKING:
-    from analysis.air.magnetometer import MagnetometerCalibration
+    from flightpower.analysis.air.magnetometer import MagnetometerCalibration
 
 
 def calibrate(field_T: Array, source: str = "") -> MagnetometerCalibration:
@@ -130,8 +130,8 @@ def magnetometer(log: LogFile) -> Calibrated:
     """
     import numpy as np
 
-    from analysis.sources.daemon import field_of
-    from flight.log_reader import read_log
+    from flightpower.analysis.sources.daemon import field_of
+    from flightpower.flight.log_reader import read_log
 
     recorded = read_log(log)
     components = [field_of(recorded, "/mag", f"field_{axis}_T")[1] for axis in "xyz"]

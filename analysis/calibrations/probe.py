@@ -17,23 +17,23 @@ from numpy.typing import NDArray
 from scipy import special
 from scipy.spatial import ConvexHull
 
-from analysis.air.probe import FittedMap, Powers, ProbeCalibration, fit_map, polynomial_of_order, terms
-from analysis.air.settings import TUNNEL
-from analysis.calibrations.runner import Calibrated, CalibrationFile, calibration
-from analysis.estimation.noise import NORMAL_95
-from analysis.pages.charts.figure import Axis, Cursor, Figure, Line, Points, Symbol
-from analysis.pages.charts.style import BLUE, GRAY, INK, ORANGE, PALETTE, RED, SYMBOLS
-from analysis.pages.html_page import HtmlTable, html_figure, render_page
-from analysis.settings import FLOWN
-from analysis.sources.check_settings import UNITS
-from analysis.sources.grid_settings import STATISTICS
-from flight.arrays import Array
-from flight.atmosphere import density
-from flight.command_line import quantity
-from flight.errors import InputError
-from flight.files import check_new_file
-from flight.probe_maps import FORMAT
-from flight.unit_columns import csv_rows, si_column
+from flightpower.analysis.air.probe import FittedMap, Powers, ProbeCalibration, fit_map, polynomial_of_order, terms
+from flightpower.analysis.air.settings import TUNNEL
+from flightpower.analysis.calibrations.runner import Calibrated, CalibrationFile, calibration
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.pages.charts.figure import Axis, Cursor, Figure, Line, Points, Symbol
+from flightpower.analysis.pages.charts.style import BLUE, GRAY, INK, ORANGE, PALETTE, RED, SYMBOLS
+from flightpower.analysis.pages.html_page import HtmlTable, html_figure, render_page
+from flightpower.analysis.settings import FLOWN
+from flightpower.analysis.sources.check_settings import UNITS
+from flightpower.analysis.sources.grid_settings import STATISTICS
+from flightpower.flight.arrays import Array
+from flightpower.flight.atmosphere import density
+from flightpower.flight.command_line import quantity
+from flightpower.flight.errors import InputError
+from flightpower.flight.files import check_new_file
+from flightpower.flight.probe_maps import FORMAT
+from flightpower.flight.unit_columns import csv_rows, si_column
 
 
 @dataclass(frozen=True)

@@ -14,23 +14,23 @@ import numpy as np
 import pandas as pd
 import typer
 
-from analysis.air.settings import GROUND, STAND_LIMITS
-from analysis.air.transducers import steady_stretches
-from analysis.calibrations.runner import AircraftFileLines, Calibrated, LogFile, calibration
-from analysis.calibrations.settings import RUN_UP
-from analysis.calibrations.thrust import ScaleErrorOption, StandReadings, doubts, student_fit
-from analysis.calibrations.thrust import summary as thrust_summary
-from analysis.sources.grid_settings import STATISTICS
-from flight.aircraft import VIBRATION_REVPS, Aircraft, Propulsion
-from flight.arrays import Array
-from flight.atmosphere import density
-from flight.command_line import numbers_and_unit
-from flight.errors import InputError
-from flight.motion import body_from_earth
-from flight.units import GRAVITY_MPS2, to_si
+from flightpower.analysis.air.settings import GROUND, STAND_LIMITS
+from flightpower.analysis.air.transducers import steady_stretches
+from flightpower.analysis.calibrations.runner import AircraftFileLines, Calibrated, LogFile, calibration
+from flightpower.analysis.calibrations.settings import RUN_UP
+from flightpower.analysis.calibrations.thrust import ScaleErrorOption, StandReadings, doubts, student_fit
+from flightpower.analysis.calibrations.thrust import summary as thrust_summary
+from flightpower.analysis.sources.grid_settings import STATISTICS
+from flightpower.flight.aircraft import VIBRATION_REVPS, Aircraft, Propulsion
+from flightpower.flight.arrays import Array
+from flightpower.flight.atmosphere import density
+from flightpower.flight.command_line import numbers_and_unit
+from flightpower.flight.errors import InputError
+from flightpower.flight.motion import body_from_earth
+from flightpower.flight.units import GRAVITY_MPS2, to_si
 
 if TYPE_CHECKING:
-    from analysis.air.thrust_stand import ThrustStand
+    from flightpower.analysis.air.thrust_stand import ThrustStand
 
 FORCES, RATES = ("ax_mps2", "ay_mps2", "az_mps2"), ("p_radps", "q_radps", "r_radps")
 
@@ -222,11 +222,11 @@ def run_up(
       calibrate run-up log.mcap
       calibrate run-up log.mcap --thrust "4.9 9.1 16 23 16 9 4.8 N"
     """
-    from analysis.air.contents import aircraft_of, propeller_of
-    from analysis.calibrations.thrust import calibrate
-    from analysis.results.settings import TRUST
-    from analysis.sources.daemon import synchronize
-    from flight.log_reader import read_log
+    from flightpower.analysis.air.contents import aircraft_of, propeller_of
+    from flightpower.analysis.calibrations.thrust import calibrate
+    from flightpower.analysis.results.settings import TRUST
+    from flightpower.analysis.sources.daemon import synchronize
+    from flightpower.flight.log_reader import read_log
 
     read = thrusts_N(thrust)
     recorded = read_log(log)
@@ -270,7 +270,7 @@ def wrong_speed(ratio: float, aircraft: Aircraft) -> str:
 
 def summary(offset: "VibrationOffset", battery: "Battery | None", ratio: float | None) -> list[str]:
     """The result in lines."""
-    from analysis.estimation.noise import NORMAL_95
+    from flightpower.analysis.estimation.noise import NORMAL_95
 
     axes = ", ".join(
         f"{axis} {value:+.3f} ± {NORMAL_95 * error:.3f}"

@@ -9,9 +9,9 @@ from typing import Annotated, Any, NamedTuple, get_type_hints
 import msgspec
 import typer
 
-from analysis.options import ReplaceOption
-from flight.command_line import ExitCode, as_command
-from flight.files import check_new_file, write_files
+from flightpower.analysis.options import ReplaceOption
+from flightpower.flight.command_line import ExitCode, as_command
+from flightpower.flight.files import check_new_file, write_files
 
 LogFile = Annotated[Path, typer.Argument(metavar="LOG", help="A log recorded by the daemon.")]
 CalibrationFile = Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="Calibration file to write.")]

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from flight.settings import Settings, setting
+from flightpower.flight.settings import Settings, setting
 
 
 @dataclass(frozen=True)

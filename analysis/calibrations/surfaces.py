@@ -8,11 +8,11 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import typer
 
-from analysis.air.settings import GROUND
-from analysis.calibrations.runner import AircraftFileLines, Calibrated, LogFile, calibration
-from analysis.estimation.noise import NORMAL_95
-from flight.arrays import Array
-from flight.errors import InputError
+from flightpower.analysis.air.settings import GROUND
+from flightpower.analysis.calibrations.runner import AircraftFileLines, Calibrated, LogFile, calibration
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
 
 
 class HeldPulse(NamedTuple):
@@ -147,10 +147,10 @@ def surfaces(
       calibrate surfaces log.mcap --surface elevator
       calibrate surfaces log.mcap --surface elevator --angles "-22 -11 0 11 22"
     """
-    from analysis.air.contents import aircraft_of
-    from analysis.sources.daemon import servo_pulses
-    from flight.aircraft import ControlSurface
-    from flight.log_reader import read_log
+    from flightpower.analysis.air.contents import aircraft_of
+    from flightpower.analysis.sources.daemon import servo_pulses
+    from flightpower.flight.aircraft import ControlSurface
+    from flightpower.flight.log_reader import read_log
 
     angles_deg = [_angle_deg(word) for word in angles.replace(",", " ").split()]
     recorded = read_log(log)

@@ -15,23 +15,23 @@ import numpy as np
 import typer
 from scipy import special
 
-from analysis.air.settings import STAND_LIMITS
-from analysis.air.thrust_stand import ThrustStand
-from analysis.calibrations.runner import Calibrated, CalibrationFile, calibration
-from analysis.estimation.noise import NORMAL_95
-from analysis.settings import EVIDENCE
-from analysis.sources.grid_settings import STATISTICS
-from flight.aircraft import Aircraft, Uncertainty, load_aircraft
-from flight.arrays import Array
-from flight.atmosphere import density
-from flight.command_line import quantity
-from flight.errors import InputError
-from flight.propeller import Propeller
-from flight.unit_columns import csv_rows, si_column
+from flightpower.analysis.air.settings import STAND_LIMITS
+from flightpower.analysis.air.thrust_stand import ThrustStand
+from flightpower.analysis.calibrations.runner import Calibrated, CalibrationFile, calibration
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.settings import EVIDENCE
+from flightpower.analysis.sources.grid_settings import STATISTICS
+from flightpower.flight.aircraft import Aircraft, Uncertainty, load_aircraft
+from flightpower.flight.arrays import Array
+from flightpower.flight.atmosphere import density
+from flightpower.flight.command_line import quantity
+from flightpower.flight.errors import InputError
+from flightpower.flight.propeller import Propeller
+from flightpower.flight.unit_columns import csv_rows, si_column
 
 if TYPE_CHECKING:
-    from analysis.air.thrust_stand import ThrustStand
-    from flight.propeller import Propeller
+    from flightpower.analysis.air.thrust_stand import ThrustStand
+    from flightpower.flight.propeller import Propeller
 
 # Column of the file: (field, unit).
 _COLUMNS = {
@@ -261,8 +261,8 @@ def thrust(
         raise InputError(f"{aircraft}: no [propulsion] propeller; name it there, or give --propeller")
     if (pressure is None) != (temperature is None):
         raise InputError("--pressure, --temperature: give both, or none")
-    from flight.atmosphere import density
-    from flight.propeller_files import load_propeller
+    from flightpower.flight.atmosphere import density
+    from flightpower.flight.propeller_files import load_propeller
 
     table = load_propeller(name)
     rho = density(pressure, temperature) if pressure is not None and temperature is not None else None
@@ -292,7 +292,7 @@ def doubts(
     found: "ThrustStand", readings: "StandReadings", propeller: "Propeller", aircraft: Aircraft | None
 ) -> list[str]:
     """What the user should look at, in sentences."""
-    from analysis.methods.thrust_prior import stand_conflict
+    from flightpower.analysis.methods.thrust_prior import stand_conflict
 
     sentences = []
     if found.speed_error:

@@ -7,19 +7,19 @@ import numpy as np
 import typer
 from scipy import special
 
-from analysis.air.settings import GROUND
-from analysis.air.transducers import CHANNELS, Plateau, TransducerCalibration, TransducerLine, in_words
-from analysis.calibrations.runner import Calibrated, CalibrationFile, LogFile, calibration
-from analysis.estimation.noise import NORMAL_95
-from analysis.sources.autopilot_settings import READABLE
-from analysis.sources.grid_settings import STATISTICS
-from flight.aircraft import Uncertainty
-from flight.command_line import numbers_and_unit, quantity
-from flight.errors import InputError
-from flight.units import GRAVITY_MPS2, to_si
+from flightpower.analysis.air.settings import GROUND
+from flightpower.analysis.air.transducers import CHANNELS, Plateau, TransducerCalibration, TransducerLine, in_words
+from flightpower.analysis.calibrations.runner import Calibrated, CalibrationFile, LogFile, calibration
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.sources.autopilot_settings import READABLE
+from flightpower.analysis.sources.grid_settings import STATISTICS
+from flightpower.flight.aircraft import Uncertainty
+from flightpower.flight.command_line import numbers_and_unit, quantity
+from flightpower.flight.errors import InputError
+from flightpower.flight.units import GRAVITY_MPS2, to_si
 
 if TYPE_CHECKING:
-    from analysis.air.transducers import TransducerCalibration
+    from flightpower.analysis.air.transducers import TransducerCalibration
 
 
 def calibrate(
@@ -161,8 +161,8 @@ def transducers(
       calibrate transducers log.mcap --pressures "10 20 30 40 35 25 15 5 mm"
       calibrate transducers log.mcap --pressures "100 200 300 400 Pa" -o new.json
     """
-    from analysis.air.transducers import in_words, plateaus, readings
-    from flight.log_reader import read_log
+    from flightpower.analysis.air.transducers import in_words, plateaus, readings
+    from flightpower.flight.log_reader import read_log
 
     given = pressures_Pa(pressures) if pressures.strip() else None
     found = plateaus(readings(read_log(log)), str(log))

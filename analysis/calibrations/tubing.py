@@ -21,17 +21,17 @@ import numpy as np
 from scipy import special
 from scipy.optimize import brentq
 
-from analysis.air.lines import FIELD, TOPIC, air_in
-from analysis.air.settings import LAG
-from analysis.air.tubing import Gas, low_frequency_lag_s, response
-from analysis.calibrations.runner import AircraftFileLines, Calibrated, LogFile, calibration
-from analysis.options import AircraftOption
-from analysis.sources.daemon import field_of
-from analysis.sources.grid_settings import STATISTICS
-from flight.aircraft import Aircraft, PneumaticLine
-from flight.arrays import Array
-from flight.errors import InputError
-from flight.log_reader import Log
+from flightpower.analysis.air.lines import FIELD, TOPIC, air_in
+from flightpower.analysis.air.settings import LAG
+from flightpower.analysis.air.tubing import Gas, low_frequency_lag_s, response
+from flightpower.analysis.calibrations.runner import AircraftFileLines, Calibrated, LogFile, calibration
+from flightpower.analysis.options import AircraftOption
+from flightpower.analysis.sources.daemon import field_of
+from flightpower.analysis.sources.grid_settings import STATISTICS
+from flightpower.flight.aircraft import Aircraft, PneumaticLine
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_reader import Log
 
 Shape = Callable[[Array], Array]  # remaining share of the step, from 1 to 0, by time since the step [s]
 
@@ -350,9 +350,9 @@ def tubing(log: LogFile, aircraft: AircraftOption = None) -> Calibrated:
     Example:
       calibrate tubing log.mcap -o lines.toml
     """
-    from analysis.air.contents import aircraft_of
-    from flight.aircraft import load_aircraft
-    from flight.log_reader import read_log
+    from flightpower.analysis.air.contents import aircraft_of
+    from flightpower.flight.aircraft import load_aircraft
+    from flightpower.flight.log_reader import read_log
 
     recorded = read_log(log)
     lags = line_lags(recorded, load_aircraft(aircraft) if aircraft else aircraft_of(recorded))

@@ -6,12 +6,12 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import typer
 
-from analysis.calibrations.runner import AircraftFileLines, Calibrated, calibration
-from analysis.sources.grid_settings import STATISTICS
-from flight.aircraft import Uncertainty
-from flight.command_line import numbers_and_unit, quantity
-from flight.errors import InputError
-from flight.units import to_si
+from flightpower.analysis.calibrations.runner import AircraftFileLines, Calibrated, calibration
+from flightpower.analysis.sources.grid_settings import STATISTICS
+from flightpower.flight.aircraft import Uncertainty
+from flightpower.flight.command_line import numbers_and_unit, quantity
+from flightpower.flight.errors import InputError
+from flightpower.flight.units import to_si
 
 
 class Support(NamedTuple):
@@ -171,7 +171,7 @@ def support(text: str) -> "Support":
 
 def summary(found: "WeightAndBalance") -> list[str]:
     """The result in lines."""
-    from analysis.estimation.noise import NORMAL_95
+    from flightpower.analysis.estimation.noise import NORMAL_95
 
     lines = [f"weight {found.mass_kg:.3f} ± {NORMAL_95 * found.mass_error_kg:.3f} kg (95 % interval)"]
     if found.position_m is None or found.position_error_m is None:

@@ -11,14 +11,21 @@ import typer
 from rich.console import Console
 from typer.core import TyperCommand
 
-from analysis.cli.compare import app as compare_app
-from analysis.cli.verdict import tell
-from analysis.flights.campaign.addresses import as_file, find_logs, is_address, name_by_address, place, shown
-from analysis.options import Options, QuietOption
-from analysis.pages.one_log import Report, analyze_log
-from analysis.sources.open import refuse_folder
-from flight.command_line import ExitCode, application, run, takes_options
-from flight.errors import InputError
+from flightpower.analysis.cli.compare import app as compare_app
+from flightpower.analysis.cli.verdict import tell
+from flightpower.analysis.flights.campaign.addresses import (
+    as_file,
+    find_logs,
+    is_address,
+    name_by_address,
+    place,
+    shown,
+)
+from flightpower.analysis.options import Options, QuietOption
+from flightpower.analysis.pages.one_log import Report, analyze_log
+from flightpower.analysis.sources.open import refuse_folder
+from flightpower.flight.command_line import ExitCode, application, run, takes_options
+from flightpower.flight.errors import InputError
 
 app = application(no_args_is_help=False)
 
@@ -122,7 +129,7 @@ def analyze(
     if len(logs) > 1 or found.in_folders or scheduler is not None:
         if json:
             raise InputError("--json: only for one log; several write their results into FOLDER")
-        from analysis.cli.several_logs import analyze_logs
+        from flightpower.analysis.cli.several_logs import analyze_logs
 
         raise typer.Exit(analyze_logs(found, output, options, jobs=jobs, scheduler=scheduler, quiet=quiet))
     log = found.logs[0]
@@ -145,7 +152,7 @@ def analyze(
 
 def _finish(done: Report, json: bool, quiet: bool) -> ExitCode:
     """Print the results, and on stderr what speaks against them. Returns the exit code."""
-    from analysis.results.files import to_json
+    from flightpower.analysis.results.files import to_json
 
     def print_results() -> None:
         if json:

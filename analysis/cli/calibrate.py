@@ -1,16 +1,16 @@
 """`calibrate`: one module per command, with its arguments, messages and exit codes."""
 
-from analysis.calibrations.airspeed import airspeed
-from analysis.calibrations.boom import boom
-from analysis.calibrations.magnetometer import magnetometer
-from analysis.calibrations.probe import probe
-from analysis.calibrations.run_up import run_up
-from analysis.calibrations.surfaces import surfaces
-from analysis.calibrations.thrust import thrust
-from analysis.calibrations.transducers import transducers
-from analysis.calibrations.tubing import tubing
-from analysis.calibrations.weight_and_balance import weight_and_balance
-from flight.command_line import application, run
+from flightpower.analysis.calibrations.airspeed import airspeed
+from flightpower.analysis.calibrations.boom import boom
+from flightpower.analysis.calibrations.magnetometer import magnetometer
+from flightpower.analysis.calibrations.probe import probe
+from flightpower.analysis.calibrations.run_up import run_up
+from flightpower.analysis.calibrations.surfaces import surfaces
+from flightpower.analysis.calibrations.thrust import thrust
+from flightpower.analysis.calibrations.transducers import transducers
+from flightpower.analysis.calibrations.tubing import tubing
+from flightpower.analysis.calibrations.weight_and_balance import weight_and_balance
+from flightpower.flight.command_line import application, run
 
 app = application()
 

@@ -6,10 +6,10 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from analysis.cli.verdict import tell
-from flight.command_line import application
-from flight.errors import InputError
-from flight.files import check_writable
+from flightpower.analysis.cli.verdict import tell
+from flightpower.flight.command_line import application
+from flightpower.flight.errors import InputError
+from flightpower.flight.files import check_writable
 
 app = application()
 
@@ -40,11 +40,11 @@ def compare(
     if output is not None:
         check_writable(output / "report.html")
         _check_no_other_results(output / "results.json")
-    from analysis.flights.campaign.campaign import flight_folders_of, read_flights
-    from analysis.flights.comparison import compare as compare_pools
-    from analysis.flights.pool import pool_results
-    from analysis.pages.terminal import print_comparison
-    from analysis.pages.write import write_comparison
+    from flightpower.analysis.flights.campaign.campaign import flight_folders_of, read_flights
+    from flightpower.analysis.flights.comparison import compare as compare_pools
+    from flightpower.analysis.flights.pool import pool_results
+    from flightpower.analysis.pages.terminal import print_comparison
+    from flightpower.analysis.pages.write import write_comparison
 
     sides = [read_flights(flight_folders_of(folder)) for folder in (a, b)]
     for folder, side in zip((a, b), sides, strict=True):
@@ -66,8 +66,8 @@ def compare(
 
 def _check_no_other_results(path: Path) -> None:
     """Raises InputError where there are results of something else, such as of a flight that is compared."""
-    from analysis.records.pool import COMPARISON_FORMAT
-    from analysis.results.read import read_json
+    from flightpower.analysis.records.pool import COMPARISON_FORMAT
+    from flightpower.analysis.results.read import read_json
 
     if path.exists() and read_json(path).get("format") != COMPARISON_FORMAT:
         raise InputError(f"{path.parent}: has results of `analyze`, which must not be replaced; give another folder")

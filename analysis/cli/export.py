@@ -6,13 +6,13 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from analysis.cli.verdict import tell
-from analysis.options import Options, QuietOption, ReplaceOption
-from analysis.pages.exports import FOLDERS, KINDS
-from analysis.sources.open import open_source
-from flight.command_line import ExitCode, application, run, takes_options
-from flight.errors import InputError
-from flight.files import check_new_file
+from flightpower.analysis.cli.verdict import tell
+from flightpower.analysis.options import Options, QuietOption, ReplaceOption
+from flightpower.analysis.pages.exports import FOLDERS, KINDS
+from flightpower.analysis.sources.open import open_source
+from flightpower.flight.command_line import ExitCode, application, run, takes_options
+from flightpower.flight.errors import InputError
+from flightpower.flight.files import check_new_file
 
 SUFFIX = {"parquet": ".parquet", "csv": ".csv", "mat": ".mat", "mcap": ".derived.mcap"}
 
@@ -69,8 +69,8 @@ def export(
     stderr = Console(stderr=True, quiet=quiet)
     with stderr.status("reading the log …") as status:
         source = open_source(log, options.columns)
-        from analysis.pages.exports.tables import export_tables, tables_of
-        from analysis.pipeline import analyze
+        from flightpower.analysis.pages.exports.tables import export_tables, tables_of
+        from flightpower.analysis.pipeline import analyze
 
         analysis = analyze(source, options, lambda step: status.update(f"{step} …"))
         status.update("writing …")

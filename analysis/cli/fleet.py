@@ -6,10 +6,10 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from analysis.options import ReplaceOption
-from flight.command_line import application, quantity, run
-from flight.errors import InputError
-from flight.files import check_new_file, write_files
+from flightpower.analysis.options import ReplaceOption
+from flightpower.flight.command_line import application, quantity, run
+from flightpower.flight.errors import InputError
+from flightpower.flight.files import check_new_file, write_files
 
 app = application()
 
@@ -34,8 +34,8 @@ def add(
 
     Exit code 0: done. 2: a folder or the dataset cannot be used; one line on stderr says why.
     """
-    from analysis.flights.campaign.campaign import flight_folders_of, read_flights
-    from analysis.flights.dataset import Dataset
+    from flightpower.analysis.flights.campaign.campaign import flight_folders_of, read_flights
+    from flightpower.analysis.flights.dataset import Dataset
 
     console = Console(highlight=False)
     found = read_flights([flight for folder in folders for flight in flight_folders_of(folder)])
@@ -83,11 +83,11 @@ def show(
             check_new_file(output / name, replace=replace)
     import msgspec
 
-    from analysis.flights.airframes import airframes
-    from analysis.flights.dataset import Dataset
-    from analysis.flights.fleet_summary import fleet_results
-    from analysis.pages.fleet_page import render_fleet
-    from analysis.pages.terminal import print_fleet
+    from flightpower.analysis.flights.airframes import airframes
+    from flightpower.analysis.flights.dataset import Dataset
+    from flightpower.analysis.flights.fleet_summary import fleet_results
+    from flightpower.analysis.pages.fleet_page import render_fleet
+    from flightpower.analysis.pages.terminal import print_fleet
 
     unread: list[str] = []
     results = fleet_results(airframes(Dataset(dataset), false_alarms, unread, airframe or ()), unread)

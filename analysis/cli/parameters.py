@@ -5,11 +5,11 @@ from typing import Annotated
 
 import typer
 
-from analysis.cli.route import StallOptions, read_results
-from analysis.options import ReplaceOption
-from analysis.results.parameter_file import For, StallMargin, parameter_file
-from flight.command_line import application, run, takes_options
-from flight.files import check_new_file, write_file
+from flightpower.analysis.cli.route import StallOptions, read_results
+from flightpower.analysis.options import ReplaceOption
+from flightpower.analysis.results.parameter_file import For, StallMargin, parameter_file
+from flightpower.flight.command_line import application, run, takes_options
+from flightpower.flight.files import check_new_file, write_file
 
 app = application()
 

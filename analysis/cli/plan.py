@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from analysis.missions.plan_settings import LEG
-from analysis.options import ReplaceOption
-from flight.aircraft import Aircraft, load_aircraft, shipped_aircraft
-from flight.command_line import application, quantity, run, takes_options
-from flight.errors import InputError
-from flight.files import check_new_file, write_files
+from flightpower.analysis.missions.plan_settings import LEG
+from flightpower.analysis.options import ReplaceOption
+from flightpower.flight.aircraft import Aircraft, load_aircraft, shipped_aircraft
+from flightpower.flight.command_line import application, quantity, run, takes_options
+from flightpower.flight.errors import InputError
+from flightpower.flight.files import check_new_file, write_files
 
 if TYPE_CHECKING:
-    from analysis.missions.search import FlightPlan
+    from flightpower.analysis.missions.search import FlightPlan
 
 app = application()
 
@@ -212,9 +212,9 @@ def plan(
 
     with Console(stderr=True).status("planning …") as status:
         made = flight_plan(aircraft, options, lambda step: status.update(f"planning: {step} …"))
-    from analysis.missions.card import card, runs_to_tick_off
-    from analysis.missions.plan_mission import Home, qgroundcontrol_plan, waypoint_file
-    from analysis.missions.simulator_plan import simulator_plan
+    from flightpower.analysis.missions.card import card, runs_to_tick_off
+    from flightpower.analysis.missions.plan_mission import Home, qgroundcontrol_plan, waypoint_file
+    from flightpower.analysis.missions.simulator_plan import simulator_plan
 
     files = {
         "plan.toml": simulator_plan(made.maneuvers, made.aircraft, made.request),
@@ -243,10 +243,10 @@ def _aircraft(name_or_path: str, options: PlanOptions) -> Aircraft:
 
 def flight_plan(aircraft: str, options: PlanOptions, progress: Callable[[str], None] = lambda _: None) -> "FlightPlan":
     """The plan for an aircraft, a shipped one or a file. progress: called with each step. Raises InputError."""
-    from analysis.missions import information
-    from analysis.missions.expected_aircraft import expected_aircraft
-    from analysis.missions.pieces import Pilot, Space
-    from analysis.missions.search import Request, plan_flight
+    from flightpower.analysis.missions import information
+    from flightpower.analysis.missions.expected_aircraft import expected_aircraft
+    from flightpower.analysis.missions.pieces import Pilot, Space
+    from flightpower.analysis.missions.search import Request, plan_flight
 
     results = [information.read_results(path) for path in options.after or []]
     expected = expected_aircraft(
@@ -278,7 +278,7 @@ def place_of(text: str) -> tuple[float, float]:
 
 
 def _print(made: "FlightPlan", folder: Path, files: list[str], *, stall_given: bool) -> None:
-    from analysis.missions import card as texts
+    from flightpower.analysis.missions import card as texts
 
     console = Console(highlight=False, soft_wrap=True)
     console.print(f"Plan for {made.question.title}: {made.seconds / 60:.1f} min, {made.request.wind_kt:g} kt")

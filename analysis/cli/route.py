@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
-from analysis.options import ReplaceOption
-from flight.command_line import ExitCode, application, quantity, run, takes_options
-from flight.errors import InputError
-from flight.files import check_new_file, write_file
+from flightpower.analysis.options import ReplaceOption
+from flightpower.flight.command_line import ExitCode, application, quantity, run, takes_options
+from flightpower.flight.errors import InputError
+from flightpower.flight.files import check_new_file, write_file
 
 if TYPE_CHECKING:
-    from analysis.missions.inputs import RouteInput
-    from analysis.missions.mission import Mission, Speed, Wind
-    from analysis.missions.prediction import Flight, Objective
-    from analysis.records.flight import Results
+    from flightpower.analysis.missions.inputs import RouteInput
+    from flightpower.analysis.missions.mission import Mission, Speed, Wind
+    from flightpower.analysis.missions.prediction import Flight, Objective
+    from flightpower.analysis.records.flight import Results
 
 app = application()
 Read = TypeVar("Read", "Results", "RouteInput")
@@ -237,8 +237,8 @@ def route(
         check_new_file(map_file, replace=replace)
     if (mission is None) == (options.legs is None):
         raise InputError('give a mission file or --legs "3 km 045, 2 km 135", one of them')
-    from analysis.missions.mission import parse_wind
-    from analysis.missions.prediction import predict
+    from flightpower.analysis.missions.mission import parse_wind
+    from flightpower.analysis.missions.prediction import predict
 
     wind = parse_wind(wind_text, options.wind_sd_mps)
     asked = _asked_speed(options.speed)
@@ -253,22 +253,22 @@ def route(
 
         print(msgspec.json.encode(result).decode())
     else:
-        from analysis.missions.route_text import lines
+        from flightpower.analysis.missions.route_text import lines
 
         for line in lines(result):
             print(line)
     if map_file is not None:
-        from analysis.pages.charts.route_map import map_svg
+        from flightpower.analysis.pages.charts.route_map import map_svg
 
         write_file(map_file, map_svg(result, flown, wind))
     raise typer.Exit(ExitCode.DONE if result.probability >= result.sure else ExitCode.FAILURE)
 
 
 def _mission(path: Path | None, options: RouteOptions) -> "Mission":
-    from analysis.cli.plan import place_of
-    from analysis.missions.mission import Assumed, parse_legs, with_return
-    from analysis.missions.mission_files import load_mission
-    from flight.units import GRAVITY_MPS2
+    from flightpower.analysis.cli.plan import place_of
+    from flightpower.analysis.missions.mission import Assumed, parse_legs, with_return
+    from flightpower.analysis.missions.mission_files import load_mission
+    from flightpower.flight.units import GRAVITY_MPS2
 
     if path is None:
         return with_return(parse_legs(options.legs or "", options.height_m), ends_by_landing=False)
@@ -279,8 +279,8 @@ def _mission(path: Path | None, options: RouteOptions) -> "Mission":
 
 def _asked_speed(text: str) -> "Speed | Objective | None":
     """None: the mission's. Raises InputError."""
-    from analysis.missions.mission import Speed
-    from analysis.missions.prediction import Objective
+    from flightpower.analysis.missions.mission import Speed
+    from flightpower.analysis.missions.prediction import Objective
 
     if text == SpeedChoice.MISSION:
         return None
@@ -296,10 +296,10 @@ def _asked_speed(text: str) -> "Speed | Objective | None":
 
 def _flight(results: "RouteInput", wind: "Wind", speed: "Speed | Objective | None", options: RouteOptions) -> "Flight":
     """Raises InputError where the battery's energy or the air is not known."""
-    from analysis.missions.energy import Battery
-    from analysis.missions.prediction import Air, Flight
-    from analysis.performance.request import parse_request, voltage_of
-    from flight.atmosphere import pressure_at, temperature_at
+    from flightpower.analysis.missions.energy import Battery
+    from flightpower.analysis.missions.prediction import Air, Flight
+    from flightpower.analysis.performance.request import parse_request, voltage_of
+    from flightpower.flight.atmosphere import pressure_at, temperature_at
 
     asked = parse_request(options.battery_Wh, options.usable)
     energy_Wh = asked.battery_Wh or (results.battery and results.battery.energy_Wh)
@@ -339,7 +339,7 @@ def _flight(results: "RouteInput", wind: "Wind", speed: "Speed | Objective | Non
 
 def _questions(results: "RouteInput", flight: "Flight", options: RouteOptions) -> list[str]:
     """What was given and is far from the flight, each as a question."""
-    from analysis.performance.request import unusual_battery, unusual_weight
+    from flightpower.analysis.performance.request import unusual_battery, unusual_weight
 
     given_Wh = flight.battery.energy_J / 3600 if options.battery_Wh is not None else None
     weight = unusual_weight("--weight", flight.weight_N, results.test.weight_N)
@@ -348,21 +348,21 @@ def _questions(results: "RouteInput", flight: "Flight", options: RouteOptions) -
 
 def read_route_input(path: Path) -> "RouteInput":
     """Reads the results of one flight or of a pool, as `read_results` does."""
-    from analysis.missions import inputs
+    from flightpower.analysis.missions import inputs
 
     return _trusted(path, inputs.read_route_input(path))
 
 
 def read_results(path: Path) -> "Results":
     """Doubts go to stderr. Raises InputError when it is something else, or not to be trusted."""
-    from analysis.results import read
+    from flightpower.analysis.results import read
 
     return _trusted(path, read.read_results(path))
 
 
 def _trusted(path: Path, results: Read) -> Read:
-    from analysis.records.flight import Trust
-    from analysis.results.evidence import sentence
+    from flightpower.analysis.records.flight import Trust
+    from flightpower.analysis.results.evidence import sentence
 
     if results.trust is Trust.NOT_TO_BE_TRUSTED:
         raise InputError(f"{path}: not to be trusted ({results.evidence[0].kind}); take another flight's results")
@@ -373,7 +373,7 @@ def _trusted(path: Path, results: Read) -> Read:
 
 
 def _weight_N(text: str, option: str) -> float:
-    from analysis.performance.request import parse_weight
+    from flightpower.analysis.performance.request import parse_weight
 
     return parse_weight(text, option)
 

@@ -17,23 +17,27 @@ from mcap.records import Attachment, AttachmentIndex, Footer, SummaryOffset
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from analysis.cli.verdict import tell
-from analysis.flights.campaign.addresses import FoundLogs, Log, RemoteLog, file_system
-from analysis.flights.campaign.campaign import Campaign, Work, run
-from analysis.flights.campaign.folders import exclusive
-from analysis.flights.campaign.processes import Outcome, below
-from analysis.flights.campaign.processes import Progress as Step
-from analysis.options import ATTACHMENTS, Options, option_name
-from analysis.pages.one_log import analyze_log
-from analysis.sources.column_map import map_files
-from analysis.sources.recognize import autopilot_of
-from flight.aircraft import load_aircraft, parse_aircraft
-from flight.command_line import ExitCode
-from flight.errors import InputError, StorageError
-from flight.log_index import FOOTER_BYTES, MAGIC, RECORD_HEAD
-from flight.shipped_propellers import shipped_propellers
+from flightpower.analysis.cli.verdict import tell
+from flightpower.analysis.flights.campaign.addresses import FoundLogs, Log, RemoteLog, file_system
+from flightpower.analysis.flights.campaign.campaign import Campaign, Work, run
+from flightpower.analysis.flights.campaign.folders import exclusive
+from flightpower.analysis.flights.campaign.processes import Outcome, below
+from flightpower.analysis.flights.campaign.processes import Progress as Step
+from flightpower.analysis.options import ATTACHMENTS, Options, option_name
+from flightpower.analysis.pages.one_log import analyze_log
+from flightpower.analysis.sources.column_map import map_files
+from flightpower.analysis.sources.recognize import autopilot_of
+from flightpower.flight.aircraft import load_aircraft, parse_aircraft
+from flightpower.flight.command_line import ExitCode
+from flightpower.flight.errors import InputError, StorageError
+from flightpower.flight.log_index import FOOTER_BYTES, MAGIC, RECORD_HEAD
+from flightpower.flight.shipped_propellers import shipped_propellers
 
-PRELOAD = ("analysis.pipeline", "analysis.pages.write", "analysis.pages.terminal")  # of each analysis
+PRELOAD = (
+    "flightpower.analysis.pipeline",
+    "flightpower.analysis.pages.write",
+    "flightpower.analysis.pages.terminal",
+)  # of each analysis
 
 
 @dataclass(frozen=True)
@@ -97,7 +101,11 @@ def analyze_logs(
 
 
 def _load_report() -> None:
-    for module in ("analysis.flights.campaign.campaign", "analysis.flights.pool", "analysis.pages.write"):
+    for module in (
+        "flightpower.analysis.flights.campaign.campaign",
+        "flightpower.analysis.flights.pool",
+        "flightpower.analysis.pages.write",
+    ):
         importlib.import_module(module)
 
 
@@ -107,11 +115,11 @@ def _pool(campaign: Campaign, output: Path, quiet: bool) -> ExitCode:
     Raises InputError when they cannot be pooled.
     """
     with Console(stderr=True, quiet=quiet).status(f"pooling {len(campaign.folders)} flights …"):
-        from analysis.flights.campaign.campaign import read_flights
-        from analysis.flights.pool import pool_results
-        from analysis.pages.terminal import print_pooled
-        from analysis.pages.write import write_pooled, write_side_by_side
-        from analysis.results.evidence import worst_first
+        from flightpower.analysis.flights.campaign.campaign import read_flights
+        from flightpower.analysis.flights.pool import pool_results
+        from flightpower.analysis.pages.terminal import print_pooled
+        from flightpower.analysis.pages.write import write_pooled, write_side_by_side
+        from flightpower.analysis.results.evidence import worst_first
 
         page, found = output / "report.html", read_flights(campaign.folders)
         flights = found.to_pool or found.electrical

@@ -4,16 +4,16 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from flight.command_line import ExitCode
+from flightpower.flight.command_line import ExitCode
 
 if TYPE_CHECKING:
-    from analysis.records.flight import Evidence
+    from flightpower.analysis.records.flight import Evidence
 
 
 def tell(evidence: Sequence["Evidence"], print_results: Callable[[], None]) -> ExitCode:
     """Print doubts on stderr, then the results, then why they are not to be trusted. Returns the exit code."""
-    from analysis.records.flight import Trust
-    from analysis.results.evidence import sentence
+    from flightpower.analysis.records.flight import Trust
+    from flightpower.analysis.results.evidence import sentence
 
     def said(level: Trust) -> list[str]:
         return [f"{level}: {sentence(one)}" for one in evidence if one.level is level]

@@ -1,6 +1,6 @@
 """Maximum-likelihood estimation of the parameters of any dynamic model, from records of its inputs and outputs.
 
-    from analysis.estimation import Model, Parameter, Segment, fit_output_error, uncertainty
+    from flightpower.analysis.estimation import Model, Parameter, Segment, fit_output_error, uncertainty
 
     k = Parameter(name="k", start=1.0, unit="1/s")
     decay = Model(name="decay", states=("x",), outputs=("x",), parameters=(k,),
@@ -34,20 +34,20 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from analysis.estimation import term_selection as term_selection
-    from analysis.estimation import uncertainty as uncertainty
-    from analysis.estimation import validation as validation
-    from analysis.estimation.data import Segment as Segment
-    from analysis.estimation.equation_error import fit_equation_error as fit_equation_error
-    from analysis.estimation.filter_error import fit_filter_error as fit_filter_error
-    from analysis.estimation.fit import Fit as Fit
-    from analysis.estimation.model import Model as Model
-    from analysis.estimation.model import Parameter as Parameter
-    from analysis.estimation.output_error import MeasurementNoise as MeasurementNoise
-    from analysis.estimation.output_error import fit_output_error as fit_output_error
-    from analysis.estimation.problem import FitOptions as FitOptions
-    from analysis.estimation.process_noise import ProcessNoise as ProcessNoise
-    from analysis.estimation.starts import best_of_starts as best_of_starts
+    from flightpower.analysis.estimation import term_selection as term_selection
+    from flightpower.analysis.estimation import uncertainty as uncertainty
+    from flightpower.analysis.estimation import validation as validation
+    from flightpower.analysis.estimation.data import Segment as Segment
+    from flightpower.analysis.estimation.equation_error import fit_equation_error as fit_equation_error
+    from flightpower.analysis.estimation.filter_error import fit_filter_error as fit_filter_error
+    from flightpower.analysis.estimation.fit import Fit as Fit
+    from flightpower.analysis.estimation.model import Model as Model
+    from flightpower.analysis.estimation.model import Parameter as Parameter
+    from flightpower.analysis.estimation.output_error import MeasurementNoise as MeasurementNoise
+    from flightpower.analysis.estimation.output_error import fit_output_error as fit_output_error
+    from flightpower.analysis.estimation.problem import FitOptions as FitOptions
+    from flightpower.analysis.estimation.process_noise import ProcessNoise as ProcessNoise
+    from flightpower.analysis.estimation.starts import best_of_starts as best_of_starts
 
 # Imported when first used: CasADi and SciPy take a fifth of a second.
 _MODULE_OF = {

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from analysis.estimation.integration import SAMPLES
-from flight.arrays import Array
-from flight.errors import InputError
+from flightpower.analysis.estimation.integration import SAMPLES
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
 
 
 def _as_number(comparison: Callable[..., Any]) -> Callable[..., Any]:

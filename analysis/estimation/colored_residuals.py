@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from analysis.estimation.fit import Fit
-from flight.arrays import Array
+from flightpower.analysis.estimation.fit import Fit
+from flightpower.flight.arrays import Array
 
 Spectrum = NDArray[np.complex128]
 

@@ -12,9 +12,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from analysis.estimation.settings import COMPUTATION
-from flight.arrays import Array
-from flight.errors import InputError
+from flightpower.analysis.estimation.settings import COMPUTATION
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from analysis.estimation.data import Band, Segment
-from analysis.estimation.fit import Fit
-from analysis.estimation.integration import InputRule
-from analysis.estimation.model import Model, NamedValues
-from analysis.estimation.output_error import fit_output_error
-from analysis.estimation.problem import as_segments, inputs_of, measurements_of
-from flight.arrays import Array
-from flight.errors import InputError
+from flightpower.analysis.estimation.data import Band, Segment
+from flightpower.analysis.estimation.fit import Fit
+from flightpower.analysis.estimation.integration import InputRule
+from flightpower.analysis.estimation.model import Model, NamedValues
+from flightpower.analysis.estimation.output_error import fit_output_error
+from flightpower.analysis.estimation.problem import as_segments, inputs_of, measurements_of
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
 
 
 def fit_equation_error(

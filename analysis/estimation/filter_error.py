@@ -22,16 +22,16 @@ from typing import Literal
 
 import numpy as np
 
-from analysis.estimation.data import Segment
-from analysis.estimation.fit import Finding, Fit, FitStatus, Intensity, Remark, Verdict
-from analysis.estimation.hints import innovation_hints
-from analysis.estimation.innovations import InnovationsLikelihood, not_finite
-from analysis.estimation.kalman_filter import build_filter
-from analysis.estimation.model import Model, UnknownKey, UnknownKind
-from analysis.estimation.optimizer import Evaluation, Stop, make_fit, maximize
-from analysis.estimation.problem import FitOptions, Problem, as_segments, free_names
-from analysis.estimation.process_noise import ProcessNoise as ProcessNoise
-from analysis.estimation.process_noise import (
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.fit import Finding, Fit, FitStatus, Intensity, Remark, Verdict
+from flightpower.analysis.estimation.hints import innovation_hints
+from flightpower.analysis.estimation.innovations import InnovationsLikelihood, not_finite
+from flightpower.analysis.estimation.kalman_filter import build_filter
+from flightpower.analysis.estimation.model import Model, UnknownKey, UnknownKind
+from flightpower.analysis.estimation.optimizer import Evaluation, Stop, make_fit, maximize
+from flightpower.analysis.estimation.problem import FitOptions, Problem, as_segments, free_names
+from flightpower.analysis.estimation.process_noise import ProcessNoise as ProcessNoise
+from flightpower.analysis.estimation.process_noise import (
     check_noise,
     intensity_key,
     intensity_of,
@@ -40,10 +40,10 @@ from analysis.estimation.process_noise import (
     noise_key,
     noise_unknowns,
 )
-from analysis.estimation.settings import FILTER_ERROR, TESTS
-from analysis.estimation.starts import starting_values_by_equation_error, starting_values_by_output_error
-from flight.arrays import Array
-from flight.errors import InputError
+from flightpower.analysis.estimation.settings import FILTER_ERROR, TESTS
+from flightpower.analysis.estimation.starts import starting_values_by_equation_error, starting_values_by_output_error
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
 
 Source = Literal["equation error", "output error"]
 SOURCES: tuple[Source, ...] = ("equation error", "output error")

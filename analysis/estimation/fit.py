@@ -12,13 +12,13 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.estimation.data import Segment
-from analysis.estimation.integration import InputRule, Integrator, Response
-from analysis.estimation.model import Model, NamedValues, UnknownKey, UnknownKind
-from analysis.estimation.noise import Whitened
-from analysis.estimation.settings import TESTS, VERDICT
-from flight.arrays import Array
-from flight.errors import InputError
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.integration import InputRule, Integrator, Response
+from flightpower.analysis.estimation.model import Model, NamedValues, UnknownKey, UnknownKind
+from flightpower.analysis.estimation.noise import Whitened
+from flightpower.analysis.estimation.settings import TESTS, VERDICT
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
 
 FORMAT = "flightpower fit 1"
 

@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.estimation.fit import Finding, Fit, FitStatus, Remark, SegmentFit
-from analysis.estimation.settings import VERDICT
-from flight.arrays import Array
+from flightpower.analysis.estimation.fit import Finding, Fit, FitStatus, Remark, SegmentFit
+from flightpower.analysis.estimation.settings import VERDICT
+from flightpower.flight.arrays import Array
 
 
 class Collinearity(NamedTuple):

@@ -6,16 +6,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.estimation.fit import SegmentFit
-from analysis.estimation.integration import Record, Response
-from analysis.estimation.kalman_filter import Innovations, KalmanFilter, NoiseLevels
-from analysis.estimation.model import UnknownKey, UnknownKind
-from analysis.estimation.noise import NORMAL_95, Whitened
-from analysis.estimation.optimizer import Evaluation, nowhere
-from analysis.estimation.problem import Problem
-from analysis.estimation.process_noise import ProcessNoise, intensity_key, noise_key
-from analysis.estimation.settings import FILTER_ERROR
-from flight.arrays import Array
+from flightpower.analysis.estimation.fit import SegmentFit
+from flightpower.analysis.estimation.integration import Record, Response
+from flightpower.analysis.estimation.kalman_filter import Innovations, KalmanFilter, NoiseLevels
+from flightpower.analysis.estimation.model import UnknownKey, UnknownKind
+from flightpower.analysis.estimation.noise import NORMAL_95, Whitened
+from flightpower.analysis.estimation.optimizer import Evaluation, nowhere
+from flightpower.analysis.estimation.problem import Problem
+from flightpower.analysis.estimation.process_noise import ProcessNoise, intensity_key, noise_key
+from flightpower.analysis.estimation.settings import FILTER_ERROR
+from flightpower.flight.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any, Literal, NamedTuple
 
-from flight.arrays import Array
+from flightpower.flight.arrays import Array
 
 Integrator = Literal["rk4", "euler", "heun", "trapezoidal"]
 InputRule = Literal["linear", "mean", "held"]

@@ -19,13 +19,13 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from analysis.estimation.array_function import check_symbols, not_differentiable
-from analysis.estimation.integration import INPUT_RULES, Record
-from analysis.estimation.model import Model
-from analysis.estimation.problem import FitOptions
-from analysis.estimation.simulation import INTEGRATORS
-from flight.arrays import Array
-from flight.errors import InputError
+from flightpower.analysis.estimation.array_function import check_symbols, not_differentiable
+from flightpower.analysis.estimation.integration import INPUT_RULES, Record
+from flightpower.analysis.estimation.model import Model
+from flightpower.analysis.estimation.problem import FitOptions
+from flightpower.analysis.estimation.simulation import INTEGRATORS
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
 
 
 class Innovations(NamedTuple):

@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.estimation.data import Segment
-from flight.errors import InputError
+from flightpower.analysis.estimation.data import Segment
+from flightpower.flight.errors import InputError
 
 
 class NamedValues:

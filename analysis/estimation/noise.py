@@ -11,9 +11,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.estimation.settings import TESTS
-from flight.arrays import Array
-from flight.errors import InputError
+from flightpower.analysis.estimation.settings import TESTS
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
 
 NoiseKind = Literal["diagonal", "full"]
 

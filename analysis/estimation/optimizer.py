@@ -12,11 +12,11 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.estimation.fit import Finding, Fit, FitStatus, ParameterEstimate, Remark, SegmentFit, Verdict
-from analysis.estimation.hints import collinearities
-from analysis.estimation.problem import Problem
-from analysis.estimation.settings import SEARCH, VERDICT
-from flight.arrays import Array
+from flightpower.analysis.estimation.fit import Finding, Fit, FitStatus, ParameterEstimate, Remark, SegmentFit, Verdict
+from flightpower.analysis.estimation.hints import collinearities
+from flightpower.analysis.estimation.problem import Problem
+from flightpower.analysis.estimation.settings import SEARCH, VERDICT
+from flightpower.flight.arrays import Array
 
 
 class Stop(Enum):

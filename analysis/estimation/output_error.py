@@ -17,26 +17,26 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.estimation.data import Band, Segment, band_matrix, split
-from analysis.estimation.fit import Finding, Fit, Remark, SegmentFit
-from analysis.estimation.hints import hints_of
-from analysis.estimation.integration import SAMPLES, Record, Response
-from analysis.estimation.model import Model
-from analysis.estimation.noise import (
+from flightpower.analysis.estimation.data import Band, Segment, band_matrix, split
+from flightpower.analysis.estimation.fit import Finding, Fit, Remark, SegmentFit
+from flightpower.analysis.estimation.hints import hints_of
+from flightpower.analysis.estimation.integration import SAMPLES, Record, Response
+from flightpower.analysis.estimation.model import Model
+from flightpower.analysis.estimation.noise import (
     NoiseKind,
     information_factor,
     negative_log_likelihood,
     noise_covariance_of,
     whiten,
 )
-from analysis.estimation.optimizer import Evaluation, Stop, make_fit, maximize, nowhere
-from analysis.estimation.problem import FitOptions, Problem, as_segments, free_names
-from analysis.estimation.settings import SEARCH, VERDICT
-from flight.arrays import Array
-from flight.errors import InputError
+from flightpower.analysis.estimation.optimizer import Evaluation, Stop, make_fit, maximize, nowhere
+from flightpower.analysis.estimation.problem import FitOptions, Problem, as_segments, free_names
+from flightpower.analysis.estimation.settings import SEARCH, VERDICT
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
 
 if TYPE_CHECKING:
-    from analysis.estimation.simulation import Simulator
+    from flightpower.analysis.estimation.simulation import Simulator
 
 
 BLOCK = SAMPLES
@@ -192,7 +192,7 @@ def _fit_from(
     options: FitOptions,
 ) -> Fit:
     """The fit from one start. Arguments and errors as for `fit_output_error`."""
-    from analysis.estimation.simulation import build_simulator  # and CasADi, which only a fit needs
+    from flightpower.analysis.estimation.simulation import build_simulator  # and CasADi, which only a fit needs
 
     simulator = build_simulator(model, free_names(model), options.integrator, options.inputs)
     problem = Problem.assemble(model, segments, options.initial_states, start)

@@ -10,11 +10,11 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.estimation.data import Segment
-from analysis.estimation.integration import InputRule, Integrator
-from analysis.estimation.model import Model, UnknownKey, UnknownKind
-from flight.arrays import Array
-from flight.errors import InputError
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.integration import InputRule, Integrator
+from flightpower.analysis.estimation.model import Model, UnknownKey, UnknownKind
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
 
 
 @dataclass(frozen=True, kw_only=True)

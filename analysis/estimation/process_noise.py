@@ -7,15 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.estimation.data import Segment
-from analysis.estimation.fit import Fit, Intensity
-from analysis.estimation.integration import INPUT_RULES, InputRule, rk4
-from analysis.estimation.model import Model, UnknownKey, UnknownKind
-from analysis.estimation.noise import NORMAL_95
-from analysis.estimation.problem import Unknown, inputs_of, measurements_of
-from analysis.estimation.settings import FILTER_ERROR
-from flight.arrays import Array
-from flight.errors import InputError
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.fit import Fit, Intensity
+from flightpower.analysis.estimation.integration import INPUT_RULES, InputRule, rk4
+from flightpower.analysis.estimation.model import Model, UnknownKey, UnknownKind
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.estimation.problem import Unknown, inputs_of, measurements_of
+from flightpower.analysis.estimation.settings import FILTER_ERROR
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
 
 
 @dataclass(frozen=True, kw_only=True)

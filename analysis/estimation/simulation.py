@@ -13,9 +13,14 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from analysis.estimation.array_function import ArrayFunction, check_symbols, has_branches, not_differentiable
-from analysis.estimation.data import delayed
-from analysis.estimation.integration import (
+from flightpower.analysis.estimation.array_function import (
+    ArrayFunction,
+    check_symbols,
+    has_branches,
+    not_differentiable,
+)
+from flightpower.analysis.estimation.data import delayed
+from flightpower.analysis.estimation.integration import (
     INPUT_RULES,
     Derivative,
     InputAt,
@@ -27,9 +32,9 @@ from analysis.estimation.integration import (
     heun,
     rk4,
 )
-from analysis.estimation.model import Model
-from flight.arrays import Array
-from flight.errors import InputError
+from flightpower.analysis.estimation.model import Model
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
 
 if hasattr(ca.GlobalOptions, "setNumpyMode"):  # from 3.8 on: keep NumPy functions on symbols as they always were
     ca.GlobalOptions.setNumpyMode(-1)

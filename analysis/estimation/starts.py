@@ -5,15 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.estimation.data import Segment
-from analysis.estimation.equation_error import fit_equation_error
-from analysis.estimation.fit import Finding, Fit, FitStatus, Remark
-from analysis.estimation.integration import InputRule
-from analysis.estimation.model import Model
-from analysis.estimation.output_error import fit_output_error
-from analysis.estimation.problem import FitOptions, as_segments
-from analysis.estimation.settings import VERDICT
-from flight.errors import InputError
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.equation_error import fit_equation_error
+from flightpower.analysis.estimation.fit import Finding, Fit, FitStatus, Remark
+from flightpower.analysis.estimation.integration import InputRule
+from flightpower.analysis.estimation.model import Model
+from flightpower.analysis.estimation.output_error import fit_output_error
+from flightpower.analysis.estimation.problem import FitOptions, as_segments
+from flightpower.analysis.estimation.settings import VERDICT
+from flightpower.flight.errors import InputError
 
 
 def starting_values_by_equation_error(

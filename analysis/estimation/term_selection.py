@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import special
 
-from flight.arrays import Array
-from flight.errors import InputError
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
 
 DEPENDENT = 1e-10  # share of a candidate's square that the chosen terms leave: smaller is rounding
 

@@ -12,16 +12,16 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from scipy import fft, special
 
-from analysis.estimation.colored_residuals import (
+from flightpower.analysis.estimation.colored_residuals import (
     noise_spectrum,
     residual_autocorrelation,
     score_covariance,
     spectrum_of,
 )
-from analysis.estimation.fit import Fit, correlation_of
-from analysis.estimation.model import NamedValues
-from flight.arrays import Array
-from flight.errors import InputError
+from flightpower.analysis.estimation.fit import Fit, correlation_of
+from flightpower.analysis.estimation.model import NamedValues
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
 
 
 @dataclass(frozen=True)

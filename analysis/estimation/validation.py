@@ -10,13 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.estimation.data import Segment
-from analysis.estimation.fit import Fit
-from analysis.estimation.output_error import MeasurementNoise, fit_output_error
-from analysis.estimation.problem import FitOptions, initial_state_of, inputs_of, measurements_of
-from analysis.estimation.simulation import build_simulator
-from flight.arrays import Array
-from flight.errors import InputError
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.fit import Fit
+from flightpower.analysis.estimation.output_error import MeasurementNoise, fit_output_error
+from flightpower.analysis.estimation.problem import FitOptions, initial_state_of, inputs_of, measurements_of
+from flightpower.analysis.estimation.simulation import build_simulator
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
 
 
 class Agreement(NamedTuple):

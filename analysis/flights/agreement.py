@@ -11,14 +11,14 @@ from typing import NamedTuple, Protocol, TypeVar
 import numpy as np
 from scipy.special import chdtrc, ndtr
 
-from analysis.curve import POLAR
-from analysis.flights.flight_statistics import INSTALLATION_ERRORS, POOLED, M, PoolFlight
-from analysis.flights.joint import FlightStack, PooledEstimate, Prior, take, without_each
-from analysis.flights.pool_settings import POOLING
-from analysis.records.pool import Trend, TrendQuantity
-from analysis.results.settings import TRUST
-from analysis.settings import EVIDENCE
-from flight.arrays import Array
+from flightpower.analysis.curve import POLAR
+from flightpower.analysis.flights.flight_statistics import INSTALLATION_ERRORS, POOLED, M, PoolFlight
+from flightpower.analysis.flights.joint import FlightStack, PooledEstimate, Prior, take, without_each
+from flightpower.analysis.flights.pool_settings import POOLING
+from flightpower.analysis.records.pool import Trend, TrendQuantity
+from flightpower.analysis.results.settings import TRUST
+from flightpower.analysis.settings import EVIDENCE
+from flightpower.flight.arrays import Array
 
 _N_POLAR = len(POLAR)
 POLAR_PART, INSTALLATION_PART = slice(_N_POLAR), slice(-len(INSTALLATION_ERRORS), None)

@@ -6,17 +6,17 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.optimize import minimize
 
-from analysis.curve import Polar
-from analysis.flights.changes import Change, find_changes, series
-from analysis.flights.flight_statistics import FlightStatistics, PoolFlight
-from analysis.flights.joint_pool import JointPool
-from analysis.flights.pool import pool_flights
-from analysis.flights.pooled import Pool
-from flight.arrays import Array
-from flight.errors import InputError
+from flightpower.analysis.curve import Polar
+from flightpower.analysis.flights.changes import Change, find_changes, series
+from flightpower.analysis.flights.flight_statistics import FlightStatistics, PoolFlight
+from flightpower.analysis.flights.joint_pool import JointPool
+from flightpower.analysis.flights.pool import pool_flights
+from flightpower.analysis.flights.pooled import Pool
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
 
 if TYPE_CHECKING:
-    from analysis.flights.dataset import Dataset
+    from flightpower.analysis.flights.dataset import Dataset
 
 
 class Airframe(NamedTuple):

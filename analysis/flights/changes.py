@@ -14,13 +14,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import lambertw, ndtri
 
-from analysis.curve import POLAR
-from analysis.flights.agreement import ErrorParts, error_parts
-from analysis.flights.flight_statistics import POOLED, M
-from analysis.flights.joint_pool import JointPool
-from analysis.records.fleet import Shape, What
-from analysis.settings import EVIDENCE
-from flight.arrays import Array
+from flightpower.analysis.curve import POLAR
+from flightpower.analysis.flights.agreement import ErrorParts, error_parts
+from flightpower.analysis.flights.flight_statistics import POOLED, M
+from flightpower.analysis.flights.joint_pool import JointPool
+from flightpower.analysis.records.fleet import Shape, What
+from flightpower.analysis.settings import EVIDENCE
+from flightpower.flight.arrays import Array
 
 _N_POLAR, _THRUST = len(POLAR), POOLED.index("thrust_scale")
 _SHARES = len(("drag", "thrust"))

@@ -11,11 +11,11 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from analysis.curve import POLAR, Condition, power_gradient, speed_at
-from analysis.estimation.noise import NORMAL_95
-from analysis.flights.agreement import INSTALLATION_PART, Test, homogeneity, of_difference
-from analysis.flights.curve_pool import CurvePool, curve_difference, curve_pool
-from analysis.flights.evidence import (
+from flightpower.analysis.curve import POLAR, Condition, power_gradient, speed_at
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.flights.agreement import INSTALLATION_PART, Test, homogeneity, of_difference
+from flightpower.analysis.flights.curve_pool import CurvePool, curve_difference, curve_pool
+from flightpower.analysis.flights.evidence import (
     NOT_ONE_VEHICLE,
     SharedErrors,
     against_installation,
@@ -23,18 +23,18 @@ from analysis.flights.evidence import (
     one_vehicle,
     vehicle_notes,
 )
-from analysis.flights.flight_statistics import FlightStatistics
-from analysis.flights.joint import shared_prior, stacked
-from analysis.flights.joint_pool import JointPool, joint_polars
-from analysis.flights.pool_settings import POOLING
-from analysis.flights.pooled import Pool, plans_to_see
-from analysis.records.flight import Evidence, EvidenceKind, Kind
-from analysis.records.pool import ComparisonResults, Configuration, PowerDifference
-from analysis.results.curves import condition_result
-from analysis.results.evidence import trust_by, worst_first
-from flight.arrays import Array
-from flight.errors import InputError
-from flight.version import version
+from flightpower.analysis.flights.flight_statistics import FlightStatistics
+from flightpower.analysis.flights.joint import shared_prior, stacked
+from flightpower.analysis.flights.joint_pool import JointPool, joint_polars
+from flightpower.analysis.flights.pool_settings import POOLING
+from flightpower.analysis.flights.pooled import Pool, plans_to_see
+from flightpower.analysis.records.flight import Evidence, EvidenceKind, Kind
+from flightpower.analysis.records.pool import ComparisonResults, Configuration, PowerDifference
+from flightpower.analysis.results.curves import condition_result
+from flightpower.analysis.results.evidence import trust_by, worst_first
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
+from flightpower.flight.version import version
 
 _N_POLAR = len(POLAR)
 

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from analysis.curve import Condition, Curve
-from analysis.flights.agreement import (
+from flightpower.analysis.curve import Condition, Curve
+from flightpower.analysis.flights.agreement import (
     Compared,
     ErrorParts,
     Test,
@@ -27,17 +27,17 @@ from analysis.flights.agreement import (
     outliers,
     quadratic_form,
 )
-from analysis.flights.evidence import shape_text, vehicle_notes
-from analysis.flights.flight_statistics import FlightCurve
-from analysis.flights.pool_settings import POOLING
-from analysis.flights.pooled import Pool, refuse_repeated
-from analysis.records.flight import CurveResult, Kind
-from analysis.results.curves import curve_result, power_statistics
-from analysis.results.settings import TRUST
-from analysis.settings import CURVES
-from analysis.uncertain import Uncertain, total
-from flight.arrays import Array
-from flight.errors import InputError
+from flightpower.analysis.flights.evidence import shape_text, vehicle_notes
+from flightpower.analysis.flights.flight_statistics import FlightCurve
+from flightpower.analysis.flights.pool_settings import POOLING
+from flightpower.analysis.flights.pooled import Pool, refuse_repeated
+from flightpower.analysis.records.flight import CurveResult, Kind
+from flightpower.analysis.results.curves import curve_result, power_statistics
+from flightpower.analysis.results.settings import TRUST
+from flightpower.analysis.settings import CURVES
+from flightpower.analysis.uncertain import Uncertain, total
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
 
 
 class CurveDifference(NamedTuple):

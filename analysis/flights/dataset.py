@@ -15,8 +15,8 @@ from urllib.parse import quote, unquote
 
 import msgspec
 
-from analysis.flights.campaign.addresses import file_system
-from analysis.flights.flight_statistics import (
+from flightpower.analysis.flights.campaign.addresses import file_system
+from flightpower.analysis.flights.flight_statistics import (
     FlightCurve,
     PoolFlight,
     of_content,
@@ -24,9 +24,9 @@ from analysis.flights.flight_statistics import (
     read_statistics,
     without_details,
 )
-from analysis.records.flight import FORMAT, POOLING_FORMAT, Results
-from analysis.results.read import read_results
-from flight.errors import InputError
+from flightpower.analysis.records.flight import FORMAT, POOLING_FORMAT, Results
+from flightpower.analysis.results.read import read_results
+from flightpower.flight.errors import InputError
 
 if TYPE_CHECKING:
     import pyarrow as pa

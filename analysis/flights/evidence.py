@@ -6,11 +6,11 @@ from enum import Enum
 
 from msgspec.structs import replace
 
-from analysis.flights.agreement import Compared, LikelyCause, Test, least_p, outlier_level
-from analysis.flights.flight_statistics import PoolFlight
-from analysis.records.flight import Evidence, EvidenceKind, PartOfResult, Results, Trust
-from analysis.results.settings import TRUST
-from analysis.trajectory.observability import SENSOR_ERROR_KINDS, SensorErrorKind
+from flightpower.analysis.flights.agreement import Compared, LikelyCause, Test, least_p, outlier_level
+from flightpower.analysis.flights.flight_statistics import PoolFlight
+from flightpower.analysis.records.flight import Evidence, EvidenceKind, PartOfResult, Results, Trust
+from flightpower.analysis.results.settings import TRUST
+from flightpower.analysis.trajectory.observability import SENSOR_ERROR_KINDS, SensorErrorKind
 
 
 def against_flights(flights: Sequence[PoolFlight]) -> Iterator[Evidence]:

@@ -5,15 +5,15 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from itertools import pairwise
 
-from analysis.curve import polar_curve
-from analysis.estimation.noise import NORMAL_95
-from analysis.flights.airframes import Airframe, fleet_curve
-from analysis.flights.changes import Change
-from analysis.flights.evidence import undated_text
-from analysis.flights.flight_statistics import FlightStatistics, PoolFlight
-from analysis.flights.joint_pool import JointPool
-from analysis.flights.pooled import Pool
-from analysis.records.fleet import (
+from flightpower.analysis.curve import polar_curve
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.flights.airframes import Airframe, fleet_curve
+from flightpower.analysis.flights.changes import Change
+from flightpower.analysis.flights.evidence import undated_text
+from flightpower.analysis.flights.flight_statistics import FlightStatistics, PoolFlight
+from flightpower.analysis.flights.joint_pool import JointPool
+from flightpower.analysis.flights.pooled import Pool
+from flightpower.analysis.records.fleet import (
     AirframeResult,
     ChangeResult,
     Contradiction,
@@ -23,9 +23,9 @@ from analysis.records.fleet import (
     Shape,
     What,
 )
-from analysis.records.flight import ConditionResult
-from analysis.results.evidence import trust_by
-from flight.version import version
+from flightpower.analysis.records.flight import ConditionResult
+from flightpower.analysis.results.evidence import trust_by
+from flightpower.flight.version import version
 
 
 def fleet_results(fleet: Sequence[Airframe], left_out: Sequence[str]) -> FleetResults:

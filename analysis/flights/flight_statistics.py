@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from msgspec.structs import replace
 
-from analysis.curve import POLAR, Condition, Curve, Polar, polar_part, stored_curve
-from analysis.records.flight import (
+from flightpower.analysis.curve import POLAR, Condition, Curve, Polar, polar_part, stored_curve
+from flightpower.analysis.records.flight import (
     AircraftResult,
     Kind,
     PerformanceResult,
@@ -16,10 +16,10 @@ from analysis.records.flight import (
     PowerTrainResult,
     Results,
 )
-from analysis.results.read import read_results
-from analysis.uncertain import Uncertain
-from flight.arrays import Array
-from flight.errors import InputError
+from flightpower.analysis.results.read import read_results
+from flightpower.analysis.uncertain import Uncertain
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
 
 THRUST_CORRECTIONS = ("thrust_scale", "thrust_slope", "thrust_beyond")  # the last beyond the propeller's table
 INSTALLATION_ERRORS = ("alpha_bias", "alpha_scale", "beta_bias", "V_scale", "air_data_lag")

@@ -19,12 +19,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.flights.flight_statistics import INSTALLATION_ERRORS, POOLED, FlightStatistics, M
-from analysis.flights.pool_settings import POOLING
-from analysis.methods.assumed_values import ZERO_STEPS
-from analysis.methods.consider import DENSITY, UPDRAFT
-from analysis.uncertain import Uncertain
-from flight.arrays import Array
+from flightpower.analysis.flights.flight_statistics import INSTALLATION_ERRORS, POOLED, FlightStatistics, M
+from flightpower.analysis.flights.pool_settings import POOLING
+from flightpower.analysis.methods.assumed_values import ZERO_STEPS
+from flightpower.analysis.methods.consider import DENSITY, UPDRAFT
+from flightpower.analysis.uncertain import Uncertain
+from flightpower.flight.arrays import Array
 
 # Errors that each flight has its own of; others are common to all flights.
 OWN_CHANGES = frozenset({UPDRAFT, DENSITY, *ZERO_STEPS.values()})

@@ -9,7 +9,7 @@ from msgspec import structs
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from analysis.curve import (
+from flightpower.analysis.curve import (
     POLAR,
     Condition,
     Polar,
@@ -19,8 +19,8 @@ from analysis.curve import (
     power_gradient,
     power_required,
 )
-from analysis.estimation.noise import NORMAL_95
-from analysis.flights.agreement import (
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.flights.agreement import (
     INSTALLATION_PART,
     Compared,
     Difference,
@@ -34,9 +34,9 @@ from analysis.flights.agreement import (
     outliers,
     quadratic_form,
 )
-from analysis.flights.evidence import NOT_NAMED, cause_text, installations_text
-from analysis.flights.flight_statistics import POOLED, THRUST_CORRECTIONS, FlightStatistics, M
-from analysis.flights.joint import (
+from flightpower.analysis.flights.evidence import NOT_NAMED, cause_text, installations_text
+from flightpower.analysis.flights.flight_statistics import POOLED, THRUST_CORRECTIONS, FlightStatistics, M
+from flightpower.analysis.flights.joint import (
     FlightStack,
     Group,
     PooledEstimate,
@@ -47,16 +47,16 @@ from analysis.flights.joint import (
     take,
     without_each,
 )
-from analysis.flights.pool_settings import POOLING
-from analysis.flights.pooled import Pool
-from analysis.flights.power_train import pooled_performance, pooled_use, slowest_flown
-from analysis.methods import consider as covariance
-from analysis.methods.rejected_assumptions import Assumption
-from analysis.records.flight import CurveResult, Kind
-from analysis.records.pool import PolarCoefficients, PooledFlight, PooledResults, SharedParameter
-from analysis.results.curves import curve_result
-from analysis.results.settings import TRUST
-from flight.arrays import Array
+from flightpower.analysis.flights.pool_settings import POOLING
+from flightpower.analysis.flights.pooled import Pool
+from flightpower.analysis.flights.power_train import pooled_performance, pooled_use, slowest_flown
+from flightpower.analysis.methods import consider as covariance
+from flightpower.analysis.methods.rejected_assumptions import Assumption
+from flightpower.analysis.records.flight import CurveResult, Kind
+from flightpower.analysis.records.pool import PolarCoefficients, PooledFlight, PooledResults, SharedParameter
+from flightpower.analysis.results.curves import curve_result
+from flightpower.analysis.results.settings import TRUST
+from flightpower.flight.arrays import Array
 
 _N_POLAR = len(POLAR)
 _INSTALLATION_FROM = len(POLAR + THRUST_CORRECTIONS)

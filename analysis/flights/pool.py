@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from analysis.flights.agreement import mounted_anew
-from analysis.flights.curve_pool import curve_pool
-from analysis.flights.flight_statistics import (
+from flightpower.analysis.flights.agreement import mounted_anew
+from flightpower.analysis.flights.curve_pool import curve_pool
+from flightpower.analysis.flights.flight_statistics import (
     FlightCurve,
     FlightStatistics,
     PoolFlight,
@@ -14,12 +14,12 @@ from analysis.flights.flight_statistics import (
     read_curve,
     read_statistics,
 )
-from analysis.flights.joint import pooled_estimate, shared_prior, stacked
-from analysis.flights.joint_pool import JointPool, mean_condition, pooled_polar
-from analysis.flights.pooled import Pool, refuse_repeated
-from analysis.records.flight import Kind, Results
-from analysis.results.read import read_results
-from flight.errors import InputError
+from flightpower.analysis.flights.joint import pooled_estimate, shared_prior, stacked
+from flightpower.analysis.flights.joint_pool import JointPool, mean_condition, pooled_polar
+from flightpower.analysis.flights.pooled import Pool, refuse_repeated
+from flightpower.analysis.records.flight import Kind, Results
+from flightpower.analysis.results.read import read_results
+from flightpower.flight.errors import InputError
 
 __all__ = ["Pool", "joint_pool", "pool", "pool_flights", "pool_results"]
 

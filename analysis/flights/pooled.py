@@ -16,10 +16,10 @@ from scipy.optimize import brentq
 from scipy.special import chdtri
 from scipy.stats import ncx2
 
-from analysis.curve import POLAR, Condition, Curve
-from analysis.estimation.noise import NORMAL_95
-from analysis.flights.agreement import Compared, ErrorParts, Test, least_p, trends
-from analysis.flights.evidence import (
+from flightpower.analysis.curve import POLAR, Condition, Curve
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.flights.agreement import Compared, ErrorParts, Test, least_p, trends
+from flightpower.analysis.flights.evidence import (
     against_flights,
     against_installation,
     against_outliers,
@@ -28,10 +28,10 @@ from analysis.flights.evidence import (
     polars_text,
     undated_text,
 )
-from analysis.flights.flight_statistics import PoolFlight
-from analysis.flights.pool_settings import POOLING
-from analysis.records.flight import AirFound, BatteryResult, CurveResult, Evidence, EvidenceKind, Kind
-from analysis.records.pool import (
+from flightpower.analysis.flights.flight_statistics import PoolFlight
+from flightpower.analysis.flights.pool_settings import POOLING
+from flightpower.analysis.records.flight import AirFound, BatteryResult, CurveResult, Evidence, EvidenceKind, Kind
+from flightpower.analysis.records.pool import (
     Agreement,
     AgreementTest,
     Deviation,
@@ -43,13 +43,13 @@ from analysis.records.pool import (
     Scatter,
     Trend,
 )
-from analysis.results.curves import condition_result
-from analysis.results.evidence import trust_by, worst_first
-from analysis.results.settings import TRUST
-from analysis.settings import EVIDENCE
-from flight.arrays import Array
-from flight.errors import InputError
-from flight.version import version
+from flightpower.analysis.results.curves import condition_result
+from flightpower.analysis.results.evidence import trust_by, worst_first
+from flightpower.analysis.results.settings import TRUST
+from flightpower.analysis.settings import EVIDENCE
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
+from flightpower.flight.version import version
 
 
 class Pool(ABC):

@@ -10,19 +10,25 @@ from typing import Protocol
 import numpy as np
 from msgspec.structs import replace
 
-from analysis.curve import POLAR, Condition, Polar, speed_at
-from analysis.flights.flight_statistics import FlightStatistics
-from analysis.flights.joint import PooledEstimate
-from analysis.methods.thrust_prior import THRUST
-from analysis.performance.analysis import flight_performance
-from analysis.performance.full_throttle import FullThrottle
-from analysis.performance.level_flight import PerformanceModel
-from analysis.performance.power_train import PowerTrainModel
-from analysis.performance.propagation import ParameterVector, combine_independent
-from analysis.performance.request import FlownCondition, Request, requested_conditions
-from analysis.performance.stored_model import FULL_THROTTLE, INCIDENCE, LOSSES, model_of, model_result, part
-from analysis.records.flight import AirFound, BatteryResult, ComputationModel, PerformanceResult, SlowestFlown
-from analysis.records.pool import PooledUse
+from flightpower.analysis.curve import POLAR, Condition, Polar, speed_at
+from flightpower.analysis.flights.flight_statistics import FlightStatistics
+from flightpower.analysis.flights.joint import PooledEstimate
+from flightpower.analysis.methods.thrust_prior import THRUST
+from flightpower.analysis.performance.analysis import flight_performance
+from flightpower.analysis.performance.full_throttle import FullThrottle
+from flightpower.analysis.performance.level_flight import PerformanceModel
+from flightpower.analysis.performance.power_train import PowerTrainModel
+from flightpower.analysis.performance.propagation import ParameterVector, combine_independent
+from flightpower.analysis.performance.request import FlownCondition, Request, requested_conditions
+from flightpower.analysis.performance.stored_model import FULL_THROTTLE, INCIDENCE, LOSSES, model_of, model_result, part
+from flightpower.analysis.records.flight import (
+    AirFound,
+    BatteryResult,
+    ComputationModel,
+    PerformanceResult,
+    SlowestFlown,
+)
+from flightpower.analysis.records.pool import PooledUse
 
 
 class DragPool(Protocol):

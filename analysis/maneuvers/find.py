@@ -4,10 +4,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.maneuvers import quality
-from analysis.maneuvers.find_level import find_runs
-from analysis.maneuvers.find_loads import find_3211, find_loads
-from analysis.maneuvers.kinds import (
+from flightpower.analysis.maneuvers import quality
+from flightpower.analysis.maneuvers.find_level import find_runs
+from flightpower.analysis.maneuvers.find_loads import find_3211, find_loads
+from flightpower.analysis.maneuvers.kinds import (
     FLYING,
     PORPOISING,
     STANDING,
@@ -19,13 +19,13 @@ from analysis.maneuvers.kinds import (
     Unsuitable,
     maneuver_in,
 )
-from analysis.maneuvers.quality import load_factor, smooth
-from analysis.maneuvers.settings import FLIGHT, LOADS, STEADY_POINT, STEPS
-from analysis.sources.daemon import least_height_m
-from analysis.sources.grid import stretches
-from analysis.trajectory.settings import CONSISTENCY
-from flight.arrays import Array
-from flight.runs import LEVEL_RUN, Rejection, RunRejected
+from flightpower.analysis.maneuvers.quality import load_factor, smooth
+from flightpower.analysis.maneuvers.settings import FLIGHT, LOADS, STEADY_POINT, STEPS
+from flightpower.analysis.sources.daemon import least_height_m
+from flightpower.analysis.sources.grid import stretches
+from flightpower.analysis.trajectory.settings import CONSISTENCY
+from flightpower.flight.arrays import Array
+from flightpower.flight.runs import LEVEL_RUN, Rejection, RunRejected
 
 
 def find_steady(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuver]]:

@@ -7,13 +7,13 @@ import numpy as np
 import pandas as pd
 from scipy import special
 
-from analysis.maneuvers.kinds import Maneuver, RejectedManeuver, maneuver_in
-from analysis.maneuvers.quality import NEEDED_COLUMNS, SmoothedMotion, missing_share, notes, smooth
-from analysis.sources.daemon import speed_ratio_of
-from analysis.sources.grid import stretches
-from flight import runs
-from flight.arrays import Array
-from flight.runs import LEVEL_RUN, Rejection, RunMeasures, changing_part, larger, legs_of, noise_share
+from flightpower.analysis.maneuvers.kinds import Maneuver, RejectedManeuver, maneuver_in
+from flightpower.analysis.maneuvers.quality import NEEDED_COLUMNS, SmoothedMotion, missing_share, notes, smooth
+from flightpower.analysis.sources.daemon import speed_ratio_of
+from flightpower.analysis.sources.grid import stretches
+from flightpower.flight import runs
+from flightpower.flight.arrays import Array
+from flightpower.flight.runs import LEVEL_RUN, Rejection, RunMeasures, changing_part, larger, legs_of, noise_share
 
 
 def find_runs(table: pd.DataFrame, noise_mps: float | None = None) -> tuple[list[Maneuver], list[RejectedManeuver]]:

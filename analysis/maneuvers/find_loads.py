@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.maneuvers import quality
-from analysis.maneuvers.kinds import (
+from flightpower.analysis.maneuvers import quality
+from flightpower.analysis.maneuvers.kinds import (
     PORPOISING,
     ROLLER_COASTER,
     STEPS_3211,
@@ -15,11 +15,11 @@ from analysis.maneuvers.kinds import (
     Unsuitable,
     maneuver_in,
 )
-from analysis.maneuvers.quality import SmoothedMotion, load_factor, smooth
-from analysis.maneuvers.settings import LOADS, STEPS
-from analysis.sources.grid import stretches, without_gaps
-from flight.arrays import Array
-from flight.runs import LEVEL_RUN, Rejection, RunRejected
+from flightpower.analysis.maneuvers.quality import SmoothedMotion, load_factor, smooth
+from flightpower.analysis.maneuvers.settings import LOADS, STEPS
+from flightpower.analysis.sources.grid import stretches, without_gaps
+from flightpower.flight.arrays import Array
+from flightpower.flight.runs import LEVEL_RUN, Rejection, RunRejected
 
 
 def find_loads(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuver]]:

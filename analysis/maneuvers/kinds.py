@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.maneuvers.settings import LOADS
-from analysis.records.flight import run_name
-from flight.runs import ACCELERATION, DECELERATION, Rejection, RunRejected
+from flightpower.analysis.maneuvers.settings import LOADS
+from flightpower.analysis.records.flight import run_name
+from flightpower.flight.runs import ACCELERATION, DECELERATION, Rejection, RunRejected
 
 STEADY = "steady"
 ROLLER_COASTER, WIND_UP_TURN, STEPS_3211 = "roller coaster", "wind-up turn", "3-2-1-1"

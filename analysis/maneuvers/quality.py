@@ -5,15 +5,15 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from analysis.maneuvers.settings import NOTED, STEPS
-from analysis.sources.daemon import speed_scale_of
-from analysis.sources.grid import local_quadratic, stretches
-from analysis.sources.grid_settings import STATISTICS
-from analysis.trajectory.settings import CONSISTENCY
-from flight import runs
-from flight.arrays import Array
-from flight.runs import Rejection, missing_data
-from flight.units import GRAVITY_MPS2
+from flightpower.analysis.maneuvers.settings import NOTED, STEPS
+from flightpower.analysis.sources.daemon import speed_scale_of
+from flightpower.analysis.sources.grid import local_quadratic, stretches
+from flightpower.analysis.sources.grid_settings import STATISTICS
+from flightpower.analysis.trajectory.settings import CONSISTENCY
+from flightpower.flight import runs
+from flightpower.flight.arrays import Array
+from flightpower.flight.runs import Rejection, missing_data
+from flightpower.flight.units import GRAVITY_MPS2
 
 NEEDED_COLUMNS = ("V_mps", "alpha_rad", "ax_mps2", "az_mps2", "q_radps", "thrust_N", "rho")
 

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from analysis.maneuvers import quality
-from analysis.maneuvers.find import find
-from analysis.maneuvers.kinds import (
+from flightpower.analysis.maneuvers import quality
+from flightpower.analysis.maneuvers.find import find
+from flightpower.analysis.maneuvers.kinds import (
     CONTEXT_KINDS,
     FOR_DRAG,
     KINDS,
@@ -23,14 +23,14 @@ from analysis.maneuvers.kinds import (
     maneuver_in,
     reason_in_words,
 )
-from analysis.maneuvers.quality import smooth
-from analysis.maneuvers.settings import FLIGHT
-from analysis.records.flight import MethodTried
-from analysis.sources.daemon import COLUMNS, speed_scale_of
-from flight.errors import InputError
-from flight.files import read_text
-from flight.runs import LEVEL_RUN, Rejection, RunRejected, flying_Pa
-from flight.units import read_table
+from flightpower.analysis.maneuvers.quality import smooth
+from flightpower.analysis.maneuvers.settings import FLIGHT
+from flightpower.analysis.records.flight import MethodTried
+from flightpower.analysis.sources.daemon import COLUMNS, speed_scale_of
+from flightpower.flight.errors import InputError
+from flightpower.flight.files import read_text
+from flightpower.flight.runs import LEVEL_RUN, Rejection, RunRejected, flying_Pa
+from flightpower.flight.units import read_table
 
 HEAD = """\
 # Maneuvers found in {log}. Edit this file and run: analyze {log} --runs {name}

@@ -19,13 +19,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from analysis.estimation.data import Segment
-from analysis.estimation.model import Model, NamedValues, Parameter
-from analysis.methods.settings import CROSS_CHECK
-from flight import motion
-from flight.aerodynamics import body_axes, lift_slope, stability_axes
-from flight.aircraft import Aircraft, Uncertainty
-from flight.arrays import Array
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.model import Model, NamedValues, Parameter
+from flightpower.analysis.methods.settings import CROSS_CHECK
+from flightpower.flight import motion
+from flightpower.flight.aerodynamics import body_axes, lift_slope, stability_axes
+from flightpower.flight.aircraft import Aircraft, Uncertainty
+from flightpower.flight.arrays import Array
 
 STATED = Uncertainty()  # by an aircraft file that states nothing
 

@@ -18,17 +18,17 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.air.transducers import AIR_DATA_CHANNELS, with_hysteresis, with_zero_step
-from analysis.curve import Condition, Polar, polar_part, power_required, speed_at
-from analysis.methods.dynamic import DynamicEstimate
-from analysis.methods.settings import COVARIANCE
-from analysis.settings import EVIDENCE
-from analysis.trajectory.priors import UPWASH, upwash_slope_sigma
-from analysis.trajectory.settings import PRIORS
-from flight.aircraft import Aircraft
-from flight.arrays import Array
-from flight.propeller import FOLD, Propeller
-from flight.runs import STANDING
+from flightpower.analysis.air.transducers import AIR_DATA_CHANNELS, with_hysteresis, with_zero_step
+from flightpower.analysis.curve import Condition, Polar, polar_part, power_required, speed_at
+from flightpower.analysis.methods.dynamic import DynamicEstimate
+from flightpower.analysis.methods.settings import COVARIANCE
+from flightpower.analysis.settings import EVIDENCE
+from flightpower.analysis.trajectory.priors import UPWASH, upwash_slope_sigma
+from flightpower.analysis.trajectory.settings import PRIORS
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.arrays import Array
+from flightpower.flight.propeller import FOLD, Propeller
+from flightpower.flight.runs import STANDING
 
 
 class Rerun(Protocol):

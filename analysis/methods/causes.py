@@ -10,13 +10,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.methods.forces import FlightForces
-from analysis.methods.settings import COMPARISON, REGRESSION
-from analysis.methods.thrust_prior import J_REFERENCE, THRUST, thrust_prior
-from analysis.records.flight import Cause
-from analysis.trajectory.reconstruction import Trajectory
-from flight.aircraft import Aircraft, Uncertainty
-from flight.units import GRAVITY_MPS2 as g
+from flightpower.analysis.methods.forces import FlightForces
+from flightpower.analysis.methods.settings import COMPARISON, REGRESSION
+from flightpower.analysis.methods.thrust_prior import J_REFERENCE, THRUST, thrust_prior
+from flightpower.analysis.records.flight import Cause
+from flightpower.analysis.trajectory.reconstruction import Trajectory
+from flightpower.flight.aircraft import Aircraft, Uncertainty
+from flightpower.flight.units import GRAVITY_MPS2 as g
 
 # The errors that belong to one cause.
 CAUSES: dict[Cause, tuple[str, ...]] = {

@@ -17,16 +17,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.curve import Condition, Polar, polar_part, power_required, speed_at
-from analysis.estimation.noise import NORMAL_95
-from analysis.methods.causes import CAUSES, ErrorEstimate
-from analysis.methods.dynamic import DynamicEstimate
-from analysis.methods.method import MethodEstimate
-from analysis.methods.settings import COMPARISON
-from analysis.methods.thrust_prior import J_REFERENCE
-from analysis.records.flight import Cause, DisagreementResult
-from analysis.sources.grid_settings import STATISTICS
-from flight.arrays import Array
+from flightpower.analysis.curve import Condition, Polar, polar_part, power_required, speed_at
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.methods.causes import CAUSES, ErrorEstimate
+from flightpower.analysis.methods.dynamic import DynamicEstimate
+from flightpower.analysis.methods.method import MethodEstimate
+from flightpower.analysis.methods.settings import COMPARISON
+from flightpower.analysis.methods.thrust_prior import J_REFERENCE
+from flightpower.analysis.records.flight import Cause, DisagreementResult
+from flightpower.analysis.sources.grid_settings import STATISTICS
+from flightpower.flight.arrays import Array
 
 DYNAMIC = "dynamic"
 PAIRS = (

@@ -26,20 +26,25 @@ import numpy as np
 import pandas as pd
 from scipy import fft
 
-from analysis.curve import POLAR, Polar
-from analysis.estimation import uncertainty
-from analysis.estimation.colored_residuals import Autoregression, noise_spectrum, score_covariance, spectrum_order
-from analysis.estimation.data import Segment
-from analysis.estimation.fit import Fit
-from analysis.estimation.model import NamedValues, PriorMeasurement
-from analysis.methods.forces import FlightForces
-from analysis.methods.settings import COVARIANCE
-from analysis.trajectory.equations import SENSOR_ERRORS
-from analysis.trajectory.priors import PRIOR_MEAN
-from analysis.trajectory.reconstruction import Trajectory
-from analysis.uncertain import Uncertain
-from flight.aircraft import Aircraft
-from flight.arrays import Array
+from flightpower.analysis.curve import POLAR, Polar
+from flightpower.analysis.estimation import uncertainty
+from flightpower.analysis.estimation.colored_residuals import (
+    Autoregression,
+    noise_spectrum,
+    score_covariance,
+    spectrum_order,
+)
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.fit import Fit
+from flightpower.analysis.estimation.model import NamedValues, PriorMeasurement
+from flightpower.analysis.methods.forces import FlightForces
+from flightpower.analysis.methods.settings import COVARIANCE
+from flightpower.analysis.trajectory.equations import SENSOR_ERRORS
+from flightpower.analysis.trajectory.priors import PRIOR_MEAN
+from flightpower.analysis.trajectory.reconstruction import Trajectory
+from flightpower.analysis.uncertain import Uncertain
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.arrays import Array
 
 
 def of_noise(fit: Fit) -> Array:

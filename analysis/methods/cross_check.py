@@ -13,26 +13,26 @@ import numpy as np
 import pandas as pd
 from scipy import special
 
-from analysis.air.settings import AIR
-from analysis.curve import Condition, Polar, power_required, speed_at
-from analysis.estimation.data import Segment
-from analysis.estimation.fit import Convergence, Fit
-from analysis.estimation.output_error import fit_output_error
-from analysis.estimation.problem import FitOptions
-from analysis.maneuvers.kinds import Maneuver
-from analysis.methods import aircraft_models
-from analysis.methods import consider as covariance
-from analysis.methods.aircraft_models import Priors
-from analysis.methods.settings import CROSS_CHECK, REGRESSION
-from analysis.methods.thrust_prior import stand_measurements
-from analysis.settings import CURVES
-from analysis.sources.daemon import speed_scale_of
-from analysis.sources.grid import without_gaps
-from analysis.trajectory.priors import upwash_slope_sigma
-from analysis.trajectory.settings import PROCESS
-from flight.aircraft import Aircraft
-from flight.arrays import Array
-from flight.propeller import Propeller
+from flightpower.analysis.air.settings import AIR
+from flightpower.analysis.curve import Condition, Polar, power_required, speed_at
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.fit import Convergence, Fit
+from flightpower.analysis.estimation.output_error import fit_output_error
+from flightpower.analysis.estimation.problem import FitOptions
+from flightpower.analysis.maneuvers.kinds import Maneuver
+from flightpower.analysis.methods import aircraft_models
+from flightpower.analysis.methods import consider as covariance
+from flightpower.analysis.methods.aircraft_models import Priors
+from flightpower.analysis.methods.settings import CROSS_CHECK, REGRESSION
+from flightpower.analysis.methods.thrust_prior import stand_measurements
+from flightpower.analysis.settings import CURVES
+from flightpower.analysis.sources.daemon import speed_scale_of
+from flightpower.analysis.sources.grid import without_gaps
+from flightpower.analysis.trajectory.priors import upwash_slope_sigma
+from flightpower.analysis.trajectory.settings import PROCESS
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.arrays import Array
+from flightpower.flight.propeller import Propeller
 
 INPUTS = {
     "elevator": "elevator_rad",

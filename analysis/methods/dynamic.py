@@ -21,30 +21,30 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.curve import POLAR, Polar, polar_part
-from analysis.estimation.data import Segment
-from analysis.estimation.fit import Convergence, Fit
-from analysis.estimation.model import Model, NamedValues, Parameter
-from analysis.estimation.noise import NORMAL_95
-from analysis.estimation.output_error import fit_output_error
-from analysis.maneuvers.kinds import Maneuver
-from analysis.methods import consider as covariance
-from analysis.methods import motor_lag, motor_speed
-from analysis.methods.consider import JointEstimate, joint_estimate, noise_covariance
-from analysis.methods.forces import THRUST_BY_MOTOR_SPEED, THRUST_RATE, FlightForces, MotorSpeedError
-from analysis.methods.rejected_assumptions import Assumption, rejected_assumptions
-from analysis.methods.settings import MOTOR_SPEED, REGRESSION
-from analysis.methods.thrust_prior import J_REFERENCE, THRUST, stand_measurements
-from analysis.records.flight import CurveStatus, ParameterResult
-from analysis.settings import EVIDENCE, FLOWN
-from analysis.sources.grid_settings import STATISTICS
-from analysis.trajectory.equations import SENSOR_ERRORS
-from analysis.trajectory.observability import SENSOR_ERROR_KINDS
-from analysis.trajectory.reconstruction import Trajectory
-from flight.aircraft import Aircraft
-from flight.arrays import Array
-from flight.propeller import FOLD, WINDMILL, Propeller
-from flight.units import GRAVITY_MPS2
+from flightpower.analysis.curve import POLAR, Polar, polar_part
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.fit import Convergence, Fit
+from flightpower.analysis.estimation.model import Model, NamedValues, Parameter
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.estimation.output_error import fit_output_error
+from flightpower.analysis.maneuvers.kinds import Maneuver
+from flightpower.analysis.methods import consider as covariance
+from flightpower.analysis.methods import motor_lag, motor_speed
+from flightpower.analysis.methods.consider import JointEstimate, joint_estimate, noise_covariance
+from flightpower.analysis.methods.forces import THRUST_BY_MOTOR_SPEED, THRUST_RATE, FlightForces, MotorSpeedError
+from flightpower.analysis.methods.rejected_assumptions import Assumption, rejected_assumptions
+from flightpower.analysis.methods.settings import MOTOR_SPEED, REGRESSION
+from flightpower.analysis.methods.thrust_prior import J_REFERENCE, THRUST, stand_measurements
+from flightpower.analysis.records.flight import CurveStatus, ParameterResult
+from flightpower.analysis.settings import EVIDENCE, FLOWN
+from flightpower.analysis.sources.grid_settings import STATISTICS
+from flightpower.analysis.trajectory.equations import SENSOR_ERRORS
+from flightpower.analysis.trajectory.observability import SENSOR_ERROR_KINDS
+from flightpower.analysis.trajectory.reconstruction import Trajectory
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.arrays import Array
+from flightpower.flight.propeller import FOLD, WINDMILL, Propeller
+from flightpower.flight.units import GRAVITY_MPS2
 
 
 def _drag(_: NamedValues, u: NamedValues, p: NamedValues) -> Sequence[Any]:

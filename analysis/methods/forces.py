@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from analysis.sources.grid import without_gaps
-from analysis.trajectory.block_means import BlockMeans
-from analysis.trajectory.equations import (
+from flightpower.analysis.sources.grid import without_gaps
+from flightpower.analysis.trajectory.block_means import BlockMeans
+from flightpower.analysis.trajectory.equations import (
     PREDICTED_FLOW,
     SENSOR_ERRORS,
     STATES,
@@ -25,11 +25,11 @@ from analysis.trajectory.equations import (
     flow,
     vibration,
 )
-from analysis.trajectory.reconstruction import Trajectory
-from flight.aerodynamics import lift_slope, stability_axes
-from flight.aircraft import Aircraft
-from flight.arrays import Array
-from flight.propeller import Propeller
+from flightpower.analysis.trajectory.reconstruction import Trajectory
+from flightpower.flight.aerodynamics import lift_slope, stability_axes
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.arrays import Array
+from flightpower.flight.propeller import Propeller
 
 THRUST_BY_MOTOR_SPEED = "thrust_by_motor_speed"
 THRUST_RATE = "thrust_rate"

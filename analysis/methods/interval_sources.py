@@ -15,14 +15,14 @@ from math import comb
 
 import numpy as np
 
-from analysis.curve import POLAR, Condition, polar_part, power_gradient
-from analysis.methods import consider as covariance
-from analysis.methods.assumed_values import ASSUMED_VALUES
-from analysis.methods.consider import JointEstimate
-from analysis.methods.dynamic import DynamicEstimate
-from analysis.methods.rejected_assumptions import Assumption
-from flight.aircraft import Aircraft
-from flight.arrays import Array
+from flightpower.analysis.curve import POLAR, Condition, polar_part, power_gradient
+from flightpower.analysis.methods import consider as covariance
+from flightpower.analysis.methods.assumed_values import ASSUMED_VALUES
+from flightpower.analysis.methods.consider import JointEstimate
+from flightpower.analysis.methods.dynamic import DynamicEstimate
+from flightpower.analysis.methods.rejected_assumptions import Assumption
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.arrays import Array
 
 
 class Share(StrEnum):

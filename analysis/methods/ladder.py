@@ -6,31 +6,39 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from analysis.curve import unphysical
-from analysis.flight import Reconstructed
-from analysis.maneuvers.runs_file import NoCurve
-from analysis.methods import cross_check, dynamic, likelihood
-from analysis.methods.assumed_values import (
+from flightpower.analysis.curve import unphysical
+from flightpower.analysis.flight import Reconstructed
+from flightpower.analysis.maneuvers.runs_file import NoCurve
+from flightpower.analysis.methods import cross_check, dynamic, likelihood
+from flightpower.analysis.methods.assumed_values import (
     AssumptionUncertainty,
     assumption_uncertainty,
     with_assumption_uncertainty,
     with_step_of_motor_speed,
     with_transducer_uncertainty,
 )
-from analysis.methods.comparison import DYNAMIC
-from analysis.methods.cross_check import CrossCheck
-from analysis.methods.dynamic import DynamicEstimate
-from analysis.methods.likelihood import LikelihoodEstimates
-from analysis.methods.method import MethodEstimate
-from analysis.methods.methods import NoMethod, energy_of_runs, every_method, fallback, narrower, tried, why_not
-from analysis.methods.methods_from_runs import ENERGY
-from analysis.methods.rerun import EstimateRerun
-from analysis.methods.run_agreement import one_kind_against_another, runs_against_others
-from analysis.records.flight import DisagreementResult, MethodTried, RunAgainstOthers, WhyNot
-from analysis.trajectory.equations import vibration
-from analysis.trajectory.reconstruction import Trajectory
-from flight.errors import InputError
-from flight.units import GRAVITY_MPS2
+from flightpower.analysis.methods.comparison import DYNAMIC
+from flightpower.analysis.methods.cross_check import CrossCheck
+from flightpower.analysis.methods.dynamic import DynamicEstimate
+from flightpower.analysis.methods.likelihood import LikelihoodEstimates
+from flightpower.analysis.methods.method import MethodEstimate
+from flightpower.analysis.methods.methods import (
+    NoMethod,
+    energy_of_runs,
+    every_method,
+    fallback,
+    narrower,
+    tried,
+    why_not,
+)
+from flightpower.analysis.methods.methods_from_runs import ENERGY
+from flightpower.analysis.methods.rerun import EstimateRerun
+from flightpower.analysis.methods.run_agreement import one_kind_against_another, runs_against_others
+from flightpower.analysis.records.flight import DisagreementResult, MethodTried, RunAgainstOthers, WhyNot
+from flightpower.analysis.trajectory.equations import vibration
+from flightpower.analysis.trajectory.reconstruction import Trajectory
+from flightpower.flight.errors import InputError
+from flightpower.flight.units import GRAVITY_MPS2
 
 
 @dataclass(frozen=True)

@@ -19,29 +19,29 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from analysis.curve import Polar
-from analysis.estimation import uncertainty
-from analysis.estimation.data import Segment
-from analysis.estimation.fit import Fit
-from analysis.estimation.model import NamedValues
-from analysis.estimation.output_error import fit_output_error
-from analysis.estimation.problem import FitOptions
-from analysis.flight import Reconstructed
-from analysis.maneuvers.kinds import LEVEL_RUNS, Maneuver
-from analysis.methods import aircraft_models
-from analysis.methods import consider as covariance
-from analysis.methods.causes import CAUSES, error_prior_sigma
-from analysis.methods.cross_check import priors, segments_of
-from analysis.methods.method import MethodDescription, MethodEstimate, not_flown
-from analysis.methods.settings import CROSS_CHECK, LIKELIHOOD
-from analysis.methods.thrust_prior import J_REFERENCE
-from analysis.records.flight import Cause, PitchRateResult
-from analysis.settings import FLOWN
-from analysis.sources.grid import without_gaps
-from analysis.trajectory.equations import SENSOR_ERRORS, STATES
-from flight.aerodynamics import stability_axes
-from flight.arrays import Array
-from flight.errors import InputError
+from flightpower.analysis.curve import Polar
+from flightpower.analysis.estimation import uncertainty
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.fit import Fit
+from flightpower.analysis.estimation.model import NamedValues
+from flightpower.analysis.estimation.output_error import fit_output_error
+from flightpower.analysis.estimation.problem import FitOptions
+from flightpower.analysis.flight import Reconstructed
+from flightpower.analysis.maneuvers.kinds import LEVEL_RUNS, Maneuver
+from flightpower.analysis.methods import aircraft_models
+from flightpower.analysis.methods import consider as covariance
+from flightpower.analysis.methods.causes import CAUSES, error_prior_sigma
+from flightpower.analysis.methods.cross_check import priors, segments_of
+from flightpower.analysis.methods.method import MethodDescription, MethodEstimate, not_flown
+from flightpower.analysis.methods.settings import CROSS_CHECK, LIKELIHOOD
+from flightpower.analysis.methods.thrust_prior import J_REFERENCE
+from flightpower.analysis.records.flight import Cause, PitchRateResult
+from flightpower.analysis.settings import FLOWN
+from flightpower.analysis.sources.grid import without_gaps
+from flightpower.analysis.trajectory.equations import SENSOR_ERRORS, STATES
+from flightpower.flight.aerodynamics import stability_axes
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
 
 PolarOf = Callable[[NamedValues], Array]
 

@@ -11,25 +11,25 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from analysis.curve import Polar
-from analysis.maneuvers.kinds import Maneuver
-from analysis.methods import consider as covariance
-from analysis.methods.causes import CAUSES, ErrorEstimate, error_prior_sigma
-from analysis.methods.forces import FlightForces
-from analysis.methods.regression import PolarRegression
-from analysis.methods.settings import REGRESSION
-from analysis.methods.thrust_prior import J_REFERENCE
-from analysis.records.flight import Cause
-from analysis.settings import FLOWN
-from analysis.sources.grid_settings import STATISTICS
-from analysis.trajectory import dryden
-from analysis.trajectory.dryden import GaussMarkov
-from analysis.trajectory.equations import SENSOR_ERRORS, NamedArrays
-from analysis.trajectory.reconstruction import Trajectory
-from flight.aircraft import Aircraft
-from flight.arrays import Array
-from flight.errors import InputError
-from flight.units import GRAVITY_MPS2 as g
+from flightpower.analysis.curve import Polar
+from flightpower.analysis.maneuvers.kinds import Maneuver
+from flightpower.analysis.methods import consider as covariance
+from flightpower.analysis.methods.causes import CAUSES, ErrorEstimate, error_prior_sigma
+from flightpower.analysis.methods.forces import FlightForces
+from flightpower.analysis.methods.regression import PolarRegression
+from flightpower.analysis.methods.settings import REGRESSION
+from flightpower.analysis.methods.thrust_prior import J_REFERENCE
+from flightpower.analysis.records.flight import Cause
+from flightpower.analysis.settings import FLOWN
+from flightpower.analysis.sources.grid_settings import STATISTICS
+from flightpower.analysis.trajectory import dryden
+from flightpower.analysis.trajectory.dryden import GaussMarkov
+from flightpower.analysis.trajectory.equations import SENSOR_ERRORS, NamedArrays
+from flightpower.analysis.trajectory.reconstruction import Trajectory
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
+from flightpower.flight.units import GRAVITY_MPS2 as g
 
 
 @dataclass(frozen=True)

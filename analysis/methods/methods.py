@@ -7,15 +7,15 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import block_diag
 
-from analysis.curve import Condition, Polar, unphysical
-from analysis.estimation.noise import NORMAL_95
-from analysis.maneuvers.kinds import LEVEL_RUNS, Maneuver
-from analysis.methods.causes import ErrorEstimate, estimate_errors
-from analysis.methods.comparison import disagreements
-from analysis.methods.dynamic import TRAJECTORY_DID_NOT_CONVERGE, DynamicEstimate, parameter_list
-from analysis.methods.forces import FlightForces
-from analysis.methods.method import Method, MethodEstimate, MethodInputs, estimate_with, method_inputs
-from analysis.methods.methods_from_runs import (
+from flightpower.analysis.curve import Condition, Polar, unphysical
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.maneuvers.kinds import LEVEL_RUNS, Maneuver
+from flightpower.analysis.methods.causes import ErrorEstimate, estimate_errors
+from flightpower.analysis.methods.comparison import disagreements
+from flightpower.analysis.methods.dynamic import TRAJECTORY_DID_NOT_CONVERGE, DynamicEstimate, parameter_list
+from flightpower.analysis.methods.forces import FlightForces
+from flightpower.analysis.methods.method import Method, MethodEstimate, MethodInputs, estimate_with, method_inputs
+from flightpower.analysis.methods.methods_from_runs import (
     ACCELERATIONS,
     DECELERATIONS,
     DIRECT,
@@ -24,16 +24,16 @@ from analysis.methods.methods_from_runs import (
     ONE_RUN,
     VARIED_LIFT,
 )
-from analysis.methods.steady_points import PIW_VIW_THREE, PIW_VIW_TWO, W_DELTA, W_DELTA_SLOW
-from analysis.methods.thrust_prior import THRUST, thrust_prior
-from analysis.records.flight import CurveStatus, DisagreementResult, MethodTried, WhyNot
-from analysis.settings import CURVES
-from analysis.trajectory.reconstruction import Trajectory
-from flight.aircraft import Aircraft
-from flight.arrays import Array
-from flight.errors import InputError
-from flight.propeller import Propeller
-from flight.runs import ACCELERATION, DECELERATION
+from flightpower.analysis.methods.steady_points import PIW_VIW_THREE, PIW_VIW_TWO, W_DELTA, W_DELTA_SLOW
+from flightpower.analysis.methods.thrust_prior import THRUST, thrust_prior
+from flightpower.analysis.records.flight import CurveStatus, DisagreementResult, MethodTried, WhyNot
+from flightpower.analysis.settings import CURVES
+from flightpower.analysis.trajectory.reconstruction import Trajectory
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
+from flightpower.flight.propeller import Propeller
+from flightpower.flight.runs import ACCELERATION, DECELERATION
 
 ALL_METHODS: tuple[Method, ...] = (
     PIW_VIW_THREE, PIW_VIW_TWO, W_DELTA, W_DELTA_SLOW, DIRECT, FROM_SPEED, VARIED_LIFT, ENERGY, ACCELERATIONS,

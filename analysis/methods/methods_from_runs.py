@@ -20,17 +20,17 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from analysis.maneuvers.kinds import LEVEL_RUNS, LOAD_FACTOR_MANEUVERS, Maneuver
-from analysis.methods.causes import CAUSES
-from analysis.methods.method import Method
-from analysis.methods.regression import RunRegression, TimeSeriesRegression, run_data
-from analysis.records.flight import Cause
-from analysis.trajectory.settings import SHOWN
-from flight.aircraft import Aircraft
-from flight.arrays import Array
-from flight.errors import InputError
-from flight.runs import ACCELERATION, DECELERATION
-from flight.units import GRAVITY_MPS2 as g
+from flightpower.analysis.maneuvers.kinds import LEVEL_RUNS, LOAD_FACTOR_MANEUVERS, Maneuver
+from flightpower.analysis.methods.causes import CAUSES
+from flightpower.analysis.methods.method import Method
+from flightpower.analysis.methods.regression import RunRegression, TimeSeriesRegression, run_data
+from flightpower.analysis.records.flight import Cause
+from flightpower.analysis.trajectory.settings import SHOWN
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
+from flightpower.flight.runs import ACCELERATION, DECELERATION
+from flightpower.flight.units import GRAVITY_MPS2 as g
 
 # The quantities of the force balance, and the columns of the methods' table that they are taken from.
 ALONG_TRAJECTORY = {

@@ -7,12 +7,12 @@ Known delays are corrected before; what is left is tested in every flight, and e
 show it beyond doubt. A late IMU looks the same with the other sign.
 """
 
-from analysis.estimation.fit import Fit
-from analysis.estimation.model import Model, Parameter
-from analysis.methods.forces import THRUST_RATE
-from analysis.methods.motor_speed import value_and_error, with_thrust_error
-from analysis.methods.settings import MOTOR_SPEED
-from analysis.trajectory.settings import CONSISTENCY
+from flightpower.analysis.estimation.fit import Fit
+from flightpower.analysis.estimation.model import Model, Parameter
+from flightpower.analysis.methods.forces import THRUST_RATE
+from flightpower.analysis.methods.motor_speed import value_and_error, with_thrust_error
+from flightpower.analysis.methods.settings import MOTOR_SPEED
+from flightpower.analysis.trajectory.settings import CONSISTENCY
 
 PARAMETER = "motor_lag"
 

@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from analysis.estimation.fit import Fit
-from analysis.estimation.model import Model, NamedValues, Parameter
-from analysis.methods import consider as covariance
-from analysis.methods.forces import THRUST_BY_MOTOR_SPEED, FlightForces, MotorSpeedError
-from analysis.methods.settings import MOTOR_SPEED
+from flightpower.analysis.estimation.fit import Fit
+from flightpower.analysis.estimation.model import Model, NamedValues, Parameter
+from flightpower.analysis.methods import consider as covariance
+from flightpower.analysis.methods.forces import THRUST_BY_MOTOR_SPEED, FlightForces, MotorSpeedError
+from flightpower.analysis.methods.settings import MOTOR_SPEED
 
 PARAMETER = "motor_speed"
 

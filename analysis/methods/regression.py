@@ -8,15 +8,15 @@ import numpy as np
 import pandas as pd
 from scipy import special
 
-from analysis.estimation.data import Segment
-from analysis.estimation.model import Model, Parameter
-from analysis.estimation.noise import NORMAL_95
-from analysis.estimation.output_error import fit_output_error
-from analysis.maneuvers.kinds import Maneuver
-from analysis.methods import consider as covariance
-from analysis.methods.settings import REGRESSION
-from flight.arrays import Array
-from flight.errors import InputError
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.model import Model, Parameter
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.estimation.output_error import fit_output_error
+from flightpower.analysis.maneuvers.kinds import Maneuver
+from flightpower.analysis.methods import consider as covariance
+from flightpower.analysis.methods.settings import REGRESSION
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
 
 
 class RunData(NamedTuple):

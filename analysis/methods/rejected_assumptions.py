@@ -13,17 +13,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.curve import polar_part
-from analysis.estimation.data import Segment
-from analysis.estimation.fit import Fit
-from analysis.estimation.model import Model, NamedValues, Parameter
-from analysis.estimation.noise import NORMAL_95
-from analysis.estimation.output_error import fit_output_error
-from analysis.methods import consider as covariance
-from analysis.methods.thrust_prior import STAND
-from analysis.settings import EVIDENCE, FLOWN
-from analysis.sources.grid_settings import STATISTICS
-from flight.arrays import Array
+from flightpower.analysis.curve import polar_part
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.fit import Fit
+from flightpower.analysis.estimation.model import Model, NamedValues, Parameter
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.estimation.output_error import fit_output_error
+from flightpower.analysis.methods import consider as covariance
+from flightpower.analysis.methods.thrust_prior import STAND
+from flightpower.analysis.settings import EVIDENCE, FLOWN
+from flightpower.analysis.sources.grid_settings import STATISTICS
+from flightpower.flight.arrays import Array
 
 THRUST_TITLES = {
     "thrust_scale": "scale of thrust",

@@ -10,16 +10,16 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from analysis.air.flight_data import FlightData, flight_data
-from analysis.flight import Reconstructed, trajectory_with
-from analysis.methods import dynamic
-from analysis.methods.dynamic import DynamicEstimate
-from analysis.methods.methods import fallback, one_method
-from analysis.trajectory.priors import upwash_slope_sigma
-from analysis.trajectory.reconstruction import Trajectory
-from flight.aircraft import Aircraft
-from flight.arrays import Array
-from flight.propeller import Propeller
+from flightpower.analysis.air.flight_data import FlightData, flight_data
+from flightpower.analysis.flight import Reconstructed, trajectory_with
+from flightpower.analysis.methods import dynamic
+from flightpower.analysis.methods.dynamic import DynamicEstimate
+from flightpower.analysis.methods.methods import fallback, one_method
+from flightpower.analysis.trajectory.priors import upwash_slope_sigma
+from flightpower.analysis.trajectory.reconstruction import Trajectory
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.arrays import Array
+from flightpower.flight.propeller import Propeller
 
 
 class EstimateRerun(NamedTuple):

@@ -11,14 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.curve import Condition, speed_at
-from analysis.methods.causes import error_prior_sigma
-from analysis.methods.method import MethodEstimate
-from analysis.methods.settings import COMPARISON
-from analysis.records.flight import RunAgainstOthers
-from analysis.settings import CURVES
-from flight.aircraft import Uncertainty
-from flight.arrays import Array
+from flightpower.analysis.curve import Condition, speed_at
+from flightpower.analysis.methods.causes import error_prior_sigma
+from flightpower.analysis.methods.method import MethodEstimate
+from flightpower.analysis.methods.settings import COMPARISON
+from flightpower.analysis.records.flight import RunAgainstOthers
+from flightpower.analysis.settings import CURVES
+from flightpower.flight.aircraft import Uncertainty
+from flightpower.flight.arrays import Array
 
 
 class _Differences(NamedTuple):

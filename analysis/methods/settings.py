@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from analysis.maneuvers.settings import FLIGHT
-from analysis.sources.grid_settings import STATISTICS
-from analysis.trajectory.block_means import BLOCK
-from flight.settings import Settings, setting
+from flightpower.analysis.maneuvers.settings import FLIGHT
+from flightpower.analysis.sources.grid_settings import STATISTICS
+from flightpower.analysis.trajectory.block_means import BLOCK
+from flightpower.flight.settings import Settings, setting
 
 
 @dataclass(frozen=True)

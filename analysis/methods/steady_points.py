@@ -18,18 +18,18 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from analysis.maneuvers.kinds import STEADY, Maneuver
-from analysis.methods.causes import CAUSES
-from analysis.methods.method import Method, SteadyPoint
-from analysis.methods.regression import THREE_TERM, TWO_TERM, PointRegression
-from analysis.methods.settings import REGRESSION, STEADY_POINTS
-from analysis.records.flight import Cause
-from analysis.settings import EVIDENCE, FLOWN
-from flight.aircraft import Aircraft
-from flight.arrays import Array
-from flight.atmosphere import GAS_CONSTANT_AIR, SEA_LEVEL_DENSITY, SEA_LEVEL_PRESSURE_PA
-from flight.errors import InputError
-from flight.units import GRAVITY_MPS2 as g
+from flightpower.analysis.maneuvers.kinds import STEADY, Maneuver
+from flightpower.analysis.methods.causes import CAUSES
+from flightpower.analysis.methods.method import Method, SteadyPoint
+from flightpower.analysis.methods.regression import THREE_TERM, TWO_TERM, PointRegression
+from flightpower.analysis.methods.settings import REGRESSION, STEADY_POINTS
+from flightpower.analysis.records.flight import Cause
+from flightpower.analysis.settings import EVIDENCE, FLOWN
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.arrays import Array
+from flightpower.flight.atmosphere import GAS_CONSTANT_AIR, SEA_LEVEL_DENSITY, SEA_LEVEL_PRESSURE_PA
+from flightpower.flight.errors import InputError
+from flightpower.flight.units import GRAVITY_MPS2 as g
 
 COLUMNS = (
     "thrust_x_over_m_mps2", "alpha", "V", "Vdot", "gamma", "climb", "bank", "rho", "static_Pa", "temperature_K",

@@ -10,11 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.estimation.model import PriorMeasurement
-from analysis.settings import EVIDENCE
-from flight.aircraft import Aircraft, Uncertainty
-from flight.arrays import Array
-from flight.propeller import J_REFERENCE as J_REFERENCE
+from flightpower.analysis.estimation.model import PriorMeasurement
+from flightpower.analysis.settings import EVIDENCE
+from flightpower.flight.aircraft import Aircraft, Uncertainty
+from flightpower.flight.arrays import Array
+from flightpower.flight.propeller import J_REFERENCE as J_REFERENCE
 
 THRUST = ("thrust_scale", "thrust_slope")  # thrust is the table's times 1 + scale + slope (J - J_REFERENCE)
 STAND = "thrust on the stand"

@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from analysis.air.flown import thrust_known
-from analysis.methods.whole_flight.settings import PRIOR
-from analysis.missions.mission import course_text
-from analysis.missions.pieces import (
+from flightpower.analysis.air.flown import thrust_known
+from flightpower.analysis.methods.whole_flight.settings import PRIOR
+from flightpower.analysis.missions.mission import course_text
+from flightpower.analysis.missions.pieces import (
     Hold,
     Land,
     Maneuver,
@@ -25,13 +25,13 @@ from analysis.missions.pieces import (
     before,
     slowest_mps,
 )
-from analysis.missions.plan_settings import MARGINS, PATH
-from analysis.missions.search import FlightPlan
-from analysis.performance.settings import ASKED
-from flight.arrays import Array
-from flight.propeller import Propeller
-from flight.runs import ACCELERATION, DECELERATION
-from flight.units import FOOT_M
+from flightpower.analysis.missions.plan_settings import MARGINS, PATH
+from flightpower.analysis.missions.search import FlightPlan
+from flightpower.analysis.performance.settings import ASKED
+from flightpower.flight.arrays import Array
+from flightpower.flight.propeller import Propeller
+from flightpower.flight.runs import ACCELERATION, DECELERATION
+from flightpower.flight.units import FOOT_M
 
 
 class Row(NamedTuple):

@@ -10,11 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.curve import Condition, speed_at
-from analysis.missions.power import Source, SteadyPower
-from analysis.sources.grid_settings import FLIGHT
-from flight.arrays import Array
-from flight.units import GRAVITY_MPS2
+from flightpower.analysis.curve import Condition, speed_at
+from flightpower.analysis.missions.power import Source, SteadyPower
+from flightpower.analysis.sources.grid_settings import FLIGHT
+from flightpower.flight.arrays import Array
+from flightpower.flight.units import GRAVITY_MPS2
 
 
 class Battery(NamedTuple):

@@ -5,16 +5,16 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.curve import drag_coefficient
-from analysis.methods.whole_flight.settings import PRIOR
-from analysis.missions.plan_settings import MANEUVERS, MARGINS, TRAINER
-from flight.aircraft import Aircraft
-from flight.arrays import Array
-from flight.atmosphere import density, pressure_at, temperature_at
-from flight.errors import InputError
-from flight.propeller import Propeller
-from flight.propeller_files import load_propeller
-from flight.propeller_search import with_table_error
+from flightpower.analysis.curve import drag_coefficient
+from flightpower.analysis.methods.whole_flight.settings import PRIOR
+from flightpower.analysis.missions.plan_settings import MANEUVERS, MARGINS, TRAINER
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.arrays import Array
+from flightpower.flight.atmosphere import density, pressure_at, temperature_at
+from flightpower.flight.errors import InputError
+from flightpower.flight.propeller import Propeller
+from flightpower.flight.propeller_files import load_propeller
+from flightpower.flight.propeller_search import with_table_error
 
 
 @dataclass(frozen=True)

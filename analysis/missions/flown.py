@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
-from analysis.missions.items import (
+from flightpower.analysis.missions.items import (
     ABOVE_HOME,
     ABOVE_SEA,
     ABOVE_TERRAIN,
@@ -22,7 +22,7 @@ from analysis.missions.items import (
     SpeedType,
     Start,
 )
-from analysis.missions.mission import (
+from flightpower.analysis.missions.mission import (
     ALLOWED,
     HOME,
     Assumed,
@@ -34,7 +34,7 @@ from analysis.missions.mission import (
     local_m,
     with_return,
 )
-from flight.errors import InputError
+from flightpower.flight.errors import InputError
 
 # What to do with an item that is not understood: two ways on, of which one is right for the mission.
 VERTICAL = "flies vertically, of which power is not known; use 22 and 21 for take-off and landing, or take it out"

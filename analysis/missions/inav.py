@@ -8,8 +8,8 @@ import math
 from enum import StrEnum
 from xml.etree.ElementTree import Element
 
-from analysis.missions.items import Command, Equipment, Frame, Item, ReadMission, Start, item_of
-from flight.errors import InputError
+from flightpower.analysis.missions.items import Command, Equipment, Frame, Item, ReadMission, Start, item_of
+from flightpower.flight.errors import InputError
 
 ITEM = "missionitem"
 

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from analysis.curve import (
+from flightpower.analysis.curve import (
     POLAR,
     Condition,
     Polar,
@@ -27,29 +27,35 @@ from analysis.curve import (
     power_required,
     speed_at,
 )
-from analysis.estimation.noise import NORMAL_95
-from analysis.maneuvers.find_level import find_runs
-from analysis.maneuvers.kinds import Maneuver
-from analysis.methods import consider as covariance
-from analysis.methods.consider import STATE_STEP
-from analysis.methods.forces import FlightForces
-from analysis.methods.thrust_prior import J_REFERENCE, stand_information
-from analysis.missions.expected_aircraft import ExpectedAircraft
-from analysis.missions.plan_settings import NOISE, SEARCH
-from analysis.missions.time_history import TimeHistory
-from analysis.records.flight import Results, Trust
-from analysis.results import read
-from analysis.trajectory.equations import MEASUREMENT_INPUTS, PREDICTED_FLOW, SENSOR_ERRORS, STATES, EquationInputs
-from analysis.trajectory.gusts import Estimate, planned_ratios, with_slow_power
-from analysis.trajectory.observability import SENSOR_ERROR_KINDS
-from analysis.trajectory.priors import SensorPriors, stated_sigma
-from analysis.trajectory.problem import TrajectoryProblem
-from analysis.trajectory.reconstruction import Trajectory
-from analysis.trajectory.settings import SOLVER
-from analysis.trajectory.smoother import GaussNewtonStep, gauss_newton_step
-from analysis.trajectory.updraft import STILL_MPS, by_waves
-from flight.arrays import Array
-from flight.errors import InputError
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.maneuvers.find_level import find_runs
+from flightpower.analysis.maneuvers.kinds import Maneuver
+from flightpower.analysis.methods import consider as covariance
+from flightpower.analysis.methods.consider import STATE_STEP
+from flightpower.analysis.methods.forces import FlightForces
+from flightpower.analysis.methods.thrust_prior import J_REFERENCE, stand_information
+from flightpower.analysis.missions.expected_aircraft import ExpectedAircraft
+from flightpower.analysis.missions.plan_settings import NOISE, SEARCH
+from flightpower.analysis.missions.time_history import TimeHistory
+from flightpower.analysis.records.flight import Results, Trust
+from flightpower.analysis.results import read
+from flightpower.analysis.trajectory.equations import (
+    MEASUREMENT_INPUTS,
+    PREDICTED_FLOW,
+    SENSOR_ERRORS,
+    STATES,
+    EquationInputs,
+)
+from flightpower.analysis.trajectory.gusts import Estimate, planned_ratios, with_slow_power
+from flightpower.analysis.trajectory.observability import SENSOR_ERROR_KINDS
+from flightpower.analysis.trajectory.priors import SensorPriors, stated_sigma
+from flightpower.analysis.trajectory.problem import TrajectoryProblem
+from flightpower.analysis.trajectory.reconstruction import Trajectory
+from flightpower.analysis.trajectory.settings import SOLVER
+from flightpower.analysis.trajectory.smoother import GaussNewtonStep, gauss_newton_step
+from flightpower.analysis.trajectory.updraft import STILL_MPS, by_waves
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
 
 
 def read_results(path: Path) -> Results:

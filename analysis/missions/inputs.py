@@ -4,9 +4,9 @@ from pathlib import Path
 
 import msgspec
 
-from analysis.records.flight import ComputationModel, WithCurves
-from analysis.records.pool import EARLIER_POOLED_FORMATS, POOLED_FORMAT
-from analysis.results.read import FORMATS, read_file
+from flightpower.analysis.records.flight import ComputationModel, WithCurves
+from flightpower.analysis.records.pool import EARLIER_POOLED_FORMATS, POOLED_FORMAT
+from flightpower.analysis.results.read import FORMATS, read_file
 
 
 class PowerModel(msgspec.Struct, frozen=True, kw_only=True):

@@ -3,9 +3,9 @@
 import math
 from xml.etree.ElementTree import Element
 
-from analysis.missions.items import Start
-from analysis.missions.mission import Assumed, Mission, Place, Step, check_height, local_m, with_return
-from flight.errors import InputError
+from flightpower.analysis.missions.items import Start
+from flightpower.analysis.missions.mission import Assumed, Mission, Place, Step, check_height, local_m, with_return
+from flightpower.flight.errors import InputError
 
 GROUND_STATION = "Flight Path"  # the name that QGroundControl gives to its line, which begins at home on the ground
 

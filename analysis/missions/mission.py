@@ -9,10 +9,10 @@ from itertools import pairwise
 from math import atan2, cos, degrees, hypot, radians, sin
 from typing import NamedTuple
 
-from analysis.missions.items import Start
-from flight.command_line import quantity
-from flight.errors import InputError
-from flight.units import EARTH_RADIUS_M, GRAVITY_MPS2, to_si, weight_to_N
+from flightpower.analysis.missions.items import Start
+from flightpower.flight.command_line import quantity
+from flightpower.flight.errors import InputError
+from flightpower.flight.units import EARTH_RADIUS_M, GRAVITY_MPS2, to_si, weight_to_N
 
 
 class Place(NamedTuple):

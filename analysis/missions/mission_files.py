@@ -3,15 +3,15 @@
 from pathlib import Path
 from xml.etree import ElementTree
 
-from analysis.missions.flown import flown
-from analysis.missions.inav import ITEM, read_inav
-from analysis.missions.items import ReadMission
-from analysis.missions.lines import read_line
-from analysis.missions.mission import Assumed, Mission
-from analysis.missions.qgroundcontrol import read_plan
-from analysis.missions.waypoints import HEAD, read_waypoints
-from flight.errors import InputError
-from flight.files import read_text
+from flightpower.analysis.missions.flown import flown
+from flightpower.analysis.missions.inav import ITEM, read_inav
+from flightpower.analysis.missions.items import ReadMission
+from flightpower.analysis.missions.lines import read_line
+from flightpower.analysis.missions.mission import Assumed, Mission
+from flightpower.analysis.missions.qgroundcontrol import read_plan
+from flightpower.analysis.missions.waypoints import HEAD, read_waypoints
+from flightpower.flight.errors import InputError
+from flightpower.flight.files import read_text
 
 FORMATS = "a plan of QGroundControl, MAVLink waypoints (QGC WPL 110), a mission of INAV (XML), or a line of a map (KML)"
 

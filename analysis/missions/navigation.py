@@ -15,11 +15,11 @@ from math import asin, copysign, cos, inf, pi, sin
 
 import numpy as np
 
-from analysis.missions.expected_aircraft import ExpectedAircraft
-from analysis.missions.pieces import Hold, Maneuver, Porpoise, Space, Turn
-from analysis.missions.plan_settings import PATH
-from analysis.missions.time_history import Path, fly, paths, turn_path, turn_rate, wind_vector
-from flight.arrays import Array
+from flightpower.analysis.missions.expected_aircraft import ExpectedAircraft
+from flightpower.analysis.missions.pieces import Hold, Maneuver, Porpoise, Space, Turn
+from flightpower.analysis.missions.plan_settings import PATH
+from flightpower.analysis.missions.time_history import Path, fly, paths, turn_path, turn_rate, wind_vector
+from flightpower.flight.arrays import Array
 
 
 @dataclass(frozen=True)

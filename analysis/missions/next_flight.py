@@ -11,16 +11,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.curve import Condition, Polar, polar_part, power_required, speed_at
-from analysis.estimation.noise import NORMAL_95
-from analysis.methods.dynamic import DynamicEstimate
-from analysis.records.flight import NextFlightLowers
-from analysis.settings import EVIDENCE
-from analysis.trajectory.equations import SENSOR_ERRORS
-from analysis.trajectory.observability import MATTERS
-from analysis.trajectory.reconstruction import Trajectory
-from analysis.trajectory.settings import GUSTS
-from flight.arrays import Array
+from flightpower.analysis.curve import Condition, Polar, polar_part, power_required, speed_at
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.methods.dynamic import DynamicEstimate
+from flightpower.analysis.records.flight import NextFlightLowers
+from flightpower.analysis.settings import EVIDENCE
+from flightpower.analysis.trajectory.equations import SENSOR_ERRORS
+from flightpower.analysis.trajectory.observability import MATTERS
+from flightpower.analysis.trajectory.reconstruction import Trajectory
+from flightpower.analysis.trajectory.settings import GUSTS
+from flightpower.flight.arrays import Array
 
 FLY = {
     NextFlightLowers.NOISE: "fly more accelerations and decelerations, the throttle opened slowly, down to the slowest"

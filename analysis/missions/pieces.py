@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from math import ceil, copysign, cos, degrees, inf, pi, tan
 
-from analysis.missions.expected_aircraft import ExpectedAircraft
-from analysis.missions.plan_settings import MANEUVERS, MARGINS, PATH
-from flight.errors import InputError
-from flight.units import GRAVITY_MPS2
+from flightpower.analysis.missions.expected_aircraft import ExpectedAircraft
+from flightpower.analysis.missions.plan_settings import MANEUVERS, MARGINS, PATH
+from flightpower.flight.errors import InputError
+from flightpower.flight.units import GRAVITY_MPS2
 
 BANK_RAD, STEEP_BANK_RAD = MANEUVERS.banks_rad
 

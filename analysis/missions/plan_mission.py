@@ -8,13 +8,13 @@ Porpoising is left out.
 from math import asin, atan2, cos, degrees, nan, pi, radians, sin
 from typing import NamedTuple
 
-from analysis.missions.items import Command, Frame, Item, SpeedType, Start
-from analysis.missions.pieces import Hold, PieceKind, Porpoise, Run, TakeOff, Turn, slowest_mps
-from analysis.missions.plan_settings import MARGINS
-from analysis.missions.qgroundcontrol import Vehicle, plan_text
-from analysis.missions.search import FlightPlan
-from analysis.missions.waypoints import waypoints_text
-from flight.units import EARTH_RADIUS_M
+from flightpower.analysis.missions.items import Command, Frame, Item, SpeedType, Start
+from flightpower.analysis.missions.pieces import Hold, PieceKind, Porpoise, Run, TakeOff, Turn, slowest_mps
+from flightpower.analysis.missions.plan_settings import MARGINS
+from flightpower.analysis.missions.qgroundcontrol import Vehicle, plan_text
+from flightpower.analysis.missions.search import FlightPlan
+from flightpower.analysis.missions.waypoints import waypoints_text
+from flightpower.flight.units import EARTH_RADIUS_M
 
 
 class Home(NamedTuple):

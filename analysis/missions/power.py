@@ -12,17 +12,17 @@ from typing import Protocol
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from analysis.curve import Condition, lift_coefficient, ratios, stored_curve
-from analysis.methods.whole_flight.settings import PRIOR
-from analysis.missions.inputs import RouteInput
-from analysis.performance.level_flight import Floats, PerformanceModel, climb_angle, steady_thrust
-from analysis.performance.propagation import ParameterVector, SigmaPoints
-from analysis.performance.stored_model import model_of
-from analysis.records.flight import Interval, Kind, PowerPoint
-from analysis.settings import CURVES
-from flight.arrays import Array
-from flight.errors import InputError
-from flight.propeller_speed import corrected_thrust, full_throttle_revps, revps_for_thrust
+from flightpower.analysis.curve import Condition, lift_coefficient, ratios, stored_curve
+from flightpower.analysis.methods.whole_flight.settings import PRIOR
+from flightpower.analysis.missions.inputs import RouteInput
+from flightpower.analysis.performance.level_flight import Floats, PerformanceModel, climb_angle, steady_thrust
+from flightpower.analysis.performance.propagation import ParameterVector, SigmaPoints
+from flightpower.analysis.performance.stored_model import model_of
+from flightpower.analysis.records.flight import Interval, Kind, PowerPoint
+from flightpower.analysis.settings import CURVES
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
+from flightpower.flight.propeller_speed import corrected_thrust, full_throttle_revps, revps_for_thrust
 
 
 class SteadyPower(Protocol):

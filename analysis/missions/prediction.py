@@ -15,9 +15,9 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from analysis.curve import Condition, speed_at
-from analysis.methods.whole_flight.settings import GPS
-from analysis.missions.energy import (
+from flightpower.analysis.curve import Condition, speed_at
+from flightpower.analysis.methods.whole_flight.settings import GPS
+from flightpower.analysis.missions.energy import (
     Battery,
     Legs,
     SpeedLimits,
@@ -28,16 +28,16 @@ from analysis.missions.energy import (
     speed_limits,
     straight_legs,
 )
-from analysis.missions.inputs import RouteInput
-from analysis.missions.mission import HOME, Mission, Place, Speed, Wind, courses_rad
-from analysis.missions.plan_settings import MANEUVERS, MARGINS, PATH
-from analysis.missions.power import Source, interval_of, source_of
-from analysis.records.flight import Interval
-from analysis.trajectory import dryden
-from flight.arrays import Array
-from flight.atmosphere import SEA_LEVEL_DENSITY, density, pressure_at, temperature_at
-from flight.errors import InputError
-from flight.units import GRAVITY_MPS2
+from flightpower.analysis.missions.inputs import RouteInput
+from flightpower.analysis.missions.mission import HOME, Mission, Place, Speed, Wind, courses_rad
+from flightpower.analysis.missions.plan_settings import MANEUVERS, MARGINS, PATH
+from flightpower.analysis.missions.power import Source, interval_of, source_of
+from flightpower.analysis.records.flight import Interval
+from flightpower.analysis.trajectory import dryden
+from flightpower.flight.arrays import Array
+from flightpower.flight.atmosphere import SEA_LEVEL_DENSITY, density, pressure_at, temperature_at
+from flightpower.flight.errors import InputError
+from flightpower.flight.units import GRAVITY_MPS2
 
 
 class Resolution(NamedTuple):

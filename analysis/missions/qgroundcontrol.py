@@ -9,8 +9,8 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
-from analysis.missions.items import Autopilot, Command, Frame, Item, ReadMission, Start, item_of
-from flight.errors import InputError
+from flightpower.analysis.missions.items import Autopilot, Command, Frame, Item, ReadMission, Start, item_of
+from flightpower.flight.errors import InputError
 
 
 def read_plan(text: str, where: str) -> ReadMission:

@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 from math import isfinite, radians
 
-from analysis.missions.mission import course_text
-from analysis.missions.prediction import LegResult, NoReturn, RouteResult
-from analysis.records.flight import Interval
+from flightpower.analysis.missions.mission import course_text
+from flightpower.analysis.missions.prediction import LegResult, NoReturn, RouteResult
+from flightpower.analysis.records.flight import Interval
 
 HEAD = ("leg", "course", "km", "height m", "m/s", "ground m/s", "min", "Wh", "charge left %", "home safe %")
 

@@ -14,12 +14,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.maneuvers.find_level import find_runs
-from analysis.methods.settings import COMPARISON
-from analysis.missions.expected_aircraft import ExpectedAircraft
-from analysis.missions.information import Covariances, Expected, Question, expected, question, sensor_error_covariance
-from analysis.missions.navigation import kept_in_place
-from analysis.missions.pieces import (
+from flightpower.analysis.maneuvers.find_level import find_runs
+from flightpower.analysis.methods.settings import COMPARISON
+from flightpower.analysis.missions.expected_aircraft import ExpectedAircraft
+from flightpower.analysis.missions.information import (
+    Covariances,
+    Expected,
+    Question,
+    expected,
+    question,
+    sensor_error_covariance,
+)
+from flightpower.analysis.missions.navigation import kept_in_place
+from flightpower.analysis.missions.pieces import (
     Maneuver,
     Piece,
     PieceKind,
@@ -32,13 +39,13 @@ from analysis.missions.pieces import (
     sequence,
     slowest_mps,
 )
-from analysis.missions.plan_settings import MARGINS, PATH, SEARCH
-from analysis.missions.time_history import TimeHistory, fly
-from analysis.trajectory import dryden
-from analysis.trajectory.settings import SOLVER
-from flight.arrays import Array
-from flight.errors import InputError
-from flight.units import FOOT_M, KNOT_MPS
+from flightpower.analysis.missions.plan_settings import MARGINS, PATH, SEARCH
+from flightpower.analysis.missions.time_history import TimeHistory, fly
+from flightpower.analysis.trajectory import dryden
+from flightpower.analysis.trajectory.settings import SOLVER
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
+from flightpower.flight.units import FOOT_M, KNOT_MPS
 
 
 @dataclass(frozen=True)

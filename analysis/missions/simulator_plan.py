@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 from math import degrees
 
-from analysis.missions.expected_aircraft import ExpectedAircraft
-from analysis.missions.information import QUESTION_TITLES
-from analysis.missions.pieces import Hold, Land, Maneuver, Porpoise, Run, Stand, TakeOff, Turn
-from analysis.missions.search import Request
-from analysis.missions.time_history import climb_rate_mps
-from flight.runs import AIRCRAFT_SIZE
-from flight.units import KNOT_MPS
+from flightpower.analysis.missions.expected_aircraft import ExpectedAircraft
+from flightpower.analysis.missions.information import QUESTION_TITLES
+from flightpower.analysis.missions.pieces import Hold, Land, Maneuver, Porpoise, Run, Stand, TakeOff, Turn
+from flightpower.analysis.missions.search import Request
+from flightpower.analysis.missions.time_history import climb_rate_mps
+from flightpower.flight.runs import AIRCRAFT_SIZE
+from flightpower.flight.units import KNOT_MPS
 
 
 def simulator_plan(maneuvers: Sequence[Maneuver], aircraft: ExpectedAircraft, request: Request) -> str:

@@ -10,17 +10,17 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from analysis.missions.expected_aircraft import ExpectedAircraft
-from analysis.missions.pieces import Hold, Land, Maneuver, Porpoise, Run, Stand, TakeOff, Turn
-from analysis.missions.plan_settings import MARGINS, PATH
-from analysis.sources.daemon import SPEED_SCALE, speed_scale
-from analysis.trajectory import dryden
-from analysis.trajectory.priors import BENCH_SIGMA
-from flight import motion
-from flight.arrays import Array
-from flight.errors import InputError
-from flight.runs import AIRCRAFT_SIZE
-from flight.units import GRAVITY_MPS2 as g
+from flightpower.analysis.missions.expected_aircraft import ExpectedAircraft
+from flightpower.analysis.missions.pieces import Hold, Land, Maneuver, Porpoise, Run, Stand, TakeOff, Turn
+from flightpower.analysis.missions.plan_settings import MARGINS, PATH
+from flightpower.analysis.sources.daemon import SPEED_SCALE, speed_scale
+from flightpower.analysis.trajectory import dryden
+from flightpower.analysis.trajectory.priors import BENCH_SIGMA
+from flightpower.flight import motion
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
+from flightpower.flight.runs import AIRCRAFT_SIZE
+from flightpower.flight.units import GRAVITY_MPS2 as g
 
 
 class Path(NamedTuple):

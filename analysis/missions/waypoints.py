@@ -7,8 +7,8 @@ Format: mavlink.io, File Formats, Plain-Text. The first item is home; a line tha
 import math
 from collections.abc import Sequence
 
-from analysis.missions.items import ABOVE_SEA, Command, Frame, Item, ReadMission, Start, item_of
-from flight.errors import InputError
+from flightpower.analysis.missions.items import ABOVE_SEA, Command, Frame, Item, ReadMission, Start, item_of
+from flightpower.flight.errors import InputError
 
 HEAD = "QGC WPL"
 

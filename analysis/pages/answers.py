@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple
 
-from analysis.records.flight import (
+from flightpower.analysis.records.flight import (
     UNKNOWN_SPEED,
     AvailableResult,
     CurveResult,

@@ -2,14 +2,14 @@
 
 from datetime import UTC, datetime
 
-from analysis.pages.answers import HeadlineAnswer
-from analysis.pages.charts.figure import Axis, Cursor, Figure, Line
-from analysis.pages.charts.style import BLUE, GRAY, INK, ORANGE, band, curve_arrays, true_airspeed
-from analysis.pages.html_page import HtmlTable, html_figure, render_page
-from analysis.pages.pooled_page import count
-from analysis.records.fleet import AirframeResult, FleetCurveResult, FleetResults
-from analysis.records.flight import Kind
-from analysis.results.evidence import sentence
+from flightpower.analysis.pages.answers import HeadlineAnswer
+from flightpower.analysis.pages.charts.figure import Axis, Cursor, Figure, Line
+from flightpower.analysis.pages.charts.style import BLUE, GRAY, INK, ORANGE, band, curve_arrays, true_airspeed
+from flightpower.analysis.pages.html_page import HtmlTable, html_figure, render_page
+from flightpower.analysis.pages.pooled_page import count
+from flightpower.analysis.records.fleet import AirframeResult, FleetCurveResult, FleetResults
+from flightpower.analysis.records.flight import Kind
+from flightpower.analysis.results.evidence import sentence
 
 
 def render_fleet(fleet: FleetResults) -> str:

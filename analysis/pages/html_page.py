@@ -8,8 +8,8 @@ import msgspec
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from analysis.pages.charts.figure import Figure
-from analysis.pages.charts.svg import chart, chart_script, chart_style
+from flightpower.analysis.pages.charts.figure import Figure
+from flightpower.analysis.pages.charts.svg import chart, chart_script, chart_style
 
 
 class HtmlTable(NamedTuple):
@@ -55,7 +55,7 @@ def _plain(value: Any) -> Any:
 @cache
 def _environment() -> Environment:
     environment = Environment(
-        loader=PackageLoader("analysis.pages"),
+        loader=PackageLoader("flightpower.analysis.pages"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from rich.console import Console
 
-from analysis.options import Options
-from analysis.pages.lean_imports import import_lean
-from analysis.pipeline import analyze
-from analysis.sources.open import open_source
-from flight.files import check_writable
+from flightpower.analysis.options import Options
+from flightpower.analysis.pages.lean_imports import import_lean
+from flightpower.analysis.pipeline import analyze
+from flightpower.analysis.sources.open import open_source
+from flightpower.flight.files import check_writable
 
 if TYPE_CHECKING:
-    from analysis.maneuvers.runs_file import NoCurve
-    from analysis.pages.predicted_polar import PredictedPolar
-    from analysis.records.flight import Results
+    from flightpower.analysis.maneuvers.runs_file import NoCurve
+    from flightpower.analysis.pages.predicted_polar import PredictedPolar
+    from flightpower.analysis.records.flight import Results
 
 Progress = Callable[[str], None]
 
@@ -44,7 +44,7 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
     def with_candidates(error: "NoCurve") -> str:
         if options.runs or not error.maneuvers.rejected:
             return str(error)
-        from analysis.pages.write import write_candidates
+        from flightpower.analysis.pages.write import write_candidates
 
         path = write_candidates(error.maneuvers, folder, log.name)
         remedy = f"set keep = true in {path}, where all candidates are with their reasons, and add --runs {path}"
@@ -53,9 +53,9 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
     predicted = _predicted_polar(options)
     analysis = analyze(source, options, progress, command_line=command_line, message_of=with_candidates)
     progress("writing the report")
-    from analysis.pages.terminal import print_summary
-    from analysis.pages.write import write_report, write_run_list
-    from analysis.pipeline.runs import Analysis
+    from flightpower.analysis.pages.terminal import print_summary
+    from flightpower.analysis.pages.write import write_report, write_run_list
+    from flightpower.analysis.pipeline.runs import Analysis
 
     replaced = write_report(analysis, folder, predicted)
     previous_runs = None
@@ -68,6 +68,6 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
 def _predicted_polar(options: Options) -> "PredictedPolar | None":
     if options.polar is None:
         return None
-    from analysis.pages.predicted_polar import read_predicted_polar
+    from flightpower.analysis.pages.predicted_polar import read_predicted_polar
 
     return read_predicted_polar(options.polar)

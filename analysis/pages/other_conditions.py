@@ -9,15 +9,26 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from analysis.curve import Condition, speed_at
-from analysis.estimation.noise import NORMAL_95
-from analysis.pages.charts.style import ORANGE
-from analysis.performance.analysis import Performance
-from analysis.performance.climb import full_throttle_performance, full_throttle_thrust
-from analysis.performance.level_flight import PerformanceModel, level_flight, longest_endurance, longest_range
-from flight.arrays import Array
-from flight.atmosphere import height_at, pressure_at
-from flight.units import GAS_CONSTANT_AIR, GRAVITY_MPS2, LAPSE_RATE, SEA_LEVEL_PRESSURE_PA, SEA_LEVEL_TEMPERATURE_K
+from flightpower.analysis.curve import Condition, speed_at
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.pages.charts.style import ORANGE
+from flightpower.analysis.performance.analysis import Performance
+from flightpower.analysis.performance.climb import full_throttle_performance, full_throttle_thrust
+from flightpower.analysis.performance.level_flight import (
+    PerformanceModel,
+    level_flight,
+    longest_endurance,
+    longest_range,
+)
+from flightpower.flight.arrays import Array
+from flightpower.flight.atmosphere import height_at, pressure_at
+from flightpower.flight.units import (
+    GAS_CONSTANT_AIR,
+    GRAVITY_MPS2,
+    LAPSE_RATE,
+    SEA_LEVEL_PRESSURE_PA,
+    SEA_LEVEL_TEMPERATURE_K,
+)
 
 Json = dict[str, Any]
 

@@ -4,23 +4,28 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from analysis.methods.interval_sources import variance_by_source
-from analysis.methods.whole_flight.fit import samples_of
-from analysis.methods.whole_flight.settings import CURVE
-from analysis.pages.charts import flight, power
-from analysis.pages.charts.figure import Figure
-from analysis.pages.html_page import html_figure, render_page
-from analysis.pages.other_conditions import other_conditions_section
-from analysis.pages.predicted_polar import PredictedPolar
-from analysis.pages.sections.certainty import certainty_section
-from analysis.pages.sections.curve import curve_section, methods_section
-from analysis.pages.sections.flight import balance_section, flight_section, provenance_section, sensors_section
-from analysis.pages.sections.performance import autopilot_section, performance_section
-from analysis.pages.sections.summary import summary_section, verdict_section
-from analysis.performance.analysis import Performance
-from analysis.pipeline.runs import Analysis
-from analysis.pipeline.whole_flight import WholeFlightAnalysis
-from analysis.records.flight import Results
+from flightpower.analysis.methods.interval_sources import variance_by_source
+from flightpower.analysis.methods.whole_flight.fit import samples_of
+from flightpower.analysis.methods.whole_flight.settings import CURVE
+from flightpower.analysis.pages.charts import flight, power
+from flightpower.analysis.pages.charts.figure import Figure
+from flightpower.analysis.pages.html_page import html_figure, render_page
+from flightpower.analysis.pages.other_conditions import other_conditions_section
+from flightpower.analysis.pages.predicted_polar import PredictedPolar
+from flightpower.analysis.pages.sections.certainty import certainty_section
+from flightpower.analysis.pages.sections.curve import curve_section, methods_section
+from flightpower.analysis.pages.sections.flight import (
+    balance_section,
+    flight_section,
+    provenance_section,
+    sensors_section,
+)
+from flightpower.analysis.pages.sections.performance import autopilot_section, performance_section
+from flightpower.analysis.pages.sections.summary import summary_section, verdict_section
+from flightpower.analysis.performance.analysis import Performance
+from flightpower.analysis.pipeline.runs import Analysis
+from flightpower.analysis.pipeline.whole_flight import WholeFlightAnalysis
+from flightpower.analysis.records.flight import Results
 
 Drawn = Figure | Sequence[Figure]  # one, or several side by side
 

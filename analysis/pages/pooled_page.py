@@ -8,11 +8,11 @@ from urllib.parse import quote
 import numpy as np
 from msgspec import Struct
 
-from analysis.flights.evidence import vehicle_notes
-from analysis.pages.answers import HeadlineAnswer, headline_answers
-from analysis.pages.charts.figure import Axis, Bars, Cursor, Dash, Figure, Line, Points, Symbol
-from analysis.pages.charts.power import efficiency, loadings
-from analysis.pages.charts.style import (
+from flightpower.analysis.flights.evidence import vehicle_notes
+from flightpower.analysis.pages.answers import HeadlineAnswer, headline_answers
+from flightpower.analysis.pages.charts.figure import Axis, Bars, Cursor, Dash, Figure, Line, Points, Symbol
+from flightpower.analysis.pages.charts.power import efficiency, loadings
+from flightpower.analysis.pages.charts.style import (
     BLUE,
     GRAY,
     GREEN,
@@ -24,11 +24,11 @@ from analysis.pages.charts.style import (
     curve_lines,
     true_airspeed,
 )
-from analysis.pages.html_page import HtmlTable, html_figure, render_page
-from analysis.pages.sections.performance import performance_section
-from analysis.pages.wording import every, meaning, verdict
-from analysis.records.flight import ConditionResult, Kind, Results, Trust
-from analysis.records.pool import (
+from flightpower.analysis.pages.html_page import HtmlTable, html_figure, render_page
+from flightpower.analysis.pages.sections.performance import performance_section
+from flightpower.analysis.pages.wording import every, meaning, verdict
+from flightpower.analysis.records.flight import ConditionResult, Kind, Results, Trust
+from flightpower.analysis.records.pool import (
     Agreement,
     AgreementTest,
     ComparisonResults,
@@ -42,9 +42,9 @@ from analysis.records.pool import (
     Trend,
     TrendQuantity,
 )
-from analysis.settings import EVIDENCE
-from flight.arrays import Array
-from flight.units import GRAVITY_MPS2
+from flightpower.analysis.settings import EVIDENCE
+from flightpower.flight.arrays import Array
+from flightpower.flight.units import GRAVITY_MPS2
 
 
 class FlightRow(NamedTuple):

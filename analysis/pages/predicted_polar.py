@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.curve import Condition, lift_coefficient
-from analysis.records.flight import Results
-from flight.arrays import Array
-from flight.errors import InputError
+from flightpower.analysis.curve import Condition, lift_coefficient
+from flightpower.analysis.records.flight import Results
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
 
 # Names of a column, the most specific first: XFLR5 calls the rolling moment Cl, and its old versions the drag TCd.
 LIFT, DRAG = ("CL", "C_L", "CLtot", "cl"), ("CD", "C_D", "CDtot", "TCd", "cd")

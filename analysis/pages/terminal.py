@@ -7,15 +7,15 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from analysis.pages.answers import HeadlineAnswer, headline_answers
-from analysis.pages.fleet_page import airframes_table, doubts, fleet_answers, news_table
-from analysis.pages.html_page import HtmlTable
-from analysis.pages.pooled_page import comparison_answers, curve_table, differences_table, pooled_answers
-from analysis.pages.sections.summary import verdict_section
-from analysis.pages.wording import every
-from analysis.records.fleet import FleetResults
-from analysis.records.flight import Results
-from analysis.records.pool import ComparisonResults, PooledResults
+from flightpower.analysis.pages.answers import HeadlineAnswer, headline_answers
+from flightpower.analysis.pages.fleet_page import airframes_table, doubts, fleet_answers, news_table
+from flightpower.analysis.pages.html_page import HtmlTable
+from flightpower.analysis.pages.pooled_page import comparison_answers, curve_table, differences_table, pooled_answers
+from flightpower.analysis.pages.sections.summary import verdict_section
+from flightpower.analysis.pages.wording import every
+from flightpower.analysis.records.fleet import FleetResults
+from flightpower.analysis.records.flight import Results
+from flightpower.analysis.records.pool import ComparisonResults, PooledResults
 
 
 def print_summary(results: Results, page: Path, console: Console) -> None:

@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from typing import NamedTuple, TypeVar
 
-from analysis.maneuvers.kinds import LEVEL_RUNS
-from analysis.records.flight import Evidence, MethodResult, Results, Trust
-from analysis.results.evidence import sentences
-from analysis.trajectory.observability import SENSOR_ERROR_KINDS
+from flightpower.analysis.maneuvers.kinds import LEVEL_RUNS
+from flightpower.analysis.records.flight import Evidence, MethodResult, Results, Trust
+from flightpower.analysis.results.evidence import sentences
+from flightpower.analysis.trajectory.observability import SENSOR_ERROR_KINDS
 
 T = TypeVar("T")
 

@@ -8,26 +8,26 @@ import msgspec
 import numpy as np
 import pandas as pd
 
-from analysis.estimation.noise import NORMAL_95
-from analysis.files import write_keeping_previous
-from analysis.maneuvers.kinds import Maneuvers
-from analysis.maneuvers.runs_file import blocks, head, to_toml
-from analysis.pages import page
-from analysis.pages.charts.style import ORANGE, OTHER_RUN
-from analysis.pages.page import figures_by_name, run_fits
-from analysis.pages.pooled_page import render_comparison, render_pooled, render_side_by_side
-from analysis.pages.predicted_polar import PredictedPolar, check_of_aircraft, comparison
-from analysis.pages.sections import performance as field_table
-from analysis.pipeline.runs import Analysis
-from analysis.pipeline.whole_flight import WholeFlightAnalysis
-from analysis.records.flight import Results
-from analysis.records.pool import ComparisonResults, PooledResults
-from analysis.results.files import to_csv, to_json
-from analysis.results.previous import replaced
-from analysis.trajectory.equations import GUST_FILTER_STATES, STATES
-from analysis.trajectory.reconstruction import Trajectory
-from flight.arrays import Array
-from flight.files import write_files
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.files import write_keeping_previous
+from flightpower.analysis.maneuvers.kinds import Maneuvers
+from flightpower.analysis.maneuvers.runs_file import blocks, head, to_toml
+from flightpower.analysis.pages import page
+from flightpower.analysis.pages.charts.style import ORANGE, OTHER_RUN
+from flightpower.analysis.pages.page import figures_by_name, run_fits
+from flightpower.analysis.pages.pooled_page import render_comparison, render_pooled, render_side_by_side
+from flightpower.analysis.pages.predicted_polar import PredictedPolar, check_of_aircraft, comparison
+from flightpower.analysis.pages.sections import performance as field_table
+from flightpower.analysis.pipeline.runs import Analysis
+from flightpower.analysis.pipeline.whole_flight import WholeFlightAnalysis
+from flightpower.analysis.records.flight import Results
+from flightpower.analysis.records.pool import ComparisonResults, PooledResults
+from flightpower.analysis.results.files import to_csv, to_json
+from flightpower.analysis.results.previous import replaced
+from flightpower.analysis.trajectory.equations import GUST_FILTER_STATES, STATES
+from flightpower.analysis.trajectory.reconstruction import Trajectory
+from flightpower.flight.arrays import Array
+from flightpower.flight.files import write_files
 
 COLUMNS = {name: f"{name}_mps" for name in STATES}
 COLUMNS |= {"phi": "roll_rad", "theta": "pitch_rad", "psi": "yaw_rad", "height": "height_m"}

@@ -8,20 +8,20 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.curve import POLAR, Condition, speed_at
-from analysis.methods.dynamic import DynamicEstimate
-from analysis.methods.forces import FlightForces
-from analysis.methods.ladder import Estimated
-from analysis.methods.thrust_prior import THRUST
-from analysis.performance.climb import (
+from flightpower.analysis.curve import POLAR, Condition, speed_at
+from flightpower.analysis.methods.dynamic import DynamicEstimate
+from flightpower.analysis.methods.forces import FlightForces
+from flightpower.analysis.methods.ladder import Estimated
+from flightpower.analysis.methods.thrust_prior import THRUST
+from flightpower.analysis.performance.climb import (
     NOT_KNOWN,
     FullThrottlePerformance,
     available_result,
     ceilings_m,
     full_throttle_performance,
 )
-from analysis.performance.full_throttle import fit_full_throttle
-from analysis.performance.level_flight import (
+from flightpower.analysis.performance.full_throttle import fit_full_throttle
+from flightpower.analysis.performance.level_flight import (
     LevelFlight,
     PerformanceModel,
     incidence,
@@ -29,25 +29,36 @@ from analysis.performance.level_flight import (
     longest_endurance,
     longest_range,
 )
-from analysis.performance.power_train import WHY_ASSUMED, fit_power_train, motor_is_known, with_assumed_motor
-from analysis.performance.propagation import ParameterVector, combine_independent
-from analysis.performance.request import (
+from flightpower.analysis.performance.power_train import (
+    WHY_ASSUMED,
+    fit_power_train,
+    motor_is_known,
+    with_assumed_motor,
+)
+from flightpower.analysis.performance.propagation import ParameterVector, combine_independent
+from flightpower.analysis.performance.request import (
     FlownCondition,
     Request,
     TitledCondition,
     density_altitude_m,
     requested_conditions,
 )
-from analysis.performance.stored_model import model_result
-from analysis.records.flight import BatteryResult, FieldRow, PerformanceCase, PerformanceResult, PowerTrainResult
-from analysis.settings import CURVES, EVIDENCE
-from analysis.sources.daemon import SPEED_SCALE
-from analysis.trajectory.reconstruction import Trajectory
-from flight.aircraft import Aircraft
-from flight.arrays import Array
-from flight.propeller import Propeller
-from flight.runs import AIRCRAFT_SIZE
-from flight.units import FOOT_M
+from flightpower.analysis.performance.stored_model import model_result
+from flightpower.analysis.records.flight import (
+    BatteryResult,
+    FieldRow,
+    PerformanceCase,
+    PerformanceResult,
+    PowerTrainResult,
+)
+from flightpower.analysis.settings import CURVES, EVIDENCE
+from flightpower.analysis.sources.daemon import SPEED_SCALE
+from flightpower.analysis.trajectory.reconstruction import Trajectory
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.arrays import Array
+from flightpower.flight.propeller import Propeller
+from flightpower.flight.runs import AIRCRAFT_SIZE
+from flightpower.flight.units import FOOT_M
 
 
 @dataclass(frozen=True)

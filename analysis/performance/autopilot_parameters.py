@@ -10,18 +10,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.estimation.model import NamedValues
-from analysis.estimation.noise import NORMAL_95
-from analysis.methods.whole_flight.curve import ElectricalEstimate
-from analysis.methods.whole_flight.drag import DragEstimate
-from analysis.methods.whole_flight.energy_balance import FlightConditions, QuarticPolar, drag_power
-from analysis.methods.whole_flight.settings import SHARED
-from analysis.performance.settings import PARAMETERS
-from analysis.records.flight import AutopilotParameter, Interval, Results, SpeedInterval
-from analysis.uncertain import Uncertain
-from flight.arrays import Array
-from flight.atmosphere import SEA_LEVEL_DENSITY
-from flight.units import GRAVITY_MPS2
+from flightpower.analysis.estimation.model import NamedValues
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.methods.whole_flight.curve import ElectricalEstimate
+from flightpower.analysis.methods.whole_flight.drag import DragEstimate
+from flightpower.analysis.methods.whole_flight.energy_balance import FlightConditions, QuarticPolar, drag_power
+from flightpower.analysis.methods.whole_flight.settings import SHARED
+from flightpower.analysis.performance.settings import PARAMETERS
+from flightpower.analysis.records.flight import AutopilotParameter, Interval, Results, SpeedInterval
+from flightpower.analysis.uncertain import Uncertain
+from flightpower.flight.arrays import Array
+from flightpower.flight.atmosphere import SEA_LEVEL_DENSITY
+from flightpower.flight.units import GRAVITY_MPS2
 
 
 @dataclass(frozen=True)

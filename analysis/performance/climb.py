@@ -12,18 +12,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.curve import Condition, power_points, speed_at
-from analysis.estimation.noise import NORMAL_95
-from analysis.performance.level_flight import PerformanceModel, climb_angle
-from analysis.performance.propagation import SigmaPoints, UncertainValue, from_sigma_points
-from analysis.performance.settings import PERFORMANCE
-from analysis.records.flight import AvailableResult, Interval
-from analysis.settings import CURVES
-from flight.arrays import Array
-from flight.atmosphere import density, pressure_at, temperature_at
-from flight.propeller import Propeller
-from flight.propeller_speed import corrected_thrust, full_throttle_revps
-from flight.units import TROPOPAUSE_M
+from flightpower.analysis.curve import Condition, power_points, speed_at
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.performance.level_flight import PerformanceModel, climb_angle
+from flightpower.analysis.performance.propagation import SigmaPoints, UncertainValue, from_sigma_points
+from flightpower.analysis.performance.settings import PERFORMANCE
+from flightpower.analysis.records.flight import AvailableResult, Interval
+from flightpower.analysis.settings import CURVES
+from flightpower.flight.arrays import Array
+from flightpower.flight.atmosphere import density, pressure_at, temperature_at
+from flightpower.flight.propeller import Propeller
+from flightpower.flight.propeller_speed import corrected_thrust, full_throttle_revps
+from flightpower.flight.units import TROPOPAUSE_M
 
 
 @dataclass(frozen=True)

@@ -15,18 +15,18 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from analysis.estimation.data import Segment
-from analysis.estimation.model import Model, Parameter
-from analysis.estimation.output_error import fit_output_error
-from analysis.methods import consider as covariance
-from analysis.performance.power_train import torque_constant
-from analysis.performance.propagation import ParameterVector
-from analysis.performance.settings import FULL_THROTTLE, POWER_TRAIN
-from analysis.settings import EVIDENCE
-from analysis.sources.grid import stretches
-from flight.aircraft import Propulsion
-from flight.complete_aircraft import CompletePropulsion
-from flight.propeller import Propeller
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.model import Model, Parameter
+from flightpower.analysis.estimation.output_error import fit_output_error
+from flightpower.analysis.methods import consider as covariance
+from flightpower.analysis.performance.power_train import torque_constant
+from flightpower.analysis.performance.propagation import ParameterVector
+from flightpower.analysis.performance.settings import FULL_THROTTLE, POWER_TRAIN
+from flightpower.analysis.settings import EVIDENCE
+from flightpower.analysis.sources.grid import stretches
+from flightpower.flight.aircraft import Propulsion
+from flightpower.flight.complete_aircraft import CompletePropulsion
+from flightpower.flight.propeller import Propeller
 
 
 @dataclass(frozen=True)

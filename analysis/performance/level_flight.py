@@ -20,15 +20,21 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.curve import Condition, lift_coefficient
-from analysis.methods.settings import REGRESSION
-from analysis.performance.full_throttle import FullThrottle
-from analysis.performance.power_train import PowerTrainModel
-from analysis.performance.propagation import ParameterVector, SigmaPoints, UncertainValue, exact, from_sigma_points
-from analysis.records.flight import LevelEfficiencyPoint
-from flight.arrays import Array
-from flight.propeller import Propeller
-from flight.propeller_speed import revps_for_thrust
+from flightpower.analysis.curve import Condition, lift_coefficient
+from flightpower.analysis.methods.settings import REGRESSION
+from flightpower.analysis.performance.full_throttle import FullThrottle
+from flightpower.analysis.performance.power_train import PowerTrainModel
+from flightpower.analysis.performance.propagation import (
+    ParameterVector,
+    SigmaPoints,
+    UncertainValue,
+    exact,
+    from_sigma_points,
+)
+from flightpower.analysis.records.flight import LevelEfficiencyPoint
+from flightpower.flight.arrays import Array
+from flightpower.flight.propeller import Propeller
+from flightpower.flight.propeller_speed import revps_for_thrust
 
 Floats = float | Array
 

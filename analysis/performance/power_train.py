@@ -16,21 +16,21 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.estimation.data import Segment
-from analysis.estimation.model import Model, Parameter
-from analysis.estimation.output_error import fit_output_error
-from analysis.maneuvers.settings import LOADS, STEADY_POINT
-from analysis.methods import consider as covariance
-from analysis.performance.propagation import ParameterVector, SigmaPoints, combine_independent
-from analysis.performance.settings import ASSUMED_MOTOR, POWER_TRAIN
-from analysis.records.flight import MeasuredEfficiencyPoint, ParameterResult
-from analysis.sources.grid import stretches
-from flight.aircraft import Propulsion
-from flight.arrays import Array
-from flight.complete_aircraft import CompletePropulsion
-from flight.propeller import Propeller, PropellerModel
-from flight.propeller_speed import corrected_thrust
-from flight.runs import STANDING
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.model import Model, Parameter
+from flightpower.analysis.estimation.output_error import fit_output_error
+from flightpower.analysis.maneuvers.settings import LOADS, STEADY_POINT
+from flightpower.analysis.methods import consider as covariance
+from flightpower.analysis.performance.propagation import ParameterVector, SigmaPoints, combine_independent
+from flightpower.analysis.performance.settings import ASSUMED_MOTOR, POWER_TRAIN
+from flightpower.analysis.records.flight import MeasuredEfficiencyPoint, ParameterResult
+from flightpower.analysis.sources.grid import stretches
+from flightpower.flight.aircraft import Propulsion
+from flightpower.flight.arrays import Array
+from flightpower.flight.complete_aircraft import CompletePropulsion
+from flightpower.flight.propeller import Propeller, PropellerModel
+from flightpower.flight.propeller_speed import corrected_thrust
+from flightpower.flight.runs import STANDING
 
 
 def torque_constant(propulsion: CompletePropulsion) -> float:

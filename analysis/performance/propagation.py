@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
-from analysis.estimation.noise import NORMAL_95
-from analysis.records.flight import Interval
-from flight.arrays import Array
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.records.flight import Interval
+from flightpower.flight.arrays import Array
 
 SigmaPoints = dict[str, Array]  # by name of the parameter, each (2m + 1, 1)
 

@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.curve import Condition
-from analysis.performance.settings import ASKED
-from analysis.records.flight import BatteryResult
-from flight.aircraft import Aircraft
-from flight.atmosphere import (
+from flightpower.analysis.curve import Condition
+from flightpower.analysis.performance.settings import ASKED
+from flightpower.analysis.records.flight import BatteryResult
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.atmosphere import (
     GAS_CONSTANT_AIR,
     LAPSE_RATE,
     SEA_LEVEL_DENSITY,
@@ -22,8 +22,8 @@ from flight.atmosphere import (
     pressure_at,
     temperature_at,
 )
-from flight.errors import InputError
-from flight.units import GRAVITY_MPS2, TROPOPAUSE_M, to_si, weight_to_N
+from flightpower.flight.errors import InputError
+from flightpower.flight.units import GRAVITY_MPS2, TROPOPAUSE_M, to_si, weight_to_N
 
 CHARGE_AND_VOLTAGE = re.compile(r"(?P<charge>.*[hHC])\s*(?:,|at|@|[xX×*])?\s*(?P<voltage>[\d.]+\s*V)\s*")
 

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from analysis.maneuvers.settings import LOADS, STEADY_POINT
-from flight.settings import Settings, setting
+from flightpower.analysis.maneuvers.settings import LOADS, STEADY_POINT
+from flightpower.flight.settings import Settings, setting
 
 
 @dataclass(frozen=True)

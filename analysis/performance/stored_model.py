@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from analysis.performance.full_throttle import FullThrottle
-from analysis.performance.level_flight import PerformanceModel
-from analysis.performance.power_train import PowerTrainModel
-from analysis.performance.propagation import ParameterVector
-from analysis.records.flight import ComputationModel, PropellerRow, PropellerTable
-from flight.propeller import Propeller, Row
+from flightpower.analysis.performance.full_throttle import FullThrottle
+from flightpower.analysis.performance.level_flight import PerformanceModel
+from flightpower.analysis.performance.power_train import PowerTrainModel
+from flightpower.analysis.performance.propagation import ParameterVector
+from flightpower.analysis.records.flight import ComputationModel, PropellerRow, PropellerTable
+from flightpower.flight.propeller import Propeller, Row
 
 INCIDENCE = ("alpha_0", "alpha_CL")
 LOSSES = ("shaft_scale", "friction", "copper", "meter_scale")

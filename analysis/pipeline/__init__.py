@@ -4,18 +4,18 @@ import contextlib
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from analysis.options import Options, refuse_autopilot_options, refuse_drag_options
-from analysis.sources.daemon_log import gives_electrical_power, lacks_drag_topics
-from analysis.sources.open import is_table
-from flight.errors import InputError
-from flight.log_reader import Log
+from flightpower.analysis.options import Options, refuse_autopilot_options, refuse_drag_options
+from flightpower.analysis.sources.daemon_log import gives_electrical_power, lacks_drag_topics
+from flightpower.analysis.sources.open import is_table
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_reader import Log
 
 if TYPE_CHECKING:
-    from analysis.maneuvers.runs_file import NoCurve
-    from analysis.pipeline.runs import Analysis
-    from analysis.pipeline.whole_flight import WholeFlightAnalysis
-    from analysis.records.flight import Kind, MethodTried
-    from analysis.sources.recording import FlightRecording
+    from flightpower.analysis.maneuvers.runs_file import NoCurve
+    from flightpower.analysis.pipeline.runs import Analysis
+    from flightpower.analysis.pipeline.whole_flight import WholeFlightAnalysis
+    from flightpower.analysis.records.flight import Kind, MethodTried
+    from flightpower.analysis.sources.recording import FlightRecording
 
 Progress = Callable[[str], None]
 
@@ -34,7 +34,7 @@ class Way(NamedTuple):
 
 def way_of(source: "Log | FlightRecording", options: Options = Options()) -> Way:
     """Which curve `analyze` gives by what a log holds: drag by its runs, or electrical power of the whole flight."""
-    from analysis.records.flight import Kind
+    from flightpower.analysis.records.flight import Kind
 
     if not isinstance(source, Log):
         return Way(Kind.ELECTRICAL, "the log is an autopilot's")
@@ -61,17 +61,17 @@ def analyze(
     """
     if options.mass_kg is not None and options.weight_N is not None:
         raise InputError(f"{source.path}: --mass and --weight: one quantity in two units; give one of them")
-    from analysis.records.flight import Kind
+    from flightpower.analysis.records.flight import Kind
 
     way = way_of(source, options)
     if way.without_drag:
         refuse_drag_options(source.path, way.without_drag, **options.for_drag())
     if not isinstance(source, Log):
-        from analysis.pipeline.whole_flight import analyze_recording
+        from flightpower.analysis.pipeline.whole_flight import analyze_recording
 
         return analyze_recording(source, options, progress, command_line=command_line)
     if is_table(source.path) and not way.without_drag:
-        from analysis.sources.table import refuse_without_method
+        from flightpower.analysis.sources.table import refuse_without_method
 
         refuse_without_method(source)
     if way.kind is Kind.ELECTRICAL:
@@ -88,8 +88,8 @@ def analyze(
         air_temperature=options.air_temperature_K,
     )
     replacements = options.replacements()
-    from analysis.maneuvers.runs_file import NoCurve
-    from analysis.pipeline.runs import analyze_runs
+    from flightpower.analysis.maneuvers.runs_file import NoCurve
+    from flightpower.analysis.pipeline.runs import analyze_runs
 
     try:
         return analyze_runs(
@@ -113,7 +113,7 @@ def _by_energy(
     reason: str = "",
     tried: "Sequence[MethodTried]" = (),
 ) -> "WholeFlightAnalysis":
-    from analysis.pipeline.whole_flight import analyze_daemon_log  # loads pandas
+    from flightpower.analysis.pipeline.whole_flight import analyze_daemon_log  # loads pandas
 
     return analyze_daemon_log(log, options, progress, reason=reason, tried=tried, command_line=command_line)
 
@@ -127,7 +127,7 @@ def _why_power_only(log: Log, options: Options) -> str:
         return ""
     if options.aircraft is None:
         return "No drag: that needs --aircraft FILE, and with a column of motor speed the propeller's table."
-    from analysis.air.contents import contents
+    from flightpower.analysis.air.contents import contents
 
     try:
         contents(log, options.replacements())

@@ -5,19 +5,19 @@ from pathlib import Path
 
 from msgspec import structs
 
-from analysis.air.contents import Replacements
-from analysis.flight import Progress, as_measured, reconstructed, recorded, synchronized, with_runs
-from analysis.methods.ladder import Estimated, by_simpler_method, estimated
-from analysis.methods.whole_flight.method import WholeFlight, whole_flight
-from analysis.missions.next_flight import next_flight
-from analysis.performance.analysis import Performance, compute
-from analysis.performance.request import Request
-from analysis.records.flight import Results, Trust
-from analysis.results.assemble import assemble
-from analysis.results.evidence import with_trust
-from analysis.trajectory.consistency import Consistency, consistency
-from analysis.trajectory.observability import misfit
-from flight.log_reader import Log
+from flightpower.analysis.air.contents import Replacements
+from flightpower.analysis.flight import Progress, as_measured, reconstructed, recorded, synchronized, with_runs
+from flightpower.analysis.methods.ladder import Estimated, by_simpler_method, estimated
+from flightpower.analysis.methods.whole_flight.method import WholeFlight, whole_flight
+from flightpower.analysis.missions.next_flight import next_flight
+from flightpower.analysis.performance.analysis import Performance, compute
+from flightpower.analysis.performance.request import Request
+from flightpower.analysis.records.flight import Results, Trust
+from flightpower.analysis.results.assemble import assemble
+from flightpower.analysis.results.evidence import with_trust
+from flightpower.analysis.trajectory.consistency import Consistency, consistency
+from flightpower.analysis.trajectory.observability import misfit
+from flightpower.flight.log_reader import Log
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,28 +7,28 @@ from pathlib import Path
 
 from msgspec import structs
 
-from analysis.air.contents import propeller_of
-from analysis.flight import Progress
-from analysis.methods.thrust_prior import stand_measurements
-from analysis.methods.whole_flight.curve import ElectricalEstimate, estimate, flown_aircraft
-from analysis.methods.whole_flight.drag import ThrustSource, drag_estimate
-from analysis.methods.whole_flight.flight_table import FlightTable, flight_table
-from analysis.methods.whole_flight.method import recording_of
-from analysis.methods.whole_flight.simulated_truth import compared
-from analysis.methods.whole_flight.thrust_balance import motor_constants
-from analysis.options import Options
-from analysis.records.flight import MethodTried, Results
-from analysis.results.energy_balance import EnergyBalanceFindings, assemble_energy_balance
-from analysis.results.provenance import provenance_of_file
-from analysis.sources.daemon_log import SPEED
-from analysis.sources.recording import FlightRecording
-from analysis.sources.structure import check_lacking
-from flight.aircraft import Aircraft, Propulsion, Uncertainty, load_aircraft, parse_aircraft
-from flight.errors import InputError
-from flight.log_reader import Log
-from flight.propeller import Propeller
-from flight.propeller_files import load_propeller
-from flight.propeller_search import with_table_error
+from flightpower.analysis.air.contents import propeller_of
+from flightpower.analysis.flight import Progress
+from flightpower.analysis.methods.thrust_prior import stand_measurements
+from flightpower.analysis.methods.whole_flight.curve import ElectricalEstimate, estimate, flown_aircraft
+from flightpower.analysis.methods.whole_flight.drag import ThrustSource, drag_estimate
+from flightpower.analysis.methods.whole_flight.flight_table import FlightTable, flight_table
+from flightpower.analysis.methods.whole_flight.method import recording_of
+from flightpower.analysis.methods.whole_flight.simulated_truth import compared
+from flightpower.analysis.methods.whole_flight.thrust_balance import motor_constants
+from flightpower.analysis.options import Options
+from flightpower.analysis.records.flight import MethodTried, Results
+from flightpower.analysis.results.energy_balance import EnergyBalanceFindings, assemble_energy_balance
+from flightpower.analysis.results.provenance import provenance_of_file
+from flightpower.analysis.sources.daemon_log import SPEED
+from flightpower.analysis.sources.recording import FlightRecording
+from flightpower.analysis.sources.structure import check_lacking
+from flightpower.flight.aircraft import Aircraft, Propulsion, Uncertainty, load_aircraft, parse_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_reader import Log
+from flightpower.flight.propeller import Propeller
+from flightpower.flight.propeller_files import load_propeller
+from flightpower.flight.propeller_search import with_table_error
 
 
 @dataclass(frozen=True, kw_only=True)

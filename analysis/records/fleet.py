@@ -7,7 +7,7 @@ from enum import StrEnum
 
 import msgspec
 
-from analysis.records.flight import ConditionResult, Evidence, Kind, PowerPoint, Trust
+from flightpower.analysis.records.flight import ConditionResult, Evidence, Kind, PowerPoint, Trust
 
 FORMAT = "flightpower-fleet-1"
 

@@ -11,7 +11,7 @@ from typing import Self
 
 import msgspec
 
-from flight.messages import Comparison
+from flightpower.flight.messages import Comparison
 
 FORMAT = "flightpower-results-3"
 POOLING_FORMAT = "flightpower-pooling-3"

@@ -8,7 +8,7 @@ from enum import StrEnum
 
 import msgspec
 
-from analysis.records.flight import (
+from flightpower.analysis.records.flight import (
     AircraftResult,
     ComputationModel,
     ConditionResult,

@@ -7,16 +7,16 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.air.flight_data import Calibrations
-from analysis.curve import Condition, speed_at
-from analysis.estimation.noise import NORMAL_95
-from analysis.methods.dynamic import DynamicEstimate
-from analysis.methods.ladder import Estimated
-from analysis.methods.method import MethodEstimate, SteadyPoint
-from analysis.methods.whole_flight.curve import ElectricalEstimate
-from analysis.performance.autopilot_parameters import of_power_required
-from analysis.performance.full_throttle import speed_over_motor_constant
-from analysis.records.flight import (
+from flightpower.analysis.air.flight_data import Calibrations
+from flightpower.analysis.curve import Condition, speed_at
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.methods.dynamic import DynamicEstimate
+from flightpower.analysis.methods.ladder import Estimated
+from flightpower.analysis.methods.method import MethodEstimate, SteadyPoint
+from flightpower.analysis.methods.whole_flight.curve import ElectricalEstimate
+from flightpower.analysis.performance.autopilot_parameters import of_power_required
+from flightpower.analysis.performance.full_throttle import speed_over_motor_constant
+from flightpower.analysis.records.flight import (
     AircraftResult,
     BatteryResult,
     Kind,
@@ -29,19 +29,19 @@ from analysis.records.flight import (
     Results,
     RunResult,
 )
-from analysis.results import assemble as methods
-from analysis.results import curves as power_curves
-from analysis.results import flight_found
-from analysis.results.curves import power_curve
-from analysis.results.energy_balance import electrical_curve
-from analysis.results.provenance import provenance
-from analysis.results.settings import RESULTS
-from analysis.trajectory.consistency import Consistency
-from flight.aircraft import Aircraft
-from flight.atmosphere import SEA_LEVEL_DENSITY
-from flight.log_reader import Log
-from flight.propeller import Propeller
-from flight.version import version
+from flightpower.analysis.results import assemble as methods
+from flightpower.analysis.results import curves as power_curves
+from flightpower.analysis.results import flight_found
+from flightpower.analysis.results.curves import power_curve
+from flightpower.analysis.results.energy_balance import electrical_curve
+from flightpower.analysis.results.provenance import provenance
+from flightpower.analysis.results.settings import RESULTS
+from flightpower.analysis.trajectory.consistency import Consistency
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.atmosphere import SEA_LEVEL_DENSITY
+from flightpower.flight.log_reader import Log
+from flightpower.flight.propeller import Propeller
+from flightpower.flight.version import version
 
 
 def assemble(

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from analysis.air.flown import largest_lift, thrust_known
-from analysis.curve import (
+from flightpower.analysis.air.flown import largest_lift, thrust_known
+from flightpower.analysis.curve import (
     Condition,
     Cost,
     Curve,
@@ -18,10 +18,10 @@ from analysis.curve import (
     polar_curve,
     speed_at,
 )
-from analysis.estimation.noise import NORMAL_95
-from analysis.methods.dynamic import DynamicEstimate
-from analysis.methods.interval_sources import Share, variance_by_source
-from analysis.records.flight import (
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.methods.dynamic import DynamicEstimate
+from flightpower.analysis.methods.interval_sources import Share, variance_by_source
+from flightpower.analysis.records.flight import (
     BatteryResult,
     ConditionResult,
     CurveResult,
@@ -33,10 +33,10 @@ from analysis.records.flight import (
     PowerStatistics,
     SlowestFlown,
 )
-from analysis.settings import CURVES
-from analysis.uncertain import Uncertain
-from flight.aircraft import Aircraft
-from flight.arrays import Array
+from flightpower.analysis.settings import CURVES
+from flightpower.analysis.uncertain import Uncertain
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.arrays import Array
 
 
 def condition_result(condition: Condition) -> ConditionResult:

@@ -6,16 +6,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.curve import Condition, maximum_lift_to_drag, power_points
-from analysis.estimation.noise import NORMAL_95
-from analysis.methods.whole_flight.curve import ElectricalEstimate, FlownAircraft
-from analysis.methods.whole_flight.drag import DragEstimate, DragWithheld
-from analysis.methods.whole_flight.energy_balance import QuarticPolar
-from analysis.methods.whole_flight.flight_table import FlightTable
-from analysis.methods.whole_flight.simulated_truth import SimulatedTruth
-from analysis.performance.autopilot_parameters import flight_values, typed_in
-from analysis.performance.request import density_altitude_m
-from analysis.records.flight import (
+from flightpower.analysis.curve import Condition, maximum_lift_to_drag, power_points
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.methods.whole_flight.curve import ElectricalEstimate, FlownAircraft
+from flightpower.analysis.methods.whole_flight.drag import DragEstimate, DragWithheld
+from flightpower.analysis.methods.whole_flight.energy_balance import QuarticPolar
+from flightpower.analysis.methods.whole_flight.flight_table import FlightTable
+from flightpower.analysis.methods.whole_flight.simulated_truth import SimulatedTruth
+from flightpower.analysis.performance.autopilot_parameters import flight_values, typed_in
+from flightpower.analysis.performance.request import density_altitude_m
+from flightpower.analysis.records.flight import (
     UNKNOWN_SPEED,
     AircraftResult,
     AirFound,
@@ -30,13 +30,13 @@ from analysis.records.flight import (
     Provenance,
     Results,
 )
-from analysis.results.curves import condition_result, curve_result, power_statistics
-from analysis.results.evidence import with_trust
-from analysis.results.settings import RESULTS
-from analysis.settings import CURVES
-from analysis.sources.grid_settings import FLIGHT
-from flight.atmosphere import SEA_LEVEL_DENSITY
-from flight.version import version
+from flightpower.analysis.results.curves import condition_result, curve_result, power_statistics
+from flightpower.analysis.results.evidence import with_trust
+from flightpower.analysis.results.settings import RESULTS
+from flightpower.analysis.settings import CURVES
+from flightpower.analysis.sources.grid_settings import FLIGHT
+from flightpower.flight.atmosphere import SEA_LEVEL_DENSITY
+from flightpower.flight.version import version
 
 LARGE_SCALE = 0.03
 

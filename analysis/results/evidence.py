@@ -12,17 +12,17 @@ import msgspec
 import numpy as np
 from scipy import special
 
-from analysis.curve import POLAR
-from analysis.estimation.noise import NORMAL_95
-from analysis.methods.consider import UPDRAFT
-from analysis.methods.motor_lag import PARAMETER as MOTOR_LAG_PARAMETER
-from analysis.methods.motor_speed import PARAMETER as MOTOR_SPEED_PARAMETER
-from analysis.methods.rejected_assumptions import THRUST_TITLES
-from analysis.methods.settings import MOTOR_SPEED
-from analysis.methods.thrust_prior import STAND
-from analysis.methods.whole_flight.settings import PRIOR as POWER_TRAIN
-from analysis.methods.whole_flight.settings import THRUST
-from analysis.records.flight import (
+from flightpower.analysis.curve import POLAR
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.methods.consider import UPDRAFT
+from flightpower.analysis.methods.motor_lag import PARAMETER as MOTOR_LAG_PARAMETER
+from flightpower.analysis.methods.motor_speed import PARAMETER as MOTOR_SPEED_PARAMETER
+from flightpower.analysis.methods.rejected_assumptions import THRUST_TITLES
+from flightpower.analysis.methods.settings import MOTOR_SPEED
+from flightpower.analysis.methods.thrust_prior import STAND
+from flightpower.analysis.methods.whole_flight.settings import PRIOR as POWER_TRAIN
+from flightpower.analysis.methods.whole_flight.settings import THRUST
+from flightpower.analysis.records.flight import (
     CurveStatus,
     Evidence,
     EvidenceKind,
@@ -35,10 +35,10 @@ from analysis.records.flight import (
     Trust,
     WhyNot,
 )
-from analysis.results.settings import TRUST
-from analysis.settings import CURVES, EVIDENCE, FLOWN
-from analysis.trajectory.observability import SENSOR_ERROR_KINDS
-from flight.messages import Comparison
+from flightpower.analysis.results.settings import TRUST
+from flightpower.analysis.settings import CURVES, EVIDENCE, FLOWN
+from flightpower.analysis.trajectory.observability import SENSOR_ERROR_KINDS
+from flightpower.flight.messages import Comparison
 
 _WORST_FIRST = (Trust.NOT_TO_BE_TRUSTED, Trust.DOUBTFUL, Trust.TRUSTED)
 

@@ -5,7 +5,7 @@ import io
 
 import msgspec
 
-from analysis.records.flight import Results
+from flightpower.analysis.records.flight import Results
 
 
 def to_json(results: Results) -> bytes:

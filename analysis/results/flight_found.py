@@ -5,11 +5,11 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from analysis.curve import POLAR, Condition
-from analysis.methods.dynamic import DynamicEstimate
-from analysis.methods.thrust_prior import J_REFERENCE, THRUST
-from analysis.performance.request import density_altitude_m
-from analysis.records.flight import (
+from flightpower.analysis.curve import POLAR, Condition
+from flightpower.analysis.methods.dynamic import DynamicEstimate
+from flightpower.analysis.methods.thrust_prior import J_REFERENCE, THRUST
+from flightpower.analysis.performance.request import density_altitude_m
+from flightpower.analysis.records.flight import (
     AirFound,
     Correlation,
     JointConflict,
@@ -18,11 +18,11 @@ from analysis.records.flight import (
     RunResidual,
     Track,
 )
-from analysis.results.settings import RESULTS
-from analysis.trajectory.consistency import Consistency, consistency_checks
-from analysis.trajectory.observability import PriorConflict, sensor_error_estimates
-from analysis.trajectory.reconstruction import Trajectory
-from flight.arrays import Array
+from flightpower.analysis.results.settings import RESULTS
+from flightpower.analysis.trajectory.consistency import Consistency, consistency_checks
+from flightpower.analysis.trajectory.observability import PriorConflict, sensor_error_estimates
+from flightpower.analysis.trajectory.reconstruction import Trajectory
+from flightpower.flight.arrays import Array
 
 DRAG = "drag / mass, m/s²"  # of `RunFit`
 

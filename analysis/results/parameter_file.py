@@ -11,11 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.curve import Condition, speed_at
-from analysis.performance.autopilot_parameters import INAV, PLANE, PX4, withheld_of
-from analysis.records.flight import AutopilotParameter, Interval, Results
-from flight.atmosphere import SEA_LEVEL_DENSITY
-from flight.errors import InputError
+from flightpower.analysis.curve import Condition, speed_at
+from flightpower.analysis.performance.autopilot_parameters import INAV, PLANE, PX4, withheld_of
+from flightpower.analysis.records.flight import AutopilotParameter, Interval, Results
+from flightpower.flight.atmosphere import SEA_LEVEL_DENSITY
+from flightpower.flight.errors import InputError
 
 
 class For(StrEnum):

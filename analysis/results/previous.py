@@ -4,9 +4,9 @@ import shlex
 from collections.abc import Collection
 from pathlib import Path
 
-from analysis.records.flight import Results
-from analysis.results.read import read_results
-from flight.errors import InputError
+from flightpower.analysis.records.flight import Results
+from flightpower.analysis.results.read import read_results
+from flightpower.flight.errors import InputError
 
 OUTPUT, QUIET = ("-o", "--output"), ("-q", "--quiet")  # options that change no result
 

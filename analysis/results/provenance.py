@@ -4,14 +4,14 @@ import hashlib
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-from analysis.air.contents import LogContents, Replacements
-from analysis.flight import Recorded
-from analysis.records.flight import Clock, ImplausibleReadings, Provenance, SensorHealth, SourceFile
-from flight.log_entries import STATUS_CODE
-from flight.log_reader import Log
-from flight.messages import Comparison, Event, Gps, Status, Tick
-from flight.satellite_time import satellites_minus_log_time_ns
-from flight.shipped_propellers import FOLDER, shipped_propellers
+from flightpower.analysis.air.contents import LogContents, Replacements
+from flightpower.analysis.flight import Recorded
+from flightpower.analysis.records.flight import Clock, ImplausibleReadings, Provenance, SensorHealth, SourceFile
+from flightpower.flight.log_entries import STATUS_CODE
+from flightpower.flight.log_reader import Log
+from flightpower.flight.messages import Comparison, Event, Gps, Status, Tick
+from flightpower.flight.satellite_time import satellites_minus_log_time_ns
+from flightpower.flight.shipped_propellers import FOLDER, shipped_propellers
 
 FAULTS = (Status.FAULT, Status.SATURATED, Status.NO_REPLY, Status.TIMEOUT, Status.CORRUPT, Status.WRONG_DEVICE)
 NOT_SENSORS = ("/time", "/daq/tick", "/daq/event")

@@ -10,9 +10,9 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from analysis.methods.whole_flight.parameters import DRAG, LIFT, PROPELLER, prior_error
-from analysis.performance.settings import ASKED
-from analysis.records.flight import (
+from flightpower.analysis.methods.whole_flight.parameters import DRAG, LIFT, PROPELLER, prior_error
+from flightpower.analysis.performance.settings import ASKED
+from flightpower.analysis.records.flight import (
     FORMAT,
     POOLING_FORMAT,
     POWER_FORMAT,
@@ -24,8 +24,8 @@ from analysis.records.flight import (
     Trust,
     WithCurves,
 )
-from flight.errors import InputError
-from flight.files import json_object_text
+from flightpower.flight.errors import InputError
+from flightpower.flight.files import json_object_text
 
 # Against results of versions that gave no verdict.
 NO_VERDICT = Evidence(

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.sources import recording
-from analysis.sources.ardupilot_messages import (
+from flightpower.analysis.sources import recording
+from flightpower.analysis.sources.ardupilot_messages import (
     AIRSPEED,
     BAROMETER,
     BATTERY,
@@ -22,9 +22,9 @@ from analysis.sources.ardupilot_messages import (
     Table,
     read_messages,
 )
-from analysis.sources.autopilot_settings import READABLE
-from analysis.sources.position import places
-from analysis.sources.recording import (
+from flightpower.analysis.sources.autopilot_settings import READABLE
+from flightpower.analysis.sources.position import places
+from flightpower.analysis.sources.recording import (
     Battery,
     Channel,
     Event,
@@ -39,7 +39,7 @@ from analysis.sources.recording import (
     without_hover,
     without_jumps,
 )
-from flight.arrays import Array
+from flightpower.flight.arrays import Array
 
 ENABLED_BY = {
     recording.OF_AIRSPEED: ("ARSPD_TYPE", "ARSPD_USE"),

@@ -10,13 +10,13 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.sources.dataflash import DataflashLog, Form
-from analysis.sources.matlab_log import MatlabLog
-from analysis.sources.recording import AllChannels, Channel, channel, vehicle_of, without_damage
-from analysis.sources.telemetry import RawTelemetryLog, TelemetryLog
-from analysis.sources.text_log import TextLog
-from flight.errors import InputError
-from flight.formats import Format, format_of
+from flightpower.analysis.sources.dataflash import DataflashLog, Form
+from flightpower.analysis.sources.matlab_log import MatlabLog
+from flightpower.analysis.sources.recording import AllChannels, Channel, channel, vehicle_of, without_damage
+from flightpower.analysis.sources.telemetry import RawTelemetryLog, TelemetryLog
+from flightpower.analysis.sources.text_log import TextLog
+from flightpower.flight.errors import InputError
+from flightpower.flight.formats import Format, format_of
 
 # Messages of one kind: later firmware numbers the instances within one message, earlier firmware has one for each.
 AIRSPEED, BATTERY = ("ARSP", "ASP2"), ("BAT", "BAT2", "CURR", "CUR2")

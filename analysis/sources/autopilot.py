@@ -3,25 +3,25 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, assert_never
 
-from analysis.sources.recognize import Autopilot
+from flightpower.analysis.sources.recognize import Autopilot
 
 if TYPE_CHECKING:
-    from analysis.sources.recording import AllChannels, FlightRecording
+    from flightpower.analysis.sources.recording import AllChannels, FlightRecording
 
 
 def read_autopilot_log(path: Path, autopilot: Autopilot) -> "FlightRecording":
     """The recording in a log. Raises InputError. The readers are loaded here, since they load NumPy."""
     match autopilot:
         case Autopilot.PX4:
-            from analysis.sources.px4 import read_px4
+            from flightpower.analysis.sources.px4 import read_px4
 
             return read_px4(path)
         case Autopilot.ARDUPILOT:
-            from analysis.sources.ardupilot import read_ardupilot
+            from flightpower.analysis.sources.ardupilot import read_ardupilot
 
             return read_ardupilot(path)
         case Autopilot.PAPARAZZI:
-            from analysis.sources.paparazzi import read_paparazzi
+            from flightpower.analysis.sources.paparazzi import read_paparazzi
 
             return read_paparazzi(path)
     assert_never(autopilot)
@@ -31,15 +31,15 @@ def all_channels(path: Path, autopilot: Autopilot) -> "AllChannels":
     """Every number that a log has over time. Raises InputError where it cannot be read."""
     match autopilot:
         case Autopilot.PX4:
-            from analysis.sources import px4
+            from flightpower.analysis.sources import px4
 
             return px4.all_channels(path)
         case Autopilot.ARDUPILOT:
-            from analysis.sources import ardupilot_messages
+            from flightpower.analysis.sources import ardupilot_messages
 
             return ardupilot_messages.all_channels(path)
         case Autopilot.PAPARAZZI:
-            from analysis.sources import paparazzi
+            from flightpower.analysis.sources import paparazzi
 
             return paparazzi.all_channels(path)
     assert_never(autopilot)

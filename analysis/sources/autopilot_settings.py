@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from flight.settings import Settings, setting
+from flightpower.flight.settings import Settings, setting
 
 Limits = tuple[float, float, float]
 

@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from analysis.sources.check_settings import AXES
-from analysis.sources.grid_settings import CHANNELS, REST, STATISTICS
-from flight.errors import InputError
-from flight.units import GRAVITY_MPS2
+from flightpower.analysis.sources.check_settings import AXES
+from flightpower.analysis.sources.grid_settings import CHANNELS, REST, STATISTICS
+from flightpower.flight.errors import InputError
+from flightpower.flight.units import GRAVITY_MPS2
 
 
 class _Law(NamedTuple):

@@ -17,14 +17,14 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.sources.autopilot_settings import READABLE
-from analysis.sources.quantities import KINDS, Quantity
-from analysis.sources.recording import Channel
-from analysis.sources.table_file import Columns
-from flight.arrays import Array
-from flight.errors import InputError
-from flight.files import read_text
-from flight.units import read_table, to_si
+from flightpower.analysis.sources.autopilot_settings import READABLE
+from flightpower.analysis.sources.quantities import KINDS, Quantity
+from flightpower.analysis.sources.recording import Channel
+from flightpower.analysis.sources.table_file import Columns
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
+from flightpower.flight.files import read_text
+from flightpower.flight.units import read_table, to_si
 
 BESIDE = "columns.toml"
 DRAFT = "flightpower new columns"

@@ -13,18 +13,18 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.sources.grid import on_grid
-from analysis.sources.grid_settings import CHANNELS, STATISTICS
-from analysis.sources.recording import AllChannels, Channel, Event, EventKind
-from analysis.sources.resolution import step_of
-from flight import runs
-from flight.aircraft import Aircraft
-from flight.arrays import Array
-from flight.errors import InputError
-from flight.log_entries import NO_ENTRIES, NO_INTEGER, STATUS_CODE, Entries
-from flight.log_reader import Log
-from flight.messages import Status
-from flight.runs import AIRCRAFT_SIZE
+from flightpower.analysis.sources.grid import on_grid
+from flightpower.analysis.sources.grid_settings import CHANNELS, STATISTICS
+from flightpower.analysis.sources.recording import AllChannels, Channel, Event, EventKind
+from flightpower.analysis.sources.resolution import step_of
+from flightpower.flight import runs
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_entries import NO_ENTRIES, NO_INTEGER, STATUS_CODE, Entries
+from flightpower.flight.log_reader import Log
+from flightpower.flight.messages import Status
+from flightpower.flight.runs import AIRCRAFT_SIZE
 
 CLIPPED = "at the end of its range"
 

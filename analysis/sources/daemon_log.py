@@ -1,7 +1,7 @@
 """What a log of the daemon can give, by the topics that it has."""
 
-from flight.log_reader import Log
-from flight.messages import TOPICS_FOR_DRAG
+from flightpower.flight.log_reader import Log
+from flightpower.flight.messages import TOPICS_FOR_DRAG
 
 ELECTRICAL = ("/static", "/battery")
 SPEED = ("/probe/airspeed", "/gps")  # one of them

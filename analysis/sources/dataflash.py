@@ -14,7 +14,7 @@ from typing import Any, BinaryIO, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flight.errors import InputError
+from flightpower.flight.errors import InputError
 
 START, DEFINITION = b"\xa3\x95", ord(b"\x80")
 FORMAT = struct.Struct("<BB4s16s64s")

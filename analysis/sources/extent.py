@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.sources.dataflash import DataflashLog
-from flight.errors import InputError
-from flight.formats import GZIP_MAGIC, Format, format_of, is_telemetry
+from flightpower.analysis.sources.dataflash import DataflashLog
+from flightpower.flight.errors import InputError
+from flightpower.flight.formats import GZIP_MAGIC, Format, format_of, is_telemetry
 
 TEXT_TIME = re.compile(rb"^[A-Z][A-Z0-9]+, (\d{4,})[,\s]", re.MULTILINE)
 PAPARAZZI_LINE = re.compile(rb"\d+\.\d+ \d+ [A-Z][A-Z0-9_]+( |$)")  # time, aircraft, message

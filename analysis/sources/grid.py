@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from scipy import linalg
 from scipy.linalg import lapack
 
-from analysis.sources.grid_settings import CHANNELS
-from analysis.sources.recording import Channel
-from flight.arrays import Array
+from flightpower.analysis.sources.grid_settings import CHANNELS
+from flightpower.analysis.sources.recording import Channel
+from flightpower.flight.arrays import Array
 
 
 def without_gaps(values: Array) -> Array:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from flight.settings import Settings, setting
+from flightpower.flight.settings import Settings, setting
 
 
 class Agreement(NamedTuple):

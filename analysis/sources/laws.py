@@ -14,19 +14,19 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from analysis.sources.column_map import Channels
-from analysis.sources.grid import resampled
-from analysis.sources.grid_settings import FLIGHT
-from analysis.sources.law_settings import LAWS
-from analysis.sources.position import velocity_by_position
-from analysis.sources.quantities import KINDS, Quantity
-from analysis.sources.recording import Channel
-from analysis.sources.resolution import without_steps
-from flight.arrays import Array
-from flight.atmosphere import SEA_LEVEL_DENSITY, density, height_at, temperature_at
-from flight.runs import LEVEL_RUN
-from flight.units import GRAVITY_MPS2 as g
-from flight.units import to_si
+from flightpower.analysis.sources.column_map import Channels
+from flightpower.analysis.sources.grid import resampled
+from flightpower.analysis.sources.grid_settings import FLIGHT
+from flightpower.analysis.sources.law_settings import LAWS
+from flightpower.analysis.sources.position import velocity_by_position
+from flightpower.analysis.sources.quantities import KINDS, Quantity
+from flightpower.analysis.sources.recording import Channel
+from flightpower.analysis.sources.resolution import without_steps
+from flightpower.flight.arrays import Array
+from flightpower.flight.atmosphere import SEA_LEVEL_DENSITY, density, height_at, temperature_at
+from flightpower.flight.runs import LEVEL_RUN
+from flightpower.flight.units import GRAVITY_MPS2 as g
+from flightpower.flight.units import to_si
 
 Q = Quantity
 ForceAxes = (Q.FORCE_FORWARD, Q.FORCE_RIGHT, Q.FORCE_DOWN)

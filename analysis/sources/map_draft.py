@@ -11,15 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.sources.column_map import ColumnMap, MappedColumn, mapped_channels
-from analysis.sources.laws import Finding, findings
-from analysis.sources.quantities import KINDS, Quantity
-from analysis.sources.recognize import autopilot_of
-from analysis.sources.recorders import known_columns, recorder_of
-from analysis.sources.table_file import Columns, read_table
-from flight.arrays import Array
-from flight.errors import InputError
-from flight.units import GRAVITY_MPS2 as g
+from flightpower.analysis.sources.column_map import ColumnMap, MappedColumn, mapped_channels
+from flightpower.analysis.sources.laws import Finding, findings
+from flightpower.analysis.sources.quantities import KINDS, Quantity
+from flightpower.analysis.sources.recognize import autopilot_of
+from flightpower.analysis.sources.recorders import known_columns, recorder_of
+from flightpower.analysis.sources.table_file import Columns, read_table
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
+from flightpower.flight.units import GRAVITY_MPS2 as g
 
 Q = Quantity
 

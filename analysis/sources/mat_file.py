@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from flight.log_chunk import allowed_bytes
+from flightpower.flight.log_chunk import allowed_bytes
 
 HEADER = struct.Struct("<124xH2s")  # version, and the order of bytes
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.sources.mat_file import read_mat
+from flightpower.analysis.sources.mat_file import read_mat
 
 CLOCKS = ("TimeUS", "TimeMS", "T")  # of messages: one of them tells a log from another structure
 LABEL = "_label"

@@ -3,15 +3,15 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from analysis.sources.autopilot import read_autopilot_log
-from analysis.sources.readers import installed_readers, read_by, reader_of
-from analysis.sources.recognize import autopilot_of
-from flight.errors import InputError
-from flight.formats import SUFFIXES, Format, format_of
-from flight.log_reader import Log, read_log
+from flightpower.analysis.sources.autopilot import read_autopilot_log
+from flightpower.analysis.sources.readers import installed_readers, read_by, reader_of
+from flightpower.analysis.sources.recognize import autopilot_of
+from flightpower.flight.errors import InputError
+from flightpower.flight.formats import SUFFIXES, Format, format_of
+from flightpower.flight.log_reader import Log, read_log
 
 if TYPE_CHECKING:
-    from analysis.sources.recording import FlightRecording
+    from flightpower.analysis.sources.recording import FlightRecording
 
 TABLES = (".csv", ".parquet", ".mat")  # suffixes of tables; their first bytes tell what they are
 
@@ -34,7 +34,7 @@ def open_source(path: Path, columns: Path | None = None) -> "Log | FlightRecordi
     if format_of(path) is not Format.DAEMON and (other := reader_of(path)) is not None:
         return read_by(other, path)
     if is_table(path):
-        from analysis.sources.table import log_of_table  # loads pandas
+        from flightpower.analysis.sources.table import log_of_table  # loads pandas
 
         return log_of_table(path, columns)
     if columns is not None:
@@ -49,7 +49,7 @@ def has_log_suffix(name: str) -> bool:
 
 def is_table(path: Path) -> bool:
     """Whether a file is a table of columns. Raises InputError when it cannot be read."""
-    from analysis.sources.table_file import table_kind
+    from flightpower.analysis.sources.table_file import table_kind
 
     return path.is_file() and table_kind(path) is not None
 

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.sources import recording
-from analysis.sources.recording import (
+from flightpower.analysis.sources import recording
+from flightpower.analysis.sources.recording import (
     AllChannels,
     Channel,
     FlightRecording,
@@ -24,10 +24,10 @@ from analysis.sources.recording import (
     modes,
     without_jumps,
 )
-from flight.arrays import Array
-from flight.atmosphere import pressure_at
-from flight.errors import InputError
-from flight.formats import GZIP_MAGIC
+from flightpower.flight.arrays import Array
+from flightpower.flight.atmosphere import pressure_at
+from flightpower.flight.errors import InputError
+from flightpower.flight.formats import GZIP_MAGIC
 
 Table = Mapping[str, Array]
 

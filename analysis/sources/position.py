@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from analysis.sources.grid_settings import RECEIVER
-from analysis.sources.recording import PLACE, Channel, channel
-from flight.arrays import Array
-from flight.units import EARTH_RADIUS_M
+from flightpower.analysis.sources.grid_settings import RECEIVER
+from flightpower.analysis.sources.recording import PLACE, Channel, channel
+from flightpower.flight.arrays import Array
+from flightpower.flight.units import EARTH_RADIUS_M
 
 
 def places(t_s: Array, latitude: Array, longitude: Array) -> dict[str, Channel]:

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.sources import recording
-from analysis.sources.autopilot_settings import READABLE
-from analysis.sources.position import places
-from analysis.sources.recording import (
+from flightpower.analysis.sources import recording
+from flightpower.analysis.sources.autopilot_settings import READABLE
+from flightpower.analysis.sources.position import places
+from flightpower.analysis.sources.recording import (
     AllChannels,
     Battery,
     Channel,
@@ -32,9 +32,9 @@ from analysis.sources.recording import (
     without_hover,
     without_jumps,
 )
-from analysis.sources.ulog import BlockwiseULog
-from flight.arrays import Array
-from flight.errors import InputError
+from flightpower.analysis.sources.ulog import BlockwiseULog
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
 
 TOPICS = (
     "actuator_controls_0", "actuator_controls_1", "airspeed", "airspeed_validated", "battery_status",

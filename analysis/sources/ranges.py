@@ -7,14 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.sources.check_settings import UNITS
-from analysis.sources.daemon import field_of, is_good, times_ns, values
-from analysis.sources.grid_settings import CHANNELS
-from flight.arrays import Array
-from flight.errors import InputError
-from flight.log_reader import Log
-from flight.runs import AIRCRAFT_SIZE, STANDING
-from flight.units import GRAVITY_MPS2
+from flightpower.analysis.sources.check_settings import UNITS
+from flightpower.analysis.sources.daemon import field_of, is_good, times_ns, values
+from flightpower.analysis.sources.grid_settings import CHANNELS
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_reader import Log
+from flightpower.flight.runs import AIRCRAFT_SIZE, STANDING
+from flightpower.flight.units import GRAVITY_MPS2
 
 FORCE = tuple(f"specific_force_{axis}_mps2" for axis in "xyz")
 

@@ -12,11 +12,11 @@ from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
 
-from flight.errors import InputError
-from flight.formats import first_bytes
+from flightpower.flight.errors import InputError
+from flightpower.flight.formats import first_bytes
 
 if TYPE_CHECKING:
-    from analysis.sources.recording import FlightRecording
+    from flightpower.analysis.sources.recording import FlightRecording
 
 GROUP = "flightpower.readers"
 
@@ -67,7 +67,7 @@ def reader_of(path: Path) -> Installed | None:
 
 def read_by(installed: Installed, path: Path) -> "FlightRecording":
     """The recording in a log. Raises InputError for whatever the other package raises."""
-    from analysis.sources.recording import FlightRecording  # loads NumPy
+    from flightpower.analysis.sources.recording import FlightRecording  # loads NumPy
 
     try:
         recording = installed.reader.read(path)

@@ -3,7 +3,7 @@
 from enum import StrEnum
 from pathlib import Path
 
-from flight.formats import Format, format_of
+from flightpower.flight.formats import Format, format_of
 
 
 class Autopilot(StrEnum):
@@ -27,7 +27,7 @@ def autopilot_of(path: Path) -> Autopilot | None:
     """The autopilot of a log; None where the file is no autopilot's. Raises InputError when it cannot be read."""
     found = format_of(path)
     if found is Format.MAT:
-        from analysis.sources.matlab_log import is_matlab_log  # loads NumPy
+        from flightpower.analysis.sources.matlab_log import is_matlab_log  # loads NumPy
 
         return Autopilot.ARDUPILOT if is_matlab_log(path) else None
     return WRITTEN_BY.get(found)

@@ -4,7 +4,7 @@ import re
 from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
-from analysis.sources.quantities import Quantity
+from flightpower.analysis.sources.quantities import Quantity
 
 Q = Quantity
 

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from analysis.sources.autopilot_settings import INSTANCES, READABLE
-from flight.arrays import Array
-from flight.units import SEA_LEVEL_DENSITY
+from flightpower.analysis.sources.autopilot_settings import INSTANCES, READABLE
+from flightpower.flight.arrays import Array
+from flightpower.flight.units import SEA_LEVEL_DENSITY
 
 AIRSPEED_PRESSURE = "airspeed_pressure_Pa"  # pitot less static pressure, its zero not yet corrected
 STATIC, FORCE_X, FORCE_Y, FORCE_Z = "static_Pa", "ax_mps2", "ay_mps2", "az_mps2"

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from analysis.sources.grid_settings import STATISTICS
-from analysis.sources.recording import Channel
-from flight.arrays import Array
+from flightpower.analysis.sources.grid_settings import STATISTICS
+from flightpower.analysis.sources.recording import Channel
+from flightpower.flight.arrays import Array
 
 
 def error_of_a_step(step: float) -> float:

@@ -11,12 +11,12 @@ import msgspec
 import numpy as np
 import pandas as pd
 
-from analysis.sources.daemon import COLUMNS
-from analysis.sources.grid import stretches
-from analysis.sources.grid_settings import REST
-from flight.arrays import Array
-from flight.files import JsonFormat
-from flight.runs import AIRCRAFT_SIZE, STANDING
+from flightpower.analysis.sources.daemon import COLUMNS
+from flightpower.analysis.sources.grid import stretches
+from flightpower.analysis.sources.grid_settings import REST
+from flightpower.flight.arrays import Array
+from flightpower.flight.files import JsonFormat
+from flightpower.flight.runs import AIRCRAFT_SIZE, STANDING
 
 FORCES = ("ax_mps2", "ay_mps2", "az_mps2")
 GPS_HORIZONTAL = ("gps_north_mps", "gps_east_mps")

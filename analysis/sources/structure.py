@@ -9,14 +9,14 @@ from difflib import get_close_matches
 import msgspec
 import numpy as np
 
-from analysis.sources.check_settings import STRUCTURE
-from analysis.sources.daemon import COLUMNS, TOPICS, is_good, times_ns, values
-from analysis.sources.grid_settings import STATISTICS
-from analysis.sources.ranges import check_units
-from flight.errors import InputError
-from flight.log_entries import NO_ENTRIES, STATUSES
-from flight.log_reader import FORMAT_PAGE, Log, other_encoding
-from flight.messages import AIRBORNE_MODELS, TOPICS_FOR_DRAG, TYPE_OF_TOPIC
+from flightpower.analysis.sources.check_settings import STRUCTURE
+from flightpower.analysis.sources.daemon import COLUMNS, TOPICS, is_good, times_ns, values
+from flightpower.analysis.sources.grid_settings import STATISTICS
+from flightpower.analysis.sources.ranges import check_units
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_entries import NO_ENTRIES, STATUSES
+from flightpower.flight.log_reader import FORMAT_PAGE, Log, other_encoding
+from flightpower.flight.messages import AIRBORNE_MODELS, TOPICS_FOR_DRAG, TYPE_OF_TOPIC
 
 
 def check_log(log: Log, propeller_diameter_m: float) -> None:

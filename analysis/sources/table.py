@@ -11,23 +11,23 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.sources.check_settings import STRUCTURE
-from analysis.sources.column_map import DRAFT, Channels, ColumnMap, map_files, map_of, mapped_channels
-from analysis.sources.daemon_log import gives_electrical_power
-from analysis.sources.laws import Finding, findings
-from analysis.sources.map_draft import map_without_question
-from analysis.sources.position import velocity_by_position
-from analysis.sources.quantities import Quantity
-from analysis.sources.recording import Channel, pressure_of_indicated_airspeed
-from analysis.sources.resolution import without_steps
-from analysis.sources.table_file import read_columns
-from flight.arrays import Array
-from flight.atmosphere import density, height_at, pressure_at, temperature_at
-from flight.errors import InputError
-from flight.log_entries import STATUS_CODE, Entries
-from flight.log_reader import Log
-from flight.messages import TOPICS_FOR_DRAG, TYPE_OF_TOPIC, Status
-from flight.probe_maps import ALPHA_PORT_SLOPE
+from flightpower.analysis.sources.check_settings import STRUCTURE
+from flightpower.analysis.sources.column_map import DRAFT, Channels, ColumnMap, map_files, map_of, mapped_channels
+from flightpower.analysis.sources.daemon_log import gives_electrical_power
+from flightpower.analysis.sources.laws import Finding, findings
+from flightpower.analysis.sources.map_draft import map_without_question
+from flightpower.analysis.sources.position import velocity_by_position
+from flightpower.analysis.sources.quantities import Quantity
+from flightpower.analysis.sources.recording import Channel, pressure_of_indicated_airspeed
+from flightpower.analysis.sources.resolution import without_steps
+from flightpower.analysis.sources.table_file import read_columns
+from flightpower.flight.arrays import Array
+from flightpower.flight.atmosphere import density, height_at, pressure_at, temperature_at
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_entries import STATUS_CODE, Entries
+from flightpower.flight.log_reader import Log
+from flightpower.flight.messages import TOPICS_FOR_DRAG, TYPE_OF_TOPIC, Status
+from flightpower.flight.probe_maps import ALPHA_PORT_SLOPE
 
 Q = Quantity
 IMU = {

@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from analysis.sources.autopilot_settings import READABLE
-from analysis.sources.mat_file import read_mat
-from analysis.sources.recording import without_damage
-from flight.arrays import Array
-from flight.errors import InputError
-from flight.formats import (
+from flightpower.analysis.sources.autopilot_settings import READABLE
+from flightpower.analysis.sources.mat_file import read_mat
+from flightpower.analysis.sources.recording import without_damage
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
+from flightpower.flight.formats import (
     BYTE_ORDER_MARKS,
     GZIP_MAGIC,
     Format,
@@ -41,7 +41,7 @@ def table_kind(path: Path) -> Format | None:
     found = format_of(path)
     if found is not Format.TEXT:
         return found if found in NOT_TEXT else None
-    from analysis.sources.table_text import layout_of  # loads pandas
+    from flightpower.analysis.sources.table_text import layout_of  # loads pandas
 
     start = first_bytes(path)
     start = unpacked_start(path) if start.startswith(GZIP_MAGIC) else start
@@ -82,7 +82,7 @@ def read_table(path: Path) -> Table:
 def _csv(path: Path) -> Columns:
     import pandas as pd
 
-    from analysis.sources.table_text import layout_of
+    from flightpower.analysis.sources.table_text import layout_of
 
     data = path.read_bytes()
     data = gzip.decompress(data) if data.startswith(GZIP_MAGIC) else data
@@ -113,7 +113,7 @@ def _numbers(table: Any) -> Columns:
     """Columns of numbers, those of times as seconds since the first, and latitude and longitude of cells with both."""
     import pandas as pd
 
-    from analysis.sources.table_text import positions_of, seconds_of_times
+    from flightpower.analysis.sources.table_text import positions_of, seconds_of_times
 
     found: dict[str, Any] = {}
     for name in map(str, table):

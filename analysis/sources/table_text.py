@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from flight.arrays import Array
-from flight.errors import InputError
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
 
 SEPARATORS = ("\t", ";", ",")  # a table with one of the first two may have commas in its numbers
 DECIMAL_COMMA, DECIMAL_POINT = re.compile(r"[+-]?\d+,\d+"), re.compile(r"[+-]?\d*\.\d+")

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from flight.formats import is_telemetry
-from flight.units import GRAVITY_MPS2 as g
+from flightpower.flight.formats import is_telemetry
+from flightpower.flight.units import GRAVITY_MPS2 as g
 
 USED = ("VFR_HUD", "SCALED_PRESSURE", "BATTERY_STATUS", "SYS_STATUS", "RAW_IMU", "GPS_RAW_INT", "GLOBAL_POSITION_INT",
         "RPM", "PARAM_VALUE", "HEARTBEAT", "STATUSTEXT", "HIGHRES_IMU", "EXTENDED_SYS_STATE")  # fmt: skip

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pymavlink import DFReader
 
-from analysis.sources.dataflash import Form
+from flightpower.analysis.sources.dataflash import Form
 
 TEXTS, ARRAYS = "nNZ", "a"  # codes of fields
 

@@ -7,14 +7,14 @@ the gyros integrate. No sensor error is estimated: each keeps its prior, which i
 import numpy as np
 import pandas as pd
 
-from analysis.air.magnetometer import Compass
-from analysis.trajectory.block_means import BlockMeans, moving_average
-from analysis.trajectory.equations import MEASUREMENT_INPUTS, PREDICTED_FLOW, SENSOR_ERRORS, STATES
-from analysis.trajectory.priors import WIND, SensorPriors
-from analysis.trajectory.problem import TrajectoryProblem
-from analysis.trajectory.reconstruction import Trajectory
-from analysis.trajectory.settings import PRIORS, SOLVER
-from analysis.trajectory.smoother import StatesGivenErrors
+from flightpower.analysis.air.magnetometer import Compass
+from flightpower.analysis.trajectory.block_means import BlockMeans, moving_average
+from flightpower.analysis.trajectory.equations import MEASUREMENT_INPUTS, PREDICTED_FLOW, SENSOR_ERRORS, STATES
+from flightpower.analysis.trajectory.priors import WIND, SensorPriors
+from flightpower.analysis.trajectory.problem import TrajectoryProblem
+from flightpower.analysis.trajectory.reconstruction import Trajectory
+from flightpower.analysis.trajectory.settings import PRIORS, SOLVER
+from flightpower.analysis.trajectory.smoother import StatesGivenErrors
 
 
 def path_as_measured(

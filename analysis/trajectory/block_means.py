@@ -3,10 +3,10 @@
 import numpy as np
 import pandas as pd
 
-from analysis.sources.daemon import least_height_m, speed_scale_of
-from analysis.sources.grid import stretches
-from analysis.trajectory.settings import PREDICTION
-from flight.arrays import Array, BoolArray
+from flightpower.analysis.sources.daemon import least_height_m, speed_scale_of
+from flightpower.analysis.sources.grid import stretches
+from flightpower.analysis.trajectory.settings import PREDICTION
+from flightpower.flight.arrays import Array, BoolArray
 
 BLOCK = 5  # samples
 

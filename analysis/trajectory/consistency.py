@@ -22,13 +22,13 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from analysis.records.flight import Check, ConsistencyCheck
-from analysis.sources.grid_settings import STATISTICS
-from analysis.trajectory.equations import PREDICTED_FLOW, SENSOR_ERRORS, STATES, NamedArrays
-from analysis.trajectory.reconstruction import Trajectory
-from analysis.trajectory.settings import CONSISTENCY, PREDICTION, SHOWN
-from flight.arrays import Array
-from flight.motion import earth_from_body, velocity_of
+from flightpower.analysis.records.flight import Check, ConsistencyCheck
+from flightpower.analysis.sources.grid_settings import STATISTICS
+from flightpower.analysis.trajectory.equations import PREDICTED_FLOW, SENSOR_ERRORS, STATES, NamedArrays
+from flightpower.analysis.trajectory.reconstruction import Trajectory
+from flightpower.analysis.trajectory.settings import CONSISTENCY, PREDICTION, SHOWN
+from flightpower.flight.arrays import Array
+from flightpower.flight.motion import earth_from_body, velocity_of
 
 ANGLES, SPEED = "angles_rad", "speed_mps"
 

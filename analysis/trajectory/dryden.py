@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flight.arrays import Array
-from flight.units import FOOT_M
+from flightpower.flight.arrays import Array
+from flightpower.flight.units import FOOT_M
 
 
 class GaussMarkov(NamedTuple):

@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from flight import motion
-from flight.aircraft import VIBRATION_REVPS
-from flight.arrays import Array
-from flight.units import GRAVITY_MPS2 as g
+from flightpower.flight import motion
+from flightpower.flight.aircraft import VIBRATION_REVPS
+from flightpower.flight.arrays import Array
+from flightpower.flight.units import GRAVITY_MPS2 as g
 
 GUST_FILTER_STATES = ("gust_v_filtered_twice", "gust_w_filtered_twice")  # g2 of dryden.SecondOrderGust
 STATES = ("phi", "theta", "psi", "v_north", "v_east", "v_down", "height",

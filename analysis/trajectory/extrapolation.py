@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from analysis.sources.grid import stretches
-from analysis.trajectory.settings import PREDICTION
-from flight.arrays import Array, BoolArray
+from flightpower.analysis.sources.grid import stretches
+from flightpower.analysis.trajectory.settings import PREDICTION
+from flightpower.flight.arrays import Array, BoolArray
 
 
 def extrapolated(

@@ -25,11 +25,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.sources.grid_settings import STATISTICS
-from analysis.trajectory.dryden import GaussMarkov, SecondOrderGust
-from analysis.trajectory.equations import SENSOR_ERRORS
-from analysis.trajectory.settings import GUSTS
-from flight.arrays import Array
+from flightpower.analysis.sources.grid_settings import STATISTICS
+from flightpower.analysis.trajectory.dryden import GaussMarkov, SecondOrderGust
+from flightpower.analysis.trajectory.equations import SENSOR_ERRORS
+from flightpower.analysis.trajectory.settings import GUSTS
+from flightpower.flight.arrays import Array
 
 
 class ObservedGust(NamedTuple):

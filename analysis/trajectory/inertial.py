@@ -4,13 +4,19 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.sources.grid import CubicSpline, without_gaps
-from analysis.trajectory.block_means import BLOCK, BlockMeans
-from analysis.trajectory.equations import SENSOR_ERRORS, NamedArrays, corrected_force, corrected_rates, vibration
-from analysis.trajectory.extrapolation import extrapolated
-from analysis.trajectory.settings import SENSORS
-from flight import motion
-from flight.arrays import Array
+from flightpower.analysis.sources.grid import CubicSpline, without_gaps
+from flightpower.analysis.trajectory.block_means import BLOCK, BlockMeans
+from flightpower.analysis.trajectory.equations import (
+    SENSOR_ERRORS,
+    NamedArrays,
+    corrected_force,
+    corrected_rates,
+    vibration,
+)
+from flightpower.analysis.trajectory.extrapolation import extrapolated
+from flightpower.analysis.trajectory.settings import SENSORS
+from flightpower.flight import motion
+from flightpower.flight.arrays import Array
 
 CHANNELS = ("p_radps", "q_radps", "r_radps", "ax_mps2", "ay_mps2", "az_mps2")
 _RATES, _FORCE = ("p", "q", "r"), ("ax", "ay", "az", "vibration")

@@ -5,8 +5,8 @@ from typing import Any
 
 import casadi as ca
 
-from analysis.estimation.array_function import ArrayFunction
-from analysis.trajectory.equations import (
+from flightpower.analysis.estimation.array_function import ArrayFunction
+from flightpower.analysis.trajectory.equations import (
     MEASUREMENT_INPUTS,
     MEASUREMENTS,
     PROCESS_INPUTS,
@@ -17,9 +17,9 @@ from analysis.trajectory.equations import (
     measurement_model,
     process_residuals,
 )
-from analysis.trajectory.smoother import Linearization
-from analysis.trajectory.sparse_jacobian import SparseJacobian
-from flight.arrays import Array
+from flightpower.analysis.trajectory.smoother import Linearization
+from flightpower.analysis.trajectory.sparse_jacobian import SparseJacobian
+from flightpower.flight.arrays import Array
 
 if hasattr(ca.GlobalOptions, "setNumpyMode"):  # from 3.8 on: NumPy functions on symbols as before
     ca.GlobalOptions.setNumpyMode(-1)

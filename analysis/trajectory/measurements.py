@@ -3,15 +3,15 @@
 import numpy as np
 import pandas as pd
 
-from analysis.air.magnetometer import Compass
-from analysis.sources.grid import CubicSpline, without_gaps
-from analysis.sources.grid_settings import CHANNELS, RECEIVER
-from analysis.trajectory.block_means import BLOCK, BlockMeans, block_mean, moving_average
-from analysis.trajectory.equations import MEASUREMENTS
-from analysis.trajectory.settings import PRIORS, SENSORS
-from flight import motion
-from flight.arrays import Array, BoolArray
-from flight.probe_maps import ALPHA_PORT_SLOPE
+from flightpower.analysis.air.magnetometer import Compass
+from flightpower.analysis.sources.grid import CubicSpline, without_gaps
+from flightpower.analysis.sources.grid_settings import CHANNELS, RECEIVER
+from flightpower.analysis.trajectory.block_means import BLOCK, BlockMeans, block_mean, moving_average
+from flightpower.analysis.trajectory.equations import MEASUREMENTS
+from flightpower.analysis.trajectory.settings import PRIORS, SENSORS
+from flightpower.flight import motion
+from flightpower.flight.arrays import Array, BoolArray
+from flightpower.flight.probe_maps import ALPHA_PORT_SLOPE
 
 
 class LevelField:

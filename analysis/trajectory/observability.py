@@ -20,17 +20,17 @@ from typing import NamedTuple
 import numpy as np
 from scipy import special
 
-from analysis.records.flight import SensorError
-from analysis.settings import EVIDENCE
-from analysis.sources.grid_settings import STATISTICS
-from analysis.trajectory.consistency import time_shift_notes
-from analysis.trajectory.equations import SENSOR_ERRORS
-from analysis.trajectory.priors import PRIOR_MEAN, ZEROS
-from analysis.trajectory.reconstruction import Trajectory
-from analysis.trajectory.settings import GUSTS, PRIOR_CHECK, SHOWN
-from analysis.trajectory.smoother import StatesGivenErrors
-from flight.arrays import Array
-from flight.errors import InputError
+from flightpower.analysis.records.flight import SensorError
+from flightpower.analysis.settings import EVIDENCE
+from flightpower.analysis.sources.grid_settings import STATISTICS
+from flightpower.analysis.trajectory.consistency import time_shift_notes
+from flightpower.analysis.trajectory.equations import SENSOR_ERRORS
+from flightpower.analysis.trajectory.priors import PRIOR_MEAN, ZEROS
+from flightpower.analysis.trajectory.reconstruction import Trajectory
+from flightpower.analysis.trajectory.settings import GUSTS, PRIOR_CHECK, SHOWN
+from flightpower.analysis.trajectory.smoother import StatesGivenErrors
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
 
 
 class SensorErrorKind(NamedTuple):

@@ -12,17 +12,17 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.sources.grid_settings import STATISTICS
-from analysis.sources.resolution import error_of_a_step
-from analysis.sources.rest import mean_at_rest
-from analysis.trajectory.block_means import BlockMeans, moving_average
-from analysis.trajectory.dryden import mean_wind_profile
-from analysis.trajectory.equations import SENSOR_ERRORS, STATES
-from analysis.trajectory.measurements import LevelField
-from analysis.trajectory.settings import PRIORS, PROCESS, SENSORS
-from flight.aerodynamics import lift_slope
-from flight.aircraft import Aircraft, Uncertainty
-from flight.arrays import Array
+from flightpower.analysis.sources.grid_settings import STATISTICS
+from flightpower.analysis.sources.resolution import error_of_a_step
+from flightpower.analysis.sources.rest import mean_at_rest
+from flightpower.analysis.trajectory.block_means import BlockMeans, moving_average
+from flightpower.analysis.trajectory.dryden import mean_wind_profile
+from flightpower.analysis.trajectory.equations import SENSOR_ERRORS, STATES
+from flightpower.analysis.trajectory.measurements import LevelField
+from flightpower.analysis.trajectory.settings import PRIORS, PROCESS, SENSORS
+from flightpower.flight.aerodynamics import lift_slope
+from flightpower.flight.aircraft import Aircraft, Uncertainty
+from flightpower.flight.arrays import Array
 
 BENCH_SIGMA = SENSORS.bench_sigma
 WIND = slice(STATES.index("wind_north"), STATES.index("wind_east") + 1)

@@ -4,21 +4,21 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.air.magnetometer import Compass
-from analysis.sources.grid_settings import STATISTICS
-from analysis.trajectory.block_means import BLOCK, BlockMeans
-from analysis.trajectory.equations import (
+from flightpower.analysis.air.magnetometer import Compass
+from flightpower.analysis.sources.grid_settings import STATISTICS
+from flightpower.analysis.trajectory.block_means import BLOCK, BlockMeans
+from flightpower.analysis.trajectory.equations import (
     MEASUREMENTS,
     SENSOR_ERRORS,
     STATES,
     EquationInputs,
     NamedArrays,
 )
-from analysis.trajectory.extrapolation import extrapolated
-from analysis.trajectory.gusts import ObservedGust, intensity_of
-from analysis.trajectory.inertial import InertialInputs
-from analysis.trajectory.measurements import LevelField, Measurements
-from analysis.trajectory.priors import (
+from flightpower.analysis.trajectory.extrapolation import extrapolated
+from flightpower.analysis.trajectory.gusts import ObservedGust, intensity_of
+from flightpower.analysis.trajectory.inertial import InertialInputs
+from flightpower.analysis.trajectory.measurements import LevelField, Measurements
+from flightpower.analysis.trajectory.priors import (
     SensorPriors,
     begins_at_rest,
     initial_sensor_errors,
@@ -28,12 +28,12 @@ from analysis.trajectory.priors import (
     sensor_error_prior,
     zeros_at_rest,
 )
-from analysis.trajectory.process import GustConditions, ProcessModel, airspeed_without_gusts
-from analysis.trajectory.regressors import Regressors
-from analysis.trajectory.settings import PREDICTION, PROCESS, SENSORS
-from analysis.trajectory.smoother import TrajectoryPrior
-from flight.arrays import Array
-from flight.units import GRAVITY_MPS2
+from flightpower.analysis.trajectory.process import GustConditions, ProcessModel, airspeed_without_gusts
+from flightpower.analysis.trajectory.regressors import Regressors
+from flightpower.analysis.trajectory.settings import PREDICTION, PROCESS, SENSORS
+from flightpower.analysis.trajectory.smoother import TrajectoryPrior
+from flightpower.flight.arrays import Array
+from flightpower.flight.units import GRAVITY_MPS2
 
 GPS_LATENCY = SENSOR_ERRORS.index("gps_latency")
 FLOW_ANGLES = [MEASUREMENTS.index(name) for name in ("alpha", "beta")]
@@ -58,7 +58,7 @@ class TrajectoryProblem:
     ):
         self.blocks = blocks = BlockMeans(table)
         # Here: CasADi (280 MB) then is neither loaded nor needed for a flight without a trajectory.
-        from analysis.trajectory.linearized_equations import Equations
+        from flightpower.analysis.trajectory.linearized_equations import Equations
 
         self.equations = Equations(blocks.n)
         noise = noise_at_rest(table, rest, priors.resolution)

@@ -4,12 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.trajectory import dryden
-from analysis.trajectory.block_means import BlockMeans, moving_average
-from analysis.trajectory.equations import CONING_SCULLING, PROCESS_INPUTS, STATES, NamedArrays
-from analysis.trajectory.inertial import InertialInputs
-from analysis.trajectory.settings import PROCESS
-from flight.arrays import Array
+from flightpower.analysis.trajectory import dryden
+from flightpower.analysis.trajectory.block_means import BlockMeans, moving_average
+from flightpower.analysis.trajectory.equations import CONING_SCULLING, PROCESS_INPUTS, STATES, NamedArrays
+from flightpower.analysis.trajectory.inertial import InertialInputs
+from flightpower.analysis.trajectory.settings import PROCESS
+from flightpower.flight.arrays import Array
 
 
 def airspeed_without_gusts(state: NamedArrays) -> Array:

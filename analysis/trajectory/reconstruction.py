@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from analysis.air.magnetometer import Compass
-from analysis.trajectory.block_means import BlockMeans
-from analysis.trajectory.dryden import mean_wind_profile
-from analysis.trajectory.equations import (
+from flightpower.analysis.air.magnetometer import Compass
+from flightpower.analysis.trajectory.block_means import BlockMeans
+from flightpower.analysis.trajectory.dryden import mean_wind_profile
+from flightpower.analysis.trajectory.equations import (
     MEASUREMENT_INPUTS,
     MEASUREMENTS,
     PREDICTED_FLOW,
@@ -17,7 +17,7 @@ from analysis.trajectory.equations import (
     STATES,
     EquationInputs,
 )
-from analysis.trajectory.gusts import (
+from flightpower.analysis.trajectory.gusts import (
     AxisSpectrum,
     Estimate,
     gust_spectra,
@@ -26,13 +26,13 @@ from analysis.trajectory.gusts import (
     vertex,
     with_slow_power,
 )
-from analysis.trajectory.priors import SensorPriors
-from analysis.trajectory.problem import TrajectoryProblem
-from analysis.trajectory.settings import GUSTS, SOLVER
-from analysis.trajectory.smoother import GaussNewtonStep, StatesGivenErrors, cost, gauss_newton_step
-from flight.aircraft import Uncertainty
-from flight.arrays import Array
-from flight.errors import InputError
+from flightpower.analysis.trajectory.priors import SensorPriors
+from flightpower.analysis.trajectory.problem import TrajectoryProblem
+from flightpower.analysis.trajectory.settings import GUSTS, SOLVER
+from flightpower.analysis.trajectory.smoother import GaussNewtonStep, StatesGivenErrors, cost, gauss_newton_step
+from flightpower.flight.aircraft import Uncertainty
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
 
 GUST_STATES = [STATES.index(f"gust_{axis}") for axis in "uvw"]
 GUST_GRID_MPS = SOLVER.gusts_mps

@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy import linalg
 
-from analysis.sources.grid import CubicSpline, local_quadratic, stretches, without_gaps
-from analysis.trajectory.block_means import BlockMeans
-from analysis.trajectory.equations import (
+from flightpower.analysis.sources.grid import CubicSpline, local_quadratic, stretches, without_gaps
+from flightpower.analysis.trajectory.block_means import BlockMeans
+from flightpower.analysis.trajectory.equations import (
     ALPHA_REGRESSORS,
     MEASUREMENT_INPUTS,
     SENSOR_ERRORS,
@@ -20,15 +20,15 @@ from analysis.trajectory.equations import (
     NamedArrays,
     vibration,
 )
-from analysis.trajectory.extrapolation import extrapolated
-from analysis.trajectory.measurements import LevelField
-from analysis.trajectory.process import GustConditions, airspeed_without_gusts
-from analysis.trajectory.settings import PREDICTION, PROCESS
-from flight import motion
-from flight.arrays import Array, BoolArray
-from flight.atmosphere import SEA_LEVEL_DENSITY
-from flight.probe_maps import ALPHA_PORT_SLOPE
-from flight.units import GRAVITY_MPS2
+from flightpower.analysis.trajectory.extrapolation import extrapolated
+from flightpower.analysis.trajectory.measurements import LevelField
+from flightpower.analysis.trajectory.process import GustConditions, airspeed_without_gusts
+from flightpower.analysis.trajectory.settings import PREDICTION, PROCESS
+from flightpower.flight import motion
+from flightpower.flight.arrays import Array, BoolArray
+from flightpower.flight.atmosphere import SEA_LEVEL_DENSITY
+from flightpower.flight.probe_maps import ALPHA_PORT_SLOPE
+from flightpower.flight.units import GRAVITY_MPS2
 
 LAGS = PREDICTION.lags
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flight.settings import Settings, setting
+from flightpower.flight.settings import Settings, setting
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import cholesky_banded, lapack
 
-from analysis.trajectory.sparse_jacobian import SparseJacobian
-from flight.arrays import Array
+from flightpower.analysis.trajectory.sparse_jacobian import SparseJacobian
+from flightpower.flight.arrays import Array
 
 
 class Linearization(NamedTuple):

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from flight.arrays import Array
+from flightpower.flight.arrays import Array
 
 
 @dataclass(frozen=True)

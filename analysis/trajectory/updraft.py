@@ -18,17 +18,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.estimation.noise import NORMAL_95
-from analysis.trajectory.observability import denied_prior
-from analysis.trajectory.reconstruction import Trajectory
-from analysis.trajectory.settings import UPDRAFT
-from flight.aircraft import Uncertainty
-from flight.arrays import Array
-from flight.atmosphere import GRAVITY_MPS2
-from flight.log_entries import NO_ENTRIES, LogEntry
-from flight.log_reader import Log
-from flight.messages import Gps
-from flight.satellite_time import satellites_minus_log_time_ns
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.trajectory.observability import denied_prior
+from flightpower.analysis.trajectory.reconstruction import Trajectory
+from flightpower.analysis.trajectory.settings import UPDRAFT
+from flightpower.flight.aircraft import Uncertainty
+from flightpower.flight.arrays import Array
+from flightpower.flight.atmosphere import GRAVITY_MPS2
+from flightpower.flight.log_entries import NO_ENTRIES, LogEntry
+from flightpower.flight.log_reader import Log
+from flightpower.flight.messages import Gps
+from flightpower.flight.satellite_time import satellites_minus_log_time_ns
 
 STILL_MPS = Uncertainty().updraft_mps  # before sunrise, in up to 5 m/s of wind
 

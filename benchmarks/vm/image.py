@@ -97,9 +97,9 @@ def _debian(folder: Path) -> Path:
 def _checkout(target: Path) -> None:
     """The files of the repository as they are now, without its history."""
     for name in run("git", "ls-files", "-z", cwd=ROOT).split("\0"):
-        if name and (ROOT / name).is_file():
+        if name and (ROOT / name).exists():
             (target / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy(ROOT / name, target / name)
+            shutil.copy(ROOT / name, target / name, follow_symlinks=False)
 
 
 def _wheels(folder: Path) -> None:
@@ -142,7 +142,9 @@ def _fakes(folder: Path, debian: Path) -> None:
     shutil.rmtree(target, ignore_errors=True)
     shutil.copytree(library, target)
     for package in ("flight", "hw_fakes", "sim"):
-        shutil.copytree(ROOT / package, target / package, ignore=shutil.ignore_patterns("__pycache__"))
+        ignored = shutil.ignore_patterns("__pycache__")
+        shutil.copytree(ROOT / package, target / "flightpower" / package, ignore=ignored)
+    shutil.copy(ROOT / "flightpower/__init__.py", target / "flightpower")
     for file in (ROOT / "tests/hw_fakes/analytic_sensor_truth.py", Path(__file__).parent / "parts.py"):
         shutil.copy(file, target)
     shutil.copy(GUEST / "fake_tray.py", target)

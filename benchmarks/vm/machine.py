@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from parts import parts_at_rest
 
-from hw_fakes.tray import PORTS
+from flightpower.hw_fakes.tray import PORTS
 
 SHIFT = 1  # an instruction takes 2^SHIFT ns of the machine's time, however busy the host is
 HEARTBEAT_S = 0.05  # guest/fake_tray.py

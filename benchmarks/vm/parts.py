@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 
 from analytic_sensor_truth import AnalyticSensorTruth, constant
 
-from hw_fakes.tray import FakeTray, TrayVariant
+from flightpower.hw_fakes.tray import FakeTray, TrayVariant
 
 SEED = 1003
 

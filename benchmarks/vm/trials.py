@@ -14,8 +14,8 @@ from card import logs_on, mounted, trouble
 from image import UPGRADE
 from machine import Machine
 
-from flight.log_reader import read_log
-from flight.messages import Status
+from flightpower.flight.log_reader import read_log
+from flightpower.flight.messages import Status
 
 LARGEST_LOSS_S = 1.0
 LARGEST_EXPOSURE = 0.7

@@ -8,7 +8,7 @@ raised to `daq.sensor_supervisor`, which makes a new driver and starts the part 
 from collections.abc import Iterator
 from typing import NamedTuple, Protocol
 
-from flight.messages import Message, Status
+from flightpower.flight.messages import Message, Status
 
 
 class Sample(NamedTuple):

@@ -6,9 +6,9 @@ every n-th tick.
 
 from collections.abc import Iterator, Sequence
 
-from daq.bus import I2CBus
-from daq.sensors import Sample, SensorFailure, brown_out
-from flight.messages import Analog, Status
+from flightpower.daq.bus import I2CBus
+from flightpower.daq.sensors import Sample, SensorFailure, brown_out
+from flightpower.flight.messages import Analog, Status
 
 CONVERSION, CONFIG = 0x00, 0x01  # [8.1]
 START, SINGLE_SHOT, COMPARATOR_OFF = 0x8000, 0x0100, 0x0003  # [8.1.3]

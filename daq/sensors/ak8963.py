@@ -6,10 +6,10 @@ It has an I2C address of its own, accessible after the MPU-9250 has opened its b
 import struct
 from collections.abc import Iterator
 
-from daq.bus import I2CBus
-from daq.sensors import Sample, SensorFailure, brown_out, wrong_device
-from daq.sensors.axes import BODY_AXES, Axes, to_body_axes
-from flight.messages import OK, Magnetometer, Status
+from flightpower.daq.bus import I2CBus
+from flightpower.daq.sensors import Sample, SensorFailure, brown_out, wrong_device
+from flightpower.daq.sensors.axes import BODY_AXES, Axes, to_body_axes
+from flightpower.flight.messages import OK, Magnetometer, Status
 
 WIA, ST1, CNTL1, CNTL2, ASAX = 0x00, 0x02, 0x0A, 0x0B, 0x10  # [8.2]
 IDENTITY = 0x48

@@ -8,13 +8,21 @@ and component, no others. It is then asked for the required messages (SET_MESSAG
 import math
 from collections.abc import Iterator
 
-from daq import mavlink_frames
-from daq.bus import BytePort
-from daq.mavlink_frames import BatteryStatus, Content, Heartbeat, MavlinkParser, MotorRpm, RcChannels, ServoOutput
-from daq.sensors import Sample
-from daq.sensors.esc_counter import FASTEST_REVPS
-from flight.aircraft import Aircraft
-from flight.messages import Attitude, Battery, Controls, Message, Rpm, Status
+from flightpower.daq import mavlink_frames
+from flightpower.daq.bus import BytePort
+from flightpower.daq.mavlink_frames import (
+    BatteryStatus,
+    Content,
+    Heartbeat,
+    MavlinkParser,
+    MotorRpm,
+    RcChannels,
+    ServoOutput,
+)
+from flightpower.daq.sensors import Sample
+from flightpower.daq.sensors.esc_counter import FASTEST_REVPS
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.messages import Attitude, Battery, Controls, Message, Rpm, Status
 
 SILENCE_NS = 500_000_000
 BATTERY_SILENCE_NS = 3_000_000_000  # sent a few times a second at most

@@ -13,10 +13,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from daq.bus import I2CBus
-from daq.sensors import Sample
-from daq.sensors.slow_value import SlowValue
-from flight.messages import OK, DifferentialPressure, Status
+from flightpower.daq.bus import I2CBus
+from flightpower.daq.sensors import Sample
+from flightpower.daq.sensors.slow_value import SlowValue
+from flightpower.flight.messages import OK, DifferentialPressure, Status
 
 INCH_OF_WATER_PA = 249.08891  # conventional, water at 4 degC, as used by both manufacturers
 PSI_PA = 6894.757293

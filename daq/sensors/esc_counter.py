@@ -32,9 +32,9 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import NamedTuple
 
-from daq.bus import BytePort
-from daq.sensors import Sample
-from flight.messages import Rpm, Status
+from flightpower.daq.bus import BytePort
+from flightpower.daq.sensors import Sample
+from flightpower.flight.messages import Rpm, Status
 
 LEGACY_SILENCE_NS = 500_000_000
 PAUSE_NS = 25_000_000  # longer than any gap within a frame: USB adapters delay bytes by up to 16 ms

@@ -2,7 +2,7 @@
 
 import re
 
-from daq.sensors.bridge import INCH_OF_WATER_PA, PSI_PA, TransferFunction
+from flightpower.daq.sensors.bridge import INCH_OF_WATER_PA, PSI_PA, TransferFunction
 
 UNIT_PA = {"N": INCH_OF_WATER_PA, "P": PSI_PA, "M": 100.0, "B": 1e5, "K": 1e3, "L": 1.0}
 # Counts at the ends of the range (datasheet, table of output limits).

@@ -7,9 +7,9 @@ calibration register is not used. Register numbers and bits: section "Register M
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from daq.bus import I2CBus
-from daq.sensors import Sample, SensorFailure, brown_out, wrong_device
-from flight.messages import Battery, Status
+from flightpower.daq.bus import I2CBus
+from flightpower.daq.sensors import Sample, SensorFailure, brown_out, wrong_device
+from flightpower.flight.messages import Battery, Status
 
 TI = 0x5449  # manufacturer's number
 RESET_S = 0.001  # the datasheets give 0.3 ms at most

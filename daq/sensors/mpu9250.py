@@ -17,12 +17,12 @@ import struct
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from daq.bus import I2CBus
-from daq.sensors import Sample, SensorFailure, brown_out, wrong_device
-from daq.sensors.axes import BODY_AXES, Axes, to_body_axes
-from daq.sensors.slow_value import SlowValue
-from flight.messages import OK, Imu, Status
-from flight.units import GRAVITY_MPS2
+from flightpower.daq.bus import I2CBus
+from flightpower.daq.sensors import Sample, SensorFailure, brown_out, wrong_device
+from flightpower.daq.sensors.axes import BODY_AXES, Axes, to_body_axes
+from flightpower.daq.sensors.slow_value import SlowValue
+from flightpower.flight.messages import OK, Imu, Status
+from flightpower.flight.units import GRAVITY_MPS2
 
 SMPLRT_DIV, CONFIG, GYRO_CONFIG, ACCEL_CONFIG, ACCEL_CONFIG_2 = 0x19, 0x1A, 0x1B, 0x1C, 0x1D  # [4.4 to 4.8]
 FIFO_EN, INT_PIN_CFG, ACCEL_XOUT_H = 0x23, 0x37, 0x3B  # [4.13, 4.20, 4.23]

@@ -2,7 +2,7 @@
 
 import re
 
-from daq.sensors.bridge import FULL_COUNT, INCH_OF_WATER_PA, PSI_PA, TransferFunction
+from flightpower.daq.sensors.bridge import FULL_COUNT, INCH_OF_WATER_PA, PSI_PA, TransferFunction
 
 UNIT_PA = {"4515": INCH_OF_WATER_PA, "4525": PSI_PA}
 OUTPUT = {"A": (0.10, 0.90), "B": (0.05, 0.95)}  # of full count, at the ends of the range

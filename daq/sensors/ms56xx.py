@@ -15,9 +15,9 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from daq.bus import I2CBus
-from daq.sensors import Sample, SensorFailure, wrong_device
-from flight.messages import AbsolutePressure, Status
+from flightpower.daq.bus import I2CBus
+from flightpower.daq.sensors import Sample, SensorFailure, wrong_device
+from flightpower.flight.messages import AbsolutePressure, Status
 
 RESET, READ_ADC, START_PRESSURE, START_TEMPERATURE, READ_PROM = 0x1E, 0x00, 0x40, 0x50, 0xA0
 RESET_S = 0.004  # the PROM is reloaded in 2.8 ms

@@ -5,11 +5,11 @@ These are stick positions. They equal the servo positions only if the receiver d
 
 from collections.abc import Iterator
 
-from daq.bus import BytePort
-from daq.sensors import Sample
-from daq.sensors.autopilot import controls
-from flight.aircraft import Aircraft
-from flight.messages import Controls, Status
+from flightpower.daq.bus import BytePort
+from flightpower.daq.sensors import Sample
+from flightpower.daq.sensors.autopilot import controls
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.messages import Controls, Status
 
 PLAUSIBLE_US = range(700, 2301)  # range of a receiver; 0 means no signal
 

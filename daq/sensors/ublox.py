@@ -17,9 +17,9 @@ import struct
 from collections.abc import Callable, Iterator, Mapping
 from itertools import accumulate
 
-from daq.bus import BytePort
-from daq.sensors import Sample, SensorFailure
-from flight.messages import OK, Gps, Status
+from flightpower.daq.bus import BytePort
+from flightpower.daq.sensors import Sample, SensorFailure
+from flightpower.flight.messages import OK, Gps, Status
 
 SYNC = b"\xb5\x62"
 OVERHEAD = 8  # sync, class, id, length, checksum

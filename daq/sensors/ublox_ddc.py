@@ -3,7 +3,7 @@
 Prefer a serial line: the receiver stretches the I2C clock, which the Raspberry Pi's controller mishandles.
 """
 
-from daq.bus import I2CBus
+from flightpower.daq.bus import I2CBus
 
 WAITING, STREAM = 0xFD, 0xFF  # registers: number of bytes waiting, high byte first; the byte stream
 NO_BYTES = 0xFFFF  # an idle receiver may return this count

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT))
 
-from flight.settings import Settings  # noqa: E402
+from flightpower.flight.settings import Settings  # noqa: E402
 
 FOLDERS = (
     "flight", "analysis/sources", "analysis/air", "analysis/trajectory", "analysis/maneuvers", "analysis/methods",
@@ -90,7 +90,7 @@ def settings_by_folder() -> Counter[str]:
 
 def _records_of(path: str) -> Iterator[Record]:
     """Each record of a module; one without an instance there as its class."""
-    module = importlib.import_module(path.removesuffix(".py").replace("/", "."))
+    module = importlib.import_module("flightpower." + path.removesuffix(".py").replace("/", "."))
     instances = {name: one for name, one in vars(module).items() if isinstance(one, Settings)}
     for cls in vars(module).values():
         if isinstance(cls, type) and issubclass(cls, Settings) and cls.__module__ == module.__name__:

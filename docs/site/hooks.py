@@ -12,7 +12,7 @@ import troubles
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
-from flight.aircraft_keys import to_markdown
+from flightpower.flight.aircraft_keys import to_markdown
 
 ROOT = Path(__file__).parents[2]
 ADDED = (
@@ -21,12 +21,12 @@ ADDED = (
 )  # fmt: skip
 REFERENCE = {
     "From Python": "flightpower.interface",
-    "The results": "analysis.records.flight",
-    "Trust": "analysis.results.evidence",
-    "Reading a log": "flight.log_reader",
-    "Messages of a log": "flight.messages",
-    "Aircraft file": "flight.aircraft",
-    "Errors": "flight.errors",
+    "The results": "flightpower.analysis.records.flight",
+    "Trust": "flightpower.analysis.results.evidence",
+    "Reading a log": "flightpower.flight.log_reader",
+    "Messages of a log": "flightpower.flight.messages",
+    "Aircraft file": "flightpower.flight.aircraft",
+    "Errors": "flightpower.flight.errors",
 }
 KEYS = f"""\
 # Keys of the aircraft file

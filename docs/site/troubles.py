@@ -13,18 +13,18 @@ from typing import NamedTuple
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT))
 
-from analysis.maneuvers.kinds import Unsuitable  # noqa: E402
-from analysis.missions.flown import INSTEAD  # noqa: E402
-from analysis.missions.items import Command  # noqa: E402
-from analysis.performance.autopilot_parameters import WITHOUT  # noqa: E402
-from analysis.records.flight import EvidenceKind, WhyNot  # noqa: E402
-from analysis.results.evidence import CULPRIT  # noqa: E402
-from analysis.sources.laws import Mistake  # noqa: E402
-from analysis.trajectory.observability import SENSOR_ERROR_KINDS, Lacking  # noqa: E402
-from daq.tray_check import ADVICE, GOOD_STATUSES  # noqa: E402
-from flight.command_line import ExitCode  # noqa: E402
-from flight.messages import Status  # noqa: E402
-from flight.runs import RunRejected  # noqa: E402
+from flightpower.analysis.maneuvers.kinds import Unsuitable  # noqa: E402
+from flightpower.analysis.missions.flown import INSTEAD  # noqa: E402
+from flightpower.analysis.missions.items import Command  # noqa: E402
+from flightpower.analysis.performance.autopilot_parameters import WITHOUT  # noqa: E402
+from flightpower.analysis.records.flight import EvidenceKind, WhyNot  # noqa: E402
+from flightpower.analysis.results.evidence import CULPRIT  # noqa: E402
+from flightpower.analysis.sources.laws import Mistake  # noqa: E402
+from flightpower.analysis.trajectory.observability import SENSOR_ERROR_KINDS, Lacking  # noqa: E402
+from flightpower.daq.tray_check import ADVICE, GOOD_STATUSES  # noqa: E402
+from flightpower.flight.command_line import ExitCode  # noqa: E402
+from flightpower.flight.messages import Status  # noqa: E402
+from flightpower.flight.runs import RunRejected  # noqa: E402
 
 HEAD = """\
 # Something went wrong

@@ -1,6 +1,6 @@
 """What the sensors of the tray measure on a simulated flight, in physical units, each with its own error budget."""
 
-from sim.sensors.budget import DrawnErrors, ErrorBudget, draw, load_budget
-from sim.sensors.tray import FlightSensorTruth
+from flightpower.sim.sensors.budget import DrawnErrors, ErrorBudget, draw, load_budget
+from flightpower.sim.sensors.tray import FlightSensorTruth
 
 __all__ = ["DrawnErrors", "ErrorBudget", "FlightSensorTruth", "draw", "load_budget"]

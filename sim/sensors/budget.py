@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from flight.arrays import Array
-from flight.errors import InputError
-from flight.files import read_text
-from flight.units import read_table
-from sim.defects import NO_DEFECTS, Defects
-from sim.drag_shape import DragShape
-from sim.plant import Deviations
-from sim.sensors.noise import rng_of
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
+from flightpower.flight.files import read_text
+from flightpower.flight.units import read_table
+from flightpower.sim.defects import NO_DEFECTS, Defects
+from flightpower.sim.drag_shape import DragShape
+from flightpower.sim.plant import Deviations
+from flightpower.sim.sensors.noise import rng_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -223,7 +223,7 @@ def _rotation(vector: Array) -> Array:
 
 
 def shipped_budgets() -> list[str]:
-    folder = resources.files("sim") / "data" / "errors"
+    folder = resources.files("flightpower.sim") / "data" / "errors"
     return sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml"))
 
 
@@ -232,7 +232,7 @@ def load_budget(name_or_path: str | Path) -> ErrorBudget:
 
     Raises InputError, which names file and key, when it is missing, malformed or has a wrong unit.
     """
-    shipped = resources.files("sim") / "data" / "errors" / f"{name_or_path}.toml"
+    shipped = resources.files("flightpower.sim") / "data" / "errors" / f"{name_or_path}.toml"
     path = Path(name_or_path)
     if path.suffix == "" and shipped.is_file():
         text = shipped.read_text("utf-8")

@@ -6,7 +6,7 @@ from zlib import crc32
 import numpy as np
 from scipy.signal import lfilter
 
-from flight.arrays import Array
+from flightpower.flight.arrays import Array
 
 # White noise is constant over each cell of this grid: samples at up to 200 Hz are independent.
 GRID_HZ = 200

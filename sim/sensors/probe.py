@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flight.aircraft import Position
-from flight.arrays import Array
-from flight.motion import Airflow
-from flight.number import Number, Vector
+from flightpower.flight.aircraft import Position
+from flightpower.flight.arrays import Array
+from flightpower.flight.motion import Airflow
+from flightpower.flight.number import Number, Vector
 
 PORT_ANGLE_RAD = np.pi / 4
 # A ring of static holes in cross-flow at angle s from the axis reads about -0.2 sin^2 s of the dynamic pressure for

@@ -6,19 +6,19 @@ import numpy as np
 import pandas as pd
 from scipy.interpolate import CubicSpline
 
-from flight.aircraft import ControlSurface, PneumaticLine
-from flight.arrays import Array
-from flight.atmosphere import GRAVITY_MPS2
-from flight.complete_aircraft import CompleteAircraft
-from flight.motion import body_from_earth, specific_force_at, velocity_of
-from flight.units import EARTH_RADIUS_M
-from sim.bench import BurstsSegment, ColumnSegment
-from sim.fly import Flight
-from sim.sensor_truth import GpsSolution
-from sim.sensors.budget import DIFFERENTIAL, DrawnErrors
-from sim.sensors.noise import GRID_HZ, gauss_markov, rng_of, white
-from sim.sensors.probe import flow_at_probe, port_pressures
-from sim.sensors.tubing import StepResponse, first_order_lag, step_response, time_constant_s
+from flightpower.flight.aircraft import ControlSurface, PneumaticLine
+from flightpower.flight.arrays import Array
+from flightpower.flight.atmosphere import GRAVITY_MPS2
+from flightpower.flight.complete_aircraft import CompleteAircraft
+from flightpower.flight.motion import body_from_earth, specific_force_at, velocity_of
+from flightpower.flight.units import EARTH_RADIUS_M
+from flightpower.sim.bench import BurstsSegment, ColumnSegment
+from flightpower.sim.fly import Flight
+from flightpower.sim.sensor_truth import GpsSolution
+from flightpower.sim.sensors.budget import DIFFERENTIAL, DrawnErrors
+from flightpower.sim.sensors.noise import GRID_HZ, gauss_markov, rng_of, white
+from flightpower.sim.sensors.probe import flow_at_probe, port_pressures
+from flightpower.sim.sensors.tubing import StepResponse, first_order_lag, step_response, time_constant_s
 
 # Place of the flight, and the magnetic field there (flux density [T], dip [rad]).
 HOME_LATITUDE_DEG, HOME_LONGITUDE_DEG = 35.773, -78.674

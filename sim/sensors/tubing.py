@@ -6,9 +6,9 @@ import numpy as np
 from scipy.linalg import eigh
 from scipy.signal import lfilter, lfiltic
 
-from flight.aircraft import PneumaticLine
-from flight.arrays import Array
-from flight.atmosphere import density, viscosity
+from flightpower.flight.aircraft import PneumaticLine
+from flightpower.flight.arrays import Array
+from flightpower.flight.atmosphere import density, viscosity
 
 CELLS, GRID_S = 40, 2.5e-4  # of a tube, and of time, in `step_response`
 

@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.methods.whole_flight.curve import ElectricalEstimate, estimate
-from analysis.methods.whole_flight.flight_table import flight_table
-from analysis.sources.recording import AIRSPEED_PRESSURE, FORCE_X, FORCE_Y, FORCE_Z, GPS, FlightRecording
-from flight.errors import InputError
+from flightpower.analysis.methods.whole_flight.curve import ElectricalEstimate, estimate
+from flightpower.analysis.methods.whole_flight.flight_table import flight_table
+from flightpower.analysis.sources.recording import AIRSPEED_PRESSURE, FORCE_X, FORCE_Y, FORCE_Z, GPS, FlightRecording
+from flightpower.flight.errors import InputError
 
 Sensors = frozenset[str]
 SENSORS = {"pitot": {AIRSPEED_PRESSURE}, "GPS": set(GPS), "IMU": {FORCE_X, FORCE_Y, FORCE_Z}}

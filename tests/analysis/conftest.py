@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from flight.aircraft import Aircraft, load_aircraft
-from flight.propeller import Propeller
-from flight.propeller_files import load_propeller
+from flightpower.flight.aircraft import Aircraft, load_aircraft
+from flightpower.flight.propeller import Propeller
+from flightpower.flight.propeller_files import load_propeller
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import flights

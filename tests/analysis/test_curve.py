@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.curve import (
+from flightpower.analysis.curve import (
     Condition,
     Cost,
     Curve,
@@ -17,7 +17,7 @@ from analysis.curve import (
     power_required,
     ratios,
 )
-from analysis.uncertain import Uncertain
+from flightpower.analysis.uncertain import Uncertain
 
 AT = Condition(weight_N=37.7, rho=1.19, wing_area_m2=0.4636)
 OTHER = Condition(weight_N=45.0, rho=0.95, wing_area_m2=0.55)

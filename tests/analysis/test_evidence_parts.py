@@ -7,7 +7,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from analysis.records.flight import Trust
+from flightpower.analysis.records.flight import Trust
 
 
 def studies(run: evidence.Run) -> evidence.Tables:

@@ -2,8 +2,8 @@
 
 import pytest
 
-from analysis.options import Options, parse_stretches, stretches_text
-from flight.errors import InputError
+from flightpower.analysis.options import Options, parse_stretches, stretches_text
+from flightpower.flight.errors import InputError
 
 
 @pytest.mark.parametrize(

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import msgspec
 
-from analysis.records.flight import Results, schema
+from flightpower.analysis.records.flight import Results, schema
 
 DOCS = Path(__file__).parents[2] / "docs"
 
 
 def test_the_schema_in_the_docs_is_the_code_s() -> None:
-    assert (DOCS / "results.schema.json").read_bytes() == schema(), "run: python -m analysis.records.flight"
+    assert (DOCS / "results.schema.json").read_bytes() == schema(), "run: python -m flightpower.analysis.records.flight"
 
 
 def test_every_field_is_explained() -> None:

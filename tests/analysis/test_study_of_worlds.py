@@ -8,7 +8,7 @@ from flights import known_lines
 from study import curve, single
 from worlds import Cell, cell_records, cells, key, points_by_world, verdict_records, world_records
 
-from analysis.records.flight import Trust
+from flightpower.analysis.records.flight import Trust
 
 
 def line(seed: int, error: list[float | None], half: list[float | None], alarm: bool = False) -> dict[str, object]:

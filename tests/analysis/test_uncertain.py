@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from analysis.estimation.noise import NORMAL_95
-from analysis.uncertain import Uncertain, total
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.uncertain import Uncertain, total
 
 RNG = np.random.default_rng(3)
 ROOT = RNG.normal(size=(3, 3))

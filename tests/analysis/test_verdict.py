@@ -5,7 +5,7 @@ import pytest
 from flights import tunnel_probe
 from worlds import Cell, Job, one_flight
 
-from analysis.records.flight import EvidenceKind, Trust
+from flightpower.analysis.records.flight import EvidenceKind, Trust
 
 COUNTED, RUNS = EvidenceKind.COUNTED_SPEED, EvidenceKind.RUN_AGAINST_OTHERS
 SENSOR = EvidenceKind.SENSOR_ERROR

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import NamedTuple
 from unittest.mock import patch
 
-from flight.log_reader import Log, read_log
-from flight.log_writer import LogWriter
+from flightpower.flight.log_reader import Log, read_log
+from flightpower.flight.log_writer import LogWriter
 
 BIN = Path(sys.executable).parent
 UNSHOWN = (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning)  # by an interpreter
@@ -51,7 +51,7 @@ def command(name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
     line, out, err, code = [name, *map(str, arguments)], io.StringIO(), io.StringIO(), 0
     with (
         patch.object(sys, "argv", line),
-        patch("analysis.sources.open.read_log", read_once),
+        patch("flightpower.analysis.sources.open.read_log", read_once),
         redirect_stdout(out),
         redirect_stderr(err),
         warnings.catch_warnings(record=True) as warned,

@@ -8,7 +8,7 @@ from subprocess import CompletedProcess
 import pytest
 from running import command, done, installed, rewritten
 
-from flight.aircraft import load_aircraft
+from flightpower.flight.aircraft import load_aircraft
 
 pytestmark = pytest.mark.xdist_group("chain")
 FEW = 250  # ticks of a log that is refused before its flight is looked at

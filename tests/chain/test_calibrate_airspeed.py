@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from running import command, done
 
-from sim.sensors import draw, load_budget
+from flightpower.sim.sensors import draw, load_budget
 
 pytestmark = pytest.mark.xdist_group("chain")
 

@@ -12,10 +12,10 @@ import pytest
 from mcap.reader import make_reader
 from running import command, done
 
-from analysis.flights.pool import joint_pool
-from analysis.records.flight import Results
-from flight.aircraft import load_aircraft
-from flight.messages import SECOND_TOPICS, TYPE_OF_TOPIC
+from flightpower.analysis.flights.pool import joint_pool
+from flightpower.analysis.records.flight import Results
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.messages import SECOND_TOPICS, TYPE_OF_TOPIC
 from tests.analysis.pages.named_speeds import below_slowest
 from tests.documented_commands import Walk
 
@@ -57,7 +57,7 @@ def test_the_curve_lies_within_ten_per_cent_of_the_truth(flown: Path, results: R
 
 def test_the_default_probe_of_the_simulator_is_that_of_its_tunnel(walk: Walk) -> None:
     """`sim fly` without --probe puts into the log what `calibrate probe` makes of `sim tunnel`."""
-    shipped = json.loads((resources.files("sim") / "data" / "probe.json").read_text("utf-8"))
+    shipped = json.loads((resources.files("flightpower.sim") / "data" / "probe.json").read_text("utf-8"))
     made = json.loads((walk.folder / "probe.json").read_text("utf-8"))
     assert shipped.keys() == made.keys()
     for key, value in made.items():

@@ -9,15 +9,15 @@ import pandas as pd
 import pytest
 from running import done, read_once, rewritten
 
-from analysis.air.contents import Replacements, contents
-from analysis.air.flight_data import flight_data
-from analysis.air.magnetometer import MAGNETOMETER_FILE, MagnetometerCalibration
-from analysis.records.flight import Results
-from analysis.results.flight_found import path_result
-from analysis.trajectory.consistency import consistency
-from analysis.trajectory.observability import sensor_error_estimates, trajectory_notes
-from analysis.trajectory.priors import SensorPriors
-from analysis.trajectory.reconstruction import reconstruct
+from flightpower.analysis.air.contents import Replacements, contents
+from flightpower.analysis.air.flight_data import flight_data
+from flightpower.analysis.air.magnetometer import MAGNETOMETER_FILE, MagnetometerCalibration
+from flightpower.analysis.records.flight import Results
+from flightpower.analysis.results.flight_found import path_result
+from flightpower.analysis.trajectory.consistency import consistency
+from flightpower.analysis.trajectory.observability import sensor_error_estimates, trajectory_notes
+from flightpower.analysis.trajectory.priors import SensorPriors
+from flightpower.analysis.trajectory.reconstruction import reconstruct
 
 pytestmark = pytest.mark.xdist_group("chain")
 

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flight.log_reader import Log, read_log
+from flightpower.flight.log_reader import Log, read_log
+from flightpower.hw_fakes.direct_log import BRIDGE_KELVIN, BRIDGES, FIRST_TICK, IMU, MAG_T
 from flightpower.simulate import fly
-from hw_fakes.direct_log import BRIDGE_KELVIN, BRIDGES, FIRST_TICK, IMU, MAG_T
 
 pytestmark = pytest.mark.xdist_group("chain")
 

@@ -14,11 +14,11 @@ import pandas as pd
 import pytest
 from running import rewritten
 
-from analysis.records.flight import Trust
-from flight.aircraft import load_aircraft
-from sim.plan import load_plan
-from sim.sensors import load_budget
-from sim.truth import read_truth
+from flightpower.analysis.records.flight import Trust
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.sim.plan import load_plan
+from flightpower.sim.sensors import load_budget
+from flightpower.sim.truth import read_truth
 from tests.documented_commands import (
     PAGES,
     ROOT,

@@ -15,10 +15,10 @@ from typing import Any
 import pytest
 from test_documented_commands import quick_commands
 
-from analysis.missions import search
-from analysis.pipeline import runs as pipeline
-from flight.propeller_files import load_propeller
-from sim.plan import load_plan
+from flightpower.analysis.missions import search
+from flightpower.analysis.pipeline import runs as pipeline
+from flightpower.flight.propeller_files import load_propeller
+from flightpower.sim.plan import load_plan
 from tests.documented_commands import PAGES, ROOT, TUTORIAL, Walk, do, every_command_in, run, steps_in
 
 pytestmark = pytest.mark.xdist_group("chain")
@@ -70,7 +70,7 @@ OF_A_BOOM = {
     ' --carried "50 g"': "",
 }
 ON_THE_GROUND = {"transducer-column": OF_A_COLUMN, "run-up": OF_A_RUN_UP, "boom-weights": OF_A_BOOM}
-TABLE = "python -m flight.propeller_files apce_10x5_kt0821_5000.txt > mine.csv"
+TABLE = "python -m flightpower.flight.propeller_files apce_10x5_kt0821_5000.txt > mine.csv"
 RUN_HERE = {PX4_LOG, *OF_A_FLIGHT, *OF_RESULTS, *OF_A_COLUMN, *OF_A_RUN_UP, *OF_A_BOOM, PLAN, TABLE}
 # Patterns of commands that a test runs with files of other names, shorter input or one option less; and that test.
 RUN_ELSEWHERE = {

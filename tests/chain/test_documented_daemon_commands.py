@@ -10,14 +10,14 @@ from typing import Any
 
 import pytest
 
-from daq import daemon, dry_run, tray_check
-from flight.aircraft import load_aircraft
-from flight.log_reader import read_log
-from hw_fakes.clock import SimulatedClock
-from hw_fakes.tray import FakeTray
-from sim.fly import fly
-from sim.plan import parse_plan
-from sim.sensors import FlightSensorTruth, draw, load_budget
+from flightpower.daq import daemon, dry_run, tray_check
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.log_reader import read_log
+from flightpower.hw_fakes.clock import SimulatedClock
+from flightpower.hw_fakes.tray import FakeTray
+from flightpower.sim.fly import fly
+from flightpower.sim.plan import parse_plan
+from flightpower.sim.sensors import FlightSensorTruth, draw, load_budget
 from tests.documented_commands import PAGES, ROOT, Walk, commands_in, run
 
 pytestmark = pytest.mark.xdist_group("chain")
@@ -34,10 +34,10 @@ def _standing(walk: Walk, monkeypatch: pytest.MonkeyPatch) -> None:
     clock = SimulatedClock(unix_at_start_ns=1_463_218_140 * 10**9)
     fake = FakeTray(FlightSensorTruth(flight, errors), clock)
     monkeypatch.chdir(walk.folder)
-    monkeypatch.setattr("daq.linux_bus.LinuxBuses", lambda: fake)
-    monkeypatch.setattr("daq.clock.SystemClock", lambda: clock)
-    monkeypatch.setattr("daq.__main__.prepare_process", lambda: None)
-    monkeypatch.setattr("daq.__main__.raise_priority", lambda: None)
+    monkeypatch.setattr("flightpower.daq.linux_bus.LinuxBuses", lambda: fake)
+    monkeypatch.setattr("flightpower.daq.clock.SystemClock", lambda: clock)
+    monkeypatch.setattr("flightpower.daq.__main__.prepare_process", lambda: None)
+    monkeypatch.setattr("flightpower.daq.__main__.raise_priority", lambda: None)
     monkeypatch.setattr("signal.signal", lambda *_: None)
 
     def unthreaded(function: Any) -> Any:

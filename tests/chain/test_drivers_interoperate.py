@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from daq.linux_bus import LinuxBuses
-from daq.sensors.autopilot import AutopilotDriver
-from flight.messages import Status
-from hw_fakes.pty import PtyServer
-from hw_fakes.tray import AUTOPILOT_PORT, FakeTray
+from flightpower.daq.linux_bus import LinuxBuses
+from flightpower.daq.sensors.autopilot import AutopilotDriver
+from flightpower.flight.messages import Status
+from flightpower.hw_fakes.pty import PtyServer
+from flightpower.hw_fakes.tray import AUTOPILOT_PORT, FakeTray
 
 os.environ["MAVLINK20"] = "1"  # mavutil looks for it when it is imported
 from pymavlink import mavutil

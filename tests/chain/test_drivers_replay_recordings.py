@@ -9,21 +9,21 @@ from pathlib import Path
 
 import pytest
 
-from daq.bus_recording import BusRecording
-from daq.config import parse_tray
-from daq.daemon import record
-from daq.driver_factory import driver_factory
-from daq.sensors.esc_counter import EscCounterDriver
-from daq.sensors.mpu9250 import MPU9250Driver, Ranges
-from daq.sensors.ms56xx import MS5611, MS56xxDriver
-from flight.aircraft import parse_aircraft
-from flight.errors import InputError
-from flight.log_reader import read_log
-from flight.messages import Status
-from hw_fakes.clock import SimulatedClock
-from hw_fakes.faults import Fault
-from hw_fakes.replay import RecordedTransfers, RecordingMismatch, load_recording, replay
-from hw_fakes.tray import FakeTray
+from flightpower.daq.bus_recording import BusRecording
+from flightpower.daq.config import parse_tray
+from flightpower.daq.daemon import record
+from flightpower.daq.driver_factory import driver_factory
+from flightpower.daq.sensors.esc_counter import EscCounterDriver
+from flightpower.daq.sensors.mpu9250 import MPU9250Driver, Ranges
+from flightpower.daq.sensors.ms56xx import MS5611, MS56xxDriver
+from flightpower.flight.aircraft import parse_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_reader import read_log
+from flightpower.flight.messages import Status
+from flightpower.hw_fakes.clock import SimulatedClock
+from flightpower.hw_fakes.faults import Fault
+from flightpower.hw_fakes.replay import RecordedTransfers, RecordingMismatch, load_recording, replay
+from flightpower.hw_fakes.tray import FakeTray
 
 sys.path.append(str(Path(__file__).parents[1] / "hw_fakes"))
 from analytic_sensor_truth import AnalyticSensorTruth, sine

@@ -11,18 +11,18 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from daq.sensors import SensorFailure, honeywell, ms45xxdo, ms56xx
-from daq.sensors.ak8963 import AK8963Driver
-from daq.sensors.autopilot import AutopilotDriver
-from daq.sensors.bridge import BridgeTransducerDriver
-from daq.sensors.esc_counter import EscCounterDriver
-from daq.sensors.mpu9250 import MPU9250Driver
-from daq.sensors.ublox import UBloxDriver
-from daq.sensors.ublox_ddc import DdcPort
-from flight.aircraft import load_aircraft
-from flight.messages import Status
-from hw_fakes.clock import SimulatedClock
-from hw_fakes.tray import AUTOPILOT_PORT, ESC_PORT, GPS_PORT, I2C_BUS, FakeTray, TrayVariant
+from flightpower.daq.sensors import SensorFailure, honeywell, ms45xxdo, ms56xx
+from flightpower.daq.sensors.ak8963 import AK8963Driver
+from flightpower.daq.sensors.autopilot import AutopilotDriver
+from flightpower.daq.sensors.bridge import BridgeTransducerDriver
+from flightpower.daq.sensors.esc_counter import EscCounterDriver
+from flightpower.daq.sensors.mpu9250 import MPU9250Driver
+from flightpower.daq.sensors.ublox import UBloxDriver
+from flightpower.daq.sensors.ublox_ddc import DdcPort
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.messages import Status
+from flightpower.hw_fakes.clock import SimulatedClock
+from flightpower.hw_fakes.tray import AUTOPILOT_PORT, ESC_PORT, GPS_PORT, I2C_BUS, FakeTray, TrayVariant
 
 sys.path.append(str(Path(__file__).parents[1] / "hw_fakes"))
 from analytic_sensor_truth import AnalyticSensorTruth

@@ -17,10 +17,10 @@ from nbclient import NotebookClient
 from scipy import special
 from scipy.io import loadmat
 
-from analysis.pages.exports.derived import LAYOUTS
-from analysis.pages.exports.tables import WITHOUT_UNIT
-from flight.units import UNIT_OF_SUFFIX
-from sim.sensors import draw, load_budget
+from flightpower.analysis.pages.exports.derived import LAYOUTS
+from flightpower.analysis.pages.exports.tables import WITHOUT_UNIT
+from flightpower.flight.units import UNIT_OF_SUFFIX
+from flightpower.sim.sensors import draw, load_budget
 
 pytestmark = pytest.mark.xdist_group("chain")
 

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from daq.config import parse_tray
-from daq.daemon import record
-from flight.log_reader import read_log
-from flight.messages import Status
-from hw_fakes.clock import SimulatedClock
-from hw_fakes.faults import DEVICES_OF_KIND, I2C_PARTS, Fault
-from hw_fakes.tray import FakeTray, TrayVariant
+from flightpower.daq.config import parse_tray
+from flightpower.daq.daemon import record
+from flightpower.flight.log_reader import read_log
+from flightpower.flight.messages import Status
+from flightpower.hw_fakes.clock import SimulatedClock
+from flightpower.hw_fakes.faults import DEVICES_OF_KIND, I2C_PARTS, Fault
+from flightpower.hw_fakes.tray import FakeTray, TrayVariant
 
 sys.path.append(str(Path(__file__).parents[1] / "hw_fakes"))
 from analytic_sensor_truth import AnalyticSensorTruth

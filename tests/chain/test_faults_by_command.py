@@ -3,8 +3,8 @@
 import pytest
 from running import command, done
 
-from flight.log_reader import read_log
-from flight.messages import Status
+from flightpower.flight.log_reader import read_log
+from flightpower.flight.messages import Status
 
 STAND = '[[segment]]\nkind = "stand"\nduration = "12 s"\n'
 FAULTS = """

@@ -12,16 +12,16 @@ from pathlib import Path
 
 import pytest
 
-from daq.config import load_tray
-from daq.driver_factory import driver_factory
-from flight.aircraft import load_aircraft
-from flight.errors import InputError
-from flight.log_reader import read_log
-from flight.messages import Status
-from hw_fakes.fuse_i2c import UNAVAILABLE, FuseI2C
-from hw_fakes.pty import PtyServer
-from hw_fakes.replay import load_recording, replay
-from hw_fakes.tray import I2C_BUS, PORTS, FakeTray
+from flightpower.daq.config import load_tray
+from flightpower.daq.driver_factory import driver_factory
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_reader import read_log
+from flightpower.flight.messages import Status
+from flightpower.hw_fakes.fuse_i2c import UNAVAILABLE, FuseI2C
+from flightpower.hw_fakes.pty import PtyServer
+from flightpower.hw_fakes.replay import load_recording, replay
+from flightpower.hw_fakes.tray import I2C_BUS, PORTS, FakeTray
 
 sys.path.append(str(Path(__file__).parents[1] / "hw_fakes"))
 from analytic_sensor_truth import AnalyticSensorTruth, constant

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from running import done, read_once, rewritten
 
-from analysis.flights.campaign.campaign import read_flights
-from analysis.flights.pool import joint_pool
-from analysis.performance.analysis import compute
-from analysis.performance.request import Request
-from flight.aircraft import load_aircraft
+from flightpower.analysis.flights.campaign.campaign import read_flights
+from flightpower.analysis.flights.pool import joint_pool
+from flightpower.analysis.performance.analysis import compute
+from flightpower.analysis.performance.request import Request
+from flightpower.flight.aircraft import load_aircraft
 
 pytestmark = pytest.mark.xdist_group("chain")
 

@@ -6,20 +6,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq.config import parse_tray
-from daq.daemon import record
-from daq.part_identity import identify
-from daq.sensors import SensorFailure
-from daq.sensors.ads1115 import RATES_HZ as ads1115_rates
-from daq.sensors.ads1115 import ADS1115Driver, rate_code
-from daq.sensors.ina2xx import INA226, INA228, PowerMonitorDriver, averaging, cycle_us
-from flight.log_reader import read_log
-from flight.messages import Status
-from hw_fakes import ina2xx
-from hw_fakes.ads1115 import FakeADS1115
-from hw_fakes.clock import SimulatedClock
-from hw_fakes.i2c import FakeI2CBus
-from hw_fakes.tray import FakeTray
+from flightpower.daq.config import parse_tray
+from flightpower.daq.daemon import record
+from flightpower.daq.part_identity import identify
+from flightpower.daq.sensors import SensorFailure
+from flightpower.daq.sensors.ads1115 import RATES_HZ as ads1115_rates
+from flightpower.daq.sensors.ads1115 import ADS1115Driver, rate_code
+from flightpower.daq.sensors.ina2xx import INA226, INA228, PowerMonitorDriver, averaging, cycle_us
+from flightpower.flight.log_reader import read_log
+from flightpower.flight.messages import Status
+from flightpower.hw_fakes import ina2xx
+from flightpower.hw_fakes.ads1115 import FakeADS1115
+from flightpower.hw_fakes.clock import SimulatedClock
+from flightpower.hw_fakes.i2c import FakeI2CBus
+from flightpower.hw_fakes.tray import FakeTray
 
 sys.path.append(str(Path(__file__).parents[1] / "hw_fakes"))
 from analytic_sensor_truth import AnalyticSensorTruth, constant

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim.truth import read_truth
+from flightpower.sim.truth import read_truth
 from tests.documented_commands import ROOT, do, every_one_of, run, same, steps_in
 
 pytestmark = pytest.mark.xdist_group("chain")

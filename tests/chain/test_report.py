@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from analysis.records.flight import Results
+from flightpower.analysis.records.flight import Results
 from tests.browser import AXE, CHROMIUM, NO_AXE, Browser
 
 pytestmark = pytest.mark.xdist_group("chain")

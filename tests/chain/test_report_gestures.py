@@ -9,8 +9,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from analysis.records.flight import Results
 from flightpower import Options, analyze
+from flightpower.analysis.records.flight import Results
 from tests.browser import CHROMIUM, Browser
 
 pytestmark = [

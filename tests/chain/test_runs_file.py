@@ -9,7 +9,7 @@ import msgspec
 import pytest
 from running import command, done
 
-from analysis.records.flight import Results
+from flightpower.analysis.records.flight import Results
 
 pytestmark = pytest.mark.xdist_group("chain")
 

@@ -6,14 +6,14 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from analysis.maneuvers.kinds import LEVEL_RUNS
-from analysis.records.flight import Results
-from daq.run_monitor import RunMonitor
-from daq.sensors import Sample
-from daq.tick_means import FIELDS, TickMeans
-from flight.aircraft import load_aircraft
-from flight.log_reader import read_log
-from flight.probe_maps import ProbeMaps
+from flightpower.analysis.maneuvers.kinds import LEVEL_RUNS
+from flightpower.analysis.records.flight import Results
+from flightpower.daq.run_monitor import RunMonitor
+from flightpower.daq.sensors import Sample
+from flightpower.daq.tick_means import FIELDS, TickMeans
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.log_reader import read_log
+from flightpower.flight.probe_maps import ProbeMaps
 
 pytestmark = pytest.mark.xdist_group("chain")
 

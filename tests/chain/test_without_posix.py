@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from running import Laptop, commands_without_posix
 
-from flight.log_reader import read_log
+from flightpower.flight.log_reader import read_log
 
 pytestmark = pytest.mark.xdist_group("chain")
 

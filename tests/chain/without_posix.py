@@ -28,10 +28,9 @@ OF_SIGNAL = """
     SIGALRM SIGCHLD SIGHUP SIGKILL SIGPIPE SIGQUIT SIGUSR1 SIGUSR2 SIGXCPU alarm pause pthread_kill pthread_sigmask
     setitimer sigpending sigwait
 """
-OURS = "analysis|daq|flight|flightpower|hw_fakes|sim"
 COMMANDS = {
-    "analyze": "analysis.cli.analyze",
-    "calibrate": "analysis.cli.calibrate",
+    "analyze": "flightpower.analysis.cli.analyze",
+    "calibrate": "flightpower.analysis.cli.calibrate",
     "flightpower": "flightpower.command",
     "sim": "flightpower.simulate",
 }
@@ -51,7 +50,7 @@ def block() -> None:
         for name in names.split():
             if hasattr(module, name):
                 delattr(module, name)
-    warnings.filterwarnings("error", category=EncodingWarning, module=rf"({OURS})\b")
+    warnings.filterwarnings("error", category=EncodingWarning, module=r"flightpower\b")
 
 
 def outcome(command: list[str]) -> tuple[int, str, str]:

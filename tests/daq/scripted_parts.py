@@ -79,7 +79,7 @@ def pieces(data: bytes, cuts: list[int]) -> list[bytes]:
 
 def counter_frame(sequence: int, period_us: int = 10714) -> bytes:
     """A frame of the pulse counter's framed variant."""
-    from daq.sensors.esc_counter import crc8
+    from flightpower.daq.sensors.esc_counter import crc8
 
     body = bytes([sequence % 256, 0]) + period_us.to_bytes(4, "big")
     return b"\xa5" + body + bytes([crc8(body)])

@@ -5,14 +5,14 @@ from pathlib import Path
 import pytest
 from test_daemon import SteadySensorTruth, default_tray
 
-from daq.arm_switch import ArmSwitch
-from daq.config import ArmSwitchConfig
-from daq.daemon import record
-from daq.sensors import Sample
-from flight.log_reader import read_log
-from flight.messages import Controls, Status
-from hw_fakes.clock import SimulatedClock
-from hw_fakes.tray import FakeTray
+from flightpower.daq.arm_switch import ArmSwitch
+from flightpower.daq.config import ArmSwitchConfig
+from flightpower.daq.daemon import record
+from flightpower.daq.sensors import Sample
+from flightpower.flight.log_reader import read_log
+from flightpower.flight.messages import Controls, Status
+from flightpower.hw_fakes.clock import SimulatedClock
+from flightpower.hw_fakes.tray import FakeTray
 
 
 def texts(switch, *pulses_us):
@@ -63,7 +63,7 @@ def flown(tmp_path: Path, action: str, seen_at: str = "receiver"):
     fake = FakeTray(SwitchedSensorTruth(), clock)
     arm = {"[[sensors]]": f'[arm]\nchannel = 7\naction = "{action}"\nseen_at = "{seen_at}"\n[[sensors]]'}
     text = default_tray(tmp_path, fake).text
-    from daq.config import parse_tray
+    from flightpower.daq.config import parse_tray
 
     tray = parse_tray(text.replace("[[sensors]]", arm["[[sensors]]"], 1), "tray.toml", tmp_path)
     recording = record(tray, buses=fake, clock=clock, until_ns=clock.now_ns() + 18 * 10**9)

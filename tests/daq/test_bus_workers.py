@@ -10,13 +10,13 @@ import threading
 
 import pytest
 
-from daq import sampling_loop
-from daq.clock import SystemClock
-from daq.process_setup import PROCESSORS
-from daq.sampling_loop import cycles
-from daq.sensor_supervisor import SensorSupervisor
-from daq.sensors import Sample
-from flight.messages import Imu, Rpm, Status
+from flightpower.daq import sampling_loop
+from flightpower.daq.clock import SystemClock
+from flightpower.daq.process_setup import PROCESSORS
+from flightpower.daq.sampling_loop import cycles
+from flightpower.daq.sensor_supervisor import SensorSupervisor
+from flightpower.daq.sensors import Sample
+from flightpower.flight.messages import Imu, Rpm, Status
 
 RATE_HZ = 50.0
 GIVE_UP_S = 60.0  # a read hangs for as long as this only if the loop waits for it

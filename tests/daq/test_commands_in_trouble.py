@@ -18,9 +18,9 @@ import pytest
 from scripted_parts import counter_frame
 from typer.testing import CliRunner
 
-from daq.__main__ import app
-from flight.errors import InputError
-from flight.log_reader import read_log
+from flightpower.daq.__main__ import app
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_reader import read_log
 
 GIVE_UP_S = 120.0  # on something that hangs; generous, because the machine may be busy
 needs_root = pytest.mark.skipif(os.geteuid() != 0, reason="mounting and chattr need root")
@@ -70,13 +70,16 @@ def tray_file(folder: Path, port: str, extra: str = "") -> Path:
 
 def daq(*arguments):
     return subprocess.run(
-        [sys.executable, "-m", "daq", *map(str, arguments)], capture_output=True, text=True, timeout=GIVE_UP_S
+        [sys.executable, "-m", "flightpower.daq", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=GIVE_UP_S,
     )
 
 
 @contextmanager
 def running(tray: Path, *arguments):
-    command = [sys.executable, "-m", "daq", "run", "-c", str(tray), *arguments]
+    command = [sys.executable, "-m", "flightpower.daq", "run", "-c", str(tray), *arguments]
     daemon = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     lines: list[str] = []
     assert daemon.stderr is not None
@@ -245,7 +248,7 @@ def test_a_terminal_that_is_closed_finishes_the_log(tmp_path, counter):
     log = tmp_path / "logs" / "log-0001.mcap"
     pid, terminal = pty.fork()
     if pid == 0:
-        os.execv(sys.executable, [sys.executable, "-m", "daq", "run", "-c", str(tray)])
+        os.execv(sys.executable, [sys.executable, "-m", "flightpower.daq", "run", "-c", str(tray)])
     os.set_blocking(terminal, False)
     shown = b""
 

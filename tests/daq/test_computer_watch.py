@@ -3,14 +3,14 @@
 import pytest
 from test_daemon import SteadySensorTruth, default_tray
 
-from daq import daemon
-from daq.computer_watch import ComputerWatch, read_computer
-from daq.daemon import record
-from daq.recording_status import StatusFile
-from daq.status_page import page, sources_of
-from flight.log_reader import read_log
-from hw_fakes.clock import SimulatedClock
-from hw_fakes.tray import FakeTray
+from flightpower.daq import daemon
+from flightpower.daq.computer_watch import ComputerWatch, read_computer
+from flightpower.daq.daemon import record
+from flightpower.daq.recording_status import StatusFile
+from flightpower.daq.status_page import page, sources_of
+from flightpower.flight.log_reader import read_log
+from flightpower.hw_fakes.clock import SimulatedClock
+from flightpower.hw_fakes.tray import FakeTray
 
 FIRMWARE = "devices/platform/soc/soc:firmware/get_throttled"
 

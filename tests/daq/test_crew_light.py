@@ -9,17 +9,17 @@ import pytest
 from test_daemon import SteadySensorTruth, default_tray
 from test_recording_status import status
 
-from daq import gpio
-from daq.config import LightConfig, parse_tray
-from daq.crew_light import STEP_S, CrewLight, Light, light_of
-from daq.daemon import record
-from daq.recording_status import RecordingState
-from daq.systemd_unit import unit_drop_in
-from flight.errors import InputError
-from flight.log_reader import read_log
-from hw_fakes.clock import SimulatedClock
-from hw_fakes.gpio import FakeGpioChip
-from hw_fakes.tray import FakeTray
+from flightpower.daq import gpio
+from flightpower.daq.config import LightConfig, parse_tray
+from flightpower.daq.crew_light import STEP_S, CrewLight, Light, light_of
+from flightpower.daq.daemon import record
+from flightpower.daq.recording_status import RecordingState
+from flightpower.daq.systemd_unit import unit_drop_in
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_reader import read_log
+from flightpower.hw_fakes.clock import SimulatedClock
+from flightpower.hw_fakes.gpio import FakeGpioChip
+from flightpower.hw_fakes.tray import FakeTray
 
 CHIP, LED, BUTTON = "/dev/gpiochip0", 17, 27
 GIVE_UP_S = 60.0  # generous, because the machine may be busy

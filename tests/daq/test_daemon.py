@@ -13,18 +13,18 @@ import numpy as np
 import pytest
 from scripted_parts import HandClock
 
-from daq.config import parse_tray
-from daq.daemon import NoDeviceOpened, record
-from daq.log_list import list_logs
-from daq.log_summary import summarize
-from daq.sensors import ublox as ublox_driver
-from flight.errors import InputError
-from flight.log_reader import read_log
-from flight.messages import SECOND_TOPICS, TYPE_OF_TOPIC, Status, schema_of
-from hw_fakes import ublox as ublox_fake
-from hw_fakes.clock import SimulatedClock
-from hw_fakes.tray import FakeTray
-from sim.sensor_truth import GpsSolution
+from flightpower.daq.config import parse_tray
+from flightpower.daq.daemon import NoDeviceOpened, record
+from flightpower.daq.log_list import list_logs
+from flightpower.daq.log_summary import summarize
+from flightpower.daq.sensors import ublox as ublox_driver
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_reader import read_log
+from flightpower.flight.messages import SECOND_TOPICS, TYPE_OF_TOPIC, Status, schema_of
+from flightpower.hw_fakes import ublox as ublox_fake
+from flightpower.hw_fakes.clock import SimulatedClock
+from flightpower.hw_fakes.tray import FakeTray
+from flightpower.sim.sensor_truth import GpsSolution
 
 EXAMPLE = Path(__file__).parents[2] / "daq" / "tray.example.toml"
 SECONDS = 20
@@ -275,13 +275,13 @@ def test_what_is_missing_is_named_before_anything_is_written(tmp_path):
 
 def daq(*arguments, **options):
     return subprocess.run(
-        [sys.executable, "-m", "daq", *map(str, arguments)], capture_output=True, text=True, **options
+        [sys.executable, "-m", "flightpower.daq", *map(str, arguments)], capture_output=True, text=True, **options
     )
 
 
 def test_the_daemon_stays_light():
     heavy = "numpy", "pandas", "scipy", "casadi", "plotly"
-    modules = "daq.__main__, daq.daemon, daq.linux_bus, daq.log_summary"
+    modules = "flightpower.daq.__main__, flightpower.daq.daemon, flightpower.daq.linux_bus, flightpower.daq.log_summary"
     code = f"import sys, {modules}; print([m for m in {heavy} if m in sys.modules])"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "[]"
 
@@ -319,8 +319,10 @@ def test_sigterm_finishes_the_file_and_a_pseudo_terminal_is_a_port(tmp_path):
     tray = tmp_path / "tray.toml"
     tray.write_text(f'[[sensors]]\ndriver="esc_counter"\nport="{os.ttyname(slave)}"\npole_pairs=7\nframed=true\n')
     log = tmp_path / "log.mcap"
-    daemon = subprocess.Popen([sys.executable, "-m", "daq", "run", "-c", tray, "-o", log], stderr=subprocess.PIPE)
-    from daq.sensors.esc_counter import crc8
+    daemon = subprocess.Popen(
+        [sys.executable, "-m", "flightpower.daq", "run", "-c", tray, "-o", log], stderr=subprocess.PIPE
+    )
+    from flightpower.daq.sensors.esc_counter import crc8
 
     deadline = time.monotonic() + 120  # generous, because the machine may be busy
     sequence = 0

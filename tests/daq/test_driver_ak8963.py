@@ -5,9 +5,9 @@ import struct
 import pytest
 from scripted_parts import RegisterBus, bring_up
 
-from daq.sensors import SensorFailure
-from daq.sensors.ak8963 import AK8963Driver, field_T, sensitivity
-from flight.messages import Status
+from flightpower.daq.sensors import SensorFailure
+from flightpower.daq.sensors.ak8963 import AK8963Driver, field_T, sensitivity
+from flightpower.flight.messages import Status
 
 
 def registers(fuse=(128, 128, 128)) -> RegisterBus:

@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scripted_parts import ScriptedPort, bring_up, pieces
 
-from daq.mavlink_frames import KINDS, MARKER_1, MARKER_2, BatteryStatus, MavlinkParser, command_frame
-from daq.sensors.autopilot import AutopilotDriver, battery, controls, motor_speed, servo_controls
-from flight.aircraft import load_aircraft
-from flight.messages import Attitude, Controls, Rpm, Status
+from flightpower.daq.mavlink_frames import KINDS, MARKER_1, MARKER_2, BatteryStatus, MavlinkParser, command_frame
+from flightpower.daq.sensors.autopilot import AutopilotDriver, battery, controls, motor_speed, servo_controls
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.messages import Attitude, Controls, Rpm, Status
 
 TICK_NS = 40_000_000
 NEXSTAR = load_aircraft("nexstar")

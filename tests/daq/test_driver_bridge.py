@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daq.sensors import honeywell, ms45xxdo
-from daq.sensors.bridge import INCH_OF_WATER_PA, BridgeTransducerDriver, FrameStatus, decode, pressure_Pa
-from flight.messages import DifferentialPressure, Status
+from flightpower.daq.sensors import honeywell, ms45xxdo
+from flightpower.daq.sensors.bridge import INCH_OF_WATER_PA, BridgeTransducerDriver, FrameStatus, decode, pressure_Pa
+from flightpower.flight.messages import DifferentialPressure, Status
 
 
 class BareBus:

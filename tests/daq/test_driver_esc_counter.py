@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scripted_parts import ScriptedPort, bring_up, pieces
 
-from daq.sensors.esc_counter import EscCounterDriver, FramedParser, LegacyParser, crc8, motor_speed_revps
-from flight.messages import Status
+from flightpower.daq.sensors.esc_counter import EscCounterDriver, FramedParser, LegacyParser, crc8, motor_speed_revps
+from flightpower.flight.messages import Status
 
 TICK_NS = 40_000_000
 

@@ -6,10 +6,10 @@ import struct
 import pytest
 from scripted_parts import RegisterBus, bring_up
 
-from daq.sensors import SensorFailure
-from daq.sensors.axes import parse_axes
-from daq.sensors.mpu9250 import MPU9250Driver, Ranges, mean
-from flight.messages import Imu, Status
+from flightpower.daq.sensors import SensorFailure
+from flightpower.daq.sensors.axes import parse_axes
+from flightpower.daq.sensors.mpu9250 import MPU9250Driver, Ranges, mean
+from flightpower.flight.messages import Imu, Status
 
 ADDRESS = 0x68
 ONE_G_DOWN = (0, 0, -4096, 0, 0, 0, 0)  # at rest, +-8 g, z down: the part is pushed up, along -z

@@ -5,9 +5,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scripted_parts import bring_up
 
-from daq.sensors import SensorFailure
-from daq.sensors.ms56xx import MS5607, MS5611, MS5805, MS56xxDriver, check_prom, compensate, crc4, oversampling_code
-from flight.messages import AbsolutePressure, Status
+from flightpower.daq.sensors import SensorFailure
+from flightpower.daq.sensors.ms56xx import (
+    MS5607,
+    MS5611,
+    MS5805,
+    MS56xxDriver,
+    check_prom,
+    compensate,
+    crc4,
+    oversampling_code,
+)
+from flightpower.flight.messages import AbsolutePressure, Status
 
 DATASHEET = (0, 40127, 36924, 23317, 23282, 33464, 28312, 0)  # MS5611 datasheet, figure 2
 TICK_NS = 40_000_000

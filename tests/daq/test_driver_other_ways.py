@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 from scripted_parts import ScriptedPort, bring_up
 from test_driver_ublox import PVT
 
-from daq.linux_bus import LinuxBuses
-from daq.sensors.navio2 import Navio2Driver, message
-from daq.sensors.ublox import UBloxDriver, configuration
-from daq.sensors.ublox_ddc import DdcPort
-from flight.aircraft import load_aircraft
-from flight.messages import Status
+from flightpower.daq.linux_bus import LinuxBuses
+from flightpower.daq.sensors.navio2 import Navio2Driver, message
+from flightpower.daq.sensors.ublox import UBloxDriver, configuration
+from flightpower.daq.sensors.ublox_ddc import DdcPort
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.messages import Status
 
 
 class Ddc:

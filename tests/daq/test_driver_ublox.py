@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 from pyubx2 import GET, POLL, SET, UBXMessage, UBXReader
 from scripted_parts import ScriptedPort, bring_up, pieces
 
-from daq.sensors import SensorFailure
-from daq.sensors.ublox import (
+from flightpower.daq.sensors import SensorFailure
+from flightpower.daq.sensors.ublox import (
     ACK_ACK,
     ACK_NAK,
     CFG_NAV5,
@@ -22,7 +22,7 @@ from daq.sensors.ublox import (
     solution,
     take_frames,
 )
-from flight.messages import Gps, Status
+from flightpower.flight.messages import Gps, Status
 
 TICK_NS = 40_000_000
 NOT_IN_A_SOLUTION = ("status", "utc_ns", "dynamic_model")

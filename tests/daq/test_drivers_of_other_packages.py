@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from daq.config import installed_drivers, parse_tray
-from flight.errors import InputError
+from flightpower.daq.config import installed_drivers, parse_tray
+from flightpower.flight.errors import InputError
 
 EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "driver-sdp3x"
 TRAY = '[[sensors]]\ndriver = "sdp3x"\nbus = "/dev/i2c-1"\n'
@@ -74,7 +74,7 @@ def test_the_keys_of_a_driver_are_checked_like_those_of_the_others(installed, tm
         "sdp3x = flightpower_sdp3x:NoSuchTable",
         "sdp3x = flightpower_sdp3x:Sdp3xDriver",
         "other = flightpower_sdp3x:Sdp3xTable",
-        "sdp3x = daq.config:Mpu9250Config",
+        "sdp3x = flightpower.daq.config:Mpu9250Config",
     ],
 )
 def test_a_driver_that_cannot_be_used_names_its_package(installed, tmp_path, point):

@@ -3,12 +3,12 @@
 import pytest
 from test_daemon import SteadySensorTruth, default_tray
 
-from daq.daemon import record
-from flight.log_reader import read_log
-from flight.messages import Status
-from hw_fakes.clock import SimulatedClock
-from hw_fakes.faults import DEVICES_OF_KIND, I2C_PARTS, Fault
-from hw_fakes.tray import FakeTray
+from flightpower.daq.daemon import record
+from flightpower.flight.log_reader import read_log
+from flightpower.flight.messages import Status
+from flightpower.hw_fakes.clock import SimulatedClock
+from flightpower.hw_fakes.faults import DEVICES_OF_KIND, I2C_PARTS, Fault
+from flightpower.hw_fakes.tray import FakeTray
 
 TOPICS = {
     "imu": {"/imu", "/mag"},  # the magnetometer is in the same package, behind the IMU's bypass

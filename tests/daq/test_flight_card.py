@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from test_run_monitor import means_at
 
-from analysis.cli.plan import PlanOptions, flight_plan
-from analysis.missions.card import runs_to_tick_off
-from daq.flight_card import FlightCard, PlannedRun, load_card
-from daq.run_monitor import RunMonitor
-from flight.aircraft import load_aircraft
-from flight.errors import InputError
+from flightpower.analysis.cli.plan import PlanOptions, flight_plan
+from flightpower.analysis.missions.card import runs_to_tick_off
+from flightpower.daq.flight_card import FlightCard, PlannedRun, load_card
+from flightpower.daq.run_monitor import RunMonitor
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.errors import InputError
 
 
 def card(times: int = 2) -> FlightCard:

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from daq import linux_bus
-from daq.linux_bus import LinuxBuses, LinuxI2C
-from daq.sensor_supervisor import status_of
-from flight.messages import Status
-from hw_fakes import fuse_i2c
-from hw_fakes.fuse_i2c import UNAVAILABLE, FuseI2C
+from flightpower.daq import linux_bus
+from flightpower.daq.linux_bus import LinuxBuses, LinuxI2C
+from flightpower.daq.sensor_supervisor import status_of
+from flightpower.flight.messages import Status
+from flightpower.hw_fakes import fuse_i2c
+from flightpower.hw_fakes.fuse_i2c import UNAVAILABLE, FuseI2C
 
 OPEN_FILES = Path("/proc/self/fd")
 

@@ -13,17 +13,17 @@ from types import SimpleNamespace
 
 import pytest
 
-from daq import disk_writer as disk_module
-from daq import log_files as logbook_module
-from daq.disk_space import DiskSpace, is_finished
-from daq.disk_writer import DiskWriter
-from daq.log_files import FileLimits, LogFiles
-from daq.log_names import numbered_names, part_names
-from daq.recorder import BACKLOG_BYTES, Recorder
-from daq.sensors import Sample
-from flight.errors import InputError
-from flight.log_reader import read_log
-from flight.messages import Imu
+from flightpower.daq import disk_writer as disk_module
+from flightpower.daq import log_files as logbook_module
+from flightpower.daq.disk_space import DiskSpace, is_finished
+from flightpower.daq.disk_writer import DiskWriter
+from flightpower.daq.log_files import FileLimits, LogFiles
+from flightpower.daq.log_names import numbered_names, part_names
+from flightpower.daq.recorder import BACKLOG_BYTES, Recorder
+from flightpower.daq.sensors import Sample
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_reader import read_log
+from flightpower.flight.messages import Imu
 
 TICK_NS = 40_000_000
 GIVE_UP_S = 60.0  # on something that hangs; generous, because the machine may be busy
@@ -480,7 +480,7 @@ class Card:
 
     def __init__(self, monkeypatch, directory: Path, size: int):
         self.directory, self.size = directory, size
-        monkeypatch.setattr("daq.disk_space.free_bytes", lambda _: self.free)
+        monkeypatch.setattr("flightpower.daq.disk_space.free_bytes", lambda _: self.free)
 
     @property
     def free(self) -> int:
@@ -520,7 +520,7 @@ def test_stop_means_stop_and_say_so_and_go_on_when_there_is_room(tmp_path, monke
 def test_recording_resumes_only_when_a_quarter_more_than_the_kept_space_is_free(tmp_path, monkeypatch):
     """Otherwise a card at its limit would stop and start the recording, each time with a new file."""
     free = 0
-    monkeypatch.setattr("daq.disk_space.free_bytes", lambda _: free)
+    monkeypatch.setattr("flightpower.daq.disk_space.free_bytes", lambda _: free)
     space = DiskSpace(tmp_path, 1_000_000, "stop")
     sufficient = {}
     for free in (1_000_000, 999_999, 1_000_001, 1_100_000, 1_249_999, 1_250_000, 1_000_000):

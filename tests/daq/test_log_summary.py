@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from daq.__main__ import app
-from daq.log_summary import summarize
-from flight.log_writer import LogWriter
-from flight.messages import AbsolutePressure, Status, Tick
+from flightpower.daq.__main__ import app
+from flightpower.daq.log_summary import summarize
+from flightpower.flight.log_writer import LogWriter
+from flightpower.flight.messages import AbsolutePressure, Status, Tick
 
 STEP_NS = 40_000_000  # 25 Hz
 

@@ -14,15 +14,15 @@ import pytest
 from mcap.reader import make_reader
 from test_daemon import SteadySensorTruth, default_tray
 
-from daq import recorder
-from daq.config import parse_tray
-from daq.daemon import record
-from daq.disk_writer import DiskWriter
-from flight.errors import InputError
-from flight.log_reader import read_log
-from flight.log_writer import LogWriter
-from hw_fakes.clock import SimulatedClock
-from hw_fakes.tray import FakeTray
+from flightpower.daq import recorder
+from flightpower.daq.config import parse_tray
+from flightpower.daq.daemon import record
+from flightpower.daq.disk_writer import DiskWriter
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_reader import read_log
+from flightpower.flight.log_writer import LogWriter
+from flightpower.hw_fakes.clock import SimulatedClock
+from flightpower.hw_fakes.tray import FakeTray
 
 SECOND_NS = 10**9
 GIVE_UP_S = 60.0  # on something that hangs; generous, because the machine may be busy
@@ -108,7 +108,7 @@ def test_the_analysis_reads_one_file_as_it_reads_the_flight(split, whole):
     """Channels on the grid are equal, but for the ends, where splines have less to lean on."""
     import numpy as np
 
-    from analysis.sources.daemon import synchronize
+    from flightpower.analysis.sources.daemon import synchronize
 
     _, parts = split
     _, [one] = whole
@@ -276,8 +276,8 @@ def test_when_the_card_is_full_at_power_on_it_says_so_and_waits_for_room(tmp_pat
         looked[0] += 1
         return free[0]
 
-    monkeypatch.setattr("daq.disk_space.free_bytes", free_bytes)
-    monkeypatch.setattr("daq.disk_space.CHECK_EVERY_S", 0.001)
+    monkeypatch.setattr("flightpower.daq.disk_space.free_bytes", free_bytes)
+    monkeypatch.setattr("flightpower.daq.disk_space.CHECK_EVERY_S", 0.001)
     clock = SimulatedClock(unix_at_start_ns=10**18)
     tray = parse_tray(TRANSDUCER, "tray.toml", tmp_path)
     events, lines = [], []

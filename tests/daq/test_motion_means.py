@@ -4,13 +4,13 @@ import math
 
 import pytest
 
-from daq.motion_means import Motion, MotionFromMeans
-from daq.thrust import load_thrust
-from daq.tick_means import Means
-from flight.aircraft import load_aircraft
-from flight.atmosphere import density, pressure_at, temperature_at
-from flight.probe_maps import PolynomialMap, ProbeMaps
-from flight.units import GRAVITY_MPS2
+from flightpower.daq.motion_means import Motion, MotionFromMeans
+from flightpower.daq.thrust import load_thrust
+from flightpower.daq.tick_means import Means
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.atmosphere import density, pressure_at, temperature_at
+from flightpower.flight.probe_maps import PolynomialMap, ProbeMaps
+from flightpower.flight.units import GRAVITY_MPS2
 
 NEXSTAR = load_aircraft("nexstar")
 GROUND_PA, GROUND_K, ZERO_PA = 95_000.0, 293.0, 4.0

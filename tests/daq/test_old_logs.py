@@ -17,13 +17,13 @@ from mcap.opcode import Opcode
 from test_commands_in_trouble import GIVE_UP_S, counter, running, tray_file, wait_for  # noqa: F401
 from test_daemon import fly
 
-from daq.background_recovery import BackgroundRecovery
-from daq.log_list import list_logs
-from daq.log_recovery import recover, recovery_event
-from flight.errors import InputError
-from flight.log_chunk import MAX_CHUNK_BYTES
-from flight.log_index import MAGIC, RECORD_HEAD
-from flight.log_reader import read_log
+from flightpower.daq.background_recovery import BackgroundRecovery
+from flightpower.daq.log_list import list_logs
+from flightpower.daq.log_recovery import recover, recovery_event
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_chunk import MAX_CHUNK_BYTES
+from flightpower.flight.log_index import MAGIC, RECORD_HEAD
+from flightpower.flight.log_reader import read_log
 
 MOST_RESIDENT_KiB = 150_000  # of a command that reads a hostile file; the command itself takes 50,000
 BOMB_BYTES = 2**28
@@ -238,7 +238,7 @@ def test_a_log_that_the_process_dies_of_costs_only_itself(tmp_path, monkeypatch,
         path.write_bytes(torn)
     dies = f"""if True:
         import os
-        from daq import background_recovery as b
+        from flightpower.daq import background_recovery as b
         complete = b.recovery_event
         b.recovery_event = lambda path: os.kill(os.getpid(), 9) if path.name == {paths[1].name!r} else complete(path)
         b.main()"""
@@ -255,7 +255,7 @@ def test_a_log_that_the_process_dies_of_costs_only_itself(tmp_path, monkeypatch,
 
 def test_completing_a_log_ends_at_its_time_limit(tmp_path):
     code = """if True:
-        from daq import background_recovery as b
+        from flightpower.daq import background_recovery as b
         b.CPU_S = 1
         b.limit_resources(1)
         b.allow_time_for_a_log()
@@ -274,7 +274,7 @@ def test_a_small_file_with_a_huge_chunk_is_read_up_to_it_in_bounded_memory(tmp_p
     code, output, memory_KiB = resident_KiB("daq", "info", path)
     assert code == 0 and "/imu" in output and memory_KiB < MOST_RESIDENT_KiB
     assert "a chunk decompresses to more than 16 MiB, the limit" in " ".join(output.split())
-    _, output, memory_KiB = resident_KiB("daq.background_recovery", path)
+    _, output, memory_KiB = resident_KiB("flightpower.daq.background_recovery", path)
     assert f"{path} is unfinished and cannot be completed (a chunk decompresses to more than 16 MiB" in output
     assert memory_KiB < MOST_RESIDENT_KiB and path.read_bytes() == bomb
 
@@ -282,7 +282,7 @@ def test_a_small_file_with_a_huge_chunk_is_read_up_to_it_in_bounded_memory(tmp_p
 def test_a_log_with_nothing_but_a_huge_chunk_is_refused_with_its_name_and_the_limit(tmp_path, bomb, whole):
     path = tmp_path / "bomb.mcap"
     path.write_bytes(whole[: chunk_starts(whole)[0]] + bomb[chunk_starts(bomb)[1] :])
-    for command in (["daq", "info", path], ["analysis.cli.analyze", path]):
+    for command in (["daq", "info", path], ["flightpower.analysis.cli.analyze", path]):
         code, output, memory_KiB = resident_KiB(*command)
         assert code == 2 and str(path) in output and "16 MiB, the limit" in output, output
         assert len(output.strip().splitlines()) == 1
@@ -299,7 +299,7 @@ def test_many_chunks_that_are_each_permitted_are_bounded_too(tmp_path, whole):
 
 
 def test_a_record_beyond_the_limit_leaves_the_file_as_it_is(tmp_path, torn, monkeypatch):
-    monkeypatch.setattr("daq.log_recovery.MAX_RECORD_BYTES", 1000)
+    monkeypatch.setattr("flightpower.daq.log_recovery.MAX_RECORD_BYTES", 1000)
     path = tmp_path / "log-0001.mcap"
     path.write_bytes(torn)
     assert "a record is larger than" in recovery_event(path).text and path.read_bytes() == torn
@@ -308,8 +308,8 @@ def test_a_record_beyond_the_limit_leaves_the_file_as_it_is(tmp_path, torn, monk
 
 
 def test_deeply_nested_json_is_one_message_that_cannot_be_decoded(tmp_path, whole):
-    from flight.log_writer import LogWriter
-    from flight.messages import Imu
+    from flightpower.flight.log_writer import LogWriter
+    from flightpower.flight.messages import Imu
 
     path = tmp_path / "log.mcap"
     with path.open("wb") as stream:

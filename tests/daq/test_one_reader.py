@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 from test_commands_in_trouble import GIVE_UP_S, counter, daq, running, tray_file, wait_for  # noqa: F401
 
-from daq.bus import IN_USE
-from daq.linux_bus import LinuxBuses, LinuxI2C
-from flight.log_reader import read_log
-from flight.messages import Status
-from hw_fakes.fuse_i2c import UNAVAILABLE, FuseI2C
-from hw_fakes.i2c import FakeI2CBus
+from flightpower.daq.bus import IN_USE
+from flightpower.daq.linux_bus import LinuxBuses, LinuxI2C
+from flightpower.flight.log_reader import read_log
+from flightpower.flight.messages import Status
+from flightpower.hw_fakes.fuse_i2c import UNAVAILABLE, FuseI2C
+from flightpower.hw_fakes.i2c import FakeI2CBus
 
 STOP = "sudo systemctl stop flightpower-daq"
 

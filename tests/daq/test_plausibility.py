@@ -2,10 +2,10 @@
 
 import pytest
 
-from daq.plausibility import Plausibility
-from daq.sensors import Sample
-from daq.still_air_zero import DIFFERENCE, Zero, ZeroReading
-from flight.messages import (
+from flightpower.daq.plausibility import Plausibility
+from flightpower.daq.sensors import Sample
+from flightpower.daq.still_air_zero import DIFFERENCE, Zero, ZeroReading
+from flightpower.flight.messages import (
     AbsolutePressure,
     Attitude,
     Battery,
@@ -16,7 +16,7 @@ from flight.messages import (
     Rpm,
     Status,
 )
-from flight.probe_maps import FORMAT, PolynomialMap, ProbeMaps
+from flightpower.flight.probe_maps import FORMAT, PolynomialMap, ProbeMaps
 
 SECOND_NS = 10**9
 GPS = {

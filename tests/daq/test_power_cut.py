@@ -19,14 +19,14 @@ from mcap.reader import make_reader
 from scripted_parts import counter_frame
 from test_daemon import SteadySensorTruth, default_tray, fly
 
-from daq import disk_writer as disk_module
-from daq.clock import SystemClock
-from daq.daemon import record
-from daq.log_recovery import recover
-from daq.recorder import Recorder
-from flight.errors import InputError
-from flight.log_reader import read_log
-from hw_fakes.tray import FakeTray
+from flightpower.daq import disk_writer as disk_module
+from flightpower.daq.clock import SystemClock
+from flightpower.daq.daemon import record
+from flightpower.daq.log_recovery import recover
+from flightpower.daq.recorder import Recorder
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_reader import read_log
+from flightpower.hw_fakes.tray import FakeTray
 
 SECONDS = 10
 SECOND_NS = 10**9
@@ -177,7 +177,7 @@ def killed(tmp_path_factory):
     tty.setraw(theirs)
     port = os.ttyname(theirs)
     (folder / "tray.toml").write_text(f'[[sensors]]\ndriver="esc_counter"\nport="{port}"\npole_pairs=7\nframed=true\n')
-    command = [sys.executable, "-m", "daq", "run", "-c", folder / "tray.toml"]
+    command = [sys.executable, "-m", "flightpower.daq", "run", "-c", folder / "tray.toml"]
     log = folder / "logs" / "log-0001.mcap"
     deadline, sequence, ticks = time.monotonic() + GIVE_UP_S, 0, 0
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:

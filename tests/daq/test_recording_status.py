@@ -5,19 +5,19 @@ import os
 import pytest
 from test_daemon import SteadySensorTruth, default_tray
 
-from daq.arm_switch import ArmSwitch
-from daq.config import ArmSwitchConfig, parse_tray
-from daq.daemon import record
-from daq.missed_ticks import MissedTicks
-from daq.recording_status import RecordingState, RecordingStatus, StatusFile
-from daq.sampling_loop import GridTick
-from daq.sensors import Sample
-from daq.status_page import page, sources_of
-from daq.telemetry import LOGGING_BIT, SensorBits, Snapshot, newest_lines, without_news
-from flight.log_reader import read_log
-from flight.messages import Controls
-from hw_fakes.clock import SimulatedClock
-from hw_fakes.tray import FakeTray
+from flightpower.daq.arm_switch import ArmSwitch
+from flightpower.daq.config import ArmSwitchConfig, parse_tray
+from flightpower.daq.daemon import record
+from flightpower.daq.missed_ticks import MissedTicks
+from flightpower.daq.recording_status import RecordingState, RecordingStatus, StatusFile
+from flightpower.daq.sampling_loop import GridTick
+from flightpower.daq.sensors import Sample
+from flightpower.daq.status_page import page, sources_of
+from flightpower.daq.telemetry import LOGGING_BIT, SensorBits, Snapshot, newest_lines, without_news
+from flightpower.flight.log_reader import read_log
+from flightpower.flight.messages import Controls
+from flightpower.hw_fakes.clock import SimulatedClock
+from flightpower.hw_fakes.tray import FakeTray
 
 SECOND_NS = 10**9
 
@@ -119,8 +119,8 @@ def test_an_arm_switch_on_a_channel_that_is_not_there_is_not_all_well(tmp_path):
 
 
 def test_the_link_tells_of_a_daemon_that_is_silent(monkeypatch):
-    monkeypatch.setattr("daq.telemetry.NO_NEWS_S", 0.05)
-    monkeypatch.setattr("daq.telemetry.HEARTBEAT_PERIOD_S", 0.05)
+    monkeypatch.setattr("flightpower.daq.telemetry.NO_NEWS_S", 0.05)
+    monkeypatch.setattr("flightpower.daq.telemetry.HEARTBEAT_PERIOD_S", 0.05)
     read_end, write_end = os.pipe()
     lines = newest_lines(read_end)
     os.write(write_end, b"one\ntwo\nth")

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scripted_parts import HandClock
 
-from daq.repeated_readings import InFlight, RepeatedReadingsOfSensor
-from daq.sampling_loop import cycles
-from daq.sensor_supervisor import SensorSupervisor
-from daq.sensors import Sample
-from flight.messages import AbsolutePressure, Battery, Controls, DifferentialPressure, Gps, Imu, Status
+from flightpower.daq.repeated_readings import InFlight, RepeatedReadingsOfSensor
+from flightpower.daq.sampling_loop import cycles
+from flightpower.daq.sensor_supervisor import SensorSupervisor
+from flightpower.daq.sensors import Sample
+from flightpower.flight.messages import AbsolutePressure, Battery, Controls, DifferentialPressure, Gps, Imu, Status
 
 TICK_NS = 40_000_000
 NOISE = np.random.default_rng(3)

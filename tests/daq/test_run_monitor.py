@@ -7,19 +7,19 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from analysis.methods import thrust_prior
-from daq import energy_balance, run_monitor
-from daq.energy_balance import EnergyBalance, PowerInterval, inverted
-from daq.legs import KEPT_ROWS, Legs, Row
-from daq.run_monitor import JudgedRun, RunMonitor
-from daq.sensors import Sample
-from daq.thrust import load_thrust
-from daq.tick_means import Means, TickMeans
-from flight.aircraft import Uncertainty, load_aircraft
-from flight.messages import DifferentialPressure, Rpm, Status
-from flight.propeller_files import load_propeller
-from flight.runs import LEVEL_RUN, Rejection, RunRejected
-from flight.units import GRAVITY_MPS2
+from flightpower.analysis.methods import thrust_prior
+from flightpower.daq import energy_balance, run_monitor
+from flightpower.daq.energy_balance import EnergyBalance, PowerInterval, inverted
+from flightpower.daq.legs import KEPT_ROWS, Legs, Row
+from flightpower.daq.run_monitor import JudgedRun, RunMonitor
+from flightpower.daq.sensors import Sample
+from flightpower.daq.thrust import load_thrust
+from flightpower.daq.tick_means import Means, TickMeans
+from flightpower.flight.aircraft import Uncertainty, load_aircraft
+from flightpower.flight.messages import DifferentialPressure, Rpm, Status
+from flightpower.flight.propeller_files import load_propeller
+from flightpower.flight.runs import LEVEL_RUN, Rejection, RunRejected
+from flightpower.flight.units import GRAVITY_MPS2
 
 NEXSTAR = load_aircraft("nexstar")
 PRESSURE_PA, KELVIN, RHO = 101325.0, 288.15, 1.225

@@ -6,14 +6,14 @@ import threading
 import pytest
 from scripted_parts import HandClock
 
-from daq import sampling_loop
-from daq.bus_worker import NO_READINGS
-from daq.missed_ticks import MissedTicks
-from daq.sampling_loop import GridTick, cycles, grid_ticks, time_message
-from daq.sensor_health import SensorHealth, SensorState
-from daq.sensor_supervisor import SensorSupervisor
-from daq.sensors import Sample, SensorFailure
-from flight.messages import Gps, Imu, Magnetometer, Rpm, Status
+from flightpower.daq import sampling_loop
+from flightpower.daq.bus_worker import NO_READINGS
+from flightpower.daq.missed_ticks import MissedTicks
+from flightpower.daq.sampling_loop import GridTick, cycles, grid_ticks, time_message
+from flightpower.daq.sensor_health import SensorHealth, SensorState
+from flightpower.daq.sensor_supervisor import SensorSupervisor
+from flightpower.daq.sensors import Sample, SensorFailure
+from flightpower.flight.messages import Gps, Imu, Magnetometer, Rpm, Status
 
 TICK_NS = 40_000_000
 

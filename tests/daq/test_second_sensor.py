@@ -5,15 +5,15 @@ from pathlib import Path
 import pytest
 from test_daemon import SteadySensorTruth, default_tray
 
-from daq.config import parse_tray
-from daq.daemon import record
-from daq.driver_factory import check_drivers
-from daq.tray_check import check_tray
-from flight.errors import InputError
-from flight.log_reader import read_log
-from flight.messages import DOUBLED, SECOND, Status
-from hw_fakes.clock import SimulatedClock
-from hw_fakes.tray import I2C_BUS, FakeTray, TrayVariant
+from flightpower.daq.config import parse_tray
+from flightpower.daq.daemon import record
+from flightpower.daq.driver_factory import check_drivers
+from flightpower.daq.tray_check import check_tray
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_reader import read_log
+from flightpower.flight.messages import DOUBLED, SECOND, Status
+from flightpower.hw_fakes.clock import SimulatedClock
+from flightpower.hw_fakes.tray import I2C_BUS, FakeTray, TrayVariant
 
 SECOND_BUS = "/dev/i2c-3"
 SECOND_SENSORS = f"""

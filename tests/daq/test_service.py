@@ -16,10 +16,10 @@ import pytest
 from test_commands_in_trouble import GIVE_UP_S, counter, tray_file  # noqa: F401
 from test_daemon import fly
 
-from daq.background_recovery import NICE
-from daq.config import parse_tray
-from daq.systemd_unit import unit_drop_in
-from flight.log_reader import read_log
+from flightpower.daq.background_recovery import NICE
+from flightpower.daq.config import parse_tray
+from flightpower.daq.systemd_unit import unit_drop_in
+from flightpower.flight.log_reader import read_log
 
 ROOT = Path(__file__).parents[2]
 UNIT = ROOT / "systemd" / "flightpower-daq.service"
@@ -141,7 +141,7 @@ def test_the_daemon_records_and_completes_old_logs_with_the_units_system_calls(t
     old.parent.mkdir()
     old.write_bytes(torn)
     tray = tray_file(tmp_path, counter.path, '[telemetry]\nto = "udp:127.0.0.1:9"')
-    command = [sys.executable, "-m", "daq", "run", "-c", str(tray), "--duration", "4"]
+    command = [sys.executable, "-m", "flightpower.daq", "run", "-c", str(tray), "--duration", "4"]
     done = subprocess.run(
         command, preexec_fn=sandbox(permitted_calls()), capture_output=True, text=True, timeout=GIVE_UP_S
     )
@@ -156,7 +156,7 @@ def test_the_daemon_records_and_completes_old_logs_with_the_units_system_calls(t
 def test_old_logs_are_completed_at_a_lower_priority_where_it_may_be_lowered(tmp_path, torn, refused):
     path = tmp_path / "log-0001.mcap"
     path.write_bytes(torn)
-    show = "from daq import background_recovery as b; b.main(); import os; print(os.getpriority(0, 0))"
+    show = "from flightpower.daq import background_recovery as b; b.main(); import os; print(os.getpriority(0, 0))"
     before = os.getpriority(os.PRIO_PROCESS, 0)
     done = subprocess.run(
         [sys.executable, "-c", show, str(path)],
@@ -195,7 +195,7 @@ def test_no_device_has_to_exist_when_the_service_starts(device, permitted):
 
 def test_the_numbers_are_those_of_this_kernel():
     """Where such devices are here."""
-    from daq.systemd_unit import NUMBERS
+    from flightpower.daq.systemd_unit import NUMBERS
 
     for path in Path("/dev").iterdir():
         for pattern, (major, first_minor) in NUMBERS.items():

@@ -6,17 +6,17 @@ import pytest
 from scripted_parts import HandClock
 from test_daemon import SteadySensorTruth, default_tray
 
-from daq import tray_check
-from daq.bus_load import READINGS, BusLoad
-from daq.bus_worker import ThreadedBusWorker
-from daq.daemon import record
-from daq.sensor_health import SensorState
-from daq.sensor_supervisor import SensorSupervisor
-from daq.sensors import Sample
-from flight.log_reader import read_log
-from flight.messages import Imu, Status
-from hw_fakes.clock import SimulatedClock
-from hw_fakes.tray import I2C_BUS, FakeTray
+from flightpower.daq import tray_check
+from flightpower.daq.bus_load import READINGS, BusLoad
+from flightpower.daq.bus_worker import ThreadedBusWorker
+from flightpower.daq.daemon import record
+from flightpower.daq.sensor_health import SensorState
+from flightpower.daq.sensor_supervisor import SensorSupervisor
+from flightpower.daq.sensors import Sample
+from flightpower.flight.log_reader import read_log
+from flightpower.flight.messages import Imu, Status
+from flightpower.hw_fakes.clock import SimulatedClock
+from flightpower.hw_fakes.tray import I2C_BUS, FakeTray
 
 GIVE_UP_S = 60.0
 PERIOD_NS = 40_000_000

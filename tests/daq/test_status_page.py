@@ -10,15 +10,15 @@ import pytest
 import waitress
 from test_daemon import SteadySensorTruth, default_tray
 
-from daq.daemon import record
-from daq.recording_status import RecordingState, RecordingStatus, StatusFile
-from daq.sensor_health import SensorState
-from daq.status_page import SERVER, application, page, sources_of
-from daq.still_air_zero import FORMAT, Zero
-from flight.messages import Event
-from hw_fakes.clock import SimulatedClock
-from hw_fakes.faults import Fault
-from hw_fakes.tray import FakeTray
+from flightpower.daq.daemon import record
+from flightpower.daq.recording_status import RecordingState, RecordingStatus, StatusFile
+from flightpower.daq.sensor_health import SensorState
+from flightpower.daq.status_page import SERVER, application, page, sources_of
+from flightpower.daq.still_air_zero import FORMAT, Zero
+from flightpower.flight.messages import Event
+from flightpower.hw_fakes.clock import SimulatedClock
+from flightpower.hw_fakes.faults import Fault
+from flightpower.hw_fakes.tray import FakeTray
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 

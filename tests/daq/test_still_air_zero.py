@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from test_daemon import SteadySensorTruth, default_tray
 
-from daq.daemon import record
-from daq.dry_run import dry_run
-from daq.sensors import Sample
-from daq.still_air_zero import (
+from flightpower.daq.daemon import record
+from flightpower.daq.dry_run import dry_run
+from flightpower.daq.sensors import Sample
+from flightpower.daq.still_air_zero import (
     FORCE,
     PRESSURE,
     RATE,
@@ -19,11 +19,11 @@ from daq.still_air_zero import (
     save_zero,
     zero_from_samples,
 )
-from flight.errors import InputError
-from flight.log_reader import read_log
-from flight.messages import DifferentialPressure
-from hw_fakes.clock import SimulatedClock
-from hw_fakes.tray import FakeTray
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_reader import read_log
+from flightpower.flight.messages import DifferentialPressure
+from flightpower.hw_fakes.clock import SimulatedClock
+from flightpower.hw_fakes.tray import FakeTray
 
 SECONDS = 10.0
 OFFSET_PA = {"alpha": 3.0, "beta": -2.0, "airspeed": 4.0}

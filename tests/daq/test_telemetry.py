@@ -20,18 +20,18 @@ import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import common as mavlink
 
-from daq import telemetry as telemetry_module
-from daq.config import TelemetryConfig, parse_tray
-from daq.recording_status import RecordingState, RecordingStatus, RunNews, StatusFile
-from daq.sampling_loop import Cycle, GridTick
-from daq.sensor_health import SensorState
-from daq.sensors import Sample
-from daq.status_page import Sources, page
-from daq.still_air_zero import Zero, ZeroReading
-from daq.telemetry import MavlinkEncoder, Snapshot, TelemetryLink, airspeed_mps, sensor_bits
-from flight.errors import InputError
-from flight.log_reader import read_log
-from flight.messages import (
+from flightpower.daq import telemetry as telemetry_module
+from flightpower.daq.config import TelemetryConfig, parse_tray
+from flightpower.daq.recording_status import RecordingState, RecordingStatus, RunNews, StatusFile
+from flightpower.daq.sampling_loop import Cycle, GridTick
+from flightpower.daq.sensor_health import SensorState
+from flightpower.daq.sensors import Sample
+from flightpower.daq.status_page import Sources, page
+from flightpower.daq.still_air_zero import Zero, ZeroReading
+from flightpower.daq.telemetry import MavlinkEncoder, Snapshot, TelemetryLink, airspeed_mps, sensor_bits
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_reader import read_log
+from flightpower.flight.messages import (
     TYPE_OF_TOPIC,
     AbsolutePressure,
     Controls,
@@ -42,7 +42,7 @@ from flight.messages import (
     Rpm,
     Status,
 )
-from flight.probe_maps import PolynomialMap, ProbeMaps
+from flightpower.flight.probe_maps import PolynomialMap, ProbeMaps
 
 ROOT = Path(__file__).resolve().parents[2]
 TICK_NS = 40_000_000
@@ -143,9 +143,9 @@ def test_the_ground_station_reads_that_a_run_was_good(tmp_path):
 
 
 def test_verdicts_on_runs_are_in_the_log_on_the_page_and_not_sent_twice(tmp_path):
-    from daq.daemon import record
-    from hw_fakes.clock import SimulatedClock
-    from hw_fakes.tray import FakeTray
+    from flightpower.daq.daemon import record
+    from flightpower.hw_fakes.clock import SimulatedClock
+    from flightpower.hw_fakes.tray import FakeTray
     from tests.hw_fakes.analytic_sensor_truth import AnalyticSensorTruth
 
     verdict = Event(severity="warning", sensor="runs", text="acceleration lost: too gentle; repeat")
@@ -488,9 +488,9 @@ def test_with_an_autopilot_in_the_tray_it_is_a_companion_unless_the_tray_says_ot
 
 def test_the_autopilot_that_the_daemon_hears_gives_its_system_to_the_ground_station(tmp_path):
     """From the fake autopilot's serial line through the sampling loop to a ground station."""
-    from daq.daemon import record
-    from hw_fakes.clock import SimulatedClock
-    from hw_fakes.tray import FakeTray
+    from flightpower.daq.daemon import record
+    from flightpower.hw_fakes.clock import SimulatedClock
+    from flightpower.hw_fakes.tray import FakeTray
     from tests.hw_fakes.analytic_sensor_truth import AnalyticSensorTruth
 
     cycles = []

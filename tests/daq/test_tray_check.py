@@ -12,15 +12,15 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scripted_parts import HandClock, ScriptedPort
 from test_daemon import EXAMPLE, NoBuses, SteadySensorTruth, default_tray
 
-from daq import tray_check
-from daq.computer_check import card_check, card_speed, supply_check
-from daq.config import parse_tray
-from daq.daemon import OWN_TOPICS
-from daq.dry_run import DryRun, dry_run
-from daq.part_identity import autopilot_version, identify
-from daq.rest_check import height_comparison, receiver_problem
-from daq.sensors.autopilot import is_autopilot
-from flight.messages import (
+from flightpower.daq import tray_check
+from flightpower.daq.computer_check import card_check, card_speed, supply_check
+from flightpower.daq.config import parse_tray
+from flightpower.daq.daemon import OWN_TOPICS
+from flightpower.daq.dry_run import DryRun, dry_run
+from flightpower.daq.part_identity import autopilot_version, identify
+from flightpower.daq.rest_check import height_comparison, receiver_problem
+from flightpower.daq.sensors.autopilot import is_autopilot
+from flightpower.flight.messages import (
     SECOND_TOPICS,
     TYPE_OF_TOPIC,
     AbsolutePressure,
@@ -33,11 +33,11 @@ from flight.messages import (
     Rpm,
     Status,
 )
-from hw_fakes.autopilot import FakeAutopilot
-from hw_fakes.clock import SimulatedClock
-from hw_fakes.faults import Fault
-from hw_fakes.tray import FakeTray, TrayVariant
-from hw_fakes.ublox import FakeUbloxM8
+from flightpower.hw_fakes.autopilot import FakeAutopilot
+from flightpower.hw_fakes.clock import SimulatedClock
+from flightpower.hw_fakes.faults import Fault
+from flightpower.hw_fakes.tray import FakeTray, TrayVariant
+from flightpower.hw_fakes.ublox import FakeUbloxM8
 
 
 class AtRest(SteadySensorTruth):

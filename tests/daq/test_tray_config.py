@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from daq.config import check_places, load_tray, parse_tray
-from flight.errors import InputError
-from flight.messages import SECOND_TOPICS, TYPE_OF_TOPIC
+from flightpower.daq.config import check_places, load_tray, parse_tray
+from flightpower.flight.errors import InputError
+from flightpower.flight.messages import SECOND_TOPICS, TYPE_OF_TOPIC
 
 EXAMPLE = Path("daq/tray.example.toml")
 

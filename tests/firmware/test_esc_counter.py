@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from daq.sensors.esc_counter import EscCounterDriver
-from flight.messages import Status
+from flightpower.daq.sensors.esc_counter import EscCounterDriver
+from flightpower.flight.messages import Status
 
 HERE = Path(__file__).parent
 SOURCE = HERE.parents[1] / "firmware" / "esc_counter"

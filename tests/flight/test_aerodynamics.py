@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from flight.aerodynamics import (
+from flightpower.flight.aerodynamics import (
     Aerodynamics,
     aerodynamics_of,
     body_axes,
@@ -14,8 +14,8 @@ from flight.aerodynamics import (
     lift_and_drag,
     stability_axes,
 )
-from flight.aircraft import load_aircraft
-from flight.errors import InputError
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.errors import InputError
 
 AIRCRAFT = ("nexstar", "astraeus-ls", "astraeus-hs")
 

@@ -6,11 +6,11 @@ import typing
 
 import pytest
 
-from flight.aircraft import Aircraft, load_aircraft, parse_aircraft, shipped_aircraft
-from flight.aircraft_keys import EXAMPLES, KEYS, LINES, SURFACES, to_markdown
-from flight.complete_aircraft import as_complete
-from flight.errors import InputError
-from flight.units import split_unit
+from flightpower.flight.aircraft import Aircraft, load_aircraft, parse_aircraft, shipped_aircraft
+from flightpower.flight.aircraft_keys import EXAMPLES, KEYS, LINES, SURFACES, to_markdown
+from flightpower.flight.complete_aircraft import as_complete
+from flightpower.flight.errors import InputError
+from flightpower.flight.units import split_unit
 
 FOOT, POUND = 0.3048, 4.4482216152605
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flight import atmosphere
+from flightpower.flight import atmosphere
 
 # Geopotential height [m], temperature [K], pressure [Pa], density [kg/m^3].
 TABLE = (

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from analysis.sources.open import open_source
-from analysis.sources.recognize import Autopilot, autopilot_of
-from flight.errors import InputError
-from flight.formats import READ_BY_OTHERS, REMEDY, Format, format_of
-from flight.log_reader import read_log
+from flightpower.analysis.sources.open import open_source
+from flightpower.analysis.sources.recognize import Autopilot, autopilot_of
+from flightpower.flight.errors import InputError
+from flightpower.flight.formats import READ_BY_OTHERS, REMEDY, Format, format_of
+from flightpower.flight.log_reader import read_log
 
 
 def archive(*names: str) -> bytes:

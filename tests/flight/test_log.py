@@ -10,10 +10,20 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from flight.errors import InputError
-from flight.log_reader import read_log
-from flight.log_writer import LogWriter
-from flight.messages import MESSAGES, TYPE_OF_TOPIC, Comparison, Event, Imu, Message, Status, Tick, schema_of
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_reader import read_log
+from flightpower.flight.log_writer import LogWriter
+from flightpower.flight.messages import (
+    MESSAGES,
+    TYPE_OF_TOPIC,
+    Comparison,
+    Event,
+    Imu,
+    Message,
+    Status,
+    Tick,
+    schema_of,
+)
 
 SECOND_NS = 1_000_000_000
 
@@ -115,7 +125,7 @@ def test_a_log_whose_schemas_say_more_is_read_as_before(tmp_path, monkeypatch):
     """Logs of earlier versions: `anyOf` with null, and `$ref` to the list of statuses."""
     earlier = {"type": "object", "properties": {"status": {"$ref": "#/$defs/Status"}, "samples": {"anyOf": [{}]}}}
     stream = io.BytesIO()
-    monkeypatch.setattr("flight.log_writer.schema_text", lambda kind: json.dumps(earlier).encode())
+    monkeypatch.setattr("flightpower.flight.log_writer.schema_text", lambda kind: json.dumps(earlier).encode())
     written = write(stream, ticks=3)
     path = tmp_path / "log.mcap"
     path.write_bytes(stream.getvalue())

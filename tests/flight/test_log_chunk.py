@@ -4,8 +4,8 @@ import lz4.frame
 import pytest
 import zstandard
 
-from flight import log_chunk
-from flight.log_chunk import LogTooLarge, allowed_bytes, decompressed
+from flightpower.flight import log_chunk
+from flightpower.flight.log_chunk import LogTooLarge, allowed_bytes, decompressed
 
 LIMIT = 2**21  # no less than the window of a compressor
 COMPRESSORS = {

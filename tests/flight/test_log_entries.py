@@ -2,8 +2,8 @@
 
 import pytest
 
-from flight.log_entries import BATCH, Entries, LogEntry, entries_of
-from flight.messages import Controls, Gps, Imu, Message, Status, Tick, Time
+from flightpower.flight.log_entries import BATCH, Entries, LogEntry, entries_of
+from flightpower.flight.messages import Controls, Gps, Imu, Message, Status, Tick, Time
 
 MESSAGES: list[Message] = [
     Imu(samples=8, specific_force_z_mps2=-9.81),

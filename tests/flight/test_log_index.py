@@ -10,8 +10,8 @@ from mcap.reader import make_reader
 from mcap.records import ChunkIndex
 from mcap.stream_reader import StreamReader
 
-from flight.log_writer import LogWriter
-from flight.messages import Battery, Rpm
+from flightpower.flight.log_writer import LogWriter
+from flightpower.flight.messages import Battery, Rpm
 
 TIMES_NS = [5_000, 1_000, 9_000, 7_000]  # a reading may be dated before one that was written earlier
 CHUNK_BYTES = 900

@@ -5,8 +5,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from flight.atmosphere import GRAVITY_MPS2 as g
-from flight.motion import (
+from flightpower.flight.atmosphere import GRAVITY_MPS2 as g
+from flightpower.flight.motion import (
     Inertia,
     attitude_derivative,
     body_from_earth,

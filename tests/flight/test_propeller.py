@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flight.errors import InputError
-from flight.propeller import Propeller, Row
-from flight.propeller_files import load_propeller, parse_propeller, parse_uiuc
+from flightpower.flight.errors import InputError
+from flightpower.flight.propeller import Propeller, Row
+from flightpower.flight.propeller_files import load_propeller, parse_propeller, parse_uiuc
 
 DATA = Path(__file__).parents[1] / "data" / "propellers"
 SHIPPED = ("apc-10x5e", "apc-12x8e", "apc-12x8e-windmilling", "blade-11x5", "blade-16x10")

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq.attachments import propeller_text
-from flight.aircraft import Uncertainty
-from flight.errors import InputError
-from flight.propeller import Origin
-from flight.propeller_files import load_propeller, parse_propeller
-from flight.propeller_search import (
+from flightpower.daq.attachments import propeller_text
+from flightpower.flight.aircraft import Uncertainty
+from flightpower.flight.errors import InputError
+from flightpower.flight.propeller import Origin
+from flightpower.flight.propeller_files import load_propeller, parse_propeller
+from flightpower.flight.propeller_search import (
     Query,
     Table,
     cost_of,
@@ -25,7 +25,7 @@ from flight.propeller_search import (
     tables_in,
     with_table_error,
 )
-from flight.shipped_propellers import shipped_propellers
+from flightpower.flight.shipped_propellers import shipped_propellers
 
 TABLES = shipped_tables()
 MEASURED = [one for one in TABLES if one.origin is Origin.MEASURED]

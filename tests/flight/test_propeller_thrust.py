@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from flight.propeller import Propeller, Row, TableCell, TableCells
-from flight.propeller_files import load_propeller, parse_uiuc
+from flightpower.flight.propeller import Propeller, Row, TableCell, TableCells
+from flightpower.flight.propeller_files import load_propeller, parse_uiuc
 
 TABLE = Propeller(
     "table",

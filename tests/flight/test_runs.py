@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from flight.runs import Leg, RunMeasures, RunRejected, changing_part, legs_of
+from flightpower.flight.runs import Leg, RunMeasures, RunRejected, changing_part, legs_of
 
 GOOD = RunMeasures(
     rows=50,

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from flight.log_entries import LogEntry, entries_of
-from flight.log_reader import Log
-from flight.messages import Gps, Time
-from flight.satellite_time import satellites_minus_log_time_ns
+from flightpower.flight.log_entries import LogEntry, entries_of
+from flightpower.flight.log_reader import Log
+from flightpower.flight.messages import Gps, Time
+from flightpower.flight.satellite_time import satellites_minus_log_time_ns
 
 UTC_NS = 1_463_218_201_000_000_000
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from flight.propeller import Propeller, Row
+from flightpower.flight.propeller import Propeller, Row
 
 DIAMETER_M, SPEED_MPS, DENSITY_KGPM3 = 0.305, 15.0, 1.2
 ROWS = (Row(5000, (0.0, 0.8), (0.1, 0.0), (0.05, 0.01)),)

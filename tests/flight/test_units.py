@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import pytest
 
-from flight.errors import InputError
-from flight.units import COMMON_UNITS, _registry, read_table, split_unit, to_si
+from flightpower.flight.errors import InputError
+from flightpower.flight.units import COMMON_UNITS, _registry, read_table, split_unit, to_si
 
 
 @pytest.mark.parametrize(
@@ -38,7 +38,7 @@ def test_the_units_converted_without_pint_are_pints(text):
 
 
 def test_the_daemon_reads_a_shipped_aircraft_without_pint():
-    code = "import sys, flight.aircraft as a; a.load_aircraft('nexstar'); print('pint' in sys.modules)"
+    code = "import sys, flightpower.flight.aircraft as a; a.load_aircraft('nexstar'); print('pint' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "False\n"
 

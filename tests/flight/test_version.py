@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from flight import version as module
-from flight.version import version
+from flightpower.flight import version as module
+from flightpower.flight.version import version
 
 
 @pytest.fixture(autouse=True)

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from flight.errors import InputError, StorageError
-from flight.files import write_file, write_files
+from flightpower.flight.errors import InputError, StorageError
+from flightpower.flight.files import write_file, write_files
 
 resource = pytest.importorskip("resource")
 LIMIT = 4096

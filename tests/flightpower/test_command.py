@@ -10,13 +10,13 @@ from pathlib import Path
 import pytest
 
 import flightpower.command as umbrella
-from daq.config import load_tray
-from flight.aircraft import load_aircraft, parse_aircraft, shipped_aircraft
-from flight.aircraft_keys import EXAMPLES
-from flight.complete_aircraft import as_complete
-from flight.errors import InputError
-from flight.version import version
 from flightpower import scripts, templates
+from flightpower.daq.config import load_tray
+from flightpower.flight.aircraft import load_aircraft, parse_aircraft, shipped_aircraft
+from flightpower.flight.aircraft_keys import EXAMPLES
+from flightpower.flight.complete_aircraft import as_complete
+from flightpower.flight.errors import InputError
+from flightpower.flight.version import version
 
 THREADS = Path("/proc/self/task")
 REQUIRED = ("geometry.span", "geometry.wing_area", "mass.weight")
@@ -181,7 +181,7 @@ def test_the_report_keeps_the_command_as_it_was_typed(name: str, monkeypatch: py
         kept.append(command_line)
         raise InputError("no log")
 
-    monkeypatch.setattr("analysis.cli.analyze.analyze_log", analyze_log)
+    monkeypatch.setattr("flightpower.analysis.cli.analyze.analyze_log", analyze_log)
     typed = [*name.split(), "my log.mcap", "-q"]
     monkeypatch.setattr(sys, "argv", typed)
     with pytest.raises(SystemExit):

@@ -8,21 +8,21 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-import analysis.cli.analyze
-import analysis.cli.calibrate
-import analysis.cli.compare
-import daq.__main__
+import flightpower.analysis.cli.analyze
+import flightpower.analysis.cli.calibrate
+import flightpower.analysis.cli.compare
 import flightpower.command
+import flightpower.daq.__main__
 import flightpower.new
 import flightpower.propellers
 import flightpower.simulate
-from analysis.cli import plan
+from flightpower.analysis.cli import plan
 
 APPLICATIONS = {
-    "analyze": analysis.cli.analyze.app,
-    "analyze compare": analysis.cli.compare.app,
-    "calibrate": analysis.cli.calibrate.app,
-    "daq": daq.__main__.app,
+    "analyze": flightpower.analysis.cli.analyze.app,
+    "analyze compare": flightpower.analysis.cli.compare.app,
+    "calibrate": flightpower.analysis.cli.calibrate.app,
+    "daq": flightpower.daq.__main__.app,
     "flightpower": flightpower.command.app,
     "flightpower new": flightpower.new.app,
     "flightpower propellers": flightpower.propellers.app,

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import flightpower.command
-from flight.propeller_files import load_propeller
+from flightpower.flight.propeller_files import load_propeller
 
 DATA = Path(__file__).parents[1] / "data" / "propellers"
 

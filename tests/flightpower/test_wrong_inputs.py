@@ -14,18 +14,18 @@ from pathlib import Path
 
 import pytest
 
-import analysis.cli.analyze
-import analysis.cli.calibrate
-import daq.__main__
+import flightpower.analysis.cli.analyze
+import flightpower.analysis.cli.calibrate
 import flightpower.command
+import flightpower.daq.__main__
 import flightpower.simulate
-from flight.aircraft import load_aircraft
-from flight.command_line import ExitCode
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.command_line import ExitCode
 
 MAIN: dict[str, Callable[[], None]] = {
-    "analyze": analysis.cli.analyze.main,
-    "calibrate": analysis.cli.calibrate.main,
-    "daq": daq.__main__.main,
+    "analyze": flightpower.analysis.cli.analyze.main,
+    "calibrate": flightpower.analysis.cli.calibrate.main,
+    "daq": flightpower.daq.__main__.main,
     "flightpower": flightpower.command.main,
     "sim": flightpower.simulate.main,
 }

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from flight.arrays import Array
-from sim.sensor_truth import GpsSolution
+from flightpower.flight.arrays import Array
+from flightpower.sim.sensor_truth import GpsSolution
 
 
 def constant(value: Any):

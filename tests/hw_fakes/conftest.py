@@ -1,8 +1,8 @@
 import pytest
 from analytic_sensor_truth import AnalyticSensorTruth
 
-from hw_fakes.clock import SimulatedClock
-from hw_fakes.tray import FakeTray, TrayVariant
+from flightpower.hw_fakes.clock import SimulatedClock
+from flightpower.hw_fakes.tray import FakeTray, TrayVariant
 
 
 @pytest.fixture

@@ -3,11 +3,11 @@
 import pytest
 from analytic_sensor_truth import AnalyticSensorTruth, ramp
 
-from flight.errors import InputError
-from hw_fakes import ms56xx
-from hw_fakes.clock import SimulatedClock
-from hw_fakes.faults import DEVICES_OF_KIND, Fault, load_faults
-from hw_fakes.tray import ADDRESSES, PORTS, FakeTray
+from flightpower.flight.errors import InputError
+from flightpower.hw_fakes import ms56xx
+from flightpower.hw_fakes.clock import SimulatedClock
+from flightpower.hw_fakes.faults import DEVICES_OF_KIND, Fault, load_faults
+from flightpower.hw_fakes.tray import ADDRESSES, PORTS, FakeTray
 
 START_S, END_S = 2.0, 3.0
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from analytic_sensor_truth import AnalyticSensorTruth
 
-from hw_fakes.fuse_i2c import UNAVAILABLE, FuseI2C
-from hw_fakes.tray import FakeTray
+from flightpower.hw_fakes.fuse_i2c import UNAVAILABLE, FuseI2C
+from flightpower.hw_fakes.tray import FakeTray
 
 CLIENT = Path(__file__).with_name("smbus_client.py")
 

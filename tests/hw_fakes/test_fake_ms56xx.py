@@ -3,7 +3,7 @@
 import pytest
 from analytic_sensor_truth import constant
 
-from hw_fakes import ms56xx
+from flightpower.hw_fakes import ms56xx
 
 BARO, STATIC = 0x77, 0x76
 # The datasheets' own integer arithmetic, forwards (MS5611 fig. 2 and 3, MS5805 p. 8-9): TEMP [0.01 degC] and P [Pa].

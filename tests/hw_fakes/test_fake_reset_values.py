@@ -5,7 +5,7 @@ import io
 import pytest
 from pyubx2 import POLL, UBXMessage, UBXReader
 
-from daq.sensors.ms56xx import MS5611, MS5805, check_prom
+from flightpower.daq.sensors.ms56xx import MS5611, MS5805, check_prom
 
 IMU, MAG, BARO, STATIC, ALPHA, AIRSPEED, GPS = 0x68, 0x0C, 0x77, 0x76, 0x36, 0x28, 0x42
 

@@ -9,9 +9,9 @@ import pytest
 from analytic_sensor_truth import AnalyticSensorTruth, constant, sine
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from hw_fakes import esc_counter
-from hw_fakes.pty import PtyServer
-from hw_fakes.tray import FakeTray
+from flightpower.hw_fakes import esc_counter
+from flightpower.hw_fakes.pty import PtyServer
+from flightpower.hw_fakes.tray import FakeTray
 
 ESC, AUTOPILOT = "/dev/ttyUSB0", "/dev/ttyUSB1"
 GIVE_UP_S = 60.0  # so that a test that hangs ends

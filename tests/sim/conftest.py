@@ -2,11 +2,11 @@
 
 import pytest
 
-from flight.aircraft import load_aircraft
-from sim.fly import fly
-from sim.plan import parse_plan
-from sim.plant import plant_of
-from sim.trim import Trimmer
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.sim.fly import fly
+from flightpower.sim.plan import parse_plan
+from flightpower.sim.plant import plant_of
+from flightpower.sim.trim import Trimmer
 
 CALM_RUNS = """
 title = "one acceleration and one deceleration in still air"

@@ -6,7 +6,7 @@ Surfaces and motor speed are properties that a test sets.
 
 from pathlib import Path
 
-from sim.plant import Plant
+from flightpower.sim.plant import Plant
 
 FT, LBF, SLUG_FT3, LBF_FT = 0.3048, 4.4482216152605, 515.378818, 1.3558179483314
 

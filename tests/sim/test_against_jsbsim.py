@@ -10,12 +10,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from flight.atmosphere import SEA_LEVEL_PRESSURE_PA, SEA_LEVEL_TEMPERATURE_K
-from sim.air import Air
-from sim.fly import fly
-from sim.plan import parse_plan
-from sim.plant import AircraftState, plant_of
-from sim.trim import Trimmer
+from flightpower.flight.atmosphere import SEA_LEVEL_PRESSURE_PA, SEA_LEVEL_TEMPERATURE_K
+from flightpower.sim.air import Air
+from flightpower.sim.fly import fly
+from flightpower.sim.plan import parse_plan
+from flightpower.sim.plant import AircraftState, plant_of
+from flightpower.sim.trim import Trimmer
 
 jsbsim = pytest.importorskip("jsbsim", reason="JSBSim is not installed")
 from jsbsim_model import FT, LBF, write  # noqa: E402

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_lyapunov
 
-from sim.air import FOOT_M, Air, GustStates, ambient, dryden, gust_scales, mean_wind
+from flightpower.sim.air import FOOT_M, Air, GustStates, ambient, dryden, gust_scales, mean_wind
 
 V, H, SPAN, W20 = 17.0, 60.0, 1.75, 7.7
 N = len(GustStates._fields)

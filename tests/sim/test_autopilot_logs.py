@@ -8,15 +8,15 @@ from pymavlink import DFReader
 from pyulog import ULog
 from typer.testing import CliRunner
 
-from analysis.sources.ardupilot import read_ardupilot
-from analysis.sources.px4 import read_px4
-from analysis.sources.recording import CURRENT, VOLTAGE
-from flight.errors import InputError
+from flightpower.analysis.sources.ardupilot import read_ardupilot
+from flightpower.analysis.sources.px4 import read_px4
+from flightpower.analysis.sources.recording import CURRENT, VOLTAGE
+from flightpower.flight.errors import InputError
+from flightpower.sim.ardupilot_log import write_ardupilot_log
+from flightpower.sim.px4_log import BOOT_US, RATES_HZ, write_px4_log
+from flightpower.sim.sensors import FlightSensorTruth, draw, load_budget
+from flightpower.sim.sensors.budget import of_installation
 from flightpower.simulate import app
-from sim.ardupilot_log import write_ardupilot_log
-from sim.px4_log import BOOT_US, RATES_HZ, write_px4_log
-from sim.sensors import FlightSensorTruth, draw, load_budget
-from sim.sensors.budget import of_installation
 
 
 @pytest.fixture(scope="module")

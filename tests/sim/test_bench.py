@@ -5,18 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.air.tubing import air, low_frequency_lag_s
-from analysis.calibrations.tubing import find_steps, fit_lag, through
-from flight.aircraft import PneumaticLine, load_aircraft
-from flight.complete_aircraft import as_complete, load_complete_aircraft
-from flight.errors import InputError
-from flight.motion import attitude_derivative
-from sim.bench import BoomWeightsSegment, BurstsSegment, ColumnSegment, HandTurnSegment, RunUpSegment
-from sim.fly import fly
-from sim.plan import parse_plan
-from sim.plant import plant_of
-from sim.sensors import FlightSensorTruth, draw, load_budget
-from sim.sensors.tubing import step_response, time_constant_s
+from flightpower.analysis.air.tubing import air, low_frequency_lag_s
+from flightpower.analysis.calibrations.tubing import find_steps, fit_lag, through
+from flightpower.flight.aircraft import PneumaticLine, load_aircraft
+from flightpower.flight.complete_aircraft import as_complete, load_complete_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.motion import attitude_derivative
+from flightpower.sim.bench import BoomWeightsSegment, BurstsSegment, ColumnSegment, HandTurnSegment, RunUpSegment
+from flightpower.sim.fly import fly
+from flightpower.sim.plan import parse_plan
+from flightpower.sim.plant import plant_of
+from flightpower.sim.sensors import FlightSensorTruth, draw, load_budget
+from flightpower.sim.sensors.tubing import step_response, time_constant_s
 
 DT = 0.02
 AIRBORNE = '[[segment]]\nkind = "hold"\nduration = "1 s"\n'

@@ -6,9 +6,9 @@ from importlib import resources
 import pandas as pd
 import pytest
 
-from flight.log_reader import read_log
+from flightpower.flight.log_reader import read_log
+from flightpower.sim.truth import read_truth
 from flightpower.simulate import main
-from sim.truth import read_truth
 
 SHORT = """
 title = "stand, hop, stand"
@@ -66,7 +66,7 @@ def test_fly_writes_truth_curve_tray_and_log(sim, tmp_path):
         e.message.differential_pressure_Pa for e in log.entries["/probe/airspeed"] if e.message.differential_pressure_Pa
     ]
     assert max(flown) > 100  # it did fly
-    assert log.attachments["probe.json"] == (resources.files("sim") / "data" / "probe.json").read_bytes()
+    assert log.attachments["probe.json"] == (resources.files("flightpower.sim") / "data" / "probe.json").read_bytes()
 
     before = (out / "log.mcap").read_bytes()
     code, said = sim("fly", "--plan", "short.toml", "-o", "out")
@@ -125,7 +125,7 @@ def test_trim_modes_and_plot(sim, tmp_path, flight):
     assert sim("trim", "--climb", "1")[0] == 0
     assert sim("trim", "--rpm", "6000")[0] == 0 and sim("trim", "--rpm", "6000", "--speed", "17")[0] == 0
     assert sim("modes")[0] == 0
-    from sim.truth import write_truth
+    from flightpower.sim.truth import write_truth
 
     write_truth(tmp_path / "truth.parquet", flight.truth, flight.metadata, flight.power_required)
     assert sim("plot", ".", "-o", "flight.html")[0] == 0

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flight.aircraft import load_aircraft
-from flight.atmosphere import GRAVITY_MPS2 as g
-from sim.air import Air, mean_wind
-from sim.defects import Defects
-from sim.fly import fly
-from sim.plan import load_plan, parse_plan
-from sim.sensors import FlightSensorTruth, draw, load_budget
-from sim.trim import power_required
-from sim.world import load_world, worlds, worlds_with_defects
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.atmosphere import GRAVITY_MPS2 as g
+from flightpower.sim.air import Air, mean_wind
+from flightpower.sim.defects import Defects
+from flightpower.sim.fly import fly
+from flightpower.sim.plan import load_plan, parse_plan
+from flightpower.sim.sensors import FlightSensorTruth, draw, load_budget
+from flightpower.sim.trim import power_required
+from flightpower.sim.world import load_world, worlds, worlds_with_defects
 
 FOUR_RUNS = """
 height = "60 m"

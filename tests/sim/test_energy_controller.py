@@ -8,11 +8,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from flight.complete_aircraft import load_complete_aircraft
-from sim.energy_controller import Cruise, EnergyController
-from sim.fly import fly
-from sim.integration import Observation
-from sim.plan import load_plan
+from flightpower.flight.complete_aircraft import load_complete_aircraft
+from flightpower.sim.energy_controller import Cruise, EnergyController
+from flightpower.sim.fly import fly
+from flightpower.sim.integration import Observation
+from flightpower.sim.plan import load_plan
 
 LEVEL = Observation(
     V=15.0, alpha=0.05, beta=0.0, height=80.0, climb=0.0, phi=0.0, theta=0.05, psi=0.0, p=0.0, q=0.0, r=0.0,

@@ -7,13 +7,13 @@ import pandas as pd
 import pytest
 from scipy.interpolate import CubicSpline
 
-from flight.aircraft import load_aircraft
-from flight.errors import InputError
-from flight.motion import earth_from_body
-from sim.fly import fly
-from sim.plan import load_plan, parse_plan, shipped_plans
-from sim.sensors import draw, load_budget
-from sim.truth import read_truth, write_truth
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.motion import earth_from_body
+from flightpower.sim.fly import fly
+from flightpower.sim.plan import load_plan, parse_plan, shipped_plans
+from flightpower.sim.sensors import draw, load_budget
+from flightpower.sim.truth import read_truth, write_truth
 
 AIRBORNE_HEAD = 'title = "t"\nheight = "100 m"\nspeed_over_stall = 1.6\n'
 

@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flight.aerodynamics import aerodynamics_of
-from flight.aircraft import aircraft_text, parse_aircraft
-from flight.complete_aircraft import load_complete_aircraft
-from flight.errors import InputError
-from sim.fly import fly
-from sim.like import oswald_factor, scaled_from, with_installation
-from sim.plan import parse_plan
-from sim.plant import plant_of
-from sim.sensors import budget as budgets
-from sim.sensors import draw, load_budget
-from sim.trim import Trimmer
+from flightpower.flight.aerodynamics import aerodynamics_of
+from flightpower.flight.aircraft import aircraft_text, parse_aircraft
+from flightpower.flight.complete_aircraft import load_complete_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.sim.fly import fly
+from flightpower.sim.like import oswald_factor, scaled_from, with_installation
+from flightpower.sim.plan import parse_plan
+from flightpower.sim.plant import plant_of
+from flightpower.sim.sensors import budget as budgets
+from flightpower.sim.sensors import draw, load_budget
+from flightpower.sim.trim import Trimmer
 
 SMALL = """
 name = "small"

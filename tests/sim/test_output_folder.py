@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from flight.errors import InputError, StorageError
-from sim.output_folder import LOG, PROBE, TRAY, TRUTH, UNFINISHED, check_output, whole_or_nothing
+from flightpower.flight.errors import InputError, StorageError
+from flightpower.sim.output_folder import LOG, PROBE, TRAY, TRUTH, UNFINISHED, check_output, whole_or_nothing
 
 
 def test_what_is_interrupted_leaves_nothing(tmp_path: Path) -> None:

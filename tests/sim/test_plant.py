@@ -7,14 +7,14 @@ import pytest
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
-from flight.atmosphere import GRAVITY_MPS2 as g
-from flight.complete_aircraft import load_complete_aircraft
-from flight.propeller import Propeller, Row
-from sim.air import Air
-from sim.drag_shape import DragShape
-from sim.integration import Stepper, rk4
-from sim.plant import AircraftState, Commands, Plant, plant_of, servo_rate
-from sim.trim import Trimmer
+from flightpower.flight.atmosphere import GRAVITY_MPS2 as g
+from flightpower.flight.complete_aircraft import load_complete_aircraft
+from flightpower.flight.propeller import Propeller, Row
+from flightpower.sim.air import Air
+from flightpower.sim.drag_shape import DragShape
+from flightpower.sim.integration import Stepper, rk4
+from flightpower.sim.plant import AircraftState, Commands, Plant, plant_of, servo_rate
+from flightpower.sim.trim import Trimmer
 
 SPIN = 120.0  # rev/s
 

@@ -2,10 +2,10 @@
 
 import pytest
 
-from sim.integration import Observation
-from sim.maneuvers import PorpoiseSegment
-from sim.pilot import PilotWander, Targets, drawn_phases
-from sim.plan_segment import FlightContext
+from flightpower.sim.integration import Observation
+from flightpower.sim.maneuvers import PorpoiseSegment
+from flightpower.sim.pilot import PilotWander, Targets, drawn_phases
+from flightpower.sim.plan_segment import FlightContext
 
 
 @pytest.mark.parametrize("load_per_rad", [2.0, 8.0])

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from flight.aircraft import parse_aircraft
-from flight.errors import InputError
-from flight.propeller_files import load_propeller
-from sim.fly import fly
-from sim.plan import parse_plan
-from sim.propulsion import power_train, throttle_for, torque_constant
+from flightpower.flight.aircraft import parse_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.propeller_files import load_propeller
+from flightpower.sim.fly import fly
+from flightpower.sim.plan import parse_plan
+from flightpower.sim.propulsion import power_train, throttle_for, torque_constant
 
 RHO = 1.2
 GLIDE = """

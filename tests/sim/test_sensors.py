@@ -8,16 +8,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flight.aircraft import PneumaticLine
-from flight.atmosphere import GRAVITY_MPS2 as g
-from flight.errors import InputError
-from flight.motion import velocity_of
-from sim.sensors import FlightSensorTruth, draw, load_budget
-from sim.sensors.budget import ErrorBudget, Noise, Systematic
-from sim.sensors.noise import gauss_markov, white
-from sim.sensors.probe import flow_at_probe, port_pressures
-from sim.sensors.tray import HOME_LATITUDE_DEG, HOME_LONGITUDE_DEG, PART_S, WARM_UP_K, WARM_UP_S, with_hysteresis
-from sim.sensors.tubing import first_order_lag, time_constant_s
+from flightpower.flight.aircraft import PneumaticLine
+from flightpower.flight.atmosphere import GRAVITY_MPS2 as g
+from flightpower.flight.errors import InputError
+from flightpower.flight.motion import velocity_of
+from flightpower.sim.sensors import FlightSensorTruth, draw, load_budget
+from flightpower.sim.sensors.budget import ErrorBudget, Noise, Systematic
+from flightpower.sim.sensors.noise import gauss_markov, white
+from flightpower.sim.sensors.probe import flow_at_probe, port_pressures
+from flightpower.sim.sensors.tray import (
+    HOME_LATITUDE_DEG,
+    HOME_LONGITUDE_DEG,
+    PART_S,
+    WARM_UP_K,
+    WARM_UP_S,
+    with_hysteresis,
+)
+from flightpower.sim.sensors.tubing import first_order_lag, time_constant_s
 
 FOOT, INCH = 0.3048, 0.0254
 

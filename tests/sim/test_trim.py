@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flight.aerodynamics import drag_coefficient
-from flight.aircraft import load_aircraft
-from flight.atmosphere import GRAVITY_MPS2 as g
-from flight.errors import InputError
-from sim.drag_shape import DragShape
-from sim.integration import Stepper
-from sim.modes import modes
-from sim.plant import AircraftState, Deviations, plant_of
-from sim.trim import RESIDUAL_LIMIT, Trimmer, power_required
+from flightpower.flight.aerodynamics import drag_coefficient
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.atmosphere import GRAVITY_MPS2 as g
+from flightpower.flight.errors import InputError
+from flightpower.sim.drag_shape import DragShape
+from flightpower.sim.integration import Stepper
+from flightpower.sim.modes import modes
+from flightpower.sim.plant import AircraftState, Deviations, plant_of
+from flightpower.sim.trim import RESIDUAL_LIMIT, Trimmer, power_required
 
 AIRCRAFT = ("nexstar", "astraeus-ls", "astraeus-hs", "light-1kg", "survey-6kg")
 

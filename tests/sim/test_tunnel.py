@@ -5,9 +5,9 @@ import csv
 import numpy as np
 import pytest
 
-from flight.errors import InputError
-from sim.sensors.probe import port_pressures
-from sim.tunnel import HEADER, WindTunnel, simulated_measurements, write_calibration
+from flightpower.flight.errors import InputError
+from flightpower.sim.sensors.probe import port_pressures
+from flightpower.sim.tunnel import HEADER, WindTunnel, simulated_measurements, write_calibration
 
 
 def test_the_file_has_the_agreed_header_and_a_row_a_point(tmp_path):

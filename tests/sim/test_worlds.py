@@ -5,19 +5,19 @@ from dataclasses import astuple, fields, replace
 import numpy as np
 import pytest
 
-from flight.aircraft import Uncertainty, load_aircraft, parse_aircraft
-from flight.atmosphere import GRAVITY_MPS2 as g
-from flight.errors import InputError
-from flight.propeller_files import load_propeller
-from sim.air import Air, GustStates, gust_scales, mean_wind, updraft, von_karman
-from sim.drag_shape import BUCKET_CL, DragShape
-from sim.fly import fly
-from sim.plan import parse_plan
-from sim.plant import Deviations, plant_of
-from sim.sensors import FlightSensorTruth, draw, load_budget
-from sim.trim import power_required
-from sim.true_propeller import table_until, true_propeller
-from sim.world import load_world, parse_world, worlds
+from flightpower.flight.aircraft import Uncertainty, load_aircraft, parse_aircraft
+from flightpower.flight.atmosphere import GRAVITY_MPS2 as g
+from flightpower.flight.errors import InputError
+from flightpower.flight.propeller_files import load_propeller
+from flightpower.sim.air import Air, GustStates, gust_scales, mean_wind, updraft, von_karman
+from flightpower.sim.drag_shape import BUCKET_CL, DragShape
+from flightpower.sim.fly import fly
+from flightpower.sim.plan import parse_plan
+from flightpower.sim.plant import Deviations, plant_of
+from flightpower.sim.sensors import FlightSensorTruth, draw, load_budget
+from flightpower.sim.trim import power_required
+from flightpower.sim.true_propeller import table_until, true_propeller
+from flightpower.sim.world import load_world, parse_world, worlds
 
 TABLE = load_propeller("apc-12x8e")
 RPM, ZERO_J = 6000.0, 0.88

@@ -9,18 +9,18 @@ import msgspec
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from daq import rest_check
-from daq.config import TelemetryConfig
-from daq.run_monitor import RunMonitor
-from daq.sensors import Sample
-from daq.still_air_zero import zero_from_samples
-from daq.telemetry import MavlinkEncoder, Snapshot
-from daq.thrust import load_thrust
-from daq.tick_means import TickMeans
-from flight.aircraft import Aircraft, load_aircraft
-from flight.log_reader import Log, read_log
-from flight.messages import Event
-from flight.probe_maps import ProbeMaps
+from flightpower.daq import rest_check
+from flightpower.daq.config import TelemetryConfig
+from flightpower.daq.run_monitor import RunMonitor
+from flightpower.daq.sensors import Sample
+from flightpower.daq.still_air_zero import zero_from_samples
+from flightpower.daq.telemetry import MavlinkEncoder, Snapshot
+from flightpower.daq.thrust import load_thrust
+from flightpower.daq.tick_means import TickMeans
+from flightpower.flight.aircraft import Aircraft, load_aircraft
+from flightpower.flight.log_reader import Log, read_log
+from flightpower.flight.messages import Event
+from flightpower.flight.probe_maps import ProbeMaps
 from tests.unchanged import commands
 
 TICK_NS = 40_000_000

@@ -14,8 +14,8 @@ from unittest import mock
 
 import typer
 
-from analysis.flights.pool import pool_results
-from analysis.pages import write
+from flightpower.analysis.flights.pool import pool_results
+from flightpower.analysis.pages import write
 from tests.corpus import from_corpus
 from tests.documented_commands import MODULES
 from tests.unchanged.stored_values import numbers_printed, of_files
@@ -287,7 +287,11 @@ def option_defaults() -> Contents:
             if isinstance(option.default, int | float) and not isinstance(option.default, bool):
                 found[f"{path} {option.name}"] = option.default
 
-    for name, module in {**MODULES, "plan": "analysis.cli.plan", "export": "analysis.cli.export"}.items():
+    for name, module in {
+        **MODULES,
+        "plan": "flightpower.analysis.cli.plan",
+        "export": "flightpower.analysis.cli.export",
+    }.items():
         if name != "sim":
             collect(typer.main.get_command(importlib.import_module(module).app), name)
     return found

@@ -13,18 +13,18 @@ import disturbed
 import hard_cases
 import twins
 
-from analysis.estimation import uncertainty as errors
-from analysis.estimation.data import band_matrix, split
-from analysis.estimation.equation_error import fit_equation_error, fit_equation_error_in_band
-from analysis.estimation.filter_error import fit_filter_error
-from analysis.estimation.fit import Fit
-from analysis.estimation.model import Parameter
-from analysis.estimation.output_error import MeasurementNoise, fit_output_error
-from analysis.estimation.problem import FitOptions
-from analysis.estimation.starts import best_of_starts
-from analysis.estimation.term_selection import orthogonal_functions, stepwise
-from analysis.estimation.validation import cross_validate, predict
-from analysis.methods import aircraft_models
+from flightpower.analysis.estimation import uncertainty as errors
+from flightpower.analysis.estimation.data import band_matrix, split
+from flightpower.analysis.estimation.equation_error import fit_equation_error, fit_equation_error_in_band
+from flightpower.analysis.estimation.filter_error import fit_filter_error
+from flightpower.analysis.estimation.fit import Fit
+from flightpower.analysis.estimation.model import Parameter
+from flightpower.analysis.estimation.output_error import MeasurementNoise, fit_output_error
+from flightpower.analysis.estimation.problem import FitOptions
+from flightpower.analysis.estimation.starts import best_of_starts
+from flightpower.analysis.estimation.term_selection import orthogonal_functions, stepwise
+from flightpower.analysis.estimation.validation import cross_validate, predict
+from flightpower.analysis.methods import aircraft_models
 from tests.analysis.estimation.models import longitudinal, pitch_and_height
 from tests.analysis.methods.test_aircraft_models import (
     ALL_MODELS,

@@ -15,9 +15,9 @@ from pathlib import Path, PurePath, PurePosixPath
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from analysis.flights.campaign.settings import CAMPAIGN
-from analysis.sources.open import suffixes
-from flight.errors import InputError
+from flightpower.analysis.flights.campaign.settings import CAMPAIGN
+from flightpower.analysis.sources.open import suffixes
+from flightpower.flight.errors import InputError
 
 if TYPE_CHECKING:
     from fsspec import AbstractFileSystem

@@ -11,9 +11,9 @@ from typing import NamedTuple, Protocol
 import msgspec
 from msgspec import structs
 
-from analysis.flights.campaign.addresses import FoundLogs, Log, RemoteLog, place
-from analysis.flights.campaign.cluster import cluster
-from analysis.flights.campaign.folders import (
+from flightpower.analysis.flights.campaign.addresses import FoundLogs, Log, RemoteLog, place
+from flightpower.analysis.flights.campaign.cluster import cluster
+from flightpower.analysis.flights.campaign.folders import (
     RESULTS,
     LogFile,
     Record,
@@ -29,11 +29,11 @@ from analysis.flights.campaign.folders import (
     record_of,
     records,
 )
-from analysis.flights.campaign.processes import Analyze, Job, Outcome, load_ahead, processors, run_jobs
-from analysis.flights.flight_statistics import without_details
-from analysis.records.flight import Kind, Results
-from analysis.results.read import read_json, read_results
-from flight.errors import InputError, StorageError
+from flightpower.analysis.flights.campaign.processes import Analyze, Job, Outcome, load_ahead, processors, run_jobs
+from flightpower.analysis.flights.flight_statistics import without_details
+from flightpower.analysis.records.flight import Kind, Results
+from flightpower.analysis.results.read import read_json, read_results
+from flightpower.flight.errors import InputError, StorageError
 
 
 @dataclass(frozen=True)

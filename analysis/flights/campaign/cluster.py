@@ -12,11 +12,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from analysis.flights.campaign.folders import software
-from analysis.flights.campaign.process_apart import run_apart
-from analysis.flights.campaign.processes import Analyze, Computers, Job, Outcome, Returned, below
-from analysis.flights.campaign.settings import CAMPAIGN
-from flight.errors import InputError
+from flightpower.analysis.flights.campaign.folders import software
+from flightpower.analysis.flights.campaign.process_apart import run_apart
+from flightpower.analysis.flights.campaign.processes import Analyze, Computers, Job, Outcome, Returned, below
+from flightpower.analysis.flights.campaign.settings import CAMPAIGN
+from flightpower.flight.errors import InputError
 
 
 class Parcel(NamedTuple):

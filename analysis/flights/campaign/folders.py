@@ -19,10 +19,10 @@ from tempfile import mkdtemp
 
 import msgspec
 
-from analysis.files import write_file
-from analysis.flights.campaign.addresses import Log, content_digest
-from flight.errors import InputError
-from flight.files import write_error
+from flightpower.analysis.files import write_file
+from flightpower.analysis.flights.campaign.addresses import Log, content_digest
+from flightpower.flight.errors import InputError
+from flightpower.flight.files import write_error
 
 PACKAGES = ("analysis", "flight")  # their files, data included, are part of the version
 LIBRARIES = ("casadi", "numpy", "pandas", "scipy")
@@ -77,7 +77,7 @@ def software() -> str:
     """Digest of the software: its own files, and the versions of the libraries that compute."""
     total = hashlib.sha256()
     for package in PACKAGES:
-        spec = find_spec(package)
+        spec = find_spec(f"flightpower.{package}")
         assert spec is not None and spec.submodule_search_locations
         root = Path(spec.submodule_search_locations[0])
         for path in sorted(root.rglob("*")):

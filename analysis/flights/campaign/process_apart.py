@@ -8,7 +8,7 @@ import sys
 import threading
 from pathlib import Path
 
-from analysis.flights.campaign.processes import Analyze, Job, Outcome, run_job
+from flightpower.analysis.flights.campaign.processes import Analyze, Job, Outcome, run_job
 
 OUTCOME = "outcome.pickle"
 

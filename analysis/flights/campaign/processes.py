@@ -17,10 +17,10 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
-from analysis.flights.campaign.addresses import Log, as_file, name_by_address
-from analysis.flights.campaign.settings import CAMPAIGN
-from flight.errors import InputError, StorageError
-from flight.files import write_files
+from flightpower.analysis.flights.campaign.addresses import Log, as_file, name_by_address
+from flightpower.analysis.flights.campaign.settings import CAMPAIGN
+from flightpower.flight.errors import InputError, StorageError
+from flightpower.flight.files import write_files
 
 Progress = Callable[[str], None]
 

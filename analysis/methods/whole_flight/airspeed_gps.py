@@ -12,14 +12,14 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from analysis.estimation.model import NamedValues
-from analysis.methods.whole_flight.flight_table import FlightTable
-from analysis.methods.whole_flight.parameters import AIRSPEED, MEAN_WIND, WIND, block, pack, unpack
-from analysis.methods.whole_flight.settings import GPS
-from analysis.sources import recording
-from analysis.sources.autopilot_settings import READABLE
-from analysis.sources.grid_settings import FLIGHT
-from flight.arrays import Array
+from flightpower.analysis.estimation.model import NamedValues
+from flightpower.analysis.methods.whole_flight.flight_table import FlightTable
+from flightpower.analysis.methods.whole_flight.parameters import AIRSPEED, MEAN_WIND, WIND, block, pack, unpack
+from flightpower.analysis.methods.whole_flight.settings import GPS
+from flightpower.analysis.sources import recording
+from flightpower.analysis.sources.autopilot_settings import READABLE
+from flightpower.analysis.sources.grid_settings import FLIGHT
+from flightpower.flight.arrays import Array
 
 TOLERANCE = 1e-6  # of the cost and of the parameters, relative
 ROOT_EPS = float(np.sqrt(np.finfo(float).eps))  # step of a derivative by differences, relative

@@ -12,20 +12,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.curve import Condition, Curve
-from analysis.estimation.model import NamedValues
-from analysis.estimation.noise import NORMAL_95
-from analysis.methods.whole_flight.airspeed_gps import AirspeedErrors, airspeed_errors, by_wind
-from analysis.methods.whole_flight.energy_balance import (
+from flightpower.analysis.curve import Condition, Curve
+from flightpower.analysis.estimation.model import NamedValues
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.methods.whole_flight.airspeed_gps import AirspeedErrors, airspeed_errors, by_wind
+from flightpower.analysis.methods.whole_flight.energy_balance import (
     EnergyBalance,
     FlightConditions,
     Samples,
     level_power,
 )
-from analysis.methods.whole_flight.fit import Estimate, Fit, estimate_of, most_probable_fit, samples_of
-from analysis.methods.whole_flight.flight_table import FlightTable
-from analysis.methods.whole_flight.ground_velocity import ground_velocity, wind_prior
-from analysis.methods.whole_flight.parameters import (
+from flightpower.analysis.methods.whole_flight.fit import Estimate, Fit, estimate_of, most_probable_fit, samples_of
+from flightpower.analysis.methods.whole_flight.flight_table import FlightTable
+from flightpower.analysis.methods.whole_flight.ground_velocity import ground_velocity, wind_prior
+from flightpower.analysis.methods.whole_flight.parameters import (
     AIRSPEED,
     DRAG,
     LIFT,
@@ -41,15 +41,15 @@ from analysis.methods.whole_flight.parameters import (
     prior_error,
     unpack,
 )
-from analysis.methods.whole_flight.settings import CURVE, GPS, PRIOR, SHARED, WINDOWS
-from analysis.methods.whole_flight.shown_efficiency import shown_efficiency
-from analysis.records.flight import Kind
-from analysis.settings import CURVES
-from analysis.uncertain import Uncertain
-from flight.aircraft import Aircraft
-from flight.arrays import Array
-from flight.errors import InputError
-from flight.units import GRAVITY_MPS2 as g
+from flightpower.analysis.methods.whole_flight.settings import CURVE, GPS, PRIOR, SHARED, WINDOWS
+from flightpower.analysis.methods.whole_flight.shown_efficiency import shown_efficiency
+from flightpower.analysis.records.flight import Kind
+from flightpower.analysis.settings import CURVES
+from flightpower.analysis.uncertain import Uncertain
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
+from flightpower.flight.units import GRAVITY_MPS2 as g
 
 
 @dataclass(frozen=True)

@@ -6,23 +6,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.curve import Curve
-from analysis.estimation.model import NamedValues, PriorMeasurement
-from analysis.methods.whole_flight.curve import ElectricalEstimate, drag_prior, lift_prior
-from analysis.methods.whole_flight.energy_balance import FlightConditions, QuarticPolar, drag_power
-from analysis.methods.whole_flight.fit import Estimate, estimate_of, most_probable_fit, samples_of
-from analysis.methods.whole_flight.flight_table import FlightTable
-from analysis.methods.whole_flight.parameters import THRUST_ERRORS
-from analysis.methods.whole_flight.settings import SHARED, THRUST, WINDOWS
-from analysis.methods.whole_flight.thrust_balance import MotorConstants, ThrustBalance
-from analysis.records.flight import Kind
-from analysis.sources import recording
-from analysis.sources.grid_settings import FLIGHT
-from analysis.uncertain import Uncertain
-from flight.aircraft import Uncertainty
-from flight.arrays import Array
-from flight.propeller import Propeller
-from flight.propeller_speed import revps_for_thrust
+from flightpower.analysis.curve import Curve
+from flightpower.analysis.estimation.model import NamedValues, PriorMeasurement
+from flightpower.analysis.methods.whole_flight.curve import ElectricalEstimate, drag_prior, lift_prior
+from flightpower.analysis.methods.whole_flight.energy_balance import FlightConditions, QuarticPolar, drag_power
+from flightpower.analysis.methods.whole_flight.fit import Estimate, estimate_of, most_probable_fit, samples_of
+from flightpower.analysis.methods.whole_flight.flight_table import FlightTable
+from flightpower.analysis.methods.whole_flight.parameters import THRUST_ERRORS
+from flightpower.analysis.methods.whole_flight.settings import SHARED, THRUST, WINDOWS
+from flightpower.analysis.methods.whole_flight.thrust_balance import MotorConstants, ThrustBalance
+from flightpower.analysis.records.flight import Kind
+from flightpower.analysis.sources import recording
+from flightpower.analysis.sources.grid_settings import FLIGHT
+from flightpower.analysis.uncertain import Uncertain
+from flightpower.flight.aircraft import Uncertainty
+from flightpower.flight.arrays import Array
+from flightpower.flight.propeller import Propeller
+from flightpower.flight.propeller_speed import revps_for_thrust
 
 
 class DragLacks(Enum):

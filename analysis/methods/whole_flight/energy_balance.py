@@ -22,12 +22,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.estimation.model import NamedValues
-from analysis.methods.whole_flight.ground_velocity import GroundVelocity, gusts
-from analysis.methods.whole_flight.parameters import DRAG, LIFT, MEAN_WIND, POWER_LAW, PROPELLER, WIND, pack, unpack
-from analysis.methods.whole_flight.settings import PRIOR, RESIDUALS, SHARED, WINDOWS
-from flight.arrays import Array
-from flight.units import GRAVITY_MPS2 as g
+from flightpower.analysis.estimation.model import NamedValues
+from flightpower.analysis.methods.whole_flight.ground_velocity import GroundVelocity, gusts
+from flightpower.analysis.methods.whole_flight.parameters import (
+    DRAG,
+    LIFT,
+    MEAN_WIND,
+    POWER_LAW,
+    PROPELLER,
+    WIND,
+    pack,
+    unpack,
+)
+from flightpower.analysis.methods.whole_flight.settings import PRIOR, RESIDUALS, SHARED, WINDOWS
+from flightpower.flight.arrays import Array
+from flightpower.flight.units import GRAVITY_MPS2 as g
 
 
 def advance(V: Array, power_W: Array, rho: Array | float) -> Array:

@@ -6,9 +6,15 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import lapack, solve_triangular
 
-from analysis.estimation.model import NamedValues
-from analysis.methods.whole_flight.airspeed_gps import AirspeedErrors, most_probable, root, true_airspeed, whitened
-from analysis.methods.whole_flight.energy_balance import (
+from flightpower.analysis.estimation.model import NamedValues
+from flightpower.analysis.methods.whole_flight.airspeed_gps import (
+    AirspeedErrors,
+    most_probable,
+    root,
+    true_airspeed,
+    whitened,
+)
+from flightpower.analysis.methods.whole_flight.energy_balance import (
     EnergyBalance,
     FlightConditions,
     Samples,
@@ -19,9 +25,9 @@ from analysis.methods.whole_flight.energy_balance import (
     of_both,
     uncorrelated,
 )
-from analysis.methods.whole_flight.flight_table import FlightTable
-from analysis.methods.whole_flight.ground_velocity import ground_velocity
-from analysis.methods.whole_flight.parameters import (
+from flightpower.analysis.methods.whole_flight.flight_table import FlightTable
+from flightpower.analysis.methods.whole_flight.ground_velocity import ground_velocity
+from flightpower.analysis.methods.whole_flight.parameters import (
     MEAN_WIND,
     OF_AIRSPEED,
     OF_WIND,
@@ -31,12 +37,12 @@ from analysis.methods.whole_flight.parameters import (
     pack,
     unpack,
 )
-from analysis.methods.whole_flight.settings import PRIOR, RESIDUALS, SHARED, WINDOWS
-from analysis.sources import recording
-from analysis.sources.grid import without_gaps
-from analysis.sources.grid_settings import FLIGHT
-from analysis.uncertain import Uncertain
-from flight.arrays import Array
+from flightpower.analysis.methods.whole_flight.settings import PRIOR, RESIDUALS, SHARED, WINDOWS
+from flightpower.analysis.sources import recording
+from flightpower.analysis.sources.grid import without_gaps
+from flightpower.analysis.sources.grid_settings import FLIGHT
+from flightpower.analysis.uncertain import Uncertain
+from flightpower.flight.arrays import Array
 
 SIGMAS_MPS = tuple(0.02 * 1.25**i for i in range(26))  # 0.02 to 5
 ANGLES_RAD = tuple(0.0005 * 1.25**i for i in range(22))  # to 0.05: of the angle of attack

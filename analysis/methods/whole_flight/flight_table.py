@@ -14,17 +14,17 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from analysis.methods.whole_flight.ground_velocity import circle_center, height_factor
-from analysis.methods.whole_flight.settings import SHARED, TEMPERATURE, WINDOWS, ZERO
-from analysis.sources import recording
-from analysis.sources.autopilot_settings import READABLE
-from analysis.sources.grid import resampled, smoothed, stretches
-from analysis.sources.grid_settings import FLIGHT
-from analysis.sources.recording import Channel, FlightRecording
-from flight.arrays import Array, BoolArray
-from flight.atmosphere import density, height_at, temperature_at
-from flight.errors import InputError
-from flight.units import GRAVITY_MPS2 as g
+from flightpower.analysis.methods.whole_flight.ground_velocity import circle_center, height_factor
+from flightpower.analysis.methods.whole_flight.settings import SHARED, TEMPERATURE, WINDOWS, ZERO
+from flightpower.analysis.sources import recording
+from flightpower.analysis.sources.autopilot_settings import READABLE
+from flightpower.analysis.sources.grid import resampled, smoothed, stretches
+from flightpower.analysis.sources.grid_settings import FLIGHT
+from flightpower.analysis.sources.recording import Channel, FlightRecording
+from flightpower.flight.arrays import Array, BoolArray
+from flightpower.flight.atmosphere import density, height_at, temperature_at
+from flightpower.flight.errors import InputError
+from flightpower.flight.units import GRAVITY_MPS2 as g
 
 
 class Needed(NamedTuple):

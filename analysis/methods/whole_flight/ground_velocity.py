@@ -15,11 +15,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.methods.whole_flight.parameters import WIND, Prior, unpack
-from analysis.methods.whole_flight.settings import GPS, RESIDUALS
-from analysis.sources import recording
-from flight.arrays import Array
-from flight.units import FOOT_M
+from flightpower.analysis.methods.whole_flight.parameters import WIND, Prior, unpack
+from flightpower.analysis.methods.whole_flight.settings import GPS, RESIDUALS
+from flightpower.analysis.sources import recording
+from flightpower.flight.arrays import Array
+from flightpower.flight.units import FOOT_M
 
 
 class GroundVelocity(NamedTuple):

@@ -6,13 +6,13 @@ level flight is measured, so that its curve depends on the guess by changes of h
 
 import numpy as np
 
-from analysis.methods.whole_flight.curve import FlownAircraft
-from analysis.methods.whole_flight.settings import CURVE, PRIOR
-from analysis.sources import recording
-from analysis.sources.recording import FlightRecording
-from flight.arrays import Array
-from flight.errors import InputError
-from flight.units import SEA_LEVEL_DENSITY
+from flightpower.analysis.methods.whole_flight.curve import FlownAircraft
+from flightpower.analysis.methods.whole_flight.settings import CURVE, PRIOR
+from flightpower.analysis.sources import recording
+from flightpower.analysis.sources.recording import FlightRecording
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
+from flightpower.flight.units import SEA_LEVEL_DENSITY
 
 
 def guessed_aircraft(flight: FlightRecording) -> FlownAircraft:

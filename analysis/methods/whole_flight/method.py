@@ -12,30 +12,30 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial.polynomial import polyfit
 
-from analysis.curve import Polar
-from analysis.estimation.model import NamedValues
-from analysis.methods.method import MethodDescription, MethodEstimate
-from analysis.methods.thrust_prior import stand_measurements
-from analysis.methods.whole_flight.curve import ElectricalEstimate, estimate
-from analysis.methods.whole_flight.drag import DragEstimate, DragWithheld, ThrustSource, drag_estimate
-from analysis.methods.whole_flight.energy_balance import FlightConditions, QuarticPolar, drag_power
-from analysis.methods.whole_flight.flight_table import flight_table
-from analysis.methods.whole_flight.settings import BESIDE_A_COMPLETE_LOG
-from analysis.sources import recording
-from analysis.sources.autopilot_settings import READABLE
-from analysis.sources.daemon import events, samples
-from analysis.sources.position import places
-from analysis.sources.recording import Channel, FlightRecording, in_order
-from analysis.sources.rest import ZERO_FILE
-from analysis.sources.table import TABLE
-from flight.aircraft import Aircraft
-from flight.arrays import Array
-from flight.errors import InputError
-from flight.log_entries import NO_ENTRIES
-from flight.log_reader import Log
-from flight.messages import TOPICS_FOR_DRAG
-from flight.propeller import Propeller
-from flight.units import GRAVITY_MPS2 as g
+from flightpower.analysis.curve import Polar
+from flightpower.analysis.estimation.model import NamedValues
+from flightpower.analysis.methods.method import MethodDescription, MethodEstimate
+from flightpower.analysis.methods.thrust_prior import stand_measurements
+from flightpower.analysis.methods.whole_flight.curve import ElectricalEstimate, estimate
+from flightpower.analysis.methods.whole_flight.drag import DragEstimate, DragWithheld, ThrustSource, drag_estimate
+from flightpower.analysis.methods.whole_flight.energy_balance import FlightConditions, QuarticPolar, drag_power
+from flightpower.analysis.methods.whole_flight.flight_table import flight_table
+from flightpower.analysis.methods.whole_flight.settings import BESIDE_A_COMPLETE_LOG
+from flightpower.analysis.sources import recording
+from flightpower.analysis.sources.autopilot_settings import READABLE
+from flightpower.analysis.sources.daemon import events, samples
+from flightpower.analysis.sources.position import places
+from flightpower.analysis.sources.recording import Channel, FlightRecording, in_order
+from flightpower.analysis.sources.rest import ZERO_FILE
+from flightpower.analysis.sources.table import TABLE
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_entries import NO_ENTRIES
+from flightpower.flight.log_reader import Log
+from flightpower.flight.messages import TOPICS_FOR_DRAG
+from flightpower.flight.propeller import Propeller
+from flightpower.flight.units import GRAVITY_MPS2 as g
 
 CHANNELS = {
     recording.AIRSPEED_PRESSURE: ("/probe/airspeed", "differential_pressure_Pa"),

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.estimation.model import NamedValues
-from flight.arrays import Array
+from flightpower.analysis.estimation.model import NamedValues
+from flightpower.flight.arrays import Array
 
 DRAG = ("ln_CD0", "ln_K", "CL_minD", "K4")
 PROPELLER = ("logit_efficiency", "ln_x", "ln_fall", "idle_drag")

@@ -10,15 +10,20 @@ from functools import partial
 
 import numpy as np
 
-from analysis.estimation.model import NamedValues
-from analysis.methods.whole_flight.airspeed_gps import AirspeedErrors
-from analysis.methods.whole_flight.energy_balance import EnergyBalance, FlightConditions, Samples, level_efficiency
-from analysis.methods.whole_flight.fit import estimate_of, most_probable_fit
-from analysis.methods.whole_flight.flight_table import FlightTable
-from analysis.methods.whole_flight.parameters import POWER_SCALE, Prior, pack
-from analysis.methods.whole_flight.settings import WINDOWS
-from analysis.uncertain import Uncertain
-from flight.arrays import Array
+from flightpower.analysis.estimation.model import NamedValues
+from flightpower.analysis.methods.whole_flight.airspeed_gps import AirspeedErrors
+from flightpower.analysis.methods.whole_flight.energy_balance import (
+    EnergyBalance,
+    FlightConditions,
+    Samples,
+    level_efficiency,
+)
+from flightpower.analysis.methods.whole_flight.fit import estimate_of, most_probable_fit
+from flightpower.analysis.methods.whole_flight.flight_table import FlightTable
+from flightpower.analysis.methods.whole_flight.parameters import POWER_SCALE, Prior, pack
+from flightpower.analysis.methods.whole_flight.settings import WINDOWS
+from flightpower.analysis.uncertain import Uncertain
+from flightpower.flight.arrays import Array
 
 
 class ScaledPowerBalance(EnergyBalance):

@@ -4,17 +4,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.estimation.noise import NORMAL_95
-from analysis.methods.whole_flight.airspeed_gps import true_airspeed
-from analysis.methods.whole_flight.curve import ElectricalEstimate
-from analysis.methods.whole_flight.flight_table import FlightTable
-from analysis.methods.whole_flight.settings import WINDOWS
-from analysis.sources import recording
-from analysis.sources.grid import resampled
-from analysis.sources.grid_settings import FLIGHT
-from analysis.sources.recording import FlightRecording
-from flight.arrays import Array
-from flight.units import GRAVITY_MPS2 as g
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.methods.whole_flight.airspeed_gps import true_airspeed
+from flightpower.analysis.methods.whole_flight.curve import ElectricalEstimate
+from flightpower.analysis.methods.whole_flight.flight_table import FlightTable
+from flightpower.analysis.methods.whole_flight.settings import WINDOWS
+from flightpower.analysis.sources import recording
+from flightpower.analysis.sources.grid import resampled
+from flightpower.analysis.sources.grid_settings import FLIGHT
+from flightpower.analysis.sources.recording import FlightRecording
+from flightpower.flight.arrays import Array
+from flightpower.flight.units import GRAVITY_MPS2 as g
 
 
 @dataclass(frozen=True)

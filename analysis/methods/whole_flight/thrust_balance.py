@@ -8,22 +8,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.estimation.model import NamedValues
-from analysis.methods.thrust_prior import J_REFERENCE
-from analysis.methods.whole_flight.energy_balance import (
+from flightpower.analysis.estimation.model import NamedValues
+from flightpower.analysis.methods.thrust_prior import J_REFERENCE
+from flightpower.analysis.methods.whole_flight.energy_balance import (
     EnergyBalance,
     FlightConditions,
     QuarticPolar,
     Samples,
     drag_power,
 )
-from analysis.methods.whole_flight.parameters import DRAG, LIFT, THRUST_ERRORS
-from analysis.methods.whole_flight.settings import THRUST, WINDOWS
-from analysis.sources.autopilot_settings import INSTANCES
-from analysis.sources.grid import stretches
-from flight.aircraft import Propulsion
-from flight.arrays import Array
-from flight.propeller import Propeller
+from flightpower.analysis.methods.whole_flight.parameters import DRAG, LIFT, THRUST_ERRORS
+from flightpower.analysis.methods.whole_flight.settings import THRUST, WINDOWS
+from flightpower.analysis.sources.autopilot_settings import INSTANCES
+from flightpower.analysis.sources.grid import stretches
+from flightpower.flight.aircraft import Propulsion
+from flightpower.flight.arrays import Array
+from flightpower.flight.propeller import Propeller
 
 PARAMETERS = (*DRAG, *THRUST_ERRORS, *LIFT)
 

@@ -10,7 +10,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from flight.arrays import Array
+from flightpower.flight.arrays import Array
 
 
 class Cursor(StrEnum):

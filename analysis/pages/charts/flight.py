@@ -6,14 +6,14 @@ from typing import Protocol
 import numpy as np
 import pandas as pd
 
-from analysis.estimation.fit import Convergence
-from analysis.estimation.noise import NORMAL_95
-from analysis.maneuvers.kinds import Maneuver
-from analysis.methods.dynamic import DRAG_TITLE, SPEED_TITLE, RunFit
-from analysis.methods.whole_flight.curve import ElectricalEstimate
-from analysis.methods.whole_flight.flight_table import FlightTable
-from analysis.pages.charts.figure import Axis, Bars, Cursor, Dash, Figure, Line, Points, Shade, Symbol
-from analysis.pages.charts.style import (
+from flightpower.analysis.estimation.fit import Convergence
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.maneuvers.kinds import Maneuver
+from flightpower.analysis.methods.dynamic import DRAG_TITLE, SPEED_TITLE, RunFit
+from flightpower.analysis.methods.whole_flight.curve import ElectricalEstimate
+from flightpower.analysis.methods.whole_flight.flight_table import FlightTable
+from flightpower.analysis.pages.charts.figure import Axis, Bars, Cursor, Dash, Figure, Line, Points, Shade, Symbol
+from flightpower.analysis.pages.charts.style import (
     BLUE,
     GRAY,
     GRID,
@@ -25,11 +25,11 @@ from analysis.pages.charts.style import (
     thinned,
     true_airspeed,
 )
-from analysis.records.flight import AirFound, Correlation, RejectedResult, RunResidual, Track
-from analysis.trajectory.consistency import ANGLES, SPEED, Consistency
-from analysis.trajectory.reconstruction import Trajectory
-from flight.arrays import Array
-from flight.motion import body_from_earth
+from flightpower.analysis.records.flight import AirFound, Correlation, RejectedResult, RunResidual, Track
+from flightpower.analysis.trajectory.consistency import ANGLES, SPEED, Consistency
+from flightpower.analysis.trajectory.reconstruction import Trajectory
+from flightpower.flight.arrays import Array
+from flightpower.flight.motion import body_from_earth
 
 
 class OnMap(Protocol):

@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.curve import Polar
-from analysis.estimation.noise import NORMAL_95
-from analysis.maneuvers.kinds import LEVEL_RUNS
-from analysis.methods.interval_sources import Share
-from analysis.methods.whole_flight.curve import ElectricalEstimate
-from analysis.pages.charts.figure import Axis, Band, Bars, Cursor, Dash, Figure, Line, Mark, Points, Symbol
-from analysis.pages.charts.style import (
+from flightpower.analysis.curve import Polar
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.maneuvers.kinds import LEVEL_RUNS
+from flightpower.analysis.methods.interval_sources import Share
+from flightpower.analysis.methods.whole_flight.curve import ElectricalEstimate
+from flightpower.analysis.pages.charts.figure import Axis, Band, Bars, Cursor, Dash, Figure, Line, Mark, Points, Symbol
+from flightpower.analysis.pages.charts.style import (
     ALL_RUNS,
     BLUE,
     GRAY,
@@ -28,11 +28,18 @@ from analysis.pages.charts.style import (
     curve_lines,
     true_airspeed,
 )
-from analysis.pages.predicted_polar import PredictedPolar, flown_at
-from analysis.pages.wording import capitalized_title, listed_methods
-from analysis.records.flight import Interval, MethodResult, PerformanceResult, PowerPoint, Results, SpeedInterval
-from flight.arrays import Array
-from flight.units import GRAVITY_MPS2
+from flightpower.analysis.pages.predicted_polar import PredictedPolar, flown_at
+from flightpower.analysis.pages.wording import capitalized_title, listed_methods
+from flightpower.analysis.records.flight import (
+    Interval,
+    MethodResult,
+    PerformanceResult,
+    PowerPoint,
+    Results,
+    SpeedInterval,
+)
+from flightpower.flight.arrays import Array
+from flightpower.flight.units import GRAVITY_MPS2
 
 
 def measured_points(method: MethodResult, color: str, name: str) -> Points:

@@ -4,9 +4,9 @@ from collections.abc import Iterable, Sequence
 from math import cos, radians, sin
 from typing import NamedTuple
 
-from analysis.missions.mission import Mission, Wind
-from analysis.missions.prediction import Direction, RouteResult
-from analysis.pages.charts.style import BLUE, GRAY, ORANGE, round_length
+from flightpower.analysis.missions.mission import Mission, Wind
+from flightpower.analysis.missions.prediction import Direction, RouteResult
+from flightpower.analysis.pages.charts.style import BLUE, GRAY, ORANGE, round_length
 
 
 class Layout(NamedTuple):

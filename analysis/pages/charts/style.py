@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.pages.charts.figure import Axis, Band, Dash, Line, Symbol
-from analysis.records.flight import PowerPoint
-from flight.arrays import Array
+from flightpower.analysis.pages.charts.figure import Axis, Band, Dash, Line, Symbol
+from flightpower.analysis.records.flight import PowerPoint
+from flightpower.flight.arrays import Array
 
 INK, GRID, PAPER, GRAY = "#000000", "#c9d1d8", "#ffffff", "#5b6b78"
 BLUE, RED, GREEN, ORANGE = "#004a99", "#c22a1a", "#00693e", "#c64b00"

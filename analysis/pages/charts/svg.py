@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.pages.charts.figure import Axis, Band, Bars, Figure, Line, Mark, Points, Shade, Symbol
-from analysis.pages.charts.style import ON_DARK, PAPER
-from flight.arrays import Array
+from flightpower.analysis.pages.charts.figure import Axis, Band, Bars, Figure, Line, Mark, Points, Shade, Symbol
+from flightpower.analysis.pages.charts.style import ON_DARK, PAPER
+from flightpower.flight.arrays import Array
 
 UNITS = 10_000  # of an axis, in a drawing that stretches
 RATIOS = (0.9, 1.2, 1.6, 2.4)  # width over height of a figure with equal scales
@@ -447,10 +447,10 @@ def chart_style() -> str:
     """Style of the charts, with their colors on white paper and on a dark screen."""
     light = " ".join(f"{color_variable(white)}: {white};" for white in ON_DARK)
     dark = " ".join(f"{color_variable(white)}: {black};" for white, black in ON_DARK.items())
-    rules = resources.files("analysis.pages.charts").joinpath("chart.css").read_text("utf-8")
+    rules = resources.files("flightpower.analysis.pages.charts").joinpath("chart.css").read_text("utf-8")
     return f":root {{ {light} }}\n@media screen and (prefers-color-scheme: dark) {{ :root {{ {dark} }} }}\n{rules}"
 
 
 def chart_script() -> str:
     """What reads, zooms and hides in the charts."""
-    return resources.files("analysis.pages.charts").joinpath("chart.js").read_text("utf-8")
+    return resources.files("flightpower.analysis.pages.charts").joinpath("chart.js").read_text("utf-8")

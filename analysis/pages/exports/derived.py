@@ -15,17 +15,17 @@ import numpy as np
 import pandas as pd
 from mcap.writer import Writer
 
-from analysis.methods import consider as covariance
-from analysis.methods.forces import FlightForces
-from analysis.methods.thrust_prior import J_REFERENCE, thrust_prior
-from analysis.sources.daemon import is_good, times_ns, values
-from analysis.trajectory.reconstruction import Trajectory
-from flight.aircraft import Aircraft
-from flight.arrays import Array
-from flight.files import write_files
-from flight.log_reader import Log
-from flight.propeller import Propeller
-from flight.runs import AIRCRAFT_SIZE
+from flightpower.analysis.methods import consider as covariance
+from flightpower.analysis.methods.forces import FlightForces
+from flightpower.analysis.methods.thrust_prior import J_REFERENCE, thrust_prior
+from flightpower.analysis.sources.daemon import is_good, times_ns, values
+from flightpower.analysis.trajectory.reconstruction import Trajectory
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.arrays import Array
+from flightpower.flight.files import write_files
+from flightpower.flight.log_reader import Log
+from flightpower.flight.propeller import Propeller
+from flightpower.flight.runs import AIRCRAFT_SIZE
 
 QUANTITIES = ("alpha_rad", "V_mps", "theta_rad", "thrust_N", "C_L", "C_D")
 ERROR = "_standard_error"
@@ -128,7 +128,7 @@ def write_derived_log(tables: Mapping[str, pd.DataFrame], log: Log, path: Path) 
     _write_table(writer, RUNS, tables["runs"].set_index(tables["runs"]["start_s"]), start_ns)
     _write_location(writer, log)
     writer.finish()
-    folder = resources.files("analysis.pages.exports") / "layouts"
+    folder = resources.files("flightpower.analysis.pages.exports") / "layouts"
     layouts = {path.parent / layout: (folder / layout).read_bytes() for layout in LAYOUTS}
     write_files({path: stream.getvalue(), **layouts})
 

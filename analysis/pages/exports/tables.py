@@ -10,17 +10,17 @@ import msgspec
 import numpy as np
 import pandas as pd
 
-from analysis.pages.exports import KINDS
-from analysis.pages.exports.derived import ERROR, derived, write_derived_log
-from analysis.pages.write import COLUMNS as STATE_COLUMNS
-from analysis.pipeline.runs import Analysis
-from analysis.pipeline.whole_flight import WholeFlightAnalysis
-from analysis.records.flight import Kind, PowerPoint
-from analysis.sources.recording import FlightRecording
-from analysis.trajectory.equations import GUST_FILTER_STATES
-from flight.errors import InputError
-from flight.files import write_file, write_files
-from flight.log_reader import Log
+from flightpower.analysis.pages.exports import KINDS
+from flightpower.analysis.pages.exports.derived import ERROR, derived, write_derived_log
+from flightpower.analysis.pages.write import COLUMNS as STATE_COLUMNS
+from flightpower.analysis.pipeline.runs import Analysis
+from flightpower.analysis.pipeline.whole_flight import WholeFlightAnalysis
+from flightpower.analysis.records.flight import Kind, PowerPoint
+from flightpower.analysis.sources.recording import FlightRecording
+from flightpower.analysis.trajectory.equations import GUST_FILTER_STATES
+from flightpower.flight.errors import InputError
+from flightpower.flight.files import write_file, write_files
+from flightpower.flight.log_reader import Log
 
 # Columns of the air data table whose own names lack a unit, or are of use inside the program only.
 RENAMED = {"rho": "density_kgpm3", "J": "advance_ratio", "throttle": "throttle_fraction"}

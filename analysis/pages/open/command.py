@@ -15,9 +15,9 @@ from urllib.parse import quote
 
 import typer
 
-from flight.command_line import application, run
-from flight.errors import InputError
-from flight.log_reader import Log, read_log
+from flightpower.flight.command_line import application, run
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_reader import Log, read_log
 
 app = application(no_args_is_help=False)
 
@@ -60,11 +60,11 @@ def open_page(
             webbrowser.open(address)
         # A pool of threads costs several times the processor time of these small matrices.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-        from analysis.pages.lean_imports import import_lean  # loads NumPy, which then has one thread
+        from flightpower.analysis.pages.lean_imports import import_lean  # loads NumPy, which then has one thread
 
         import_lean()
-        from analysis.pages.open.flights import Folder  # the browser starts in the meantime
-        from analysis.pages.open.server import serve
+        from flightpower.analysis.pages.open.flights import Folder  # the browser starts in the meantime
+        from flightpower.analysis.pages.open.server import serve
 
         opened = Folder(folder, Path(workspace), {first: reading} if reading else {})
         names = [first] if first else list(opened.logs())

@@ -6,16 +6,16 @@ from concurrent.futures import BrokenExecutor, Future
 from contextlib import suppress
 from pathlib import Path
 
-from analysis.pages.open.folder_files import POLARS, listed, logs_in, polars_in
-from analysis.pages.open.opened import OpenedFlight, report_folder
-from analysis.pages.open.request import LIMITS, Json
-from analysis.pipeline import way_of
-from analysis.records.flight import Kind
-from analysis.sources.column_map import BESIDE
-from analysis.sources.open import TABLES, has_log_suffix, open_source, suffixes
-from analysis.sources.recording import FlightRecording
-from flight.errors import InputError
-from flight.log_reader import Log
+from flightpower.analysis.pages.open.folder_files import POLARS, listed, logs_in, polars_in
+from flightpower.analysis.pages.open.opened import OpenedFlight, report_folder
+from flightpower.analysis.pages.open.request import LIMITS, Json
+from flightpower.analysis.pipeline import way_of
+from flightpower.analysis.records.flight import Kind
+from flightpower.analysis.sources.column_map import BESIDE
+from flightpower.analysis.sources.open import TABLES, has_log_suffix, open_source, suffixes
+from flightpower.analysis.sources.recording import FlightRecording
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_reader import Log
 
 NOT_IN_NAMES = '/\\:*?"<>|'  # what some file system takes for something else
 
@@ -30,11 +30,11 @@ def open_flight(path: Path, workspace: Path, reading: Future[Log] | None = None)
         source = reading.result() if reading else None
     source = source or open_source(path)
     if way_of(source).kind is Kind.POWER_REQUIRED:
-        from analysis.pages.open.runs_flight import RunsFlight  # loads casadi
+        from flightpower.analysis.pages.open.runs_flight import RunsFlight  # loads casadi
 
         assert isinstance(source, Log)
         return RunsFlight(path, workspace, source)
-    from analysis.pages.open.whole_flight import WholeFlight
+    from flightpower.analysis.pages.open.whole_flight import WholeFlight
 
     return WholeFlight(path, workspace, source)
 

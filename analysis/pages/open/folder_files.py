@@ -5,11 +5,11 @@ from datetime import UTC, datetime
 from functools import lru_cache
 from pathlib import Path
 
-from analysis.pages.open.opened import report_folder
-from analysis.pages.open.request import LIMITS, Json
-from analysis.sources.extent import Extent, LogKind, extent
-from analysis.sources.open import has_log_suffix, is_table
-from flight.errors import InputError
+from flightpower.analysis.pages.open.opened import report_folder
+from flightpower.analysis.pages.open.request import LIMITS, Json
+from flightpower.analysis.sources.extent import Extent, LogKind, extent
+from flightpower.analysis.sources.open import has_log_suffix, is_table
+from flightpower.flight.errors import InputError
 
 POLARS = (".txt", ".csv", ".dat")
 
@@ -43,7 +43,7 @@ def is_polar(path: Path) -> bool:
 @lru_cache(LIMITS.entries)
 def _is_polar(path: Path, mtime_ns: int, size: int) -> bool:
     """For one state of the file."""
-    from analysis.pages.predicted_polar import read_predicted_polar
+    from flightpower.analysis.pages.predicted_polar import read_predicted_polar
 
     try:
         return bool(read_predicted_polar(path))

@@ -7,13 +7,13 @@ from typing import Any, NamedTuple, get_type_hints
 
 import msgspec
 
-from analysis.options import Options
-from analysis.pages.open.request import FieldError, Json, Values
-from flight.aircraft import parse_aircraft
-from flight.aircraft_keys import KEYS, LINES
-from flight.errors import InputError
-from flight.log_reader import Log
-from flight.shipped_propellers import shipped_propellers
+from flightpower.analysis.options import Options
+from flightpower.analysis.pages.open.request import FieldError, Json, Values
+from flightpower.flight.aircraft import parse_aircraft
+from flightpower.flight.aircraft_keys import KEYS, LINES
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_reader import Log
+from flightpower.flight.shipped_propellers import shipped_propellers
 
 PROPELLER = "propeller"  # the field that is a choice of shipped tables
 FIRST = "Weight, propeller, battery"

@@ -1,15 +1,15 @@
 """The curve of another method beside that of the report, as far as the flight allows it."""
 
-from analysis.curve import Condition
-from analysis.flight import Reconstructed
-from analysis.maneuvers.kinds import Maneuver
-from analysis.methods import likelihood
-from analysis.methods.method import MethodDescription, MethodEstimate
-from analysis.methods.methods import ALL_METHODS, one_method
-from analysis.methods.whole_flight.method import WHOLE_FLIGHT, whole_flight
-from analysis.records.flight import MethodResult
-from analysis.results.assemble import method_result
-from flight.errors import InputError
+from flightpower.analysis.curve import Condition
+from flightpower.analysis.flight import Reconstructed
+from flightpower.analysis.maneuvers.kinds import Maneuver
+from flightpower.analysis.methods import likelihood
+from flightpower.analysis.methods.method import MethodDescription, MethodEstimate
+from flightpower.analysis.methods.methods import ALL_METHODS, one_method
+from flightpower.analysis.methods.whole_flight.method import WHOLE_FLIGHT, whole_flight
+from flightpower.analysis.records.flight import MethodResult
+from flightpower.analysis.results.assemble import method_result
+from flightpower.flight.errors import InputError
 
 METHODS: dict[str, MethodDescription] = {
     method.name: method for method in (*ALL_METHODS, WHOLE_FLIGHT, *likelihood.METHODS)

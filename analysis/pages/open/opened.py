@@ -12,14 +12,14 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from analysis.curve import Condition, Cost, Curve
-from analysis.options import Options
-from analysis.pages.one_log import Report
-from analysis.pages.open.request import LIMITS, FieldError, Json, Values
-from analysis.records.flight import Kind, PowerPoint, SpeedInterval
-from analysis.sources.recording import AllChannels, Channel
-from flight.errors import InputError
-from flight.units import GRAVITY_MPS2
+from flightpower.analysis.curve import Condition, Cost, Curve
+from flightpower.analysis.options import Options
+from flightpower.analysis.pages.one_log import Report
+from flightpower.analysis.pages.open.request import LIMITS, FieldError, Json, Values
+from flightpower.analysis.records.flight import Kind, PowerPoint, SpeedInterval
+from flightpower.analysis.sources.recording import AllChannels, Channel
+from flightpower.flight.errors import InputError
+from flightpower.flight.units import GRAVITY_MPS2
 
 
 class OpenedFlight(ABC):
@@ -92,7 +92,7 @@ class OpenedFlight(ABC):
 
     def write(self, values: Values) -> Json:
         """Write what `analyze` writes, and return what it says. Raises InputError; then no result was written."""
-        from analysis.pages.one_log import analyze_log
+        from flightpower.analysis.pages.one_log import analyze_log
 
         folder = report_folder(self.path)
         self.curve(msgspec.structs.replace(values, method=""))  # what is wrong is said before anything is written

@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from analysis.methods.whole_flight.curve import ElectricalEstimate
-from analysis.pages.charts.figure import Axis, Bars, Figure, Line, Points, Symbol
-from analysis.pages.charts.flight import OnMap, ground_track, over_time, time_axis, wind_arrow
-from analysis.pages.charts.style import (
+from flightpower.analysis.methods.whole_flight.curve import ElectricalEstimate
+from flightpower.analysis.pages.charts.figure import Axis, Bars, Figure, Line, Points, Symbol
+from flightpower.analysis.pages.charts.flight import OnMap, ground_track, over_time, time_axis, wind_arrow
+from flightpower.analysis.pages.charts.style import (
     BLUE,
     GRAY,
     INK,
@@ -20,14 +20,14 @@ from analysis.pages.charts.style import (
     round_length,
     true_airspeed,
 )
-from analysis.pages.charts.svg import chart
-from analysis.pages.open.request import LIMITS
-from analysis.records.flight import Kind, PowerPoint, Track
-from analysis.sources import recording
-from analysis.sources.recording import Channel, Event, EventKind, FlightRecording
-from flight.arrays import Array
-from flight.atmosphere import height_at
-from flight.units import SEA_LEVEL_DENSITY
+from flightpower.analysis.pages.charts.svg import chart
+from flightpower.analysis.pages.open.request import LIMITS
+from flightpower.analysis.records.flight import Kind, PowerPoint, Track
+from flightpower.analysis.sources import recording
+from flightpower.analysis.sources.recording import Channel, Event, EventKind, FlightRecording
+from flightpower.flight.arrays import Array
+from flightpower.flight.atmosphere import height_at
+from flightpower.flight.units import SEA_LEVEL_DENSITY
 
 Row = tuple[Array, Array, Axis]
 

@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from flight.errors import InputError
+from flightpower.flight.errors import InputError
 
 Json = dict[str, Any]
 

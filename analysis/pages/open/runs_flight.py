@@ -14,25 +14,33 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 
-from analysis.air.contents import Replacements
-from analysis.curve import Condition
-from analysis.files import write_file, write_keeping_previous
-from analysis.flight import FlightPath, Measured, flight_path, reconstructed, recorded, synchronized, with_runs
-from analysis.maneuvers.kinds import KINDS, Maneuvers
-from analysis.maneuvers.runs_file import NoCurve, head
-from analysis.options import Options
-from analysis.pages.open import form
-from analysis.pages.open.folder_files import polars_in
-from analysis.pages.open.opened import OpenedFlight, columns, condition_at, curve_json, shares
-from analysis.pages.open.pictures import curve_chart, map_chart, rows_of_runs, strips
-from analysis.pages.open.request import FieldError, Json, Run, Values
-from analysis.records.flight import Kind, PowerPoint
-from analysis.sources.daemon import all_channels, events, times_ns
-from analysis.sources.recording import AllChannels, Channel, in_order
-from flight.aircraft import parse_aircraft
-from flight.log_reader import Log
-from flight.propeller_files import load_propeller
-from flight.shipped_propellers import shipped_propellers
+from flightpower.analysis.air.contents import Replacements
+from flightpower.analysis.curve import Condition
+from flightpower.analysis.files import write_file, write_keeping_previous
+from flightpower.analysis.flight import (
+    FlightPath,
+    Measured,
+    flight_path,
+    reconstructed,
+    recorded,
+    synchronized,
+    with_runs,
+)
+from flightpower.analysis.maneuvers.kinds import KINDS, Maneuvers
+from flightpower.analysis.maneuvers.runs_file import NoCurve, head
+from flightpower.analysis.options import Options
+from flightpower.analysis.pages.open import form
+from flightpower.analysis.pages.open.folder_files import polars_in
+from flightpower.analysis.pages.open.opened import OpenedFlight, columns, condition_at, curve_json, shares
+from flightpower.analysis.pages.open.pictures import curve_chart, map_chart, rows_of_runs, strips
+from flightpower.analysis.pages.open.request import FieldError, Json, Run, Values
+from flightpower.analysis.records.flight import Kind, PowerPoint
+from flightpower.analysis.sources.daemon import all_channels, events, times_ns
+from flightpower.analysis.sources.recording import AllChannels, Channel, in_order
+from flightpower.flight.aircraft import parse_aircraft
+from flightpower.flight.log_reader import Log
+from flightpower.flight.propeller_files import load_propeller
+from flightpower.flight.shipped_propellers import shipped_propellers
 
 
 class _Prepared(NamedTuple):
@@ -90,11 +98,14 @@ class RunsFlight(OpenedFlight):
         return strips(rows_of_runs(table), channels, self._events, float(table.index[-1]))
 
     def _curve(self, values: Values) -> Json:
-        from analysis.methods.interval_sources import variance_by_source
-        from analysis.methods.ladder import estimate, estimate_by_runs  # the first picture does not wait for these
-        from analysis.pages.open.methods import listed, method_curve
-        from analysis.results.curves import power_curve
-        from analysis.results.flight_found import air_found, track
+        from flightpower.analysis.methods.interval_sources import variance_by_source
+        from flightpower.analysis.methods.ladder import (  # the first picture does not wait for these
+            estimate,
+            estimate_by_runs,
+        )
+        from flightpower.analysis.pages.open.methods import listed, method_curve
+        from flightpower.analysis.results.curves import power_curve
+        from flightpower.analysis.results.flight_found import air_found, track
 
         measured = self._measured(values)
         path = self._path(values, measured)
@@ -199,7 +210,7 @@ class RunsFlight(OpenedFlight):
         self, values: Values, condition: Condition, points: list[PowerPoint], aspect_ratio: float
     ) -> Json | None:
         """The curve by a predicted polar, a tenth of speed beyond the measured one on both sides. Raises InputError."""
-        from analysis.pages.predicted_polar import check_of_aircraft, read_predicted_polar
+        from flightpower.analysis.pages.predicted_polar import check_of_aircraft, read_predicted_polar
 
         if not values.polar:
             return None
@@ -257,6 +268,6 @@ def _runs(maneuvers: Maneuvers) -> list[Json]:
 def _by_likelihood(method: str) -> bool:
     if not method:
         return False
-    from analysis.pages.open.methods import by_likelihood
+    from flightpower.analysis.pages.open.methods import by_likelihood
 
     return by_likelihood(method)

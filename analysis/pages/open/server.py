@@ -24,17 +24,17 @@ from urllib.parse import quote
 import msgspec
 import numpy as np
 
-from analysis.files import write_file
-from analysis.pages.charts.svg import chart_script, chart_style
-from analysis.pages.open.flights import Folder
-from analysis.pages.open.folder_files import POLARS, is_polar
-from analysis.pages.open.request import LIMITS, FieldError, Values
-from analysis.pages.predicted_polar import read_predicted_polar
-from analysis.sources.column_map import BESIDE, load_map, map_files
-from analysis.sources.open import is_table
-from analysis.sources.recognize import autopilot_of
-from flight.errors import InputError
-from flight.log_reader import read_log
+from flightpower.analysis.files import write_file
+from flightpower.analysis.pages.charts.svg import chart_script, chart_style
+from flightpower.analysis.pages.open.flights import Folder
+from flightpower.analysis.pages.open.folder_files import POLARS, is_polar
+from flightpower.analysis.pages.open.request import LIMITS, FieldError, Values
+from flightpower.analysis.pages.predicted_polar import read_predicted_polar
+from flightpower.analysis.sources.column_map import BESIDE, load_map, map_files
+from flightpower.analysis.sources.open import is_table
+from flightpower.analysis.sources.recognize import autopilot_of
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_reader import read_log
 
 StartResponse = Callable[[str, list[tuple[str, str]]], Any]
 Environ = dict[str, Any]
@@ -202,7 +202,7 @@ def _recognized(path: Path, suffix: str) -> Dropped:
     if autopilot_of(path):
         return Dropped.LOG
     if is_table(path):
-        from analysis.sources.table_file import read_columns
+        from flightpower.analysis.sources.table_file import read_columns
 
         if not read_columns(path):
             raise InputError(f"{path}: a table without a column of numbers; export the flight's channels")
@@ -215,7 +215,7 @@ def _drafted_map(table: Path) -> str:
     """A map of a table's columns by their names, written beside it where there is none; what to do with it."""
     if map_files(table, None):
         return ""
-    from analysis.sources.map_draft import draft
+    from flightpower.analysis.sources.map_draft import draft
 
     beside = table.with_name(f"{table.name}.{BESIDE}")
     try:
@@ -269,7 +269,7 @@ def _plain(value: Any) -> Any:
 
 
 def _template(name: str) -> bytes:
-    return resources.files("analysis.pages.open").joinpath("templates", name).read_bytes()
+    return resources.files("flightpower.analysis.pages.open").joinpath("templates", name).read_bytes()
 
 
 def server_of(page: LocalPage, listening: socket) -> Any:

@@ -11,27 +11,41 @@ from typing import Any
 
 import msgspec
 
-from analysis.files import write_file, write_keeping_previous
-from analysis.methods.whole_flight.curve import ElectricalEstimate
-from analysis.methods.whole_flight.guess import guessed_aircraft
-from analysis.methods.whole_flight.method import recording_of
-from analysis.options import Options, stretches_text
-from analysis.pages.open import form
-from analysis.pages.open.opened import OpenedFlight, columns, condition_at, curve_json, report_folder, shares
-from analysis.pages.open.pictures import Stretch, curve_chart, map_chart, rows_of_recording, strips, track_of
-from analysis.pages.open.request import FieldError, Json, Values
-from analysis.pipeline import analyze
-from analysis.pipeline.whole_flight import WholeFlightAnalysis
-from analysis.records.flight import Kind
-from analysis.results.read import read_results
-from analysis.sources import autopilot, daemon, recording
-from analysis.sources.daemon import times_ns
-from analysis.sources.recognize import autopilot_of
-from analysis.sources.recording import AllChannels, Channel, Event, FlightRecording
-from flight.errors import InputError
-from flight.log_reader import Log
-from flight.shipped_propellers import shipped_propellers
-from flight.units import GRAVITY_MPS2
+from flightpower.analysis.files import write_file, write_keeping_previous
+from flightpower.analysis.methods.whole_flight.curve import ElectricalEstimate
+from flightpower.analysis.methods.whole_flight.guess import guessed_aircraft
+from flightpower.analysis.methods.whole_flight.method import recording_of
+from flightpower.analysis.options import Options, stretches_text
+from flightpower.analysis.pages.open import form
+from flightpower.analysis.pages.open.opened import (
+    OpenedFlight,
+    columns,
+    condition_at,
+    curve_json,
+    report_folder,
+    shares,
+)
+from flightpower.analysis.pages.open.pictures import (
+    Stretch,
+    curve_chart,
+    map_chart,
+    rows_of_recording,
+    strips,
+    track_of,
+)
+from flightpower.analysis.pages.open.request import FieldError, Json, Values
+from flightpower.analysis.pipeline import analyze
+from flightpower.analysis.pipeline.whole_flight import WholeFlightAnalysis
+from flightpower.analysis.records.flight import Kind
+from flightpower.analysis.results.read import read_results
+from flightpower.analysis.sources import autopilot, daemon, recording
+from flightpower.analysis.sources.daemon import times_ns
+from flightpower.analysis.sources.recognize import autopilot_of
+from flightpower.analysis.sources.recording import AllChannels, Channel, Event, FlightRecording
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_reader import Log
+from flightpower.flight.shipped_propellers import shipped_propellers
+from flightpower.flight.units import GRAVITY_MPS2
 
 AIRBORNE = "in the curve"
 

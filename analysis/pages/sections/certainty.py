@@ -6,16 +6,16 @@ from typing import NamedTuple
 import numpy as np
 from scipy import special
 
-from analysis.estimation.noise import NORMAL_95
-from analysis.pages.answers import stall_margin_percent
-from analysis.pages.html_page import HtmlTable
-from analysis.pages.sections.curve import shared_part
-from analysis.pages.sections.flight import CHANNELS, decimals
-from analysis.pages.sections.summary import reference_point
-from analysis.records.flight import UNKNOWN_SPEED, IntervalPart, Kind, Results
-from analysis.results.evidence import noise_limit
-from analysis.settings import EVIDENCE
-from analysis.trajectory.settings import PRIOR_CHECK
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.pages.answers import stall_margin_percent
+from flightpower.analysis.pages.html_page import HtmlTable
+from flightpower.analysis.pages.sections.curve import shared_part
+from flightpower.analysis.pages.sections.flight import CHANNELS, decimals
+from flightpower.analysis.pages.sections.summary import reference_point
+from flightpower.analysis.records.flight import UNKNOWN_SPEED, IntervalPart, Kind, Results
+from flightpower.analysis.results.evidence import noise_limit
+from flightpower.analysis.settings import EVIDENCE
+from flightpower.analysis.trajectory.settings import PRIOR_CHECK
 
 
 class CertaintySection(NamedTuple):

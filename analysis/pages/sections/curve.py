@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 from msgspec import UNSET
 
-from analysis.pages.answers import optimum_speed_text
-from analysis.pages.html_page import HtmlTable
-from analysis.pages.wording import every, listed_methods, meaning, short_name
-from analysis.records.flight import UNKNOWN_SPEED, Kind, PitchRateResult, PowerPoint, Results
-from analysis.settings import FLOWN
-from flight.atmosphere import FOOT_POUND_PER_SECOND_W
-from flight.units import FOOT_M
+from flightpower.analysis.pages.answers import optimum_speed_text
+from flightpower.analysis.pages.html_page import HtmlTable
+from flightpower.analysis.pages.wording import every, listed_methods, meaning, short_name
+from flightpower.analysis.records.flight import UNKNOWN_SPEED, Kind, PitchRateResult, PowerPoint, Results
+from flightpower.analysis.settings import FLOWN
+from flightpower.flight.atmosphere import FOOT_POUND_PER_SECOND_W
+from flightpower.flight.units import FOOT_M
 
 
 class CurveSection(NamedTuple):

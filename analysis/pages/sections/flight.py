@@ -3,9 +3,9 @@
 import math
 from typing import NamedTuple
 
-from analysis.pages.html_page import HtmlTable
-from analysis.records.flight import AirFound, Clock, Provenance, Results, SensorError
-from flight.units import GRAVITY_MPS2
+from flightpower.analysis.pages.html_page import HtmlTable
+from flightpower.analysis.records.flight import AirFound, Clock, Provenance, Results, SensorError
+from flightpower.flight.units import GRAVITY_MPS2
 
 
 class FlightSection(NamedTuple):

@@ -5,12 +5,12 @@ import io
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from analysis.pages.answers import battery_text, interval_text
-from analysis.pages.html_page import HtmlTable
-from analysis.pages.sections import performance as field_table
-from analysis.pages.wording import meaning
-from analysis.records.flight import Interval, PerformanceResult, Results, WithCurves
-from flight.units import GRAVITY_MPS2
+from flightpower.analysis.pages.answers import battery_text, interval_text
+from flightpower.analysis.pages.html_page import HtmlTable
+from flightpower.analysis.pages.sections import performance as field_table
+from flightpower.analysis.pages.wording import meaning
+from flightpower.analysis.records.flight import Interval, PerformanceResult, Results, WithCurves
+from flightpower.flight.units import GRAVITY_MPS2
 
 
 class PerformanceSection(NamedTuple):

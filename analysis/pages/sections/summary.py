@@ -4,13 +4,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.pages.answers import HeadlineAnswer, headline_answers
-from analysis.pages.sections.flight import temperature_text
-from analysis.pages.wording import VERDICT
-from analysis.records.flight import CurveStatus, Kind, PowerPoint, Results
-from analysis.results.evidence import sentences
-from analysis.results.settings import RESULTS
-from flight.units import FOOT_M, GRAVITY_MPS2
+from flightpower.analysis.pages.answers import HeadlineAnswer, headline_answers
+from flightpower.analysis.pages.sections.flight import temperature_text
+from flightpower.analysis.pages.wording import VERDICT
+from flightpower.analysis.records.flight import CurveStatus, Kind, PowerPoint, Results
+from flightpower.analysis.results.evidence import sentences
+from flightpower.analysis.results.settings import RESULTS
+from flightpower.flight.units import FOOT_M, GRAVITY_MPS2
 
 NO_WARNINGS = "No warnings for this flight."
 

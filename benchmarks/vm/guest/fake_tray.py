@@ -15,9 +15,9 @@ from pathlib import Path
 
 from parts import parts_at_rest
 
-from hw_fakes.fuse_i2c import FuseI2C
-from hw_fakes.i2c import I2CBus
-from hw_fakes.tray import I2C_BUS
+from flightpower.hw_fakes.fuse_i2c import FuseI2C
+from flightpower.hw_fakes.i2c import I2CBus
+from flightpower.hw_fakes.tray import I2C_BUS
 
 HEARTBEAT_LINE = "/dev/ttyS1"
 HEARTBEAT_S = 0.05

@@ -12,10 +12,10 @@ CRC-8 (polynomial 0x31, initial value 0xFF).
 from collections.abc import Iterator
 from typing import Literal
 
-from daq.bus import Buses, I2CBus
-from daq.config import BusSensorTable
-from daq.sensors import Sample, SensorFailure
-from flight.messages import DifferentialPressure, Status
+from flightpower.daq.bus import Buses, I2CBus
+from flightpower.daq.config import BusSensorTable
+from flightpower.daq.sensors import Sample, SensorFailure
+from flightpower.flight.messages import DifferentialPressure, Status
 
 STOP = b"\x3f\xf9"  # of the continuous measurement: the part takes no other command before
 MEASURE_AND_AVERAGE = b"\x36\x15"  # differential pressure, averaged since the last reading

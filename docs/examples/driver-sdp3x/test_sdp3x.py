@@ -10,13 +10,13 @@ from pathlib import Path
 import pytest
 from flightpower_sdp3x import MEASURE_AND_AVERAGE, Sdp3xDriver, crc8
 
-from daq.config import parse_tray
-from daq.daemon import record
-from daq.linux_bus import LinuxI2C
-from flight.log_reader import read_log
-from flight.messages import Status
-from hw_fakes.clock import SimulatedClock
-from hw_fakes.i2c import FakeI2CBus, no_acknowledge
+from flightpower.daq.config import parse_tray
+from flightpower.daq.daemon import record
+from flightpower.daq.linux_bus import LinuxI2C
+from flightpower.flight.log_reader import read_log
+from flightpower.flight.messages import Status
+from flightpower.hw_fakes.clock import SimulatedClock
+from flightpower.hw_fakes.i2c import FakeI2CBus, no_acknowledge
 
 TRAY = '[[sensors]]\ndriver = "sdp3x"\nbus = "/dev/i2c-1"\n'
 TOPIC = "/probe/airspeed"

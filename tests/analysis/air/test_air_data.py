@@ -4,12 +4,12 @@ import flights
 import numpy as np
 import pytest
 
-from analysis.air.air import _slow_flight, air_data, specific_force_at_cg
-from analysis.sources.daemon import speed_scale
-from analysis.sources.rest import rest_segments, without_zeros, zeros
-from flight.aircraft import load_aircraft
-from flight.propeller_files import load_propeller
-from sim.sensors import load_budget
+from flightpower.analysis.air.air import _slow_flight, air_data, specific_force_at_cg
+from flightpower.analysis.sources.daemon import speed_scale
+from flightpower.analysis.sources.rest import rest_segments, without_zeros, zeros
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.propeller_files import load_propeller
+from flightpower.sim.sensors import load_budget
 
 NEXSTAR = load_aircraft("nexstar")
 IMU = ["ax_mps2", "ay_mps2", "az_mps2", "p_radps", "q_radps", "r_radps"]

@@ -6,10 +6,10 @@ import msgspec
 import pytest
 from flights import tunnel_probe
 
-from analysis.air.contents import Replacements, contents
-from flight.aircraft import load_aircraft
-from flight.log_reader import Log
-from flight.propeller_files import load_propeller
+from flightpower.analysis.air.contents import Replacements, contents
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.log_reader import Log
+from flightpower.flight.propeller_files import load_propeller
 
 
 @pytest.mark.parametrize(("stated", "sigma"), [(True, 0.018), (False, 0.17)])

@@ -3,8 +3,8 @@
 import numpy as np
 import pandas as pd
 
-from analysis.air.flight_data import silent_topics
-from analysis.sources.daemon import COLUMNS, TOPICS
+from flightpower.analysis.air.flight_data import silent_topics
+from flightpower.analysis.sources.daemon import COLUMNS, TOPICS
 
 
 def flight(**lost: float) -> pd.DataFrame:

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.air.settings import MAGNETOMETER
-from analysis.calibrations import magnetometer, surfaces
-from flight.errors import InputError
-from flight.motion import body_from_earth
+from flightpower.analysis.air.settings import MAGNETOMETER
+from flightpower.analysis.calibrations import magnetometer, surfaces
+from flightpower.flight.errors import InputError
+from flightpower.flight.motion import body_from_earth
 
 FIELD_T, DIP_RAD, NOISE_T = 48.5e-6, np.radians(63.0), 0.5e-6
 
@@ -107,7 +107,7 @@ def test_there_and_back_shows_the_play_of_the_linkage() -> None:
 
 
 def test_the_section_is_one_that_an_aircraft_file_takes() -> None:
-    from flight.aircraft import load_aircraft, parse_aircraft
+    from flightpower.flight.aircraft import load_aircraft, parse_aircraft
 
     found = surfaces.surface_table(surfaces.held_pulses(*session()), ANGLES)
     whole = load_aircraft("nexstar").text

@@ -5,9 +5,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.air.magnetometer import MAGNETOMETER_FILE, MagnetometerCalibration, compass
-from flight.errors import InputError
-from flight.motion import body_from_earth
+from flightpower.analysis.air.magnetometer import MAGNETOMETER_FILE, MagnetometerCalibration, compass
+from flightpower.flight.errors import InputError
+from flightpower.flight.motion import body_from_earth
 
 FIELD_T, DIP_RAD, NOISE_T = 48.5e-6, np.radians(63.0), 0.5e-6
 LEVEL_T = FIELD_T * np.cos(DIP_RAD)

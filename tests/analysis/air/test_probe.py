@@ -8,12 +8,25 @@ import msgspec
 import numpy as np
 import pytest
 
-from analysis.air.probe import PROBE_FILE, FittedMap, ProbeCalibration, _inside, flow_at_probe, polynomial_of_order
-from analysis.calibrations.probe import TunnelData, calibrate, dynamic_pressure, read_tunnel, speed_dependence
-from analysis.calibrations.probe import summary as probe_summary
-from flight.atmosphere import density
-from flight.errors import InputError
-from flight.probe_maps import load_probe_maps
+from flightpower.analysis.air.probe import (
+    PROBE_FILE,
+    FittedMap,
+    ProbeCalibration,
+    _inside,
+    flow_at_probe,
+    polynomial_of_order,
+)
+from flightpower.analysis.calibrations.probe import (
+    TunnelData,
+    calibrate,
+    dynamic_pressure,
+    read_tunnel,
+    speed_dependence,
+)
+from flightpower.analysis.calibrations.probe import summary as probe_summary
+from flightpower.flight.atmosphere import density
+from flightpower.flight.errors import InputError
+from flightpower.flight.probe_maps import load_probe_maps
 
 STATIC_PA, TEMPERATURE_K = 100_800.0, 291.0
 NOISE_PA = 0.5  # of a good bench transducer; ports differ by several hundred pascals at 20 m/s

@@ -6,12 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.air.air import _stuck, _where_it_began, air_data, bank_angle, specific_force_at_cg
-from analysis.air.probe import FittedMap, ProbeCalibration
-from analysis.sources.daemon import COLUMNS, speed_scale
-from flight.aircraft import Aircraft, ProbeInstallation
-from flight.probe_maps import FIRST_FORMAT
-from flight.propeller import Propeller
+from flightpower.analysis.air.air import _stuck, _where_it_began, air_data, bank_angle, specific_force_at_cg
+from flightpower.analysis.air.probe import FittedMap, ProbeCalibration
+from flightpower.analysis.sources.daemon import COLUMNS, speed_scale
+from flightpower.flight.aircraft import Aircraft, ProbeInstallation
+from flightpower.flight.probe_maps import FIRST_FORMAT
+from flightpower.flight.propeller import Propeller
 
 V_MPS, ALPHA_RAD, BETA_RAD = 15.0, 0.05, 0.03
 DENSITY_KGPM3 = 1.225  # of the standard atmosphere at sea level

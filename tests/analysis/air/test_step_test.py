@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from analysis.air.settings import LAG
-from analysis.air.tubing import air
-from analysis.calibrations.tubing import (
+from flightpower.analysis.air.settings import LAG
+from flightpower.analysis.air.tubing import air
+from flightpower.analysis.calibrations.tubing import (
     Lag,
     LineLag,
     _crossing,
@@ -20,7 +20,7 @@ from analysis.calibrations.tubing import (
     through,
     to_toml,
 )
-from flight.aircraft import PneumaticLine
+from flightpower.flight.aircraft import PneumaticLine
 
 RATE_HZ, NOISE_PA = 100.0, 1.0
 

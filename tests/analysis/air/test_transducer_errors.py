@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.air.transducers import play, with_hysteresis, with_zero_step
-from sim.sensors.tray import with_hysteresis as of_the_simulator
+from flightpower.analysis.air.transducers import play, with_hysteresis, with_zero_step
+from flightpower.sim.sensors.tray import with_hysteresis as of_the_simulator
 
 
 def up_and_down() -> pd.DataFrame:

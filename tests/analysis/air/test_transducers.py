@@ -8,13 +8,19 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from analysis.air.transducers import TRANSDUCERS_FILE, TransducerCalibration, air_data_errors, in_words, plateaus
-from analysis.calibrations.transducers import calibrate, pressures_Pa
-from analysis.cli.calibrate import app
-from analysis.trajectory.equations import SENSOR_ERRORS
-from analysis.trajectory.priors import PRIOR_SIGMA, SensorPriors, sensor_error_prior
-from flight.errors import InputError
-from flight.messages import DifferentialPressure, Status
+from flightpower.analysis.air.transducers import (
+    TRANSDUCERS_FILE,
+    TransducerCalibration,
+    air_data_errors,
+    in_words,
+    plateaus,
+)
+from flightpower.analysis.calibrations.transducers import calibrate, pressures_Pa
+from flightpower.analysis.cli.calibrate import app
+from flightpower.analysis.trajectory.equations import SENSOR_ERRORS
+from flightpower.analysis.trajectory.priors import PRIOR_SIGMA, SensorPriors, sensor_error_prior
+from flightpower.flight.errors import InputError
+from flightpower.flight.messages import DifferentialPressure, Status
 from tests.analysis.cli.test_calibrate import written
 
 PRESSURES_PA = (100.0, 200.0, 300.0, 400.0, 350.0, 250.0, 150.0, 50.0)

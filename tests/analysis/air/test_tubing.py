@@ -8,14 +8,14 @@ import pandas as pd
 import pytest
 from calibration import NOISE_PA, SEA_LEVEL, bursts
 
-from analysis.air.lines import air_in, bounded_inverse, inverted, line_responses, without_remainder
-from analysis.air.tubing import Gas, air, low_frequency_lag_s, remainder_of, response
-from analysis.calibrations.tubing import diameter_of_lag_m, find_steps, fit_lag, through
-from flight.aircraft import Aircraft, PneumaticLine
-from flight.errors import InputError
-from flight.log_entries import LogEntry, entries_of
-from flight.log_reader import Log
-from flight.messages import AbsolutePressure
+from flightpower.analysis.air.lines import air_in, bounded_inverse, inverted, line_responses, without_remainder
+from flightpower.analysis.air.tubing import Gas, air, low_frequency_lag_s, remainder_of, response
+from flightpower.analysis.calibrations.tubing import diameter_of_lag_m, find_steps, fit_lag, through
+from flightpower.flight.aircraft import Aircraft, PneumaticLine
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_entries import LogEntry, entries_of
+from flightpower.flight.log_reader import Log
+from flightpower.flight.messages import AbsolutePressure
 
 DATA = Path(__file__).parents[2] / "data" / "tubing" / "bergh-tijdeman.csv"
 CURVES = {

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from flights import sensor_table
 
-from analysis.calibrations.boom import CarriedMass, boom_bending, hanging_weights, quantities, to_toml
-from flight.aircraft import load_aircraft, parse_aircraft
-from flight.complete_aircraft import load_complete_aircraft
-from flight.errors import InputError
-from sim.bench import BoomWeightsSegment
-from sim.fly import fly
-from sim.plan import load_plan
-from sim.sensors import FlightSensorTruth, draw, load_budget
+from flightpower.analysis.calibrations.boom import CarriedMass, boom_bending, hanging_weights, quantities, to_toml
+from flightpower.flight.aircraft import load_aircraft, parse_aircraft
+from flightpower.flight.complete_aircraft import load_complete_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.sim.bench import BoomWeightsSegment
+from flightpower.sim.fly import fly
+from flightpower.sim.plan import load_plan
+from flightpower.sim.sensors import FlightSensorTruth, draw, load_budget
 
 NEXSTAR = load_complete_aircraft("nexstar")
 PLAN = load_plan("boom-weights")

@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 from flights import sensor_table
 
-from analysis.air.air import specific_force_at_cg
-from analysis.calibrations import run_up
-from analysis.calibrations.run_up import thrusts_N, to_toml, wrong_speed
-from analysis.calibrations.settings import RUN_UP
-from analysis.calibrations.thrust import calibrate
-from flight.aircraft import load_aircraft, parse_aircraft
-from flight.complete_aircraft import load_complete_aircraft
-from flight.errors import InputError
-from flight.propeller_files import load_propeller
-from sim.fly import fly
-from sim.plan import load_plan
-from sim.sensors import FlightSensorTruth, draw, load_budget
+from flightpower.analysis.air.air import specific_force_at_cg
+from flightpower.analysis.calibrations import run_up
+from flightpower.analysis.calibrations.run_up import thrusts_N, to_toml, wrong_speed
+from flightpower.analysis.calibrations.settings import RUN_UP
+from flightpower.analysis.calibrations.thrust import calibrate
+from flightpower.flight.aircraft import load_aircraft, parse_aircraft
+from flightpower.flight.complete_aircraft import load_complete_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.propeller_files import load_propeller
+from flightpower.sim.fly import fly
+from flightpower.sim.plan import load_plan
+from flightpower.sim.sensors import FlightSensorTruth, draw, load_budget
 
 OFFSET_MPS2 = (0.1, -0.05, 0.2)
 NEXSTAR = load_complete_aircraft("nexstar")

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from analysis.air.contents import Replacements, contents
-from analysis.air.thrust_stand import THRUST_STAND_FILE
-from analysis.calibrations.thrust import StandReadings, calibrate, doubts
-from analysis.cli.calibrate import app
-from flight.aircraft import load_aircraft, parse_aircraft
-from flight.errors import InputError
-from flight.log_reader import Log
-from flight.propeller import Propeller, Row
-from flight.propeller_files import load_propeller
+from flightpower.analysis.air.contents import Replacements, contents
+from flightpower.analysis.air.thrust_stand import THRUST_STAND_FILE
+from flightpower.analysis.calibrations.thrust import StandReadings, calibrate, doubts
+from flightpower.analysis.cli.calibrate import app
+from flightpower.flight.aircraft import load_aircraft, parse_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_reader import Log
+from flightpower.flight.propeller import Propeller, Row
+from flightpower.flight.propeller_files import load_propeller
 
 TABLE = load_propeller("apc-12x8e")
 RPM = np.array([3000.0, 4000, 5000, 6000, 7000, 6500, 5500, 4500, 3500])

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from analysis.calibrations.weight_and_balance import ScaleErrors, Support, weighed
-from analysis.cli.calibrate import app
-from flight.aircraft import load_aircraft, parse_aircraft
+from flightpower.analysis.calibrations.weight_and_balance import ScaleErrors, Support, weighed
+from flightpower.analysis.cli.calibrate import app
+from flightpower.flight.aircraft import load_aircraft, parse_aircraft
 
 ERRORS = ScaleErrors(reading_kg=0.005, gain=0.001, position_m=0.002)
 

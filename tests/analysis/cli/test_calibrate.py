@@ -11,15 +11,15 @@ import pytest
 from calibration import bursts
 from typer.testing import CliRunner
 
-from analysis.air.tubing import air, low_frequency_lag_s
-from analysis.calibrations.tubing import Lag, LineLag
-from analysis.cli.calibrate import app
-from flight.aircraft import PneumaticLine, load_aircraft, parse_aircraft
-from flight.command_line import ExitCode
-from flight.errors import InputError
-from flight.log_writer import LogWriter
-from flight.messages import AbsolutePressure, Controls, DifferentialPressure, Magnetometer
-from sim.tunnel import simulated_measurements, write_calibration
+from flightpower.analysis.air.tubing import air, low_frequency_lag_s
+from flightpower.analysis.calibrations.tubing import Lag, LineLag
+from flightpower.analysis.cli.calibrate import app
+from flightpower.flight.aircraft import PneumaticLine, load_aircraft, parse_aircraft
+from flightpower.flight.command_line import ExitCode
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_writer import LogWriter
+from flightpower.flight.messages import AbsolutePressure, Controls, DifferentialPressure, Magnetometer
+from flightpower.sim.tunnel import simulated_measurements, write_calibration
 from tests.analysis.air.test_ground_calibrations import ANGLES, measured, session
 
 NARROW_TEXT = '[probe.lines.alpha]\nlength = "0.9 m"\ndiameter = "0.5 mm"\ncavity = "20 mm^3"\n'

@@ -6,22 +6,22 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.air.magnetometer import MagnetometerCalibration
-from analysis.air.transducers import TransducerCalibration, TransducerLine
-from analysis.calibrations.airspeed import autopilot_airspeed
-from analysis.calibrations.airspeed import summary as of_airspeed
-from analysis.calibrations.magnetometer import summary as of_magnetometer
-from analysis.calibrations.surfaces import _angle_deg
-from analysis.calibrations.transducers import pressures_Pa
-from analysis.calibrations.transducers import summary as of_transducers
-from analysis.calibrations.weight_and_balance import WeightAndBalance, support
-from analysis.calibrations.weight_and_balance import summary as of_weight
-from analysis.methods.whole_flight.airspeed_gps import AirspeedErrors
-from analysis.sources.recognize import Autopilot
-from analysis.sources.recording import GPS
-from analysis.trajectory.consistency import AirspeedCalibration
-from flight.errors import InputError
-from flight.units import GRAVITY_MPS2
+from flightpower.analysis.air.magnetometer import MagnetometerCalibration
+from flightpower.analysis.air.transducers import TransducerCalibration, TransducerLine
+from flightpower.analysis.calibrations.airspeed import autopilot_airspeed
+from flightpower.analysis.calibrations.airspeed import summary as of_airspeed
+from flightpower.analysis.calibrations.magnetometer import summary as of_magnetometer
+from flightpower.analysis.calibrations.surfaces import _angle_deg
+from flightpower.analysis.calibrations.transducers import pressures_Pa
+from flightpower.analysis.calibrations.transducers import summary as of_transducers
+from flightpower.analysis.calibrations.weight_and_balance import WeightAndBalance, support
+from flightpower.analysis.calibrations.weight_and_balance import summary as of_weight
+from flightpower.analysis.methods.whole_flight.airspeed_gps import AirspeedErrors
+from flightpower.analysis.sources.recognize import Autopilot
+from flightpower.analysis.sources.recording import GPS
+from flightpower.analysis.trajectory.consistency import AirspeedCalibration
+from flightpower.flight.errors import InputError
+from flightpower.flight.units import GRAVITY_MPS2
 
 
 @pytest.mark.parametrize(("scale", "side"), [(0.021, "high"), (-0.021, "low")])
@@ -130,17 +130,19 @@ def test_the_scale_s_error_under_an_autopilot_is_that_of_the_comparison_with_gps
     )
     loading = []
     errors = AirspeedErrors(0.02, 1.0, np.diag([0.003**2, 4.0]), 4.0, 0.0)
-    monkeypatch.setattr("analysis.sources.autopilot.read_autopilot_log", lambda *_: None)
+    monkeypatch.setattr("flightpower.analysis.sources.autopilot.read_autopilot_log", lambda *_: None)
     monkeypatch.setattr(
-        "analysis.methods.whole_flight.flight_table.flight_table", lambda _, W, S: loading.append(W / S) or flown
+        "flightpower.analysis.methods.whole_flight.flight_table.flight_table",
+        lambda _, W, S: loading.append(W / S) or flown,
     )
-    monkeypatch.setattr("analysis.methods.whole_flight.airspeed_gps.airspeed_errors", lambda _: errors)
+    monkeypatch.setattr("flightpower.analysis.methods.whole_flight.airspeed_gps.airspeed_errors", lambda _: errors)
     found = autopilot_airspeed(tmp_path / "log.ulg", Autopilot.PX4)
     assert (found.scale, found.scale_error, found.wind_mps) == (0.02, pytest.approx(0.003), 4.0)
     assert found.one_way == pytest.approx(0.0, abs=1e-9) and loading == [60.0] and found.unsupported == ""
     assert found.notes[0] == "of the flight"
     monkeypatch.setattr(
-        "analysis.methods.whole_flight.airspeed_gps.airspeed_errors", lambda _: errors._replace(wind_mps=None)
+        "flightpower.analysis.methods.whole_flight.airspeed_gps.airspeed_errors",
+        lambda _: errors._replace(wind_mps=None),
     )
     with pytest.raises(InputError, match="no GPS velocity in flight"):
         autopilot_airspeed(tmp_path / "log.ulg", Autopilot.PX4)

@@ -4,15 +4,15 @@ from pathlib import Path
 
 import pytest
 
-from analysis.maneuvers.kinds import Maneuvers, RejectedManeuver
-from analysis.maneuvers.runs_file import NoCurve
-from analysis.options import Options
-from analysis.pages import one_log
-from flight.errors import InputError
-from flight.log_entries import LogEntry, entries_of
-from flight.log_reader import Log
-from flight.messages import Rpm
-from flight.runs import ACCELERATION, Rejection, RunRejected
+from flightpower.analysis.maneuvers.kinds import Maneuvers, RejectedManeuver
+from flightpower.analysis.maneuvers.runs_file import NoCurve
+from flightpower.analysis.options import Options
+from flightpower.analysis.pages import one_log
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_entries import LogEntry, entries_of
+from flightpower.flight.log_reader import Log
+from flightpower.flight.messages import Rpm
+from flightpower.flight.runs import ACCELERATION, Rejection, RunRejected
 
 REJECTED = RejectedManeuver(ACCELERATION, 12.0, 15.5, Rejection(RunRejected.TOO_SHORT, 3.5, 5.0))
 
@@ -25,7 +25,7 @@ def refusal(monkeypatch, folder: Path, candidates: list[RejectedManeuver], optio
     one = entries_of([LogEntry(0, 0, Rpm())])
     log = Log(path, {topic: one for topic in topics or TOPICS})
     monkeypatch.setattr(one_log, "open_source", lambda *_: log)
-    monkeypatch.setattr("analysis.pipeline.runs.analyze_runs", none)
+    monkeypatch.setattr("flightpower.analysis.pipeline.runs.analyze_runs", none)
     with pytest.raises(InputError) as refused:
         one_log.analyze_log(path, folder / "out", options, lambda _: None)
     return str(refused.value)

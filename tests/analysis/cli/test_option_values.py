@@ -6,11 +6,11 @@ from typing import Any
 
 import pytest
 
-from analysis.calibrations.probe import probe
-from analysis.calibrations.transducers import transducers
-from analysis.calibrations.weight_and_balance import weight_and_balance
-from analysis.cli.plan import plan
-from daq.__main__ import check, zero
+from flightpower.analysis.calibrations.probe import probe
+from flightpower.analysis.calibrations.transducers import transducers
+from flightpower.analysis.calibrations.weight_and_balance import weight_and_balance
+from flightpower.analysis.cli.plan import plan
+from flightpower.daq.__main__ import check, zero
 
 
 @pytest.mark.parametrize(

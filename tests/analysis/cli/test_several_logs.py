@@ -11,16 +11,16 @@ from mcap.reader import SeekingReader
 from rich.console import Console
 from typer.testing import CliRunner
 
-from analysis.cli.analyze import app
-from analysis.cli.compare import app as compare_app
-from analysis.cli.several_logs import FlightAnalysis, ProgressOnConsole, _attachments, files_used, settings
-from analysis.flights.campaign.campaign import Campaign, flight_folders_of, read_flights
-from analysis.flights.campaign.processes import Outcome
-from analysis.options import Options
-from flight.aircraft import load_aircraft
-from flight.errors import InputError
-from flight.log_writer import LogWriter
-from flight.messages import AbsolutePressure
+from flightpower.analysis.cli.analyze import app
+from flightpower.analysis.cli.compare import app as compare_app
+from flightpower.analysis.cli.several_logs import FlightAnalysis, ProgressOnConsole, _attachments, files_used, settings
+from flightpower.analysis.flights.campaign.campaign import Campaign, flight_folders_of, read_flights
+from flightpower.analysis.flights.campaign.processes import Outcome
+from flightpower.analysis.options import Options
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_writer import LogWriter
+from flightpower.flight.messages import AbsolutePressure
 from tests.analysis.flights.synthetic_flights import flight, truth
 from tests.analysis.missions.route_data import electrical_flight
 

@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.estimation.data import Segment
-from analysis.estimation.model import Model, Parameter
-from analysis.estimation.problem import FitOptions
-from analysis.estimation.process_noise import ProcessNoise
-from analysis.estimation.simulation import build_simulator
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.model import Model, Parameter
+from flightpower.analysis.estimation.problem import FitOptions
+from flightpower.analysis.estimation.process_noise import ProcessNoise
+from flightpower.analysis.estimation.simulation import build_simulator
 from tests.analysis.estimation import twins
 
 DUTCH_ROLL_TRUTH = {"Nb": 6.0, "Ndr": -1.6, "Ydr": 0.03}

@@ -3,9 +3,9 @@
 import numpy as np
 from scipy.linalg import expm
 
-from analysis.estimation.data import Segment
-from analysis.estimation.filter_error import ProcessNoise
-from analysis.estimation.model import Model, Parameter
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.filter_error import ProcessNoise
+from flightpower.analysis.estimation.model import Model, Parameter
 
 STEP_S, N = 0.04, 250
 T_S = np.arange(N) * STEP_S

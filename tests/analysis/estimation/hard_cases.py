@@ -8,12 +8,12 @@ import numpy as np
 import twins
 from disturbed import DE, LINEAR, LINEAR_TRUTH, SIGMA, T_S, X0, linear_record
 
-from analysis.estimation.data import Segment
-from analysis.estimation.fit import Finding, Fit
-from analysis.estimation.model import Model, Parameter
-from analysis.estimation.output_error import fit_output_error
-from analysis.estimation.problem import FitOptions
-from analysis.estimation.simulation import build_simulator
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.fit import Finding, Fit
+from flightpower.analysis.estimation.model import Model, Parameter
+from flightpower.analysis.estimation.output_error import fit_output_error
+from flightpower.analysis.estimation.problem import FitOptions
+from flightpower.analysis.estimation.simulation import build_simulator
 
 
 class Case(NamedTuple):

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from analysis.estimation.model import Model, NamedValues, Parameter
-from analysis.methods.aircraft_models import (
+from flightpower.analysis.estimation.model import Model, NamedValues, Parameter
+from flightpower.analysis.methods.aircraft_models import (
     CLq_with_prior,
     Constants,
     Flow,
@@ -21,9 +21,9 @@ from analysis.methods.aircraft_models import (
     thrust_parameters,
     wind_axis_derivative,
 )
-from flight import motion
-from flight.aerodynamics import lift_slope
-from flight.aircraft import Aircraft
+from flightpower.flight import motion
+from flightpower.flight.aerodynamics import lift_slope
+from flightpower.flight.aircraft import Aircraft
 
 
 def longitudinal(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float = 0.5) -> Model:

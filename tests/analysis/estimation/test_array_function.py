@@ -4,8 +4,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from analysis.estimation.array_function import OPERATIONS, SAMPLES, ArrayFunction
-from flight.errors import InputError
+from flightpower.analysis.estimation.array_function import OPERATIONS, SAMPLES, ArrayFunction
+from flightpower.flight.errors import InputError
 
 X, P = ca.SX.sym("x", 2), ca.SX.sym("p", 2)
 A, B, C, D = X[0], X[1], P[0], P[1]

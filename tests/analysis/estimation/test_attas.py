@@ -14,11 +14,11 @@ from scipy.io import loadmat
 from scipy.linalg import expm
 from scipy.stats import chi2
 
-from analysis.estimation.data import Segment
-from analysis.estimation.fit import Fit
-from analysis.estimation.model import Model, Parameter
-from analysis.estimation.output_error import fit_output_error
-from analysis.estimation.problem import FitOptions
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.fit import Fit
+from flightpower.analysis.estimation.model import Model, Parameter
+from flightpower.analysis.estimation.output_error import fit_output_error
+from flightpower.analysis.estimation.problem import FitOptions
 from tests.shared_data import beside, needs
 
 RECORDS = beside("attas")

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from analysis.estimation.data import Segment
-from analysis.estimation.model import Model, Parameter
-from analysis.estimation.output_error import MeasurementNoise, fit_output_error
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.model import Model, Parameter
+from flightpower.analysis.estimation.output_error import MeasurementNoise, fit_output_error
 
 
 def test_a_prior_adds_half_its_squared_deviation_to_the_cost():

@@ -7,10 +7,10 @@ import pytest
 from scipy.linalg import toeplitz
 from scipy.stats import chi2
 
-from analysis.estimation.colored_residuals import Autoregression, absorbed_autocorrelation, spectrum_of
-from analysis.estimation.data import Segment
-from analysis.estimation.model import Model, Parameter
-from analysis.estimation.output_error import fit_output_error
+from flightpower.analysis.estimation.colored_residuals import Autoregression, absorbed_autocorrelation, spectrum_of
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.model import Model, Parameter
+from flightpower.analysis.estimation.output_error import fit_output_error
 
 N, LAGS = 40, 6
 LINE = Model(

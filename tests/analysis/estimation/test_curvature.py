@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from analysis.estimation.data import Segment
-from analysis.estimation.model import Model
-from analysis.estimation.output_error import OutputErrorLikelihood, fit_output_error
-from analysis.estimation.problem import Problem, free_names
-from analysis.estimation.simulation import build_simulator
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.model import Model
+from flightpower.analysis.estimation.output_error import OutputErrorLikelihood, fit_output_error
+from flightpower.analysis.estimation.problem import Problem, free_names
+from flightpower.analysis.estimation.simulation import build_simulator
 from tests.analysis.estimation.test_output_error import CLEAN, DE, SHORT_PERIOD, T_S, TRUTH, noisy
 
 # A third output that contradicts the other two: lift from a wrong speed. R then changes along the step.

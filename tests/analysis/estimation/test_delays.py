@@ -7,13 +7,13 @@ import pytest
 from disturbed import LINEAR, LINEAR_NOISE, LINEAR_TRUTH, SIGMA, X0, linear_record
 from scipy.integrate import solve_ivp
 
-from analysis.estimation.data import Segment
-from analysis.estimation.equation_error import fit_equation_error
-from analysis.estimation.filter_error import fit_filter_error
-from analysis.estimation.model import Model, Parameter
-from analysis.estimation.output_error import fit_output_error
-from analysis.estimation.simulation import build_simulator
-from flight.errors import InputError
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.equation_error import fit_equation_error
+from flightpower.analysis.estimation.filter_error import fit_filter_error
+from flightpower.analysis.estimation.model import Model, Parameter
+from flightpower.analysis.estimation.output_error import fit_output_error
+from flightpower.analysis.estimation.simulation import build_simulator
+from flightpower.flight.errors import InputError
 
 DELAY_S = 0.13
 LATE = replace(

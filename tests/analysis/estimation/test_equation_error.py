@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from analysis.estimation import equation_error
-from analysis.estimation.data import Segment
-from analysis.estimation.equation_error import fit_equation_error
-from analysis.estimation.model import Model, Parameter
-from analysis.estimation.output_error import fit_output_error
-from analysis.estimation.simulation import build_simulator
-from flight.errors import InputError
+from flightpower.analysis.estimation import equation_error
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.equation_error import fit_equation_error
+from flightpower.analysis.estimation.model import Model, Parameter
+from flightpower.analysis.estimation.output_error import fit_output_error
+from flightpower.analysis.estimation.simulation import build_simulator
+from flightpower.flight.errors import InputError
 
 TRUE = {"Zal": -1.5, "Mal": -20.0, "Mq": -3.0, "Mde": -25.0}
 STEP_S, N = 0.02, 500

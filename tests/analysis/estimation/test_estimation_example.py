@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from analysis.estimation.fit import Finding
+from flightpower.analysis.estimation.fit import Finding
 
 TEXT = (Path(__file__).parents[3] / "docs" / "understand" / "estimation-example.md").read_text("utf-8")
 CODE, IN_TURBULENCE = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
@@ -44,7 +44,7 @@ def test_the_page_shows_what_it_prints(capsys):
 
 
 def test_the_flap_is_not_identifiable(ran):
-    from analysis.estimation import output_error
+    from flightpower.analysis.estimation import output_error
 
     fit = output_error.fit_output_error(ran["wing"], ran["released"])
     assert fit.verdict.findings == (Finding.UNDETERMINED,) and fit.verdict.text in TEXT
@@ -55,7 +55,7 @@ def test_process_noise_is_not_significant_in_still_air(ran, capsys):
     assert "process noise of q is not significant" in capsys.readouterr().out
     assert "process noise of q is not significant" in TEXT
     still = ran["wing"].changed(flap_effect={"free": False})
-    from analysis.estimation import output_error
+    from flightpower.analysis.estimation import output_error
 
     direct = output_error.fit_output_error(still, ran["released"])
     for name in ("stiffness", "damping", "theta_bias"):

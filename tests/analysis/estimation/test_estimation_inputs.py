@@ -6,12 +6,12 @@ import warnings
 import numpy as np
 import pytest
 
-from analysis.estimation.data import Segment
-from analysis.estimation.fit import Finding
-from analysis.estimation.model import Model, Parameter
-from analysis.estimation.output_error import MeasurementNoise, fit_output_error
-from analysis.estimation.problem import FitOptions
-from flight.errors import InputError
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.fit import Finding
+from flightpower.analysis.estimation.model import Model, Parameter
+from flightpower.analysis.estimation.output_error import MeasurementNoise, fit_output_error
+from flightpower.analysis.estimation.problem import FitOptions
+from flightpower.flight.errors import InputError
 
 T_S = np.arange(20) * 0.1
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from analysis import estimation
+from flightpower.analysis import estimation
 
 ROOT = Path(__file__).parents[3]
 BLOCKS = re.findall(
@@ -25,7 +25,8 @@ def test_every_name_exists_and_is_what_it_is_called() -> None:
 
 
 def test_importing_it_loads_no_library() -> None:
-    code = "import sys, analysis.estimation; print([m for m in ('numpy', 'casadi', 'scipy') if m in sys.modules])"
+    heavy = "[m for m in ('numpy', 'casadi', 'scipy') if m in sys.modules]"
+    code = f"import sys; from flightpower.analysis import estimation; print({heavy})"
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
     assert ran.stdout.strip() == "[]"
 
@@ -34,8 +35,12 @@ def test_it_imports_nothing_of_ours_but_arrays_errors_and_settings() -> None:
     for path in (ROOT / "analysis" / "estimation").glob("*.py"):
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
             module = node.module if isinstance(node, ast.ImportFrom) else None
-            if module and module.partition(".")[0] in OURS and not module.startswith("analysis.estimation"):
-                assert module in ("flight.arrays", "flight.errors", "flight.settings"), f"{path.name} imports {module}"
+            if module and module.partition(".")[0] in OURS and not module.startswith("flightpower.analysis.estimation"):
+                assert module in (
+                    "flightpower.flight.arrays",
+                    "flightpower.flight.errors",
+                    "flightpower.flight.settings",
+                ), f"{path.name} imports {module}"
 
 
 def test_the_page_uses_every_name_and_its_examples_run(capsys: pytest.CaptureFixture[str]) -> None:

@@ -24,20 +24,20 @@ from disturbed import (
     nonlinear_record,
 )
 
-from analysis.estimation import uncertainty
-from analysis.estimation.data import Segment
-from analysis.estimation.filter_error import ProcessNoise, fit_filter_error
-from analysis.estimation.fit import Finding
-from analysis.estimation.kalman_filter import NoiseLevels, build_filter
-from analysis.estimation.model import Model, Parameter
-from analysis.estimation.noise import NORMAL_95
-from analysis.estimation.output_error import fit_output_error
-from analysis.estimation.problem import FitOptions
-from analysis.estimation.process_noise import noise_key
-from analysis.estimation.simulation import Record
-from analysis.methods import aircraft_models
-from flight.aircraft import load_aircraft
-from flight.errors import InputError
+from flightpower.analysis.estimation import uncertainty
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.filter_error import ProcessNoise, fit_filter_error
+from flightpower.analysis.estimation.fit import Finding
+from flightpower.analysis.estimation.kalman_filter import NoiseLevels, build_filter
+from flightpower.analysis.estimation.model import Model, Parameter
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.estimation.output_error import fit_output_error
+from flightpower.analysis.estimation.problem import FitOptions
+from flightpower.analysis.estimation.process_noise import noise_key
+from flightpower.analysis.estimation.simulation import Record
+from flightpower.analysis.methods import aircraft_models
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.errors import InputError
 
 NONE = ProcessNoise(state="alpha", start=0.0, free=False)
 
@@ -330,7 +330,7 @@ def test_a_state_with_process_noise_before_the_record():
     density of the whole record with the covariance of that process."""
     from scipy.stats import multivariate_normal
 
-    from analysis.estimation.model import Model, Parameter
+    from flightpower.analysis.estimation.model import Model, Parameter
 
     T, w, sigma, n = 2.0, 0.5, 0.1, 40
     model = Model(
@@ -391,7 +391,7 @@ def test_invalid_process_noise_is_refused(changes, message):
 
 
 def test_a_model_without_states_is_refused():
-    from analysis.estimation.model import Model, Parameter
+    from flightpower.analysis.estimation.model import Model, Parameter
 
     static = Model(
         name="line",

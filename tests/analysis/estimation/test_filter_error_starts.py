@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import twins
 
-from analysis.estimation import equation_error
-from analysis.estimation.filter_error import fit_filter_error
-from analysis.estimation.fit import Finding, FitStatus
-from analysis.estimation.problem import FitOptions
-from analysis.estimation.process_noise import intensity_key, noise_from_predictions, noise_key
-from flight.errors import InputError
+from flightpower.analysis.estimation import equation_error
+from flightpower.analysis.estimation.filter_error import fit_filter_error
+from flightpower.analysis.estimation.fit import Finding, FitStatus
+from flightpower.analysis.estimation.problem import FitOptions
+from flightpower.analysis.estimation.process_noise import intensity_key, noise_from_predictions, noise_key
+from flightpower.flight.errors import InputError
 
 
 def fitted(model, segment, noise, **options):

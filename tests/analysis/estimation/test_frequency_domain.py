@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from analysis.estimation.data import Segment, band_matrix
-from analysis.estimation.equation_error import fit_equation_error_in_band
-from analysis.estimation.output_error import fit_output_error
-from flight.errors import InputError
+from flightpower.analysis.estimation.data import Segment, band_matrix
+from flightpower.analysis.estimation.equation_error import fit_equation_error_in_band
+from flightpower.analysis.estimation.output_error import fit_output_error
+from flightpower.flight.errors import InputError
 from tests.analysis.estimation.test_output_error import SHORT_PERIOD, SIGMA, STEP_S, T_S, TRUTH, noisy
 
 BAND_HZ = (0.15, 2.5)

@@ -4,7 +4,7 @@ import pytest
 from disturbed import LINEAR
 from hard_cases import CASES, _record
 
-from analysis.estimation.output_error import MeasurementNoise, fit_output_error
+from flightpower.analysis.estimation.output_error import MeasurementNoise, fit_output_error
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from analysis.estimation.fit import Finding, FitStatus
-from analysis.estimation.hints import hints_of, innovation_hints, unstable_growth
-from analysis.estimation.model import Model, Parameter
+from flightpower.analysis.estimation.fit import Finding, FitStatus
+from flightpower.analysis.estimation.hints import hints_of, innovation_hints, unstable_growth
+from flightpower.analysis.estimation.model import Model, Parameter
 
 N = 401
 

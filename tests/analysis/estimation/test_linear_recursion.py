@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.estimation.simulation import linear_recursion
+from flightpower.analysis.estimation.simulation import linear_recursion
 
 RECURSION_BLOCK = 32
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from disturbed import LINEAR, linear_record
 
-from analysis.estimation import output_error
-from analysis.estimation import output_error as long_records
-from analysis.estimation.data import Segment
-from analysis.estimation.output_error import fit_output_error
-from analysis.estimation.simulation import build_simulator
+from flightpower.analysis.estimation import output_error
+from flightpower.analysis.estimation import output_error as long_records
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.output_error import fit_output_error
+from flightpower.analysis.estimation.simulation import build_simulator
 
 
 @pytest.fixture
@@ -61,7 +61,7 @@ def test_blocks_of_a_response_join(segments):
 
 
 def test_a_response_that_is_not_finite_has_no_likelihood_in_blocks(segments, monkeypatch):
-    from flight.errors import InputError
+    from flightpower.flight.errors import InputError
 
     monkeypatch.setattr(output_error.OutputErrorLikelihood, "LARGEST_KEPT", 0)
     with pytest.raises(InputError, match="the response is not finite"):

@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from analysis.estimation.noise import information_factor, negative_log_likelihood, noise_covariance_of, whiten
+from flightpower.analysis.estimation.noise import (
+    information_factor,
+    negative_log_likelihood,
+    noise_covariance_of,
+    whiten,
+)
 
 DOF, SCALES = 4.0, np.array([0.5, 3.0])
 

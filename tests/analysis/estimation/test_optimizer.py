@@ -6,7 +6,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from analysis.estimation.optimizer import LARGEST_DAMPING, Evaluation, Stop, _EigenSystem, _improve, maximize
+from flightpower.analysis.estimation.optimizer import (
+    LARGEST_DAMPING,
+    Evaluation,
+    Stop,
+    _EigenSystem,
+    _improve,
+    maximize,
+)
 
 CURVATURE = 4.0  # of the cost: a standard error of 0.5
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.estimation.data import Segment, split
-from analysis.estimation.fit import FitStatus
-from analysis.estimation.model import Model, Parameter
-from analysis.estimation.output_error import MeasurementNoise, fit_output_error
-from analysis.estimation.problem import FitOptions
+from flightpower.analysis.estimation.data import Segment, split
+from flightpower.analysis.estimation.fit import FitStatus
+from flightpower.analysis.estimation.model import Model, Parameter
+from flightpower.analysis.estimation.output_error import MeasurementNoise, fit_output_error
+from flightpower.analysis.estimation.problem import FitOptions
 
 TRUTH = {"Zal": -1.5, "Mal": -20.0, "Mq": -3.0, "Mde": -25.0}
 SIGMA = {"alpha": 0.004, "q": 0.01}
@@ -80,7 +80,7 @@ def test_without_noise_the_error_is_that_of_the_integrator():
 
 def test_integrators_converge_with_their_order():
     """Halving the step divides Euler's error by 2, Heun's by 4, RK4's by 16 (input is smooth)."""
-    from analysis.estimation.simulation import build_simulator
+    from flightpower.analysis.estimation.simulation import build_simulator
 
     p = np.array(list(TRUTH.values()))
     ratio = {}
@@ -261,7 +261,7 @@ def unstable():
 
 
 def test_a_response_that_is_not_finite_is_refused():
-    from flight.errors import InputError
+    from flightpower.flight.errors import InputError
 
     model, segment = unstable()
     with pytest.raises(InputError, match=r"unstable, segment run: .* not finite from t = .*data\.split"):
@@ -302,7 +302,7 @@ def test_an_unstable_aircraft_with_split_segments():
 )
 def test_inputs_between_samples(rule, integral):
     """xdot = u^2: RK4 integrates each course of the input exactly."""
-    from analysis.estimation.simulation import build_simulator
+    from flightpower.analysis.estimation.simulation import build_simulator
 
     model = Model(
         name="square of the input",

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.estimation import FitOptions, Model, Parameter, ProcessNoise, Segment, fit_output_error
-from analysis.estimation.model import PriorMeasurement, UnknownKey, UnknownKind
-from analysis.estimation.problem import Problem
-from analysis.estimation.process_noise import noise_unknowns
+from flightpower.analysis.estimation import FitOptions, Model, Parameter, ProcessNoise, Segment, fit_output_error
+from flightpower.analysis.estimation.model import PriorMeasurement, UnknownKey, UnknownKind
+from flightpower.analysis.estimation.problem import Problem
+from flightpower.analysis.estimation.process_noise import noise_unknowns
 
 T_S = np.arange(8) * 0.5
 MODEL = Model(

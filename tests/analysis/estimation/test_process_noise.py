@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from disturbed import INTENSITY, LINEAR, LINEAR_NOISE, T_S, linear_record
 
-from analysis.estimation import uncertainty
-from analysis.estimation.data import Segment
-from analysis.estimation.filter_error import ProcessNoise, fit_filter_error
-from analysis.estimation.fit import Finding
-from analysis.estimation.process_noise import intensity_key, noise_key, noise_unknowns
+from flightpower.analysis.estimation import uncertainty
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.filter_error import ProcessNoise, fit_filter_error
+from flightpower.analysis.estimation.fit import Finding
+from flightpower.analysis.estimation.process_noise import intensity_key, noise_key, noise_unknowns
 
 NONE = ProcessNoise(state="alpha", start=0.0, free=False)
 

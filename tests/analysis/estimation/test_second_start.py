@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import pytest
 
-from analysis.estimation.filter_error import fit_filter_error
-from analysis.estimation.fit import Finding, Fit
-from analysis.estimation.output_error import fit_output_error
-from flight.errors import InputError
+from flightpower.analysis.estimation.filter_error import fit_filter_error
+from flightpower.analysis.estimation.fit import Finding, Fit
+from flightpower.analysis.estimation.output_error import fit_output_error
+from flightpower.flight.errors import InputError
 from tests.analysis.estimation.bimodal import cases
 
 BIMODAL = cases(seed=2)

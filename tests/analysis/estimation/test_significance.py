@@ -4,7 +4,7 @@ import estimation
 import numpy as np
 import pytest
 
-from flight.aircraft import load_aircraft
+from flightpower.flight.aircraft import load_aircraft
 
 NEXSTAR = load_aircraft("nexstar")
 SEEDS = 3

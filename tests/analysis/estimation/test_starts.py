@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.estimation.data import Segment
-from analysis.estimation.fit import Finding, FitStatus
-from analysis.estimation.model import Model, Parameter
-from analysis.estimation.output_error import fit_output_error
-from analysis.estimation.starts import best_of_starts, starting_values_by_equation_error
-from flight.errors import InputError
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.fit import Finding, FitStatus
+from flightpower.analysis.estimation.model import Model, Parameter
+from flightpower.analysis.estimation.output_error import fit_output_error
+from flightpower.analysis.estimation.starts import best_of_starts, starting_values_by_equation_error
+from flightpower.flight.errors import InputError
 from tests.analysis.estimation.test_output_error import SHORT_PERIOD, TRUTH, noisy
 
 # A frequency to be found in a sine: the likelihood has an optimum every 1/T, of which one is right.

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from analysis.estimation.data import Segment
-from analysis.estimation.output_error import fit_output_error
-from analysis.estimation.simulation import build_simulator
-from analysis.methods import aircraft_models
-from flight.aircraft import load_aircraft
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.output_error import fit_output_error
+from flightpower.analysis.estimation.simulation import build_simulator
+from flightpower.analysis.methods import aircraft_models
+from flightpower.flight.aircraft import load_aircraft
 
 pytestmark = pytest.mark.thorough
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from analysis.estimation.term_selection import _fitted, _partial_F, orthogonal_functions, stepwise
-from flight.errors import InputError
+from flightpower.analysis.estimation.term_selection import _fitted, _partial_F, orthogonal_functions, stepwise
+from flightpower.flight.errors import InputError
 
 NOISE = 0.02
 

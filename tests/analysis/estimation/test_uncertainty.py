@@ -7,14 +7,14 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
-from analysis.estimation import uncertainty
-from analysis.estimation.data import Segment
-from analysis.estimation.model import Model, Parameter
-from analysis.estimation.noise import NORMAL_95
-from analysis.estimation.output_error import fit_output_error
-from analysis.estimation.problem import FitOptions
-from analysis.estimation.simulation import build_simulator
-from flight.errors import InputError
+from flightpower.analysis.estimation import uncertainty
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.model import Model, Parameter
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.estimation.output_error import fit_output_error
+from flightpower.analysis.estimation.problem import FitOptions
+from flightpower.analysis.estimation.simulation import build_simulator
+from flightpower.flight.errors import InputError
 
 STEP_S, N = 0.04, 300
 T_S = np.arange(N) * STEP_S

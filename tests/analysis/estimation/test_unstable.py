@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import twins
 
-from analysis.estimation.data import split
-from analysis.estimation.fit import Finding
-from analysis.estimation.output_error import fit_output_error
-from analysis.estimation.problem import FitOptions
+from flightpower.analysis.estimation.data import split
+from flightpower.analysis.estimation.fit import Finding
+from flightpower.analysis.estimation.output_error import fit_output_error
+from flightpower.analysis.estimation.problem import FitOptions
 
 
 @pytest.fixture(scope="module")

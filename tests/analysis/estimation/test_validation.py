@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from analysis.estimation import uncertainty
-from analysis.estimation.data import Segment
-from analysis.estimation.fit import Finding, load_summary, save_summary
-from analysis.estimation.hints import collinearities
-from analysis.estimation.model import Model, Parameter
-from analysis.estimation.output_error import fit_output_error
-from analysis.estimation.validation import agreement, cross_validate, predict
-from flight.errors import InputError
+from flightpower.analysis.estimation import uncertainty
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.fit import Finding, load_summary, save_summary
+from flightpower.analysis.estimation.hints import collinearities
+from flightpower.analysis.estimation.model import Model, Parameter
+from flightpower.analysis.estimation.output_error import fit_output_error
+from flightpower.analysis.estimation.validation import agreement, cross_validate, predict
+from flightpower.flight.errors import InputError
 from tests.analysis.estimation.test_output_error import (
     SHORT_PERIOD,
     SIGMA,

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from analysis.estimation.data import Segment
-from analysis.estimation.filter_error import ProcessNoise
-from analysis.estimation.model import Model, Parameter
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.filter_error import ProcessNoise
+from flightpower.analysis.estimation.model import Model, Parameter
 
 STEP_S = 0.05
 

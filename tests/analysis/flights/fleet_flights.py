@@ -13,7 +13,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "pooling"))
 from measured_row import RowModel
 from synthetic_flights import POLAR, flight, truth
 
-from analysis.flights.flight_statistics import POOLED
+from flightpower.analysis.flights.flight_statistics import POOLED
 
 Array = NDArray[np.float64]
 FIRST_UNIX_S = datetime(2026, 1, 5, 9, tzinfo=UTC).timestamp()

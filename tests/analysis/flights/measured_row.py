@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.curve import POLAR
-from analysis.flights.flight_statistics import INSTALLATION_ERRORS, POOLED, FlightStatistics, M
-from analysis.flights.joint import OWN_CHANGES
-from analysis.methods import consider as covariance
+from flightpower.analysis.curve import POLAR
+from flightpower.analysis.flights.flight_statistics import INSTALLATION_ERRORS, POOLED, FlightStatistics, M
+from flightpower.analysis.flights.joint import OWN_CHANGES
+from flightpower.analysis.methods import consider as covariance
 
 Array = NDArray[np.float64]
 

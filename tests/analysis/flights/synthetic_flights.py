@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.flights.flight_statistics import POOLED, M
-from analysis.methods import consider as covariance
-from analysis.records.flight import POOLING_FORMAT as FORMAT
+from flightpower.analysis.flights.flight_statistics import POOLED, M
+from flightpower.analysis.methods import consider as covariance
+from flightpower.analysis.records.flight import POOLING_FORMAT as FORMAT
 
 Array = NDArray[np.float64]
 

@@ -8,9 +8,9 @@ from scipy.linalg import block_diag
 from scipy.stats import norm
 from synthetic_flights import flight, truth
 
-from analysis.curve import Condition, speed_at
-from analysis.estimation.noise import NORMAL_95
-from analysis.flights.agreement import (
+from flightpower.analysis.curve import Condition, speed_at
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.flights.agreement import (
     INSTALLATION_PART,
     POLAR_PART,
     ErrorParts,
@@ -21,12 +21,12 @@ from analysis.flights.agreement import (
     quadratic_form,
     trends,
 )
-from analysis.flights.evidence import cause_text
-from analysis.flights.flight_statistics import POOLED, M
-from analysis.flights.joint_pool import JointPool, thrust_known
-from analysis.flights.pool import joint_pool
-from analysis.records.flight import EvidenceKind, Trust
-from analysis.records.pool import Agreement, TrendQuantity
+from flightpower.analysis.flights.evidence import cause_text
+from flightpower.analysis.flights.flight_statistics import POOLED, M
+from flightpower.analysis.flights.joint_pool import JointPool, thrust_known
+from flightpower.analysis.flights.pool import joint_pool
+from flightpower.analysis.records.flight import EvidenceKind, Trust
+from flightpower.analysis.records.pool import Agreement, TrendQuantity
 
 
 def test_homogeneity_is_calibrated_on_flights_drawn_from_the_model() -> None:

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from fleet_flights import POLAR, flights_of
 
-from analysis.estimation.noise import NORMAL_95
-from analysis.flights.airframes import airframes, fleet_curve, random_effects
-from analysis.flights.dataset import Dataset
-from analysis.flights.fleet_summary import fleet_results
-from analysis.pages.fleet_page import doubts, render_fleet
-from analysis.records.fleet import Contradiction, What
-from analysis.records.flight import Trust
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.flights.airframes import airframes, fleet_curve, random_effects
+from flightpower.analysis.flights.dataset import Dataset
+from flightpower.analysis.flights.fleet_summary import fleet_results
+from flightpower.analysis.pages.fleet_page import doubts, render_fleet
+from flightpower.analysis.records.fleet import Contradiction, What
+from flightpower.analysis.records.flight import Trust
 
 
 def test_the_scatter_among_airframes_is_told_from_the_errors_of_each() -> None:

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from fleet_flights import flights_of
 
-from analysis.flights.agreement import ErrorParts
-from analysis.flights.changes import Change, Series, find_changes, series
-from analysis.flights.pool import joint_pool
-from analysis.records.fleet import Shape, What
+from flightpower.analysis.flights.agreement import ErrorParts
+from flightpower.analysis.flights.changes import Change, Series, find_changes, series
+from flightpower.analysis.flights.pool import joint_pool
+from flightpower.analysis.records.fleet import Shape, What
 
 A_YEAR = 200  # flights
 

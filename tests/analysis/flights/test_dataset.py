@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 from fleet_flights import flights_of
 
-from analysis.flights.dataset import Added, Dataset
-from analysis.flights.pool import joint_pool, pool
-from flight.errors import InputError
+from flightpower.analysis.flights.dataset import Added, Dataset
+from flightpower.analysis.flights.pool import joint_pool, pool
+from flightpower.flight.errors import InputError
 from tests.s3_server import running
 
 

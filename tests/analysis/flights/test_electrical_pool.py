@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from analysis.cli.compare import app as compare_command
-from analysis.cli.several_logs import _pool
-from analysis.estimation.noise import NORMAL_95
-from analysis.flights.campaign.campaign import Campaign
-from analysis.flights.comparison import Comparison, compare
-from analysis.flights.curve_pool import CurvePool
-from analysis.flights.evidence import NOT_ONE_VEHICLE
-from analysis.flights.pool import pool_results
-from analysis.flights.pooled import flights_to_see
-from analysis.pages.pooled_page import render_pooled
-from analysis.records.flight import POWER_FORMAT, BatteryResult, EvidenceKind, Kind, Results, Trust
-from analysis.records.pool import POOLED_FORMAT
-from flight.command_line import ExitCode
-from flight.errors import InputError
+from flightpower.analysis.cli.compare import app as compare_command
+from flightpower.analysis.cli.several_logs import _pool
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.flights.campaign.campaign import Campaign
+from flightpower.analysis.flights.comparison import Comparison, compare
+from flightpower.analysis.flights.curve_pool import CurvePool
+from flightpower.analysis.flights.evidence import NOT_ONE_VEHICLE
+from flightpower.analysis.flights.pool import pool_results
+from flightpower.analysis.flights.pooled import flights_to_see
+from flightpower.analysis.pages.pooled_page import render_pooled
+from flightpower.analysis.records.flight import POWER_FORMAT, BatteryResult, EvidenceKind, Kind, Results, Trust
+from flightpower.analysis.records.pool import POOLED_FORMAT
+from flightpower.flight.command_line import ExitCode
+from flightpower.flight.errors import InputError
 
 V = np.linspace(12.0, 20.0, 13)
 IDLE_W, OWN, SHARED = 4.0, 0.03, 0.02

@@ -6,9 +6,9 @@ import pytest
 from scipy.stats import chi2
 from test_electrical_pool import OWN, SHARED, compared, electrical_pool, flight, power_of
 
-from analysis.estimation.noise import NORMAL_95
-from analysis.records.flight import Kind, PowerStatistics, Results
-from analysis.results.settings import TRUST
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.records.flight import Kind, PowerStatistics, Results
+from flightpower.analysis.results.settings import TRUST
 
 
 def less_certain(one: Results, factor: float) -> Results:

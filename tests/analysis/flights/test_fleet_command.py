@@ -9,8 +9,8 @@ import pytest
 from fleet_flights import flights_of
 from typer.testing import CliRunner
 
-from analysis.cli.fleet import app
-from flight.errors import InputError
+from flightpower.analysis.cli.fleet import app
+from flightpower.flight.errors import InputError
 from tests.analysis.flights.test_electrical_pool import drawn
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from fleet_flights import POLAR, flights_of
 
-from analysis.curve import Polar
-from analysis.flights.airframes import FleetCurve, airframe, airframes, fleet_curve, random_effects
-from analysis.flights.dataset import Dataset
-from analysis.flights.flight_statistics import read_statistics
+from flightpower.analysis.curve import Polar
+from flightpower.analysis.flights.airframes import FleetCurve, airframe, airframes, fleet_curve, random_effects
+from flightpower.analysis.flights.dataset import Dataset
+from flightpower.analysis.flights.flight_statistics import read_statistics
 
 
 @pytest.mark.parametrize("count", [3, 5, 12])

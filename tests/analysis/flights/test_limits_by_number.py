@@ -5,15 +5,15 @@ import pytest
 from scipy.stats import norm
 from synthetic_flights import flight, truth
 
-from analysis.flights.agreement import ErrorParts, mounted_anew, trends
-from analysis.flights.changes import Change
-from analysis.flights.flight_statistics import POOLED
-from analysis.flights.pool import Pool, pool_results
-from analysis.records.fleet import Shape, What
-from analysis.records.pool import TrendQuantity
-from analysis.results.evidence import noise_limit
-from analysis.results.settings import TRUST
-from analysis.settings import EVIDENCE
+from flightpower.analysis.flights.agreement import ErrorParts, mounted_anew, trends
+from flightpower.analysis.flights.changes import Change
+from flightpower.analysis.flights.flight_statistics import POOLED
+from flightpower.analysis.flights.pool import Pool, pool_results
+from flightpower.analysis.records.fleet import Shape, What
+from flightpower.analysis.records.pool import TrendQuantity
+from flightpower.analysis.results.evidence import noise_limit
+from flightpower.analysis.results.settings import TRUST
+from flightpower.analysis.settings import EVIDENCE
 
 
 @pytest.mark.parametrize("tests", [1, 2, 5, 20])

@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from synthetic_flights import CHANGES, POLAR, PRIOR_MEAN, PRIOR_SIGMA, flight, truth
 
-from analysis.curve import Polar
-from analysis.estimation.noise import NORMAL_95
-from analysis.flights.comparison import compare
-from analysis.flights.evidence import NOT_NAMED
-from analysis.flights.flight_statistics import POOLED
-from analysis.flights.joint import _without_prior, without_each
-from analysis.flights.joint_pool import JointPool
-from analysis.flights.pool import joint_pool, pool_results
-from analysis.flights.pool_settings import POOLING
-from analysis.methods import consider as covariance
-from analysis.records.flight import EvidenceKind, PartOfResult, Trust
-from flight.errors import InputError
+from flightpower.analysis.curve import Polar
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.flights.comparison import compare
+from flightpower.analysis.flights.evidence import NOT_NAMED
+from flightpower.analysis.flights.flight_statistics import POOLED
+from flightpower.analysis.flights.joint import _without_prior, without_each
+from flightpower.analysis.flights.joint_pool import JointPool
+from flightpower.analysis.flights.pool import joint_pool, pool_results
+from flightpower.analysis.flights.pool_settings import POOLING
+from flightpower.analysis.methods import consider as covariance
+from flightpower.analysis.records.flight import EvidenceKind, PartOfResult, Trust
+from flightpower.flight.errors import InputError
 
 
 def campaign(seed: int, flights: int, **facts: Any) -> list[dict[str, Any]]:

@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 from synthetic_flights import POLAR, PRIOR_SIGMA, flight, truth
 
-from analysis.curve import Polar, power_required
-from analysis.estimation.noise import NORMAL_95
-from analysis.flights.comparison import Comparison, compare
-from analysis.flights.evidence import SharedErrors
-from analysis.flights.flight_statistics import M
-from analysis.flights.joint_pool import JointPool
-from analysis.flights.pool import joint_pool
-from analysis.flights.pooled import flights_to_see
-from analysis.methods.consider import DENSITY
-from analysis.methods.rejected_assumptions import Assumption
-from analysis.records.flight import EvidenceKind
-from flight.errors import InputError
+from flightpower.analysis.curve import Polar, power_required
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.flights.comparison import Comparison, compare
+from flightpower.analysis.flights.evidence import SharedErrors
+from flightpower.analysis.flights.flight_statistics import M
+from flightpower.analysis.flights.joint_pool import JointPool
+from flightpower.analysis.flights.pool import joint_pool
+from flightpower.analysis.flights.pooled import flights_to_see
+from flightpower.analysis.methods.consider import DENSITY
+from flightpower.analysis.methods.rejected_assumptions import Assumption
+from flightpower.analysis.records.flight import EvidenceKind
+from flightpower.flight.errors import InputError
 
 
 def pools(seed: int, factor: float, flights: int = 4, noise: float = 0.3, **facts: str) -> tuple[JointPool, JointPool]:

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from analysis.air.contents import Replacements, contents
-from analysis.results.assemble import start_unix_s
-from flight.aircraft import parse_aircraft
-from flight.log_entries import NO_ENTRIES, LogEntry, entries_of
-from flight.log_reader import Log
-from flight.messages import Time
-from flight.propeller_files import load_propeller
+from flightpower.analysis.air.contents import Replacements, contents
+from flightpower.analysis.results.assemble import start_unix_s
+from flightpower.flight.aircraft import parse_aircraft
+from flightpower.flight.log_entries import NO_ENTRIES, LogEntry, entries_of
+from flightpower.flight.log_reader import Log
+from flightpower.flight.messages import Time
+from flightpower.flight.propeller_files import load_propeller
 
 AIRCRAFT = 'name = "mine"\n[geometry]\nspan = "1.7 m"\nwing_area = "0.46 m^2"\n[mass]\nweight = "4 kg"\n'
 NAMED = '[installation]\nname = "boom, May"\n'

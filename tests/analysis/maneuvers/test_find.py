@@ -4,9 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.air.air import bank_angle
-from analysis.maneuvers.find_level import find_runs
-from flight.runs import LEVEL_RUN, RunRejected
+from flightpower.analysis.air.air import bank_angle
+from flightpower.analysis.maneuvers.find_level import find_runs
+from flightpower.flight.runs import LEVEL_RUN, RunRejected
 
 RATE_HZ = 25.0
 

@@ -4,11 +4,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.maneuvers.find import _part_of, _within, find_steady
-from analysis.maneuvers.find import _rejection as steady_rejection
-from analysis.maneuvers.find_level import find_runs
-from analysis.maneuvers.find_loads import _wind_up_turn_rejection, find_3211
-from analysis.maneuvers.kinds import (
+from flightpower.analysis.maneuvers.find import _part_of, _within, find_steady
+from flightpower.analysis.maneuvers.find import _rejection as steady_rejection
+from flightpower.analysis.maneuvers.find_level import find_runs
+from flightpower.analysis.maneuvers.find_loads import _wind_up_turn_rejection, find_3211
+from flightpower.analysis.maneuvers.kinds import (
     PORPOISING,
     ROLLER_COASTER,
     STEPS_3211,
@@ -17,10 +17,10 @@ from analysis.maneuvers.kinds import (
     Unsuitable,
     reason_in_words,
 )
-from analysis.maneuvers.quality import SmoothedMotion, notes, too_low, without_data
-from analysis.maneuvers.runs_file import nearest_miss
-from analysis.sources.daemon import SPEED_SCALE
-from flight.runs import LEVEL_RUN, Rejection, RunRejected, larger
+from flightpower.analysis.maneuvers.quality import SmoothedMotion, notes, too_low, without_data
+from flightpower.analysis.maneuvers.runs_file import nearest_miss
+from flightpower.analysis.sources.daemon import SPEED_SCALE
+from flightpower.flight.runs import LEVEL_RUN, Rejection, RunRejected, larger
 from tests.analysis.maneuvers.test_find import RATE_HZ, flight, up_and_down
 
 

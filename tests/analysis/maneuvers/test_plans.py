@@ -8,14 +8,14 @@ import pandas as pd
 import pytest
 from methods import drawn, fly
 
-from analysis.air.air import bank_angle
-from analysis.maneuvers import runs_file
-from analysis.maneuvers.find import find
-from analysis.maneuvers.kinds import Maneuvers, Unsuitable
-from analysis.maneuvers.quality import load_factor_rms
-from flight.aircraft import load_aircraft
-from flight.errors import InputError
-from sim.sensors import load_budget
+from flightpower.analysis.air.air import bank_angle
+from flightpower.analysis.maneuvers import runs_file
+from flightpower.analysis.maneuvers.find import find
+from flightpower.analysis.maneuvers.kinds import Maneuvers, Unsuitable
+from flightpower.analysis.maneuvers.quality import load_factor_rms
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.sim.sensors import load_budget
 
 # The segment of a plan, and the run that it should be found as.
 FOUND_AS = {

@@ -6,17 +6,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.air.flown import flown_condition, flown_lift
-from analysis.curve import speed_at
-from analysis.maneuvers.find import find, find_steady
-from analysis.maneuvers.find_level import find_runs
-from analysis.maneuvers.find_loads import find_loads
-from analysis.maneuvers.kinds import Unsuitable
-from analysis.maneuvers.quality import too_low
-from analysis.sources.daemon import SPEED_SCALE, speed_scale
-from flight.aircraft import Aircraft, load_aircraft
-from flight.runs import RunRejected, flying_Pa
-from flight.units import GRAVITY_MPS2
+from flightpower.analysis.air.flown import flown_condition, flown_lift
+from flightpower.analysis.curve import speed_at
+from flightpower.analysis.maneuvers.find import find, find_steady
+from flightpower.analysis.maneuvers.find_level import find_runs
+from flightpower.analysis.maneuvers.find_loads import find_loads
+from flightpower.analysis.maneuvers.kinds import Unsuitable
+from flightpower.analysis.maneuvers.quality import too_low
+from flightpower.analysis.sources.daemon import SPEED_SCALE, speed_scale
+from flightpower.flight.aircraft import Aircraft, load_aircraft
+from flightpower.flight.runs import RunRejected, flying_Pa
+from flightpower.flight.units import GRAVITY_MPS2
 from tests.analysis.maneuvers.test_find import RATE_HZ, flight, up_and_down
 
 LIGHT, NEXSTAR, HEAVY = (load_aircraft(name) for name in ("light-1kg", "nexstar", "survey-6kg"))

@@ -3,15 +3,15 @@
 import numpy as np
 import pandas as pd
 
-from analysis.maneuvers.kinds import Maneuver
-from analysis.trajectory.block_means import BlockMeans
-from analysis.trajectory.equations import PREDICTED_FLOW, SENSOR_ERRORS, STATES
-from analysis.trajectory.reconstruction import Trajectory
-from analysis.trajectory.smoother import StatesGivenErrors
-from flight.aircraft import load_aircraft
-from flight.atmosphere import GAS_CONSTANT_AIR
-from flight.propeller_files import load_propeller
-from flight.units import GRAVITY_MPS2
+from flightpower.analysis.maneuvers.kinds import Maneuver
+from flightpower.analysis.trajectory.block_means import BlockMeans
+from flightpower.analysis.trajectory.equations import PREDICTED_FLOW, SENSOR_ERRORS, STATES
+from flightpower.analysis.trajectory.reconstruction import Trajectory
+from flightpower.analysis.trajectory.smoother import StatesGivenErrors
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.atmosphere import GAS_CONSTANT_AIR
+from flightpower.flight.propeller_files import load_propeller
+from flightpower.flight.units import GRAVITY_MPS2
 
 AIRCRAFT = load_aircraft("nexstar")
 PROPELLER = load_propeller(AIRCRAFT.propulsion.propeller)

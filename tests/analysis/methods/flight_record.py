@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.air.contents import LogContents, Replacements
-from analysis.air.flight_data import FlightData
-from analysis.air.flown import flown_condition
-from analysis.flight import Reconstructed
-from analysis.maneuvers.kinds import Maneuver, Maneuvers
-from analysis.trajectory.equations import SENSOR_ERRORS
-from analysis.trajectory.observability import PriorConflict
-from flight.aircraft import Aircraft
-from flight.propeller import Propeller
+from flightpower.analysis.air.contents import LogContents, Replacements
+from flightpower.analysis.air.flight_data import FlightData
+from flightpower.analysis.air.flown import flown_condition
+from flightpower.analysis.flight import Reconstructed
+from flightpower.analysis.maneuvers.kinds import Maneuver, Maneuvers
+from flightpower.analysis.trajectory.equations import SENSOR_ERRORS
+from flightpower.analysis.trajectory.observability import PriorConflict
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.propeller import Propeller
 
 
 def flight_record(

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from analysis.estimation import uncertainty
-from analysis.estimation.data import Segment
-from analysis.estimation.output_error import fit_output_error
-from analysis.estimation.simulation import build_simulator
-from analysis.methods import aircraft_models
-from analysis.methods.aircraft_models import level_flight_state
-from flight import motion
-from flight.aerodynamics import aerodynamics_of, body_axes, lift_and_drag, lift_slope
-from flight.aircraft import load_aircraft
-from flight.atmosphere import GRAVITY_MPS2
+from flightpower.analysis.estimation import uncertainty
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.output_error import fit_output_error
+from flightpower.analysis.estimation.simulation import build_simulator
+from flightpower.analysis.methods import aircraft_models
+from flightpower.analysis.methods.aircraft_models import level_flight_state
+from flightpower.flight import motion
+from flightpower.flight.aerodynamics import aerodynamics_of, body_axes, lift_and_drag, lift_slope
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.atmosphere import GRAVITY_MPS2
 from tests.analysis.estimation.models import longitudinal, pitch_and_height
 
 NEXSTAR = load_aircraft("nexstar")

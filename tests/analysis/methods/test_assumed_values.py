@@ -5,19 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.curve import Condition, Polar, power_required, speed_at
-from analysis.methods.assumed_values import (
+from flightpower.analysis.curve import Condition, Polar, power_required, speed_at
+from flightpower.analysis.methods.assumed_values import (
     AssumptionUncertainty,
     _folding_note,
     assumption_uncertainty,
     with_assumption_uncertainty,
 )
-from analysis.methods.dynamic import DynamicEstimate
-from analysis.methods.settings import COVARIANCE
-from analysis.records.flight import CurveStatus, ParameterResult
-from analysis.trajectory.priors import upwash_slope_sigma
-from analysis.trajectory.settings import PRIORS
-from flight.aircraft import parse_aircraft
+from flightpower.analysis.methods.dynamic import DynamicEstimate
+from flightpower.analysis.methods.settings import COVARIANCE
+from flightpower.analysis.records.flight import CurveStatus, ParameterResult
+from flightpower.analysis.trajectory.priors import upwash_slope_sigma
+from flightpower.analysis.trajectory.settings import PRIORS
+from flightpower.flight.aircraft import parse_aircraft
 
 FOUR_KEYS = """
 name = "mine"

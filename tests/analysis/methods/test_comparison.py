@@ -10,20 +10,20 @@ import pandas as pd
 import pytest
 from methods import Analyzed, analyzed, drawn, fly
 
-from analysis.air.flown import flown_condition, flown_lift
-from analysis.curve import Condition, power_required, speed_at
-from analysis.maneuvers.find import find
-from analysis.methods.causes import estimate_errors
-from analysis.methods.dynamic import estimate_polar
-from analysis.methods.forces import FlightForces
-from analysis.methods.method import MethodEstimate
-from analysis.methods.methods import every_method, fallback
-from analysis.trajectory.priors import SensorPriors
-from analysis.trajectory.reconstruction import reconstruct
-from flight.aircraft import load_aircraft
-from flight.errors import InputError
-from flight.propeller_files import load_propeller
-from sim.sensors import load_budget
+from flightpower.analysis.air.flown import flown_condition, flown_lift
+from flightpower.analysis.curve import Condition, power_required, speed_at
+from flightpower.analysis.maneuvers.find import find
+from flightpower.analysis.methods.causes import estimate_errors
+from flightpower.analysis.methods.dynamic import estimate_polar
+from flightpower.analysis.methods.forces import FlightForces
+from flightpower.analysis.methods.method import MethodEstimate
+from flightpower.analysis.methods.methods import every_method, fallback
+from flightpower.analysis.trajectory.priors import SensorPriors
+from flightpower.analysis.trajectory.reconstruction import reconstruct
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.propeller_files import load_propeller
+from flightpower.sim.sensors import load_budget
 
 AIRCRAFT = load_aircraft("nexstar")
 
@@ -147,7 +147,7 @@ def test_a_wrong_propeller_table_is_named_by_every_pair_that_disagrees(probe, tm
 
 def with_steady_points() -> str:
     """The demonstration's plan with four steady points, to and fro, before its descent."""
-    text = (resources.files("sim") / "plans" / "accel-decel.toml").read_text("utf-8")
+    text = (resources.files("flightpower.sim") / "plans" / "accel-decel.toml").read_text("utf-8")
     before, after = text.rsplit('[[segment]]\nkind = "climb"', 1)
     holds = "".join(
         f'[[segment]]\nkind = "turn"\n[[segment]]\nkind = "hold"\nduration = "24 s"\nspeed_over_stall = {share}\n'

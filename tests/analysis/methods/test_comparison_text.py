@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from analysis.curve import Condition
-from analysis.methods.causes import ErrorEstimate
-from analysis.methods.comparison import Difference, sentences
-from analysis.records.flight import Cause
+from flightpower.analysis.curve import Condition
+from flightpower.analysis.methods.causes import ErrorEstimate
+from flightpower.analysis.methods.comparison import Difference, sentences
+from flightpower.analysis.records.flight import Cause
 
 AT = Condition(40.0, 1.2, 0.6)
 TITLES = ("the dynamic method", "direct method")

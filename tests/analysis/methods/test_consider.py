@@ -7,15 +7,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.curve import Condition, Polar, lift_coefficient, power_required
-from analysis.estimation.data import Segment
-from analysis.estimation.output_error import fit_output_error
-from analysis.estimation.uncertainty import cramer_rao
-from analysis.methods import consider
-from analysis.methods.dynamic import INPUTS, drag_model
-from flight.aircraft import load_aircraft, parse_aircraft
-from flight.errors import InputError
-from flight.propeller import Propeller, Row
+from flightpower.analysis.curve import Condition, Polar, lift_coefficient, power_required
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.output_error import fit_output_error
+from flightpower.analysis.estimation.uncertainty import cramer_rao
+from flightpower.analysis.methods import consider
+from flightpower.analysis.methods.dynamic import INPUTS, drag_model
+from flightpower.flight.aircraft import load_aircraft, parse_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.propeller import Propeller, Row
 
 NEXSTAR = load_aircraft("nexstar")
 DRAG = drag_model(NEXSTAR)

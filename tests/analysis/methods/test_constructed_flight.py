@@ -7,21 +7,21 @@ import pandas as pd
 import pytest
 from constructed import AIRCRAFT, BLOCK, PROPELLER, STEP_S, W, accelerations_and_decelerations, measured, polar
 
-from analysis.curve import Condition, Polar, power_required
-from analysis.methods import consider as covariance
-from analysis.methods.causes import CAUSES, error_prior_sigma, estimate_errors
-from analysis.methods.consider import DENSITY
-from analysis.methods.dynamic import estimate_polar
-from analysis.methods.forces import FlightForces
-from analysis.methods.method import MethodInputs, estimate_with, input_table, method_inputs
-from analysis.methods.methods import ALL_METHODS
-from analysis.trajectory.block_means import BlockMeans
-from analysis.trajectory.dryden import GaussMarkov
-from analysis.trajectory.equations import SENSOR_ERRORS
-from analysis.trajectory.reconstruction import Trajectory
-from flight.aerodynamics import lift_slope, stability_axes
-from flight.aircraft import Aircraft, Uncertainty
-from flight.units import GRAVITY_MPS2 as g
+from flightpower.analysis.curve import Condition, Polar, power_required
+from flightpower.analysis.methods import consider as covariance
+from flightpower.analysis.methods.causes import CAUSES, error_prior_sigma, estimate_errors
+from flightpower.analysis.methods.consider import DENSITY
+from flightpower.analysis.methods.dynamic import estimate_polar
+from flightpower.analysis.methods.forces import FlightForces
+from flightpower.analysis.methods.method import MethodInputs, estimate_with, input_table, method_inputs
+from flightpower.analysis.methods.methods import ALL_METHODS
+from flightpower.analysis.trajectory.block_means import BlockMeans
+from flightpower.analysis.trajectory.dryden import GaussMarkov
+from flightpower.analysis.trajectory.equations import SENSOR_ERRORS
+from flightpower.analysis.trajectory.reconstruction import Trajectory
+from flightpower.flight.aerodynamics import lift_slope, stability_axes
+from flightpower.flight.aircraft import Aircraft, Uncertainty
+from flightpower.flight.units import GRAVITY_MPS2 as g
 
 AT = Condition(W, 1.15, AIRCRAFT.geometry.wing_area_m2)
 V = np.array([12.0, 14.0, 17.0, 20.0, 22.5])

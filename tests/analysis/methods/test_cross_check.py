@@ -6,13 +6,13 @@ import methods
 import numpy as np
 import pytest
 
-from analysis.curve import Condition, Polar, power_required
-from analysis.maneuvers.find import find
-from analysis.maneuvers.kinds import ACCELERATION, DECELERATION, Maneuver
-from analysis.methods.cross_check import CrossCheck, disagreement, on_runs_alone, spread
-from analysis.methods.settings import CROSS_CHECK
-from analysis.trajectory.reconstruction import reconstruct
-from sim.sensors import load_budget
+from flightpower.analysis.curve import Condition, Polar, power_required
+from flightpower.analysis.maneuvers.find import find
+from flightpower.analysis.maneuvers.kinds import ACCELERATION, DECELERATION, Maneuver
+from flightpower.analysis.methods.cross_check import CrossCheck, disagreement, on_runs_alone, spread
+from flightpower.analysis.methods.settings import CROSS_CHECK
+from flightpower.analysis.trajectory.reconstruction import reconstruct
+from flightpower.sim.sensors import load_budget
 
 SPEEDS_MPS = np.array([14.0, 17.0, 20.0])
 

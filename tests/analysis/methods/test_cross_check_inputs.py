@@ -3,7 +3,7 @@
 import pytest
 from constructed import accelerations_and_decelerations, measured
 
-from analysis.methods.ladder import without_model_errors
+from flightpower.analysis.methods.ladder import without_model_errors
 
 
 def test_vibration_and_bending_that_the_flight_showed_are_taken_out() -> None:

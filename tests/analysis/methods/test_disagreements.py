@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.curve import Condition, Polar
-from analysis.methods.causes import ErrorEstimate
-from analysis.methods.comparison import disagreements
-from analysis.methods.dynamic import DynamicEstimate
-from analysis.methods.method import Method, MethodEstimate
-from analysis.methods.methods_from_runs import ACCELERATIONS, DECELERATIONS, DIRECT, ENERGY
-from analysis.methods.settings import COMPARISON
-from analysis.records.flight import CurveStatus
+from flightpower.analysis.curve import Condition, Polar
+from flightpower.analysis.methods.causes import ErrorEstimate
+from flightpower.analysis.methods.comparison import disagreements
+from flightpower.analysis.methods.dynamic import DynamicEstimate
+from flightpower.analysis.methods.method import Method, MethodEstimate
+from flightpower.analysis.methods.methods_from_runs import ACCELERATIONS, DECELERATIONS, DIRECT, ENERGY
+from flightpower.analysis.methods.settings import COMPARISON
+from flightpower.analysis.records.flight import CurveStatus
 
 AT = Condition(weight_N=37.68, rho=1.2, wing_area_m2=0.4636)
 A = np.array([0.0465, -0.0195, 0.065])

@@ -13,21 +13,21 @@ import pytest
 from flight_record import flight_record
 from methods import Flown, drawn, fly
 
-from analysis.air.flown import flown_lift
-from analysis.air.probe import ProbeCalibration
-from analysis.curve import Condition, Polar, power_required
-from analysis.estimation.noise import NORMAL_95
-from analysis.maneuvers.find_level import find_runs
-from analysis.maneuvers.kinds import Maneuver
-from analysis.methods import likelihood
-from analysis.methods.dynamic import estimate_polar
-from analysis.methods.likelihood import LikelihoodEstimates
-from analysis.trajectory.reconstruction import Trajectory, reconstruct
-from flight.aircraft import load_aircraft
-from flight.atmosphere import FOOT_POUND_PER_SECOND_W
-from flight.propeller import Propeller
-from flight.propeller_files import load_propeller
-from sim.sensors import load_budget
+from flightpower.analysis.air.flown import flown_lift
+from flightpower.analysis.air.probe import ProbeCalibration
+from flightpower.analysis.curve import Condition, Polar, power_required
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.maneuvers.find_level import find_runs
+from flightpower.analysis.maneuvers.kinds import Maneuver
+from flightpower.analysis.methods import likelihood
+from flightpower.analysis.methods.dynamic import estimate_polar
+from flightpower.analysis.methods.likelihood import LikelihoodEstimates
+from flightpower.analysis.trajectory.reconstruction import Trajectory, reconstruct
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.atmosphere import FOOT_POUND_PER_SECOND_W
+from flightpower.flight.propeller import Propeller
+from flightpower.flight.propeller_files import load_propeller
+from flightpower.sim.sensors import load_budget
 
 AIRCRAFT = load_aircraft("nexstar")
 PROPELLER = load_propeller(AIRCRAFT.propulsion.propeller)

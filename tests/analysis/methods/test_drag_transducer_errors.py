@@ -6,14 +6,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.air.transducers import AIR_DATA_CHANNELS, with_hysteresis, with_zero_step
-from analysis.methods.assumed_values import (
+from flightpower.analysis.air.transducers import AIR_DATA_CHANNELS, with_hysteresis, with_zero_step
+from flightpower.analysis.methods.assumed_values import (
     ZERO_STEPS,
     AssumptionUncertainty,
     with_step_of_motor_speed,
     with_transducer_uncertainty,
 )
-from flight.aircraft import load_aircraft
+from flightpower.flight.aircraft import load_aircraft
 from tests.analysis.air.test_transducer_errors import up_and_down
 
 AIR = up_and_down()

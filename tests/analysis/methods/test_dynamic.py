@@ -4,9 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.maneuvers.kinds import Maneuver
-from analysis.methods.dynamic import _within_level_flight
-from flight.units import GRAVITY_MPS2
+from flightpower.analysis.maneuvers.kinds import Maneuver
+from flightpower.analysis.methods.dynamic import _within_level_flight
+from flightpower.flight.units import GRAVITY_MPS2
 
 STEP_S, SLOW_MPS, FAST_MPS = 0.2, 11.0, 24.0
 LIFT_AT = 81.0  # weight over rho S / 2 [m^2/s^2]: C_L is 0.67 at 11 m/s, times a load factor

@@ -18,21 +18,28 @@ from constructed import (
     polar,
 )
 
-from analysis.curve import Condition, Polar, power_required
-from analysis.estimation.data import Segment
-from analysis.estimation.output_error import fit_output_error
-from analysis.maneuvers.kinds import Maneuver
-from analysis.methods import consider as covariance
-from analysis.methods import dynamic
-from analysis.methods.causes import CAUSES, error_prior_sigma, estimate_errors
-from analysis.methods.forces import FlightForces
-from analysis.methods.method import Method, MethodEstimate, MethodInputs, _missing_term, estimate_with, method_inputs
-from analysis.methods.methods import fallback
-from analysis.methods.methods_from_runs import ENERGY, ONE_RUN, VARIED_LIFT
-from analysis.methods.steady_points import PIW_VIW_THREE, PIW_VIW_TWO
-from analysis.methods.thrust_prior import thrust_prior
-from analysis.trajectory.equations import SENSOR_ERRORS, STATES
-from analysis.trajectory.smoother import StatesGivenErrors
+from flightpower.analysis.curve import Condition, Polar, power_required
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.output_error import fit_output_error
+from flightpower.analysis.maneuvers.kinds import Maneuver
+from flightpower.analysis.methods import consider as covariance
+from flightpower.analysis.methods import dynamic
+from flightpower.analysis.methods.causes import CAUSES, error_prior_sigma, estimate_errors
+from flightpower.analysis.methods.forces import FlightForces
+from flightpower.analysis.methods.method import (
+    Method,
+    MethodEstimate,
+    MethodInputs,
+    _missing_term,
+    estimate_with,
+    method_inputs,
+)
+from flightpower.analysis.methods.methods import fallback
+from flightpower.analysis.methods.methods_from_runs import ENERGY, ONE_RUN, VARIED_LIFT
+from flightpower.analysis.methods.steady_points import PIW_VIW_THREE, PIW_VIW_TWO
+from flightpower.analysis.methods.thrust_prior import thrust_prior
+from flightpower.analysis.trajectory.equations import SENSOR_ERRORS, STATES
+from flightpower.analysis.trajectory.smoother import StatesGivenErrors
 
 AT = Condition(W, RHO, S)
 V = np.array([12.0, 14.0, 17.0, 20.0, 22.5])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from constructed import AIRCRAFT, PROPELLER, accelerations_and_decelerations, measured
 
-from analysis.methods.forces import FlightForces
+from flightpower.analysis.methods.forces import FlightForces
 
 
 @pytest.fixture(scope="module")

@@ -5,12 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from analysis.curve import Condition, Polar, power_required
-from analysis.estimation.noise import NORMAL_95
-from analysis.methods.consider import JointEstimate
-from analysis.methods.interval_sources import Share, shares_of_correlated, variance_by_source
-from analysis.results.curves import interval_parts
-from analysis.uncertain import Uncertain
+from flightpower.analysis.curve import Condition, Polar, power_required
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.methods.consider import JointEstimate
+from flightpower.analysis.methods.interval_sources import Share, shares_of_correlated, variance_by_source
+from flightpower.analysis.results.curves import interval_parts
+from flightpower.analysis.uncertain import Uncertain
 
 NAMES = ("A0", "A1", "A2", "thrust_scale", "V_scale", "alpha_bias", "gps_latency")
 CONDITION = Condition(weight_N=37.0, rho=1.2, wing_area_m2=0.46)

@@ -8,28 +8,28 @@ import numpy as np
 import pytest
 from methods import drawn, fly
 
-from analysis import flight
-from analysis.air.flown import flown_lift
-from analysis.curve import Polar, power_required, speed_at
-from analysis.maneuvers.find import find
-from analysis.methods import ladder as estimate_module
-from analysis.methods.comparison import DYNAMIC
-from analysis.methods.ladder import by_simpler_method, estimate
-from analysis.methods.method import MethodEstimate
-from analysis.methods.methods import DIRECT, LADDER, NoMethod, fallback, informative, narrower, why_not
-from analysis.methods.methods_from_runs import ENERGY, VARIED_LIFT
-from analysis.methods.steady_points import PIW_VIW_THREE
-from analysis.methods.thrust_prior import THRUST
-from analysis.pipeline import runs as pipeline
-from analysis.records.flight import CurveStatus, Trust, WhyNot
-from analysis.results.evidence import noise_limit
-from analysis.trajectory.as_measured import path_as_measured
-from analysis.trajectory.observability import misfit, with_misfit
-from analysis.trajectory.reconstruction import reconstruct
-from flight.aircraft import load_aircraft
-from flight.errors import InputError
-from flight.propeller_files import load_propeller
-from sim.sensors import load_budget
+from flightpower.analysis import flight
+from flightpower.analysis.air.flown import flown_lift
+from flightpower.analysis.curve import Polar, power_required, speed_at
+from flightpower.analysis.maneuvers.find import find
+from flightpower.analysis.methods import ladder as estimate_module
+from flightpower.analysis.methods.comparison import DYNAMIC
+from flightpower.analysis.methods.ladder import by_simpler_method, estimate
+from flightpower.analysis.methods.method import MethodEstimate
+from flightpower.analysis.methods.methods import DIRECT, LADDER, NoMethod, fallback, informative, narrower, why_not
+from flightpower.analysis.methods.methods_from_runs import ENERGY, VARIED_LIFT
+from flightpower.analysis.methods.steady_points import PIW_VIW_THREE
+from flightpower.analysis.methods.thrust_prior import THRUST
+from flightpower.analysis.pipeline import runs as pipeline
+from flightpower.analysis.records.flight import CurveStatus, Trust, WhyNot
+from flightpower.analysis.results.evidence import noise_limit
+from flightpower.analysis.trajectory.as_measured import path_as_measured
+from flightpower.analysis.trajectory.observability import misfit, with_misfit
+from flightpower.analysis.trajectory.reconstruction import reconstruct
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.propeller_files import load_propeller
+from flightpower.sim.sensors import load_budget
 from tests.analysis.methods.flight_record import flight_record
 
 AIRCRAFT = load_aircraft("nexstar")

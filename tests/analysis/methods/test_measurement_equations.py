@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from test_aircraft_models import ALL_MODELS, NEXSTAR, RHO
 
-from analysis.methods.aircraft_models import Priors, force_models
-from analysis.methods.dynamic import drag_model
-from analysis.methods.thrust_prior import J_REFERENCE
-from flight.aircraft import Uncertainty
+from flightpower.analysis.methods.aircraft_models import Priors, force_models
+from flightpower.analysis.methods.dynamic import drag_model
+from flightpower.analysis.methods.thrust_prior import J_REFERENCE
+from flightpower.flight.aircraft import Uncertainty
 
 m = NEXSTAR.mass_kg
 

@@ -7,13 +7,13 @@ import pandas as pd
 import pytest
 from constructed import AIRCRAFT, STEP_S, S, W, flown, polar
 
-from analysis.curve import Condition, Polar, power_required
-from analysis.estimation.noise import NORMAL_95
-from analysis.maneuvers.kinds import Maneuver
-from analysis.methods.method import Method
-from analysis.methods.methods_from_runs import DIRECT, ENERGY, FROM_SPEED
-from analysis.methods.regression import THREE_TERM, PointRegression
-from analysis.methods.steady_points import (
+from flightpower.analysis.curve import Condition, Polar, power_required
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.maneuvers.kinds import Maneuver
+from flightpower.analysis.methods.method import Method
+from flightpower.analysis.methods.methods_from_runs import DIRECT, ENERGY, FROM_SPEED
+from flightpower.analysis.methods.regression import THREE_TERM, PointRegression
+from flightpower.analysis.methods.steady_points import (
     PIW_VIW_THREE,
     PIW_VIW_TWO,
     W_DELTA,
@@ -24,8 +24,8 @@ from analysis.methods.steady_points import (
     steady_means,
     steady_points,
 )
-from flight.atmosphere import GRAVITY_MPS2, SEA_LEVEL_DENSITY
-from flight.errors import InputError
+from flightpower.flight.atmosphere import GRAVITY_MPS2, SEA_LEVEL_DENSITY
+from flightpower.flight.errors import InputError
 
 NO_COVARIANCE = np.zeros((3, 3))
 

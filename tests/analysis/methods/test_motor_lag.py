@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from constructed import AIRCRAFT, PROPELLER, RHO, STEP_S, accelerations_and_decelerations, flown, measured, polar
 
-from analysis.maneuvers.kinds import Maneuver
-from analysis.methods.dynamic import estimate_polar
-from analysis.methods.motor_lag import PARAMETER
-from analysis.trajectory.reconstruction import Trajectory
-from flight.propeller import FOLD
+from flightpower.analysis.maneuvers.kinds import Maneuver
+from flightpower.analysis.methods.dynamic import estimate_polar
+from flightpower.analysis.methods.motor_lag import PARAMETER
+from flightpower.analysis.trajectory.reconstruction import Trajectory
+from flightpower.flight.propeller import FOLD
 
 CL = np.array([0.3, 0.6, 0.9])
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from constructed import AIRCRAFT, PROPELLER, accelerations_and_decelerations, measured, polar
 
-from analysis.methods.dynamic import estimate_polar
-from analysis.methods.forces import FlightForces, MotorSpeedError
-from analysis.methods.motor_speed import PARAMETER
-from analysis.trajectory.reconstruction import Trajectory
+from flightpower.analysis.methods.dynamic import estimate_polar
+from flightpower.analysis.methods.forces import FlightForces, MotorSpeedError
+from flightpower.analysis.methods.motor_speed import PARAMETER
+from flightpower.analysis.trajectory.reconstruction import Trajectory
 
 CL = np.array([0.3, 0.6, 0.9])
 LOST, ABOVE_REVPS = 0.03, 90.0

@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.air.flown import check_lift, flown_condition, flown_lift, largest_lift
-from analysis.curve import (
+from flightpower.analysis.air.flown import check_lift, flown_condition, flown_lift, largest_lift
+from flightpower.analysis.curve import (
     Condition,
     Polar,
     best_range_lift,
@@ -18,10 +18,10 @@ from analysis.curve import (
     speed_at,
     unphysical,
 )
-from analysis.sources.daemon import SPEED_SCALE
-from flight.aircraft import load_aircraft
-from flight.errors import InputError
-from flight.units import GRAVITY_MPS2
+from flightpower.analysis.sources.daemon import SPEED_SCALE
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.units import GRAVITY_MPS2
 
 NEXSTAR = Condition(weight_N=37.68, rho=1.225, wing_area_m2=0.4636)
 NO_DOUBT = np.zeros((3, 3))

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.curve import Condition, Polar
-from analysis.methods.method import MethodEstimate
-from analysis.methods.methods_from_runs import ONE_RUN
-from analysis.methods.run_agreement import one_kind_against_another, runs_against_others
-from analysis.methods.settings import COMPARISON
-from analysis.results.evidence import noise_limit
-from flight.aircraft import Uncertainty
+from flightpower.analysis.curve import Condition, Polar
+from flightpower.analysis.methods.method import MethodEstimate
+from flightpower.analysis.methods.methods_from_runs import ONE_RUN
+from flightpower.analysis.methods.run_agreement import one_kind_against_another, runs_against_others
+from flightpower.analysis.methods.settings import COMPARISON
+from flightpower.analysis.results.evidence import noise_limit
+from flightpower.flight.aircraft import Uncertainty
 
 AT = Condition(37.68, 1.2, 0.4636)
 TRUTH = np.array([0.0465, -0.0195, 0.065])

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from constructed import AIRCRAFT, PROPELLER, accelerations_and_decelerations, measured
 
-from analysis.methods.dynamic import estimate_polar
-from analysis.trajectory.equations import SENSOR_ERRORS
+from flightpower.analysis.methods.dynamic import estimate_polar
+from flightpower.analysis.trajectory.equations import SENSOR_ERRORS
 
 
 def test_speed_drawn_is_that_of_the_trajectory_times_the_scale_error_of_the_probe() -> None:

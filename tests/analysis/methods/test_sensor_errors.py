@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.methods.causes import _thrust_errors, error_prior_sigma
-from analysis.methods.settings import COMPARISON
-from analysis.methods.thrust_prior import J_REFERENCE
-from flight.aircraft import Uncertainty, load_aircraft
+from flightpower.analysis.methods.causes import _thrust_errors, error_prior_sigma
+from flightpower.analysis.methods.settings import COMPARISON
+from flightpower.analysis.methods.thrust_prior import J_REFERENCE
+from flightpower.flight.aircraft import Uncertainty, load_aircraft
 
 PAGE = Path(__file__).parents[3] / "docs" / "understand" / "methods.md"
 BLOCKS, CORRELATED, SIGMA_MPS2 = 1000, 4, 0.02

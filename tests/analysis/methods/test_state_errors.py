@@ -6,12 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.estimation.data import Segment
-from analysis.estimation.output_error import fit_output_error
-from analysis.methods import consider as covariance
-from analysis.methods.consider import _by_rest, _by_states, noise_covariance
-from analysis.methods.regression import POLAR_FIT
-from analysis.trajectory.smoother import StatesGivenErrors
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.output_error import fit_output_error
+from flightpower.analysis.methods import consider as covariance
+from flightpower.analysis.methods.consider import _by_rest, _by_states, noise_covariance
+from flightpower.analysis.methods.regression import POLAR_FIT
+from flightpower.analysis.trajectory.smoother import StatesGivenErrors
 
 STEP_S, BEFORE = 0.2, 40  # blocks of the flight before the first run
 CL = np.concatenate([np.linspace(1.1, 0.3, 150), np.linspace(0.3, 1.1, 130)])

@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.maneuvers.kinds import STEADY, Maneuver
-from analysis.methods.steady_points import (
+from flightpower.analysis.maneuvers.kinds import STEADY, Maneuver
+from flightpower.analysis.methods.steady_points import (
     SteadyMeans,
     _error_of_mean,
     mean_gust_mps,
@@ -14,9 +14,9 @@ from analysis.methods.steady_points import (
     steady_method,
     steady_points,
 )
-from flight.aircraft import Aircraft, load_aircraft
-from flight.errors import InputError
-from flight.units import GRAVITY_MPS2 as g
+from flightpower.flight.aircraft import Aircraft, load_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.units import GRAVITY_MPS2 as g
 
 NEXSTAR = load_aircraft("nexstar")
 M, AREA = NEXSTAR.mass_kg, NEXSTAR.geometry.wing_area_m2

@@ -4,9 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.air.flown import thrust_coverage, thrust_known
-from flight.errors import InputError
-from flight.propeller_files import load_propeller
+from flightpower.analysis.air.flown import thrust_coverage, thrust_known
+from flightpower.flight.errors import InputError
+from flightpower.flight.propeller_files import load_propeller
 
 
 def flown(J: np.ndarray, covered: np.ndarray) -> pd.DataFrame:

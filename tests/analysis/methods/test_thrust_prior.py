@@ -8,20 +8,20 @@ import pandas as pd
 import pytest
 from constructed import PROPELLER, accelerations_and_decelerations, measured
 
-from analysis.air.flight_data import Calibrations
-from analysis.estimation.data import Segment
-from analysis.estimation.fit import Fit
-from analysis.estimation.model import PriorMeasurement
-from analysis.estimation.output_error import fit_output_error
-from analysis.methods.causes import _thrust_errors
-from analysis.methods.dynamic import INPUTS, drag_model, estimate_polar
-from analysis.methods.rejected_assumptions import rejected_assumptions
-from analysis.methods.thrust_prior import J_REFERENCE, stand_conflict, thrust_prior
-from analysis.pages.exports.derived import _by_thrust_table
-from analysis.results.assemble import pooling_statistics
-from analysis.results.flight_found import static_thrust
-from flight.aircraft import Aircraft, Uncertainty, load_aircraft
-from flight.errors import InputError
+from flightpower.analysis.air.flight_data import Calibrations
+from flightpower.analysis.estimation.data import Segment
+from flightpower.analysis.estimation.fit import Fit
+from flightpower.analysis.estimation.model import PriorMeasurement
+from flightpower.analysis.estimation.output_error import fit_output_error
+from flightpower.analysis.methods.causes import _thrust_errors
+from flightpower.analysis.methods.dynamic import INPUTS, drag_model, estimate_polar
+from flightpower.analysis.methods.rejected_assumptions import rejected_assumptions
+from flightpower.analysis.methods.thrust_prior import J_REFERENCE, stand_conflict, thrust_prior
+from flightpower.analysis.pages.exports.derived import _by_thrust_table
+from flightpower.analysis.results.assemble import pooling_statistics
+from flightpower.analysis.results.flight_found import static_thrust
+from flightpower.flight.aircraft import Aircraft, Uncertainty, load_aircraft
+from flightpower.flight.errors import InputError
 
 NEXSTAR = load_aircraft("nexstar")
 A = np.array([0.045, -0.02, 0.065])

@@ -6,14 +6,14 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from analysis.curve import Condition, speed_at
-from analysis.missions.energy import Battery
-from analysis.missions.inputs import RouteInput
-from analysis.missions.mission import Mission, Wind, parse_legs
-from analysis.missions.power import source_of
-from analysis.missions.prediction import RESOLUTION, Air, Flight, Route
-from analysis.performance.propagation import ParameterVector
-from analysis.records.flight import (
+from flightpower.analysis.curve import Condition, speed_at
+from flightpower.analysis.missions.energy import Battery
+from flightpower.analysis.missions.inputs import RouteInput
+from flightpower.analysis.missions.mission import Mission, Wind, parse_legs
+from flightpower.analysis.missions.power import source_of
+from flightpower.analysis.missions.prediction import RESOLUTION, Air, Flight, Route
+from flightpower.analysis.performance.propagation import ParameterVector
+from flightpower.analysis.records.flight import (
     AircraftResult,
     AirFound,
     AvailableResult,
@@ -31,7 +31,7 @@ from analysis.records.flight import (
     Results,
     SlowestFlown,
 )
-from flight.propeller_files import load_propeller
+from flightpower.flight.propeller_files import load_propeller
 
 WEIGHT_N, RHO, AREA_M2 = 3.84 * 9.80665, 1.19, 0.4636
 FLOWN_CL = (0.25, 1.0)

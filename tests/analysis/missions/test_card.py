@@ -8,13 +8,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.missions import card
-from analysis.missions.expected_aircraft import ExpectedAircraft, expected_aircraft
-from analysis.missions.pieces import Pilot, Run, Space
-from analysis.missions.plan_settings import PATH
-from analysis.missions.search import Request
-from flight.aircraft import load_aircraft
-from flight.propeller import Propeller
+from flightpower.analysis.missions import card
+from flightpower.analysis.missions.expected_aircraft import ExpectedAircraft, expected_aircraft
+from flightpower.analysis.missions.pieces import Pilot, Run, Space
+from flightpower.analysis.missions.plan_settings import PATH
+from flightpower.analysis.missions.search import Request
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.propeller import Propeller
 
 
 @pytest.fixture(scope="module")

@@ -6,16 +6,16 @@ from math import exp, pi, sqrt
 import numpy as np
 import pytest
 
-from analysis.missions import expected_aircraft as of_module
-from analysis.missions import time_history as of_time_history
-from analysis.missions.expected_aircraft import ExpectedAircraft, expected_aircraft
-from analysis.missions.pieces import Pilot, Run, Space
-from analysis.missions.search import Request, plan_flight
-from analysis.missions.time_history import climb_rate_mps
-from flight.aircraft import Aircraft, load_aircraft
-from flight.errors import InputError
-from flight.propeller import Propeller
-from flight.units import GRAVITY_MPS2
+from flightpower.analysis.missions import expected_aircraft as of_module
+from flightpower.analysis.missions import time_history as of_time_history
+from flightpower.analysis.missions.expected_aircraft import ExpectedAircraft, expected_aircraft
+from flightpower.analysis.missions.pieces import Pilot, Run, Space
+from flightpower.analysis.missions.search import Request, plan_flight
+from flightpower.analysis.missions.time_history import climb_rate_mps
+from flightpower.flight.aircraft import Aircraft, load_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.propeller import Propeller
+from flightpower.flight.units import GRAVITY_MPS2
 
 HEIGHT_M = 500.0
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from analysis.missions.mission import HOME, Assumed, Mission, Speed, parse_legs, parse_wind, with_return
-from analysis.missions.mission_files import load_mission
-from flight.errors import InputError
+from flightpower.analysis.missions.mission import HOME, Assumed, Mission, Speed, parse_legs, parse_wind, with_return
+from flightpower.analysis.missions.mission_files import load_mission
+from flightpower.flight.errors import InputError
 
 HOME_DEG = (48.1, 11.5)
 NORTH_DEG = 1000.0 / (6_371_000.0 * radians(1.0))  # a kilometer

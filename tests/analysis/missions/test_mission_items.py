@@ -8,7 +8,7 @@ import pytest
 from pymavlink import mavutil, mavwp
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from analysis.missions.items import (
+from flightpower.analysis.missions.items import (
     ABOVE_HOME,
     ABOVE_SEA,
     ABOVE_TERRAIN,
@@ -21,8 +21,8 @@ from analysis.missions.items import (
     SpeedType,
     Start,
 )
-from analysis.missions.qgroundcontrol import Vehicle, plan_text, read_plan
-from analysis.missions.waypoints import read_waypoints, waypoints_text
+from flightpower.analysis.missions.qgroundcontrol import Vehicle, plan_text, read_plan
+from flightpower.analysis.missions.waypoints import read_waypoints, waypoints_text
 
 NAMES = {
     Command.LOITER_UNLIMITED: "NAV_LOITER_UNLIM",

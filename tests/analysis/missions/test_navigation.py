@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from analysis.missions.expected_aircraft import ExpectedAircraft, expected_aircraft
-from analysis.missions.navigation import kept_in_place
-from analysis.missions.pieces import Hold, Land, Maneuver, Piece, Pilot, Run, Space, Turn, catalog, sequence
-from analysis.missions.plan_settings import PATH
-from analysis.missions.time_history import fly
-from flight.aircraft import load_aircraft
+from flightpower.analysis.missions.expected_aircraft import ExpectedAircraft, expected_aircraft
+from flightpower.analysis.missions.navigation import kept_in_place
+from flightpower.analysis.missions.pieces import Hold, Land, Maneuver, Piece, Pilot, Run, Space, Turn, catalog, sequence
+from flightpower.analysis.missions.plan_settings import PATH
+from flightpower.analysis.missions.time_history import fly
+from flightpower.flight.aircraft import load_aircraft
 
 HEIGHT_M, LEG_M = 40.0, 500.0
 

@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from analysis.curve import Condition, Polar
-from analysis.missions.next_flight import _effects_W, lacking, next_flight
-from analysis.trajectory.equations import SENSOR_ERRORS
-from analysis.trajectory.observability import MATTERS
+from flightpower.analysis.curve import Condition, Polar
+from flightpower.analysis.missions.next_flight import _effects_W, lacking, next_flight
+from flightpower.analysis.trajectory.equations import SENSOR_ERRORS
+from flightpower.analysis.trajectory.observability import MATTERS
 
 AT = Condition(weight_N=37.0, rho=1.2, wing_area_m2=0.46)
 A = np.array([0.045, -0.02, 0.065])

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from analysis.missions import pieces
-from analysis.missions.pieces import Hold, Pilot, Porpoise, Run, Space, Turn
+from flightpower.analysis.missions import pieces
+from flightpower.analysis.missions.pieces import Hold, Pilot, Porpoise, Run, Space, Turn
 
 AIRCRAFT: Any = SimpleNamespace(stall_mps=10.0, fastest_mps=30.0, cruise_mps=16.0, acceleration_throttle=0.87)
 SLOW, FAST = 11.0, 27.6  # 1.08 and 0.002 for each of 10 kt; 92 %

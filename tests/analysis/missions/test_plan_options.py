@@ -2,8 +2,8 @@
 
 import pytest
 
-from analysis.cli.plan import PilotKind, PlanOptions
-from flight.errors import InputError
+from flightpower.analysis.cli.plan import PilotKind, PlanOptions
+from flightpower.flight.errors import InputError
 
 
 def test_a_name_given_as_text_is_the_same_as_the_enum() -> None:

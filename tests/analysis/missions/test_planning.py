@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from pymavlink import mavutil, mavwp
 
-from analysis.curve import Polar
-from analysis.missions import card, information, pieces, search
-from analysis.missions.card import _words
-from analysis.missions.expected_aircraft import ExpectedAircraft, expected_aircraft
-from analysis.missions.information import (
+from flightpower.analysis.curve import Polar
+from flightpower.analysis.missions import card, information, pieces, search
+from flightpower.analysis.missions.card import _words
+from flightpower.analysis.missions.expected_aircraft import ExpectedAircraft, expected_aircraft
+from flightpower.analysis.missions.information import (
     _of_difference,
     condition,
     expected,
@@ -24,22 +24,22 @@ from analysis.missions.information import (
     question,
     sensor_error_covariance,
 )
-from analysis.missions.next_flight import next_flight
-from analysis.missions.pieces import Hold, Land, Pilot, Porpoise, Run, Space, Stand, TakeOff, Turn
-from analysis.missions.plan_mission import Home, left_out, qgroundcontrol_plan, waypoint_file
-from analysis.missions.plan_settings import PATH, SEARCH
-from analysis.missions.search import FlightPlan, Request, plan_flight
-from analysis.missions.simulator_plan import simulator_plan
-from analysis.missions.time_history import TimeHistory, fly, throttle_at
-from analysis.trajectory.equations import SENSOR_ERRORS
-from analysis.trajectory.priors import SensorPriors
-from analysis.trajectory.reconstruction import reconstruct
-from analysis.trajectory.settings import SOLVER
-from analysis.trajectory.updraft import by_waves
-from flight.aircraft import Uncertainty, load_aircraft
-from flight.errors import InputError
-from flight.units import GRAVITY_MPS2
-from sim.plan import parse_plan
+from flightpower.analysis.missions.next_flight import next_flight
+from flightpower.analysis.missions.pieces import Hold, Land, Pilot, Porpoise, Run, Space, Stand, TakeOff, Turn
+from flightpower.analysis.missions.plan_mission import Home, left_out, qgroundcontrol_plan, waypoint_file
+from flightpower.analysis.missions.plan_settings import PATH, SEARCH
+from flightpower.analysis.missions.search import FlightPlan, Request, plan_flight
+from flightpower.analysis.missions.simulator_plan import simulator_plan
+from flightpower.analysis.missions.time_history import TimeHistory, fly, throttle_at
+from flightpower.analysis.trajectory.equations import SENSOR_ERRORS
+from flightpower.analysis.trajectory.priors import SensorPriors
+from flightpower.analysis.trajectory.reconstruction import reconstruct
+from flightpower.analysis.trajectory.settings import SOLVER
+from flightpower.analysis.trajectory.updraft import by_waves
+from flightpower.flight.aircraft import Uncertainty, load_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.units import GRAVITY_MPS2
+from flightpower.sim.plan import parse_plan
 
 HEIGHT_M = 40.0
 

@@ -9,15 +9,15 @@ import msgspec
 import numpy as np
 import pytest
 
-from analysis.cli import route
-from analysis.flights.flight_statistics import POOLED
-from analysis.flights.joint_pool import JointPool
-from analysis.flights.pool import joint_pool, pool_results
-from analysis.missions.inputs import RouteInput
-from analysis.missions.power import source_of
-from analysis.missions.prediction import predict
-from analysis.performance.stored_model import LOSSES, model_of, part
-from analysis.results.read import upgraded
+from flightpower.analysis.cli import route
+from flightpower.analysis.flights.flight_statistics import POOLED
+from flightpower.analysis.flights.joint_pool import JointPool
+from flightpower.analysis.flights.pool import joint_pool, pool_results
+from flightpower.analysis.missions.inputs import RouteInput
+from flightpower.analysis.missions.power import source_of
+from flightpower.analysis.missions.prediction import predict
+from flightpower.analysis.performance.stored_model import LOSSES, model_of, part
+from flightpower.analysis.results.read import upgraded
 from tests.analysis.flights.synthetic_flights import flight as statistics_of
 from tests.analysis.flights.synthetic_flights import truth
 from tests.analysis.missions.route_data import (

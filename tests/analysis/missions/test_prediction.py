@@ -16,14 +16,14 @@ from route_data import (
     route_of,
 )
 
-from analysis.curve import Condition
-from analysis.missions.energy import energy_and_time
-from analysis.missions.mission import Speed, Wind
-from analysis.missions.power import AerodynamicPower
-from analysis.missions.prediction import Objective, Route, predict
-from analysis.performance.stored_model import model_of
-from analysis.trajectory import dryden
-from flight.errors import InputError
+from flightpower.analysis.curve import Condition
+from flightpower.analysis.missions.energy import energy_and_time
+from flightpower.analysis.missions.mission import Speed, Wind
+from flightpower.analysis.missions.power import AerodynamicPower
+from flightpower.analysis.missions.prediction import Objective, Route, predict
+from flightpower.analysis.performance.stored_model import model_of
+from flightpower.analysis.trajectory import dryden
+from flightpower.flight.errors import InputError
 
 TRIANGLE = "2 km 045, 1.5 km 135 +40 m, 2.5 km 270 -40 m"
 WIND = Wind(4.0, -2.0, 1.0)

@@ -18,14 +18,22 @@ from route_data import (
     route_of,
 )
 
-from analysis.curve import Condition, speed_at
-from analysis.missions.energy import Battery, Legs, World, best_speeds, energy_and_time, ground_speed, speed_limits
-from analysis.missions.mission import Speed, Wind
-from analysis.missions.power import SteadyPower, source_of
-from analysis.missions.prediction import mean_wind_sigma
-from analysis.performance.level_flight import level_flight
-from analysis.performance.stored_model import model_of
-from analysis.trajectory import dryden
+from flightpower.analysis.curve import Condition, speed_at
+from flightpower.analysis.missions.energy import (
+    Battery,
+    Legs,
+    World,
+    best_speeds,
+    energy_and_time,
+    ground_speed,
+    speed_limits,
+)
+from flightpower.analysis.missions.mission import Speed, Wind
+from flightpower.analysis.missions.power import SteadyPower, source_of
+from flightpower.analysis.missions.prediction import mean_wind_sigma
+from flightpower.analysis.performance.level_flight import level_flight
+from flightpower.analysis.performance.stored_model import model_of
+from flightpower.analysis.trajectory import dryden
 
 AT = Condition(WEIGHT_N, RHO, AREA_M2)
 ONE = np.ones((1, 1))

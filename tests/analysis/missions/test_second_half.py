@@ -5,15 +5,15 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from analysis.curve import Condition
-from analysis.methods.whole_flight.curve import FlownAircraft, estimate
-from analysis.methods.whole_flight.fit import samples_of
-from analysis.methods.whole_flight.flight_table import FlightTable, flight_table
-from analysis.missions.power import source_of
-from analysis.results.energy_balance import EnergyBalanceFindings, assemble_energy_balance
-from analysis.results.provenance import provenance_of_file
-from analysis.sources.px4 import read_px4
-from flight.units import GRAVITY_MPS2
+from flightpower.analysis.curve import Condition
+from flightpower.analysis.methods.whole_flight.curve import FlownAircraft, estimate
+from flightpower.analysis.methods.whole_flight.fit import samples_of
+from flightpower.analysis.methods.whole_flight.flight_table import FlightTable, flight_table
+from flightpower.analysis.missions.power import source_of
+from flightpower.analysis.results.energy_balance import EnergyBalanceFindings, assemble_energy_balance
+from flightpower.analysis.results.provenance import provenance_of_file
+from flightpower.analysis.sources.px4 import read_px4
+from flightpower.flight.units import GRAVITY_MPS2
 from tests.analysis.missions.route_data import of_results
 from tests.shared_data import beside, needs
 

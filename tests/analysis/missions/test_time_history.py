@@ -5,14 +5,22 @@ from math import pi
 import numpy as np
 import pytest
 
-from analysis.missions.expected_aircraft import ExpectedAircraft, expected_aircraft
-from analysis.missions.pieces import Hold, Land, Maneuver, Porpoise, Run, Stand, TakeOff, Turn
-from analysis.missions.plan_settings import PATH
-from analysis.missions.time_history import TimeHistory, _landing, _take_off, _towards, climb_rate_mps, fly, throttle_at
-from analysis.trajectory.priors import BENCH_SIGMA
-from flight import motion
-from flight.aircraft import load_aircraft
-from flight.units import GRAVITY_MPS2 as g
+from flightpower.analysis.missions.expected_aircraft import ExpectedAircraft, expected_aircraft
+from flightpower.analysis.missions.pieces import Hold, Land, Maneuver, Porpoise, Run, Stand, TakeOff, Turn
+from flightpower.analysis.missions.plan_settings import PATH
+from flightpower.analysis.missions.time_history import (
+    TimeHistory,
+    _landing,
+    _take_off,
+    _towards,
+    climb_rate_mps,
+    fly,
+    throttle_at,
+)
+from flightpower.analysis.trajectory.priors import BENCH_SIGMA
+from flightpower.flight import motion
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.units import GRAVITY_MPS2 as g
 
 HEIGHT_M, WIND_MPS = 40.0, 3.0
 FLOWN: list[Maneuver] = [

@@ -8,8 +8,8 @@ import pytest
 from route_data import aerodynamic_results, electrical_results
 from test_mission_files import KML, SQUARE, item, plan_text, waypoints_text
 
-from analysis.cli import route
-from analysis.records.flight import BatteryResult, Evidence, EvidenceKind, PartOfResult, Trust
+from flightpower.analysis.cli import route
+from flightpower.analysis.records.flight import BatteryResult, Evidence, EvidenceKind, PartOfResult, Trust
 
 WIND = ("--wind", "5 m/s from 270")
 LEGS = ("--legs", "3 km 045, 2 km 135")

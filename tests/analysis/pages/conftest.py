@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from analysis.records.flight import (
+from flightpower.analysis.records.flight import (
     AircraftResult,
     AirFound,
     AvailableResult,

@@ -5,14 +5,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from analysis.curve import Condition, speed_at
-from analysis.pages.answers import headline_answers
-from analysis.pages.charts.power import every_method, power_required, run_by_run
-from analysis.pages.sections.certainty import certainty_section
-from analysis.pages.sections.curve import curve_section, methods_section
-from analysis.pages.sections.performance import loading_rows, speed_rows
-from analysis.pages.sections.summary import verdict_section
-from analysis.records.flight import Results
+from flightpower.analysis.curve import Condition, speed_at
+from flightpower.analysis.pages.answers import headline_answers
+from flightpower.analysis.pages.charts.power import every_method, power_required, run_by_run
+from flightpower.analysis.pages.sections.certainty import certainty_section
+from flightpower.analysis.pages.sections.curve import curve_section, methods_section
+from flightpower.analysis.pages.sections.performance import loading_rows, speed_rows
+from flightpower.analysis.pages.sections.summary import verdict_section
+from flightpower.analysis.records.flight import Results
 
 ROUNDED = 0.051  # speeds are written to a tenth of a meter per second
 

@@ -7,12 +7,12 @@ import pytest
 from msgspec.structs import replace
 from rich.console import Console
 
-from analysis.pages.answers import headline_answers, not_slower
-from analysis.pages.sections.curve import curve_section
-from analysis.pages.sections.flight import decimals, sensors_section
-from analysis.pages.sections.performance import ceilings, loading_rows, speed_rows, to_csv, to_markdown
-from analysis.pages.terminal import print_summary
-from analysis.records.flight import (
+from flightpower.analysis.pages.answers import headline_answers, not_slower
+from flightpower.analysis.pages.sections.curve import curve_section
+from flightpower.analysis.pages.sections.flight import decimals, sensors_section
+from flightpower.analysis.pages.sections.performance import ceilings, loading_rows, speed_rows, to_csv, to_markdown
+from flightpower.analysis.pages.terminal import print_summary
+from flightpower.analysis.records.flight import (
     Check,
     ConsistencyCheck,
     Interval,

@@ -3,9 +3,9 @@
 import pytest
 from msgspec.structs import replace
 
-from analysis.pages.sections.performance import autopilot_section
-from analysis.performance.autopilot_parameters import of_power_required
-from analysis.records.flight import Kind, PowerPoint, Results
+from flightpower.analysis.pages.sections.performance import autopilot_section
+from flightpower.analysis.performance.autopilot_parameters import of_power_required
+from flightpower.analysis.records.flight import Kind, PowerPoint, Results
 
 
 def with_parameters(results: Results) -> Results:

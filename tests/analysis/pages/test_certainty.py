@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from analysis.pages.sections.certainty import (
+from flightpower.analysis.pages.sections.certainty import (
     _largest_shared,
     certainty_section,
     halving,
@@ -15,8 +15,8 @@ from analysis.pages.sections.certainty import (
     stall_margin,
     thrust_share,
 )
-from analysis.pages.sections.summary import reference_point, verdict_section
-from analysis.records.flight import (
+from flightpower.analysis.pages.sections.summary import reference_point, verdict_section
+from flightpower.analysis.records.flight import (
     Correlation,
     CurveStatus,
     IntervalPart,
@@ -29,7 +29,7 @@ from analysis.records.flight import (
     SensorError,
     SlowestFlown,
 )
-from analysis.results.evidence import with_trust
+from flightpower.analysis.results.evidence import with_trust
 
 
 def part(noise_W: float, systematic_W: float) -> IntervalPart:

@@ -8,17 +8,17 @@ import pandas as pd
 import pytest
 from msgspec.structs import replace
 
-from analysis.calibrations import probe as calibration_page
-from analysis.calibrations import probe as probe_calibration
-from analysis.estimation.noise import NORMAL_95
-from analysis.maneuvers.kinds import ACCELERATION, STANDING
-from analysis.pages import pooled_page
-from analysis.pages.charts import flight, power
-from analysis.pages.charts.figure import Band, Dash, Figure, Line, Mark, Points, Symbol
-from analysis.records.flight import Kind, MeasuredEfficiencyPoint, PowerPoint, Results
-from analysis.records.pool import Deviation
-from analysis.trajectory.consistency import ANGLES, SPEED, Consistency
-from flight.units import GRAVITY_MPS2
+from flightpower.analysis.calibrations import probe as calibration_page
+from flightpower.analysis.calibrations import probe as probe_calibration
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.maneuvers.kinds import ACCELERATION, STANDING
+from flightpower.analysis.pages import pooled_page
+from flightpower.analysis.pages.charts import flight, power
+from flightpower.analysis.pages.charts.figure import Band, Dash, Figure, Line, Mark, Points, Symbol
+from flightpower.analysis.records.flight import Kind, MeasuredEfficiencyPoint, PowerPoint, Results
+from flightpower.analysis.records.pool import Deviation
+from flightpower.analysis.trajectory.consistency import ANGLES, SPEED, Consistency
+from flightpower.flight.units import GRAVITY_MPS2
 
 
 def named(figure: Figure, name: str) -> list[Mark]:

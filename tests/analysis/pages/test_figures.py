@@ -7,18 +7,18 @@ import pandas as pd
 import pytest
 from msgspec.structs import replace
 
-from analysis.curve import Polar
-from analysis.estimation.fit import Convergence
-from analysis.estimation.noise import NORMAL_95
-from analysis.maneuvers.kinds import ACCELERATION
-from analysis.methods.dynamic import DRAG_TITLE, SPEED_TITLE, RunFit
-from analysis.methods.interval_sources import Share
-from analysis.pages.charts import flight, power
-from analysis.pages.charts import power as methods
-from analysis.pages.charts.figure import Band, Bars, Dash, Figure, Line, Mark, Points
-from analysis.pages.charts.style import BLUE, GRID, RED, thinned
-from analysis.pages.sections import certainty
-from analysis.records.flight import Correlation, Results, SpeedInterval
+from flightpower.analysis.curve import Polar
+from flightpower.analysis.estimation.fit import Convergence
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.maneuvers.kinds import ACCELERATION
+from flightpower.analysis.methods.dynamic import DRAG_TITLE, SPEED_TITLE, RunFit
+from flightpower.analysis.methods.interval_sources import Share
+from flightpower.analysis.pages.charts import flight, power
+from flightpower.analysis.pages.charts import power as methods
+from flightpower.analysis.pages.charts.figure import Band, Bars, Dash, Figure, Line, Mark, Points
+from flightpower.analysis.pages.charts.style import BLUE, GRID, RED, thinned
+from flightpower.analysis.pages.sections import certainty
+from flightpower.analysis.records.flight import Correlation, Results, SpeedInterval
 
 
 def named(figure: Figure, name: str) -> list[Mark]:

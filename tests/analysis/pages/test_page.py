@@ -3,15 +3,15 @@
 import numpy as np
 from msgspec.structs import replace
 
-from analysis.curve import Condition, Cost, Polar, polar_curve
-from analysis.pages import page
-from analysis.pages.answers import headline_answers, optimum_speed_text
-from analysis.pages.charts.figure import Dash, Figure, Line
-from analysis.pages.charts.flight import run_fit
-from analysis.pages.charts.power import every_method, power_required
-from analysis.pages.wording import listed_methods
-from analysis.records.flight import ParameterResult, PathResult, RejectedResult, Results, SensorError
-from analysis.results.files import to_csv
+from flightpower.analysis.curve import Condition, Cost, Polar, polar_curve
+from flightpower.analysis.pages import page
+from flightpower.analysis.pages.answers import headline_answers, optimum_speed_text
+from flightpower.analysis.pages.charts.figure import Dash, Figure, Line
+from flightpower.analysis.pages.charts.flight import run_fit
+from flightpower.analysis.pages.charts.power import every_method, power_required
+from flightpower.analysis.pages.wording import listed_methods
+from flightpower.analysis.records.flight import ParameterResult, PathResult, RejectedResult, Results, SensorError
+from flightpower.analysis.results.files import to_csv
 
 T = np.linspace(0.0, 1.0, 5)
 

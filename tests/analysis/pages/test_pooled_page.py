@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from analysis.pages.pooled_page import (
+from flightpower.analysis.pages.pooled_page import (
     curve_table,
     difference,
     differences_table,
@@ -17,8 +17,8 @@ from analysis.pages.pooled_page import (
     render_pooled,
     render_side_by_side,
 )
-from analysis.records.flight import Kind, Results
-from analysis.records.pool import Agreement, ComparisonResults, PooledResults, PowerDifference
+from flightpower.analysis.records.flight import Kind, Results
+from flightpower.analysis.records.pool import Agreement, ComparisonResults, PooledResults, PowerDifference
 from tests.browser import AXE, CHROMIUM, NO_AXE, Browser
 
 V = [12.0, 14.0, 16.0, 18.0, 20.0, 22.0, 24.0]

@@ -5,19 +5,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.curve import Polar, power_required
-from analysis.pages.charts import power
-from analysis.pages.predicted_polar import (
+from flightpower.analysis.curve import Polar, power_required
+from flightpower.analysis.pages.charts import power
+from flightpower.analysis.pages.predicted_polar import (
     PredictedPolar,
     check_of_aircraft,
     comparison,
     flown_at,
     read_predicted_polar,
 )
-from analysis.pages.write import write_report
-from analysis.pipeline.runs import Analysis
-from analysis.records.flight import Results
-from flight.errors import InputError
+from flightpower.analysis.pages.write import write_report
+from flightpower.analysis.pipeline.runs import Analysis
+from flightpower.analysis.records.flight import Results
+from flightpower.flight.errors import InputError
 
 # As XFLR5 6 exports the polar of a plane. The wing stalls after the fourth point; Cl is the rolling moment.
 XFLR5 = """xflr5 v6.47

@@ -5,12 +5,21 @@ from types import SimpleNamespace
 import pytest
 from msgspec.structs import replace
 
-from analysis.pages.sections.certainty import certainty_section
-from analysis.pages.sections.curve import _power_at_ends, curve_section, methods_section
-from analysis.pages.sections.flight import _air, _log, _place, _ticks, _wind, balance_section, decimals, flight_section
-from analysis.pages.sections.performance import ceilings, performance_section
-from analysis.pages.sections.summary import summary_section, verdict_section
-from analysis.records.flight import (
+from flightpower.analysis.pages.sections.certainty import certainty_section
+from flightpower.analysis.pages.sections.curve import _power_at_ends, curve_section, methods_section
+from flightpower.analysis.pages.sections.flight import (
+    _air,
+    _log,
+    _place,
+    _ticks,
+    _wind,
+    balance_section,
+    decimals,
+    flight_section,
+)
+from flightpower.analysis.pages.sections.performance import ceilings, performance_section
+from flightpower.analysis.pages.sections.summary import summary_section, verdict_section
+from flightpower.analysis.records.flight import (
     AirFound,
     ConditionResult,
     EnergyBalanceResult,

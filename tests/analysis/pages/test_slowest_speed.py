@@ -3,16 +3,16 @@
 import numpy as np
 from msgspec.structs import replace
 
-from analysis.curve import Condition, Polar, speed_at
-from analysis.pages.answers import headline_answers
-from analysis.pages.sections.performance import to_markdown
-from analysis.performance.analysis import flight_performance
-from analysis.performance.full_throttle import FullThrottle
-from analysis.performance.level_flight import PerformanceModel
-from analysis.performance.power_train import PowerTrainModel
-from analysis.performance.propagation import ParameterVector, combine_independent, exact
-from analysis.performance.request import TitledCondition
-from analysis.records.flight import (
+from flightpower.analysis.curve import Condition, Polar, speed_at
+from flightpower.analysis.pages.answers import headline_answers
+from flightpower.analysis.pages.sections.performance import to_markdown
+from flightpower.analysis.performance.analysis import flight_performance
+from flightpower.analysis.performance.full_throttle import FullThrottle
+from flightpower.analysis.performance.level_flight import PerformanceModel
+from flightpower.analysis.performance.power_train import PowerTrainModel
+from flightpower.analysis.performance.propagation import ParameterVector, combine_independent, exact
+from flightpower.analysis.performance.request import TitledCondition
+from flightpower.analysis.records.flight import (
     BatteryResult,
     ConditionResult,
     Kind,
@@ -21,7 +21,7 @@ from analysis.records.flight import (
     SlowestFlown,
     SpeedReason,
 )
-from analysis.results.curves import curve_result, drag_polar, power_curve
+from flightpower.analysis.results.curves import curve_result, drag_polar, power_curve
 from tests.analysis.pages.named_speeds import below_slowest
 
 SEEDS = range(50)

@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from analysis.pages.charts.style import GRAY, INK, ON_DARK, PALETTE, PAPER, RUN_COLOR, thinned
+from flightpower.analysis.pages.charts.style import GRAY, INK, ON_DARK, PALETTE, PAPER, RUN_COLOR, thinned
 
 # From linear RGB to what is seen: Machado, Oliveira and Fernandes (2009), severity 1.
 SEEN = {

@@ -7,11 +7,11 @@ from itertools import accumulate
 import numpy as np
 import pytest
 
-from analysis.pages.charts import power
-from analysis.pages.charts.figure import Axis, Bars, Cursor, Figure, Line, Points, Shade, Symbol
-from analysis.pages.charts.style import BLUE, ON_DARK, RED, band
-from analysis.pages.charts.svg import UNITS, chart, path, svg
-from analysis.records.flight import Results
+from flightpower.analysis.pages.charts import power
+from flightpower.analysis.pages.charts.figure import Axis, Bars, Cursor, Figure, Line, Points, Shade, Symbol
+from flightpower.analysis.pages.charts.style import BLUE, ON_DARK, RED, band
+from flightpower.analysis.pages.charts.svg import UNITS, chart, path, svg
+from flightpower.analysis.records.flight import Results
 
 
 def line_figure(x: list[float], y: list[float], name: str = "P & <Q>") -> Figure:

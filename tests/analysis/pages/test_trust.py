@@ -9,12 +9,12 @@ import pytest
 from msgspec.structs import replace
 from typer.testing import CliRunner
 
-from analysis.cli.analyze import _finish
-from analysis.cli.export import app as export_app
-from analysis.missions.information import read_results
-from analysis.pages.one_log import Report
-from analysis.pages.sections.curve import curve_section
-from analysis.records.flight import (
+from flightpower.analysis.cli.analyze import _finish
+from flightpower.analysis.cli.export import app as export_app
+from flightpower.analysis.missions.information import read_results
+from flightpower.analysis.pages.one_log import Report
+from flightpower.analysis.pages.sections.curve import curve_section
+from flightpower.analysis.records.flight import (
     CurveStatus,
     EnergyBalanceResult,
     Evidence,
@@ -34,7 +34,7 @@ from analysis.records.flight import (
     Trust,
     WhyNot,
 )
-from analysis.results.evidence import (
+from flightpower.analysis.results.evidence import (
     evidence_against,
     noise_limit,
     reasons_not_to_trust,
@@ -42,13 +42,13 @@ from analysis.results.evidence import (
     trust_by,
     with_trust,
 )
-from analysis.results.files import to_json
-from analysis.results.provenance import provenance_of_file
-from analysis.results.settings import TRUST
-from analysis.trajectory.equations import SENSOR_ERRORS
-from flight.command_line import ExitCode
-from flight.errors import InputError
-from flight.messages import Comparison
+from flightpower.analysis.results.files import to_json
+from flightpower.analysis.results.provenance import provenance_of_file
+from flightpower.analysis.results.settings import TRUST
+from flightpower.analysis.trajectory.equations import SENSOR_ERRORS
+from flightpower.flight.command_line import ExitCode
+from flightpower.flight.errors import InputError
+from flightpower.flight.messages import Comparison
 
 NOT_TRUSTED = {
     EvidenceKind.NOT_CONVERGED: lambda r: replace(r, status=CurveStatus.NOT_CONVERGED, verdict="at a bound: A0 = 0"),
@@ -363,11 +363,11 @@ def test_an_export_of_such_a_result_is_written_and_ends_with_exit_code_1(
     """As `analyze` does; the program that called it is not to go on with the tables unaware."""
     written: list[Path] = []
     analyzed = SimpleNamespace(results=with_trust(NOT_TRUSTED[EvidenceKind.POLAR_CURVES_DOWNWARD](results)))
-    monkeypatch.setattr("analysis.cli.export.open_source", lambda path, columns: None)
-    monkeypatch.setattr("analysis.pipeline.analyze", lambda *_, **__: analyzed)
-    monkeypatch.setattr("analysis.pages.exports.tables.tables_of", lambda flight: {})
+    monkeypatch.setattr("flightpower.analysis.cli.export.open_source", lambda path, columns: None)
+    monkeypatch.setattr("flightpower.analysis.pipeline.analyze", lambda *_, **__: analyzed)
+    monkeypatch.setattr("flightpower.analysis.pages.exports.tables.tables_of", lambda flight: {})
     monkeypatch.setattr(
-        "analysis.pages.exports.tables.export_tables", lambda tables, log, to, path: written.append(path)
+        "flightpower.analysis.pages.exports.tables.export_tables", lambda tables, log, to, path: written.append(path)
     )
     (tmp_path / "log.mcap").touch()
     outcome = CliRunner().invoke(export_app, [str(tmp_path / "log.mcap"), "--to", "mat"], standalone_mode=False)

@@ -3,7 +3,7 @@
 import pytest
 from motor_data import RHO
 
-from analysis.curve import Condition
+from flightpower.analysis.curve import Condition
 
 
 @pytest.fixture(scope="module")

@@ -4,15 +4,15 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import brentq
 
-from analysis.performance.full_throttle import FullThrottle
-from analysis.performance.level_flight import PerformanceModel
-from analysis.performance.power_train import PowerTrainModel
-from analysis.performance.propagation import ParameterVector, exact
-from flight.aircraft import Aircraft
-from flight.propeller import Propeller
-from sim.air import Air, ambient
-from sim.plant import plant_of
-from sim.propulsion import power_train, throttle_for
+from flightpower.analysis.performance.full_throttle import FullThrottle
+from flightpower.analysis.performance.level_flight import PerformanceModel
+from flightpower.analysis.performance.power_train import PowerTrainModel
+from flightpower.analysis.performance.propagation import ParameterVector, exact
+from flightpower.flight.aircraft import Aircraft
+from flightpower.flight.propeller import Propeller
+from flightpower.sim.air import Air, ambient
+from flightpower.sim.plant import plant_of
+from flightpower.sim.propulsion import power_train, throttle_for
 
 RHO, STEP_S = 1.19, 0.2
 POLAR = {"A0": 0.0465, "A1": -0.0195, "A2": 0.065}

@@ -17,9 +17,9 @@ from motor_data import (
     steady_points,
 )
 
-from analysis.curve import Condition, Polar, speed_at
-from analysis.methods.dynamic import DynamicEstimate
-from analysis.performance.analysis import (
+from flightpower.analysis.curve import Condition, Polar, speed_at
+from flightpower.analysis.methods.dynamic import DynamicEstimate
+from flightpower.analysis.performance.analysis import (
     ConditionPerformance,
     _whole_speeds,
     _with_battery_and_coverage,
@@ -27,13 +27,13 @@ from analysis.performance.analysis import (
     performance_at,
     performance_model,
 )
-from analysis.performance.full_throttle import FullThrottle, fit_full_throttle
-from analysis.performance.level_flight import PerformanceModel
-from analysis.performance.propagation import ParameterVector, combine_independent, exact
-from analysis.performance.request import TitledCondition
-from analysis.records.flight import BatteryResult, CurveStatus, Interval
-from flight.runs import AIRCRAFT_SIZE
-from sim.plant import plant_of
+from flightpower.analysis.performance.full_throttle import FullThrottle, fit_full_throttle
+from flightpower.analysis.performance.level_flight import PerformanceModel
+from flightpower.analysis.performance.propagation import ParameterVector, combine_independent, exact
+from flightpower.analysis.performance.request import TitledCondition
+from flightpower.analysis.records.flight import BatteryResult, CurveStatus, Interval
+from flightpower.flight.runs import AIRCRAFT_SIZE
+from flightpower.sim.plant import plant_of
 
 BATTERY = BatteryResult(energy_Wh=50.0, usable=0.8)
 UNKNOWN = FullThrottle(None, reason="not flown")

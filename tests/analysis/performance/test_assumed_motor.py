@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.performance.power_train import motor_is_known, with_assumed_motor
-from flight.aircraft import Propulsion
+from flightpower.analysis.performance.power_train import motor_is_known, with_assumed_motor
+from flightpower.flight.aircraft import Propulsion
 
 RHO = 1.2
 

@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 from motor_data import RHO, full_throttle_run, height_of, incidence_of, model_of
 
-from analysis.curve import lift_coefficient
-from analysis.performance.climb import _last_crossing, ceilings_m, full_throttle_performance
-from analysis.performance.full_throttle import fit_full_throttle
-from analysis.performance.level_flight import PerformanceModel
-from analysis.performance.propagation import ParameterVector, combine_independent, exact
-from analysis.performance.settings import PERFORMANCE
-from flight.atmosphere import density, pressure_at, temperature_at
-from flight.errors import InputError
-from flight.propeller_speed import full_throttle_revps
-from sim.plant import plant_of
-from sim.trim import Trimmer
+from flightpower.analysis.curve import lift_coefficient
+from flightpower.analysis.performance.climb import _last_crossing, ceilings_m, full_throttle_performance
+from flightpower.analysis.performance.full_throttle import fit_full_throttle
+from flightpower.analysis.performance.level_flight import PerformanceModel
+from flightpower.analysis.performance.propagation import ParameterVector, combine_independent, exact
+from flightpower.analysis.performance.settings import PERFORMANCE
+from flightpower.flight.atmosphere import density, pressure_at, temperature_at
+from flightpower.flight.errors import InputError
+from flightpower.flight.propeller_speed import full_throttle_revps
+from flightpower.sim.plant import plant_of
+from flightpower.sim.trim import Trimmer
 
 
 @pytest.fixture(scope="module")

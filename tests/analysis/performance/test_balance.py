@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.curve import Condition, lift_coefficient
-from analysis.performance.level_flight import climb_angle, drag, incidence, steady_thrust
+from flightpower.analysis.curve import Condition, lift_coefficient
+from flightpower.analysis.performance.level_flight import climb_angle, drag, incidence, steady_thrust
 
 AT = Condition(37.7, 1.19, 0.4636)
 POINTS = {name: np.array([[x]]) for name, x in

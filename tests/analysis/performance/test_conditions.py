@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from analysis.curve import Condition
-from analysis.performance.request import FlownCondition, Request, density_altitude_m, requested_conditions
-from flight.atmosphere import density, pressure_at, temperature_at
+from flightpower.analysis.curve import Condition
+from flightpower.analysis.performance.request import FlownCondition, Request, density_altitude_m, requested_conditions
+from flightpower.flight.atmosphere import density, pressure_at, temperature_at
 
 TEST = Condition(weight_N=37.7, rho=1.19, wing_area_m2=0.4636)
 FLIGHT = FlownCondition(TEST, 100_000.0, 290.0)

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.performance.level_flight import LevelFlight, _maximum, longest_endurance, longest_range
-from analysis.performance.propagation import UncertainValue
+from flightpower.analysis.performance.level_flight import LevelFlight, _maximum, longest_endurance, longest_range
+from flightpower.analysis.performance.propagation import UncertainValue
 
 
 def of_battery(V: np.ndarray, power: np.ndarray) -> LevelFlight:

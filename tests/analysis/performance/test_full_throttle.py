@@ -7,12 +7,12 @@ import pandas as pd
 import pytest
 from motor_data import RHO, STEP_S, at_throttle, full_throttle_run, recorded, steady_points
 
-from analysis.performance.full_throttle import fit_full_throttle, speed_over_motor_constant
-from analysis.performance.propagation import ParameterVector
-from flight.aircraft import Propulsion
-from flight.propeller import Propeller
-from flight.propeller_speed import full_throttle_revps
-from sim.propulsion import power_train
+from flightpower.analysis.performance.full_throttle import fit_full_throttle, speed_over_motor_constant
+from flightpower.analysis.performance.propagation import ParameterVector
+from flightpower.flight.aircraft import Propulsion
+from flightpower.flight.propeller import Propeller
+from flightpower.flight.propeller_speed import full_throttle_revps
+from flightpower.sim.propulsion import power_train
 
 
 @pytest.fixture(scope="module")

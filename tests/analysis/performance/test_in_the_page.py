@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 from motor_data import POLAR, model_of
 
-from analysis.curve import Condition
-from analysis.estimation.noise import NORMAL_95
-from analysis.pages.charts.svg import chart_script
-from analysis.pages.html_page import to_json
-from analysis.pages.other_conditions import embedded_grid
-from analysis.performance.analysis import ConditionPerformance, performance_at
-from analysis.performance.level_flight import PerformanceModel
-from analysis.performance.power_train import PowerTrainModel
-from analysis.performance.propagation import ParameterVector
-from analysis.performance.request import TitledCondition
-from analysis.records.flight import Interval
-from flight.propeller import FOLD, WINDMILL, Propeller
+from flightpower.analysis.curve import Condition
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.pages.charts.svg import chart_script
+from flightpower.analysis.pages.html_page import to_json
+from flightpower.analysis.pages.other_conditions import embedded_grid
+from flightpower.analysis.performance.analysis import ConditionPerformance, performance_at
+from flightpower.analysis.performance.level_flight import PerformanceModel
+from flightpower.analysis.performance.power_train import PowerTrainModel
+from flightpower.analysis.performance.propagation import ParameterVector
+from flightpower.analysis.performance.request import TitledCondition
+from flightpower.analysis.records.flight import Interval
+from flightpower.flight.propeller import FOLD, WINDMILL, Propeller
 from tests.browser import CHROMIUM, Browser
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here (Debian: apt-get install chromium)")
@@ -36,7 +36,9 @@ WITHIN = 3e-3  # of power
 
 @pytest.fixture(scope="module")
 def browser(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Browser:
-    script = resources.files("analysis.pages").joinpath("templates", "other_conditions.js").read_text("utf-8")
+    script = (
+        resources.files("flightpower.analysis.pages").joinpath("templates", "other_conditions.js").read_text("utf-8")
+    )
     page: Path = tmp_path_factory.mktemp("page") / "page.html"
     page.write_text(f"<!doctype html><meta charset=utf-8><script>{chart_script()}{script}</script>", "utf-8")
     browser.show(page, 800)

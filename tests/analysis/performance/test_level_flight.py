@@ -5,13 +5,13 @@ import pytest
 from motor_data import ALONG_PATH, LOSSLESS, NO_CORRECTION, POLAR, RHO, height_of, incidence_of, model_of, steady_points
 from scipy.optimize import brentq
 
-from analysis.curve import lift_coefficient, speed_at
-from analysis.performance.level_flight import level_flight
-from analysis.performance.power_train import PowerTrainModel, fit_power_train
-from analysis.performance.propagation import combine_independent, exact
-from sim.plant import plant_of
-from sim.propulsion import power_train as true_train
-from sim.trim import Trimmer
+from flightpower.analysis.curve import lift_coefficient, speed_at
+from flightpower.analysis.performance.level_flight import level_flight
+from flightpower.analysis.performance.power_train import PowerTrainModel, fit_power_train
+from flightpower.analysis.performance.propagation import combine_independent, exact
+from flightpower.sim.plant import plant_of
+from flightpower.sim.propulsion import power_train as true_train
+from flightpower.sim.trim import Trimmer
 
 
 def test_one_speed_by_hand(propeller, at) -> None:

@@ -6,14 +6,14 @@ import msgspec
 import numpy as np
 import pytest
 
-from analysis.curve import Condition
-from analysis.performance.analysis import _cost, _is_single_change, field_rows, performance_case
-from analysis.performance.climb import FullThrottlePerformance, available_result
-from analysis.performance.level_flight import LevelFlight
-from analysis.performance.power_train import PowerTrainModel
-from analysis.performance.propagation import ParameterVector, UncertainValue
-from analysis.performance.request import TitledCondition
-from analysis.records.flight import AvailableResult, BatteryResult, PerformanceCase
+from flightpower.analysis.curve import Condition
+from flightpower.analysis.performance.analysis import _cost, _is_single_change, field_rows, performance_case
+from flightpower.analysis.performance.climb import FullThrottlePerformance, available_result
+from flightpower.analysis.performance.level_flight import LevelFlight
+from flightpower.analysis.performance.power_train import PowerTrainModel
+from flightpower.analysis.performance.propagation import ParameterVector, UncertainValue
+from flightpower.analysis.performance.request import TitledCondition
+from flightpower.analysis.records.flight import AvailableResult, BatteryResult, PerformanceCase
 
 BATTERY_W = np.array([60.0, 64.0, 70.0, 80.0])
 TEST = Condition(weight_N=37.7, rho=1.2, wing_area_m2=0.4636)

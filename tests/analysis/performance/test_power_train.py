@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from motor_data import NO_CORRECTION, RHO, STEP_S, recorded, steady_points
 
-from analysis.performance.power_train import PowerTrainModel, fit_power_train
-from analysis.performance.propagation import exact, from_sigma_points
-from flight.propeller_speed import corrected_thrust, revps_for_thrust
-from sim.propulsion import throttle_for
+from flightpower.analysis.performance.power_train import PowerTrainModel, fit_power_train
+from flightpower.analysis.performance.propagation import exact, from_sigma_points
+from flightpower.flight.propeller_speed import corrected_thrust, revps_for_thrust
+from flightpower.sim.propulsion import throttle_for
 
 
 def test_the_speed_of_rotation_found_gives_the_thrust_asked_for(propeller) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.performance.propagation import (
+from flightpower.analysis.performance.propagation import (
     ParameterVector,
     UncertainValue,
     combine_independent,

@@ -2,9 +2,9 @@
 
 import pytest
 
-from analysis.performance.request import Request, parse_request
-from analysis.performance.settings import ASKED
-from flight.errors import InputError
+from flightpower.analysis.performance.request import Request, parse_request
+from flightpower.analysis.performance.settings import ASKED
+from flightpower.flight.errors import InputError
 
 
 def test_nothing_asked_is_the_default() -> None:

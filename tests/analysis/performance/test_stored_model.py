@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 from motor_data import NO_CORRECTION, POLAR, full_throttle_run, incidence_of, model_of, steady_points
 
-from analysis.performance import stored_model
-from analysis.performance.climb import full_throttle_performance
-from analysis.performance.full_throttle import fit_full_throttle
-from analysis.performance.level_flight import level_flight
-from analysis.performance.power_train import fit_power_train
-from analysis.performance.propagation import combine_independent, exact
-from analysis.records.flight import ComputationModel
+from flightpower.analysis.performance import stored_model
+from flightpower.analysis.performance.climb import full_throttle_performance
+from flightpower.analysis.performance.full_throttle import fit_full_throttle
+from flightpower.analysis.performance.level_flight import level_flight
+from flightpower.analysis.performance.power_train import fit_power_train
+from flightpower.analysis.performance.propagation import combine_independent, exact
+from flightpower.analysis.records.flight import ComputationModel
 
 
 @pytest.mark.parametrize("with_full_throttle", [False, True])

@@ -4,8 +4,14 @@ from types import SimpleNamespace
 
 import pytest
 
-from analysis.performance.autopilot_parameters import FlightValues, around, of_power_required, typed_in, wing_loading_of
-from flight.atmosphere import SEA_LEVEL_DENSITY
+from flightpower.analysis.performance.autopilot_parameters import (
+    FlightValues,
+    around,
+    of_power_required,
+    typed_in,
+    wing_loading_of,
+)
+from flightpower.flight.atmosphere import SEA_LEVEL_DENSITY
 
 
 def values(**given: object) -> FlightValues:

@@ -4,11 +4,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.maneuvers.runs_file import nearest_miss
-from analysis.trajectory.equations import SENSOR_ERRORS
-from analysis.trajectory.observability import gust_notes
-from analysis.trajectory.reconstruction import Trajectory
-from flight.errors import InputError
+from flightpower.analysis.maneuvers.runs_file import nearest_miss
+from flightpower.analysis.trajectory.equations import SENSOR_ERRORS
+from flightpower.analysis.trajectory.observability import gust_notes
+from flightpower.analysis.trajectory.reconstruction import Trajectory
+from flightpower.flight.errors import InputError
 
 
 def trajectory(gust_mps: float, alpha_sigma_deg: float) -> Trajectory:

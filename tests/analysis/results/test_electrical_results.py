@@ -5,20 +5,26 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from analysis.curve import Condition, Curve, maximum_lift_to_drag, power_points, speed_of_least
-from analysis.estimation.noise import NORMAL_95
-from analysis.methods.whole_flight.airspeed_gps import AirspeedErrors
-from analysis.methods.whole_flight.drag import DragWithheld
-from analysis.methods.whole_flight.energy_balance import FlightConditions
-from analysis.methods.whole_flight.parameters import DRAG, unpack
-from analysis.methods.whole_flight.simulated_truth import SimulatedTruth
-from analysis.performance.autopilot_parameters import flight_values
-from analysis.records.flight import BatteryResult, CurveResult, Kind, SpeedInterval
-from analysis.results.energy_balance import EnergyBalanceFindings, _balance, _polar, _warnings, electrical_curve
-from analysis.sources.grid_settings import FLIGHT
-from analysis.uncertain import Uncertain
-from flight.atmosphere import SEA_LEVEL_DENSITY
-from flight.units import GRAVITY_MPS2
+from flightpower.analysis.curve import Condition, Curve, maximum_lift_to_drag, power_points, speed_of_least
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.methods.whole_flight.airspeed_gps import AirspeedErrors
+from flightpower.analysis.methods.whole_flight.drag import DragWithheld
+from flightpower.analysis.methods.whole_flight.energy_balance import FlightConditions
+from flightpower.analysis.methods.whole_flight.parameters import DRAG, unpack
+from flightpower.analysis.methods.whole_flight.simulated_truth import SimulatedTruth
+from flightpower.analysis.performance.autopilot_parameters import flight_values
+from flightpower.analysis.records.flight import BatteryResult, CurveResult, Kind, SpeedInterval
+from flightpower.analysis.results.energy_balance import (
+    EnergyBalanceFindings,
+    _balance,
+    _polar,
+    _warnings,
+    electrical_curve,
+)
+from flightpower.analysis.sources.grid_settings import FLIGHT
+from flightpower.analysis.uncertain import Uncertain
+from flightpower.flight.atmosphere import SEA_LEVEL_DENSITY
+from flightpower.flight.units import GRAVITY_MPS2
 
 V = np.linspace(10.0, 20.0, 41)
 POWER_W = 50.0 + (V - 14.0) ** 2

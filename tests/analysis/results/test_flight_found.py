@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.curve import Condition
-from analysis.results.flight_found import DRAG, air_found, autocorrelation, run_residuals, track
+from flightpower.analysis.curve import Condition
+from flightpower.analysis.results.flight_found import DRAG, air_found, autocorrelation, run_residuals, track
 
 T_S = np.arange(100.0, 140.0, 0.2)
 

@@ -7,10 +7,10 @@ from typing import Any
 import msgspec
 import pytest
 
-from analysis.cli import parameters
-from analysis.curve import Condition, speed_at
-from analysis.performance.autopilot_parameters import ENTRIES, THROTTLE, FlightValues, around, typed_in
-from analysis.records.flight import (
+from flightpower.analysis.cli import parameters
+from flightpower.analysis.curve import Condition, speed_at
+from flightpower.analysis.performance.autopilot_parameters import ENTRIES, THROTTLE, FlightValues, around, typed_in
+from flightpower.analysis.records.flight import (
     AircraftResult,
     AvailableResult,
     ConditionResult,
@@ -27,8 +27,16 @@ from analysis.records.flight import (
     SlowestFlown,
     Trust,
 )
-from analysis.results.parameter_file import CRUISE, FASTEST, FIRMWARE, SLOWEST, For, StallMargin, parameter_file
-from flight.errors import InputError
+from flightpower.analysis.results.parameter_file import (
+    CRUISE,
+    FASTEST,
+    FIRMWARE,
+    SLOWEST,
+    For,
+    StallMargin,
+    parameter_file,
+)
+from flightpower.flight.errors import InputError
 
 NO_STALL = StallMargin(1.0)  # far below anything flown
 

@@ -7,14 +7,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from analysis.curve import Condition, Cost, Polar, polar_curve
-from analysis.estimation.noise import NORMAL_95
-from analysis.methods.dynamic import DynamicEstimate
-from analysis.methods.method import SteadyPoint
-from analysis.records.flight import ConditionResult, CurveStatus, PowerPoint
-from analysis.results import curves as power_curves
-from analysis.results.assemble import _point
-from analysis.results.files import to_csv
+from flightpower.analysis.curve import Condition, Cost, Polar, polar_curve
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.methods.dynamic import DynamicEstimate
+from flightpower.analysis.methods.method import SteadyPoint
+from flightpower.analysis.records.flight import ConditionResult, CurveStatus, PowerPoint
+from flightpower.analysis.results import curves as power_curves
+from flightpower.analysis.results.assemble import _point
+from flightpower.analysis.results.files import to_csv
 
 AT = Condition(weight_N=37.7, rho=1.19, wing_area_m2=0.4636)
 CD0, K = 0.04, 0.06

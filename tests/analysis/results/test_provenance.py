@@ -8,17 +8,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.air.contents import Replacements
-from analysis.flight import Recorded
-from analysis.records.flight import AircraftResult, ConditionResult, CurveResult, Kind, Provenance, Results
-from analysis.results.files import to_json
-from analysis.results.flight_found import autocorrelation, parameter_correlation, track
-from analysis.results.previous import replaced
-from analysis.results.provenance import provenance
-from analysis.sources.structure import receiver_notes
-from flight.log_entries import LogEntry, entries_of
-from flight.log_reader import Log
-from flight.messages import Comparison, Event, Gps, Imu, Status, Tick
+from flightpower.analysis.air.contents import Replacements
+from flightpower.analysis.flight import Recorded
+from flightpower.analysis.records.flight import AircraftResult, ConditionResult, CurveResult, Kind, Provenance, Results
+from flightpower.analysis.results.files import to_json
+from flightpower.analysis.results.flight_found import autocorrelation, parameter_correlation, track
+from flightpower.analysis.results.previous import replaced
+from flightpower.analysis.results.provenance import provenance
+from flightpower.analysis.sources.structure import receiver_notes
+from flightpower.flight.log_entries import LogEntry, entries_of
+from flightpower.flight.log_reader import Log
+from flightpower.flight.messages import Comparison, Event, Gps, Imu, Status, Tick
 
 START_NS = 5_000_000_000
 

@@ -7,10 +7,10 @@ from typing import Any
 import msgspec
 import pytest
 
-from analysis.records.flight import FORMAT, EvidenceKind, Kind, PoolingStatistics, PowerStatistics, Trust
-from analysis.results.files import to_json
-from analysis.results.read import as_record, read_results
-from flight.errors import InputError
+from flightpower.analysis.records.flight import FORMAT, EvidenceKind, Kind, PoolingStatistics, PowerStatistics, Trust
+from flightpower.analysis.results.files import to_json
+from flightpower.analysis.results.read import as_record, read_results
+from flightpower.flight.errors import InputError
 from tests.analysis.missions.route_data import aerodynamic_flight, electrical_flight
 
 POINT = {"speed_mps": 14.0, "power_W": 50.0, "power_lo_W": 45.0, "power_hi_W": 55.0, "extrapolated": False}

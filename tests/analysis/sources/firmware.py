@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sim.dataflash_writer import DataflashMessages
+from flightpower.sim.dataflash_writer import DataflashMessages
 
 
 def firmware(text: str = "ArduPlane V4.5.7 (0f1e2d3c)") -> DataflashMessages:

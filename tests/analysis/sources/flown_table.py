@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from flight.atmosphere import density, pressure_at, temperature_at
-from flight.units import GRAVITY_MPS2 as g
+from flightpower.flight.atmosphere import density, pressure_at, temperature_at
+from flightpower.flight.units import GRAVITY_MPS2 as g
 
 MASS_KG, AREA_M2, SPAN_M = 3.0, 0.5, 2.0
 STEP_S, LASTS_S = 0.1, 420.0

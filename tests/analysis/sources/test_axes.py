@@ -4,9 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.sources import axes
-from analysis.sources.axes import check_axes
-from flight.errors import InputError
+from flightpower.analysis.sources import axes
+from flightpower.analysis.sources.axes import check_axes
+from flightpower.flight.errors import InputError
 
 
 def circling(turn: float) -> pd.DataFrame:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from analysis.sources.structure import _wrong_interval
+from flightpower.analysis.sources.structure import _wrong_interval
 
 
 @pytest.mark.parametrize(

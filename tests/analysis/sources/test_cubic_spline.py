@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import interpolate
 
-from analysis.sources.grid import CubicSpline, on_grid
+from flightpower.analysis.sources.grid import CubicSpline, on_grid
 
 
 @pytest.mark.parametrize("n", [4, 5, 40])

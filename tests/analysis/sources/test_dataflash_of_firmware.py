@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.sources import recording
-from analysis.sources.ardupilot import read_ardupilot
-from sim import dataflash_writer
-from sim.dataflash_writer import DataflashMessages, write_dataflash
+from flightpower.analysis.sources import recording
+from flightpower.analysis.sources.ardupilot import read_ardupilot
+from flightpower.sim import dataflash_writer
+from flightpower.sim.dataflash_writer import DataflashMessages, write_dataflash
 from tests.analysis.sources.firmware import firmware
 
 T_US = 20_000 * np.arange(2000)

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from analysis.sources import recording
-from analysis.sources.autopilot import all_channels, read_autopilot_log
-from analysis.sources.position import places
-from analysis.sources.recognize import Autopilot, autopilot_of
-from analysis.sources.recording import EventKind, FlightRecording, modes
-from sim.dataflash_writer import DataflashMessages, write_dataflash, write_text
-from sim.telemetry_writer import BOOTED_US, write_telemetry
-from sim.ulog_writer import UlogContents, UlogTopic, write_ulog
+from flightpower.analysis.sources import recording
+from flightpower.analysis.sources.autopilot import all_channels, read_autopilot_log
+from flightpower.analysis.sources.position import places
+from flightpower.analysis.sources.recognize import Autopilot, autopilot_of
+from flightpower.analysis.sources.recording import EventKind, FlightRecording, modes
+from flightpower.sim.dataflash_writer import DataflashMessages, write_dataflash, write_text
+from flightpower.sim.telemetry_writer import BOOTED_US, write_telemetry
+from flightpower.sim.ulog_writer import UlogContents, UlogTopic, write_ulog
 
 T_S = np.arange(10.0, 70.0, 0.2)
 TIME_US = (1e6 * T_S).astype(np.uint64)

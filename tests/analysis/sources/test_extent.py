@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.sources.extent import Extent, extent
-from sim.dataflash_writer import write_dataflash, write_text
-from sim.telemetry_writer import BOOTED_US, write_telemetry
-from sim.ulog_writer import UlogContents, UlogTopic, write_ulog
+from flightpower.analysis.sources.extent import Extent, extent
+from flightpower.sim.dataflash_writer import write_dataflash, write_text
+from flightpower.sim.telemetry_writer import BOOTED_US, write_telemetry
+from flightpower.sim.ulog_writer import UlogContents, UlogTopic, write_ulog
 from tests.analysis.sources.test_ground_station_files import flight
 from tests.unchanged.commands import demo_log
 

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from analysis.sources import recording
-from analysis.sources.ardupilot import read_ardupilot
-from analysis.sources.recognize import Autopilot, autopilot_of
-from analysis.sources.recording import FlightRecording
-from analysis.sources.telemetry import TelemetryLog
-from flight.errors import InputError
-from sim.dataflash_writer import DataflashMessages, write_dataflash, write_text
-from sim.telemetry_writer import write_telemetry
+from flightpower.analysis.sources import recording
+from flightpower.analysis.sources.ardupilot import read_ardupilot
+from flightpower.analysis.sources.recognize import Autopilot, autopilot_of
+from flightpower.analysis.sources.recording import FlightRecording
+from flightpower.analysis.sources.telemetry import TelemetryLog
+from flightpower.flight.errors import InputError
+from flightpower.sim.dataflash_writer import DataflashMessages, write_dataflash, write_text
+from flightpower.sim.telemetry_writer import write_telemetry
 
 SUFFIXES = {".BIN": write_dataflash, ".log": write_text, ".tlog": write_telemetry}
 # By channel: how exactly telemetry tells it, by the units of its messages.

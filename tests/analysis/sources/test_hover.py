@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.sources import recording
-from analysis.sources.ardupilot import read_ardupilot
-from analysis.sources.recording import Channel, without_hover
-from sim.dataflash_writer import DataflashMessages, write_dataflash
+from flightpower.analysis.sources import recording
+from flightpower.analysis.sources.ardupilot import read_ardupilot
+from flightpower.analysis.sources.recording import Channel, without_hover
+from flightpower.sim.dataflash_writer import DataflashMessages, write_dataflash
 from tests.analysis.sources.firmware import firmware
 
 T_S = np.arange(0.0, 300.0, 0.1)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from analysis.sources import ardupilot, px4
-from analysis.sources.recording import (
+from flightpower.analysis.sources import ardupilot, px4
+from flightpower.analysis.sources.recording import (
     AIRSPEED_PRESSURE,
     CURRENT,
     FORCE_X,

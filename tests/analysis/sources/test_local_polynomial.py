@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import savgol_filter
 
-from analysis.sources.grid import local_quadratic
+from flightpower.analysis.sources.grid import local_quadratic
 
 
 @pytest.mark.parametrize("derivative", [0, 1])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat, savemat
 
-from analysis.sources.mat_file import read_mat
+from flightpower.analysis.sources.mat_file import read_mat
 
 RNG = np.random.default_rng(0)
 INSIDE: dict[str, object] = {

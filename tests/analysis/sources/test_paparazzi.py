@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.methods.whole_flight.curve import estimate
-from analysis.methods.whole_flight.flight_table import flight_table
-from analysis.sources import recording
-from analysis.sources.paparazzi import read_paparazzi
-from analysis.sources.recognize import Autopilot, autopilot_of
-from flight.errors import InputError
-from flight.units import GRAVITY_MPS2 as g
+from flightpower.analysis.methods.whole_flight.curve import estimate
+from flightpower.analysis.methods.whole_flight.flight_table import flight_table
+from flightpower.analysis.sources import recording
+from flightpower.analysis.sources.paparazzi import read_paparazzi
+from flightpower.analysis.sources.recognize import Autopilot, autopilot_of
+from flightpower.flight.errors import InputError
+from flightpower.flight.units import GRAVITY_MPS2 as g
 from tests.analysis.added_sensors import (
     SENSORS,
     Flown,

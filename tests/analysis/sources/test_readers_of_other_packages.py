@@ -5,16 +5,16 @@ from pathlib import Path
 
 import pytest
 
-from analysis.flights.campaign.addresses import find_logs
-from analysis.sources.open import open_source, suffixes
-from analysis.sources.readers import installed_readers
-from analysis.sources.recording import VOLTAGE, FlightRecording
-from flight.errors import InputError
+from flightpower.analysis.flights.campaign.addresses import find_logs
+from flightpower.analysis.sources.open import open_source, suffixes
+from flightpower.analysis.sources.readers import installed_readers
+from flightpower.analysis.sources.recording import VOLTAGE, FlightRecording
+from flightpower.flight.errors import InputError
 
 PACKAGE = """
 import numpy as np
 from flightpower import Recording
-from analysis.sources.recording import VOLTAGE, channel
+from flightpower.analysis.sources.recording import VOLTAGE, channel
 
 suffixes = (".XYZ",)
 

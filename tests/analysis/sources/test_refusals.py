@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from analysis.cli.analyze import app
-from analysis.methods.whole_flight.flight_table import flight_table
-from analysis.sources.px4 import read_px4
-from analysis.sources.recognize import Autopilot, autopilot_of
-from flight.errors import InputError
-from sim.ulog_writer import UlogContents, UlogTopic, write_ulog
+from flightpower.analysis.cli.analyze import app
+from flightpower.analysis.methods.whole_flight.flight_table import flight_table
+from flightpower.analysis.sources.px4 import read_px4
+from flightpower.analysis.sources.recognize import Autopilot, autopilot_of
+from flightpower.flight.errors import InputError
+from flightpower.sim.ulog_writer import UlogContents, UlogTopic, write_ulog
 from tests.shared_data import beside, needs
 
 SHARED = beside("pixhawk")

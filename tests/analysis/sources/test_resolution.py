@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from analysis.sources.daemon import synchronize
-from analysis.sources.resolution import step_of
-from flight.log_entries import Entries
-from flight.log_reader import Log
-from flight.messages import TYPE_OF_TOPIC, Imu, Rpm
+from flightpower.analysis.sources.daemon import synchronize
+from flightpower.analysis.sources.resolution import step_of
+from flightpower.flight.log_entries import Entries
+from flightpower.flight.log_reader import Log
+from flightpower.flight.messages import TYPE_OF_TOPIC, Imu, Rpm
 
 TICK_S = 0.04
 

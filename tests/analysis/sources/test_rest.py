@@ -7,12 +7,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.sources.grid import stretches
-from analysis.sources.grid_settings import REST
-from analysis.sources.rest import CHANNELS, ZERO_FILE, _around_flight, mean_at_rest, rest_segments, zeros
-from daq import still_air_zero as daq_zero
-from daq.still_air_zero import ZeroReading
-from flight.errors import InputError
+from flightpower.analysis.sources.grid import stretches
+from flightpower.analysis.sources.grid_settings import REST
+from flightpower.analysis.sources.rest import CHANNELS, ZERO_FILE, _around_flight, mean_at_rest, rest_segments, zeros
+from flightpower.daq import still_air_zero as daq_zero
+from flightpower.daq.still_air_zero import ZeroReading
+from flightpower.flight.errors import InputError
 
 RATE_HZ = 25.0
 BIAS = {"p_radps": 0.01, "q_radps": -0.02, "r_radps": 0.005, "dp_alpha_Pa": 1.5, "dp_beta_Pa": -0.8, "q_c_Pa": 2.2}

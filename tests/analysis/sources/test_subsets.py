@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from analysis.cli.analyze import app
-from analysis.methods.whole_flight.method import recording_of
-from analysis.sources.column_map import load_map, mapped_channels
-from analysis.sources.recording import FlightRecording
-from analysis.sources.table import as_log
-from analysis.sources.table_file import read_columns
-from flight.units import GRAVITY_MPS2 as g
+from flightpower.analysis.cli.analyze import app
+from flightpower.analysis.methods.whole_flight.method import recording_of
+from flightpower.analysis.sources.column_map import load_map, mapped_channels
+from flightpower.analysis.sources.recording import FlightRecording
+from flightpower.analysis.sources.table import as_log
+from flightpower.analysis.sources.table_file import read_columns
+from flightpower.flight.units import GRAVITY_MPS2 as g
 from tests.analysis.added_sensors import Flown, Sensors, assert_more_is_never_less, curves_by_sensors
 from tests.analysis.sources.flown_table import (
     AREA_M2,

@@ -6,10 +6,18 @@ import msgspec
 import numpy as np
 import pytest
 
-from analysis.sources.daemon import synchronize
-from flight.log_entries import LogEntry, entries_of
-from flight.log_reader import Log
-from flight.messages import TOPICS_FOR_DRAG, TYPE_OF_TOPIC, AbsolutePressure, DifferentialPressure, Imu, Rpm, Status
+from flightpower.analysis.sources.daemon import synchronize
+from flightpower.flight.log_entries import LogEntry, entries_of
+from flightpower.flight.log_reader import Log
+from flightpower.flight.messages import (
+    TOPICS_FOR_DRAG,
+    TYPE_OF_TOPIC,
+    AbsolutePressure,
+    DifferentialPressure,
+    Imu,
+    Rpm,
+    Status,
+)
 
 SECONDS = 20.0
 SOUND = {

@@ -10,14 +10,14 @@ import pytest
 from scipy.io import savemat
 from typer.testing import CliRunner
 
-from analysis.cli.analyze import app
-from analysis.methods.whole_flight.method import recording_of
-from analysis.sources.column_map import load_map
-from analysis.sources.map_draft import draft
-from analysis.sources.open import open_source
-from analysis.sources.table_file import read_columns, read_table
-from flight.atmosphere import SEA_LEVEL_DENSITY, density
-from flight.errors import InputError
+from flightpower.analysis.cli.analyze import app
+from flightpower.analysis.methods.whole_flight.method import recording_of
+from flightpower.analysis.sources.column_map import load_map
+from flightpower.analysis.sources.map_draft import draft
+from flightpower.analysis.sources.open import open_source
+from flightpower.analysis.sources.table_file import read_columns, read_table
+from flightpower.flight.atmosphere import SEA_LEVEL_DENSITY, density
+from flightpower.flight.errors import InputError
 from tests.analysis.sources.flown_table import AREA_M2, MAP, MASS_KG, SPAN_M, flown_table, map_text, written
 
 TRUE = flown_table()

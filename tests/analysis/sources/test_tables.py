@@ -9,23 +9,23 @@ import pytest
 from scipy.io import savemat
 from typer.testing import CliRunner
 
-from analysis.air.contents import Replacements
-from analysis.cli.analyze import app
-from analysis.methods.whole_flight.curve import estimate
-from analysis.methods.whole_flight.flight_table import flight_table
-from analysis.methods.whole_flight.method import recording_of
-from analysis.sources.column_map import load_map
-from analysis.sources.map_draft import draft
-from analysis.sources.position import EARTH_RADIUS_M, velocity_by_position
-from analysis.sources.recording import Channel
-from analysis.sources.resolution import without_steps
-from analysis.sources.table import log_of_table
-from analysis.sources.table_file import read_columns, table_kind
-from flight.atmosphere import SEA_LEVEL_DENSITY, density, pressure_at
-from flight.errors import InputError
-from flight.formats import Format
-from flight.units import GRAVITY_MPS2 as g
+from flightpower.analysis.air.contents import Replacements
+from flightpower.analysis.cli.analyze import app
+from flightpower.analysis.methods.whole_flight.curve import estimate
+from flightpower.analysis.methods.whole_flight.flight_table import flight_table
+from flightpower.analysis.methods.whole_flight.method import recording_of
+from flightpower.analysis.sources.column_map import load_map
+from flightpower.analysis.sources.map_draft import draft
+from flightpower.analysis.sources.position import EARTH_RADIUS_M, velocity_by_position
+from flightpower.analysis.sources.recording import Channel
+from flightpower.analysis.sources.resolution import without_steps
+from flightpower.analysis.sources.table import log_of_table
+from flightpower.analysis.sources.table_file import read_columns, table_kind
 from flightpower.command import app as flightpower
+from flightpower.flight.atmosphere import SEA_LEVEL_DENSITY, density, pressure_at
+from flightpower.flight.errors import InputError
+from flightpower.flight.formats import Format
+from flightpower.flight.units import GRAVITY_MPS2 as g
 from tests.analysis.sources.flown_table import (
     AREA_M2,
     MAP,
@@ -147,9 +147,9 @@ def test_one_of_two_motors_counts_twice(tmp_path: Path) -> None:
 
 def test_thrust_and_vane_become_motor_speed_and_probe(tmp_path: Path) -> None:
     """The log gives thrust and angle of attack back through its own propeller table and probe calibration."""
-    from analysis.air.contents import contents
-    from analysis.air.flight_data import flight_data
-    from flight.aircraft import parse_aircraft
+    from flightpower.analysis.air.contents import contents
+    from flightpower.analysis.air.flight_data import flight_data
+    from flightpower.flight.aircraft import parse_aircraft
 
     thrust = 3 + np.sin(0.1 * TRUE["t_s"])
     text = map_text({name: one for name, one in MAP.items() if name != "motor_speed"} | {"thrust": ("T_N", "N")})

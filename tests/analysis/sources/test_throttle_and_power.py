@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.sources import px4, recording
-from analysis.sources.ardupilot import read_ardupilot
-from analysis.sources.recording import FlightRecording
-from sim.dataflash_writer import DataflashMessages, write_dataflash, write_text
+from flightpower.analysis.sources import px4, recording
+from flightpower.analysis.sources.ardupilot import read_ardupilot
+from flightpower.analysis.sources.recording import FlightRecording
+from flightpower.sim.dataflash_writer import DataflashMessages, write_dataflash, write_text
 from tests.analysis.sources.firmware import firmware
 
 T_US = 100_000 * np.arange(1, 2001)
@@ -127,5 +127,5 @@ def test_definitions_that_damage_altered_are_passed_over(
 
 def _without_own_units(path: Path, kinds: list[DataflashMessages]) -> None:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("sim.dataflash_writer._units", lambda kinds, types: [])
+        patch.setattr("flightpower.sim.dataflash_writer._units", lambda kinds, types: [])
         write_dataflash(path, kinds)

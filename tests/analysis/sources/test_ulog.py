@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from pyulog import ULog
 
-from analysis.sources.dataflash import DataflashLog
-from analysis.sources.ulog import BlockwiseULog, _Advancing
-from flight.errors import InputError
-from sim.dataflash_writer import DataflashMessages, write_dataflash
-from sim.ulog_writer import UlogContents, UlogTopic, write_ulog
+from flightpower.analysis.sources.dataflash import DataflashLog
+from flightpower.analysis.sources.ulog import BlockwiseULog, _Advancing
+from flightpower.flight.errors import InputError
+from flightpower.sim.dataflash_writer import DataflashMessages, write_dataflash
+from flightpower.sim.ulog_writer import UlogContents, UlogTopic, write_ulog
 
 TOPICS = ("airspeed", "battery_status")
 

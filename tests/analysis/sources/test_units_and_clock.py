@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.sources.ranges import LIMITS, check_units
-from analysis.sources.structure import _wrong_interval, check_clock
-from flight.errors import InputError
-from flight.log_entries import LogEntry, entries_of
-from flight.messages import TYPE_OF_TOPIC
-from flight.units import to_si
+from flightpower.analysis.sources.ranges import LIMITS, check_units
+from flightpower.analysis.sources.structure import _wrong_interval, check_clock
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_entries import LogEntry, entries_of
+from flightpower.flight.messages import TYPE_OF_TOPIC
+from flightpower.flight.units import to_si
 
 NAMES = {"hPa (mbar)": "hPa", "milliseconds": "ms", "degrees": "deg", "gauss": "100 uT", "mG": "100 nT"}
 OF_FIELD = {"Pa": "Pa", "s": "s", "rad": "rad", "V": "V", "A": "A", "T": "T"}

@@ -7,16 +7,16 @@ from pathlib import Path
 import pytest
 from mcap.writer import Writer
 
-from analysis.air.contents import Replacements, contents, damage
-from analysis.options import Options
-from analysis.pages.one_log import analyze_log
-from analysis.pipeline.runs import analyze_runs
-from analysis.sources.structure import check_messages
-from flight.aircraft import load_aircraft
-from flight.errors import InputError
-from flight.log_reader import Log, read_log
-from flight.messages import Controls, Gps
-from flight.undecodable import Undecodable
+from flightpower.analysis.air.contents import Replacements, contents, damage
+from flightpower.analysis.options import Options
+from flightpower.analysis.pages.one_log import analyze_log
+from flightpower.analysis.pipeline.runs import analyze_runs
+from flightpower.analysis.sources.structure import check_messages
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_reader import Log, read_log
+from flightpower.flight.messages import Controls, Gps
+from flightpower.flight.undecodable import Undecodable
 
 
 def file_of(path: Path, messages: dict[str, bytes], *, encoding: str = "json", profile: str = "flightpower") -> Path:

@@ -8,14 +8,14 @@ from pymavlink import DFReader
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scipy.io import savemat
 
-from analysis.sources import recording
-from analysis.sources.ardupilot import read_ardupilot
-from analysis.sources.open import open_source
-from analysis.sources.recognize import Autopilot, autopilot_of
-from analysis.sources.recording import FlightRecording
-from flight.errors import InputError
-from flight.units import GRAVITY_MPS2 as g
-from sim.dataflash_writer import DataflashMessages, write_dataflash, write_text
+from flightpower.analysis.sources import recording
+from flightpower.analysis.sources.ardupilot import read_ardupilot
+from flightpower.analysis.sources.open import open_source
+from flightpower.analysis.sources.recognize import Autopilot, autopilot_of
+from flightpower.analysis.sources.recording import FlightRecording
+from flightpower.flight.errors import InputError
+from flightpower.flight.units import GRAVITY_MPS2 as g
+from flightpower.sim.dataflash_writer import DataflashMessages, write_dataflash, write_text
 from tests.analysis.sources.firmware import firmware
 from tests.analysis.sources.test_ground_station_files import flight
 
@@ -158,7 +158,9 @@ def as_labeled_matrices(messages: dict[str, dict[str, list[object]]]) -> dict[st
 def test_a_log_converted_for_matlab_has_the_channels_of_the_log(
     converted, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("sim.dataflash_writer._units", lambda kinds, types: [])  # pymavlink stumbles over them first
+    monkeypatch.setattr(
+        "flightpower.sim.dataflash_writer._units", lambda kinds, types: []
+    )  # pymavlink stumbles over them first
     bat = next(one for one in MEASURED if one.name == "BAT")
     second = DataflashMessages(
         "BAT", bat.codes, bat.columns | {"Inst": bat.columns["Inst"] + 1, "Curr": bat.columns["Curr"] / 50}

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.sources import recording
-from analysis.sources.ardupilot import read_ardupilot
-from sim.dataflash_writer import DataflashMessages, write_dataflash
+from flightpower.analysis.sources import recording
+from flightpower.analysis.sources.ardupilot import read_ardupilot
+from flightpower.sim.dataflash_writer import DataflashMessages, write_dataflash
 from tests.analysis.sources.firmware import firmware
 
 T_US = 100_000 * np.arange(1, 1001)

@@ -15,23 +15,23 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis import flight
-from analysis.air.contents import Replacements, contents
-from analysis.air.flight_data import Calibrations, flight_data
-from analysis.pipeline.runs import analyze_runs
-from analysis.sources.axes import check_axes
-from analysis.sources.structure import check_log
-from analysis.trajectory.priors import SensorPriors, stated_sigma
-from daq.attachments import propeller_text
-from flight.aircraft import Uncertainty, parse_aircraft
-from flight.complete_aircraft import load_complete_aircraft
-from flight.errors import InputError
-from flight.log_entries import LogEntry, entries_of
-from flight.log_reader import Log, read_log
-from flight.messages import Battery
-from flight.undecodable import Undecodable
-from flight.units import GRAVITY_MPS2
-from sim.sensors.budget import load_budget
+from flightpower.analysis import flight
+from flightpower.analysis.air.contents import Replacements, contents
+from flightpower.analysis.air.flight_data import Calibrations, flight_data
+from flightpower.analysis.pipeline.runs import analyze_runs
+from flightpower.analysis.sources.axes import check_axes
+from flightpower.analysis.sources.structure import check_log
+from flightpower.analysis.trajectory.priors import SensorPriors, stated_sigma
+from flightpower.daq.attachments import propeller_text
+from flightpower.flight.aircraft import Uncertainty, parse_aircraft
+from flightpower.flight.complete_aircraft import load_complete_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_entries import LogEntry, entries_of
+from flightpower.flight.log_reader import Log, read_log
+from flightpower.flight.messages import Battery
+from flightpower.flight.undecodable import Undecodable
+from flightpower.flight.units import GRAVITY_MPS2
+from flightpower.sim.sensors.budget import load_budget
 
 PLAN = """
 title = "Stand, climb, one acceleration and one deceleration"

@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.sources.table import log_of_table
-from flight.errors import InputError
+from flightpower.analysis.sources.table import log_of_table
+from flightpower.flight.errors import InputError
 from tests.analysis.sources.flown_table import MAP, flown_table, map_text, written
 
 Table = pd.DataFrame

@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 from scipy.interpolate import CubicSpline
 
-from analysis.trajectory.block_means import BLOCK
-from analysis.trajectory.equations import STATES
-from analysis.trajectory.inertial import CHANNELS
-from flight.motion import body_from_earth, flow_of
+from flightpower.analysis.trajectory.block_means import BLOCK
+from flightpower.analysis.trajectory.equations import STATES
+from flightpower.analysis.trajectory.inertial import CHANNELS
+from flightpower.flight.motion import body_from_earth, flow_of
 
 G = 9.80665
 RATE_HZ = 25.0

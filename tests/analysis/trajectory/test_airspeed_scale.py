@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.trajectory.consistency import calibrate, notes_on
+from flightpower.analysis.trajectory.consistency import calibrate, notes_on
 
 PRIOR = 0.01
 

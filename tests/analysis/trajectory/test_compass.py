@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from test_reconstruction import flown as fly
 
-from analysis.air.magnetometer import compass
-from analysis.calibrations.magnetometer import calibrate
-from analysis.trajectory.block_means import BlockMeans
-from analysis.trajectory.equations import (
+from flightpower.analysis.air.magnetometer import compass
+from flightpower.analysis.calibrations.magnetometer import calibrate
+from flightpower.analysis.trajectory.block_means import BlockMeans
+from flightpower.analysis.trajectory.equations import (
     MEASUREMENT_INPUTS,
     MEASUREMENTS,
     PROCESS_INPUTS,
@@ -17,13 +17,13 @@ from analysis.trajectory.equations import (
     STATES,
     EquationInputs,
 )
-from analysis.trajectory.linearized_equations import Equations
-from analysis.trajectory.observability import Lacking, heading_notes, sensor_error_estimates
-from analysis.trajectory.priors import PRIOR_SIGMA
-from analysis.trajectory.reconstruction import reconstruct
-from flight.motion import body_from_earth, earth_from_body
-from flight.runs import AIRCRAFT_SIZE
-from sim.sensors.tray import DIP_RAD, FIELD_T
+from flightpower.analysis.trajectory.linearized_equations import Equations
+from flightpower.analysis.trajectory.observability import Lacking, heading_notes, sensor_error_estimates
+from flightpower.analysis.trajectory.priors import PRIOR_SIGMA
+from flightpower.analysis.trajectory.reconstruction import reconstruct
+from flightpower.flight.motion import body_from_earth, earth_from_body
+from flightpower.flight.runs import AIRCRAFT_SIZE
+from flightpower.sim.sensors.tray import DIP_RAD, FIELD_T
 
 GPS = ("gps_north_mps", "gps_east_mps", "gps_down_mps")
 MAG = [f"mag_{axis}_T" for axis in "xyz"]

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from exact_motion import exact_motion
 
-from analysis.trajectory.consistency import (
+from flightpower.analysis.trajectory.consistency import (
     ANGLES,
     SPEED,
     Consistency,
@@ -17,7 +17,7 @@ from analysis.trajectory.consistency import (
     time_shift_notes,
     time_shifts,
 )
-from analysis.trajectory.equations import (
+from flightpower.analysis.trajectory.equations import (
     MEASUREMENT_INPUTS,
     MEASUREMENTS,
     PREDICTED_FLOW,
@@ -26,12 +26,19 @@ from analysis.trajectory.equations import (
     NamedArrays,
     measurement_model,
 )
-from analysis.trajectory.observability import FlightExcitation, Lacking, excitation, gust_notes, heading_notes, missing
-from analysis.trajectory.priors import PRIOR_SIGMA
-from analysis.trajectory.problem import TrajectoryProblem
-from analysis.trajectory.reconstruction import Trajectory
-from analysis.trajectory.smoother import StatesGivenErrors
-from flight.errors import InputError
+from flightpower.analysis.trajectory.observability import (
+    FlightExcitation,
+    Lacking,
+    excitation,
+    gust_notes,
+    heading_notes,
+    missing,
+)
+from flightpower.analysis.trajectory.priors import PRIOR_SIGMA
+from flightpower.analysis.trajectory.problem import TrajectoryProblem
+from flightpower.analysis.trajectory.reconstruction import Trajectory
+from flightpower.analysis.trajectory.smoother import StatesGivenErrors
+from flightpower.flight.errors import InputError
 
 ERRORS = {"alpha_bias": 0.02, "alpha_scale": 0.05, "beta_bias": -0.02, "V_scale": 0.03, "air_data_lag": 0.1,
           "gps_latency": 0.3}  # fmt: skip

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from analysis.trajectory import dryden
-from flight.units import FOOT_M
-from sim.air import Air, gust_scales, mean_wind
+from flightpower.analysis.trajectory import dryden
+from flightpower.flight.units import FOOT_M
+from flightpower.sim.air import Air, gust_scales, mean_wind
 
 
 def test_mean_wind_profile_is_the_standards_and_constant_outside_its_layer() -> None:

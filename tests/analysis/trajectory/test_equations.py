@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from exact_motion import G, exact_motion
 
-from analysis.trajectory import equations
-from analysis.trajectory.block_means import BlockMeans
-from analysis.trajectory.equations import (
+from flightpower.analysis.trajectory import equations
+from flightpower.analysis.trajectory.block_means import BlockMeans
+from flightpower.analysis.trajectory.equations import (
     MEASUREMENT_INPUTS,
     MEASUREMENTS,
     PROCESS_INPUTS,
@@ -17,11 +17,11 @@ from analysis.trajectory.equations import (
     flow,
     measurement_model,
 )
-from analysis.trajectory.inertial import InertialInputs
-from analysis.trajectory.linearized_equations import Equations
-from analysis.trajectory.priors import BENCH_SIGMA
-from analysis.trajectory.process import GustConditions, ProcessModel
-from flight.motion import body_from_earth, flow_of
+from flightpower.analysis.trajectory.inertial import InertialInputs
+from flightpower.analysis.trajectory.linearized_equations import Equations
+from flightpower.analysis.trajectory.priors import BENCH_SIGMA
+from flightpower.analysis.trajectory.process import GustConditions, ProcessModel
+from flightpower.flight.motion import body_from_earth, flow_of
 
 NO_ERRORS = np.zeros(len(SENSOR_ERRORS))
 

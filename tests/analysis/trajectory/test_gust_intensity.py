@@ -3,8 +3,14 @@
 import numpy as np
 import pytest
 
-from analysis.trajectory import dryden
-from analysis.trajectory.gusts import ObservedGust, block_mean_spectrum, intensity_of, process_spectrum, vertex
+from flightpower.analysis.trajectory import dryden
+from flightpower.analysis.trajectory.gusts import (
+    ObservedGust,
+    block_mean_spectrum,
+    intensity_of,
+    process_spectrum,
+    vertex,
+)
 
 STEP_S, PARTS = 0.2, 20
 CRUISE = 1.0, 40.0, 17.0

@@ -5,17 +5,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.air.transducers import play
-from analysis.trajectory.block_means import moving_average
-from analysis.trajectory.equations import SENSOR_ERRORS, STATES
-from analysis.trajectory.priors import (
+from flightpower.analysis.air.transducers import play
+from flightpower.analysis.trajectory.block_means import moving_average
+from flightpower.analysis.trajectory.equations import SENSOR_ERRORS, STATES
+from flightpower.analysis.trajectory.priors import (
     initial_sensor_errors,
     initial_state_sigma,
     initial_states,
     mean_wind,
     stated_sigma,
 )
-from flight.aircraft import Uncertainty
+from flightpower.flight.aircraft import Uncertainty
 
 STEP_S, N = 0.2, 300
 V, CLIMB, ALPHA, BANK, TURN = 15.0, 1.5, 0.06, 0.3, 0.2  # m/s, m/s, rad, rad, rad/s

@@ -5,13 +5,19 @@ import pandas as pd
 import pytest
 from exact_motion import RATE_HZ, RHO, exact_motion
 
-from analysis.air.magnetometer import Compass
-from analysis.sources.table import THRUST_AS_SPEED
-from analysis.trajectory.block_means import BLOCK, BlockMeans, block_mean
-from analysis.trajectory.equations import MEASUREMENT_INPUTS, MEASUREMENTS, PROCESS_INPUTS, SENSOR_ERRORS, STATES
-from analysis.trajectory.inertial import CHANNELS, InertialInputs
-from analysis.trajectory.measurements import LevelField, Measurements
-from analysis.trajectory.priors import (
+from flightpower.analysis.air.magnetometer import Compass
+from flightpower.analysis.sources.table import THRUST_AS_SPEED
+from flightpower.analysis.trajectory.block_means import BLOCK, BlockMeans, block_mean
+from flightpower.analysis.trajectory.equations import (
+    MEASUREMENT_INPUTS,
+    MEASUREMENTS,
+    PROCESS_INPUTS,
+    SENSOR_ERRORS,
+    STATES,
+)
+from flightpower.analysis.trajectory.inertial import CHANNELS, InertialInputs
+from flightpower.analysis.trajectory.measurements import LevelField, Measurements
+from flightpower.analysis.trajectory.priors import (
     BENCH_SIGMA,
     PRIOR_SIGMA,
     ZEROS,
@@ -23,12 +29,12 @@ from analysis.trajectory.priors import (
     stated_sigma,
     zeros_at_rest,
 )
-from analysis.trajectory.problem import TrajectoryProblem, _blocks_at_rest
-from analysis.trajectory.process import GustConditions, ProcessModel
-from flight.aircraft import Uncertainty
-from flight.motion import body_from_earth
-from flight.probe_maps import ALPHA_PORT_SLOPE
-from flight.propeller_files import load_propeller, parse_propeller
+from flightpower.analysis.trajectory.problem import TrajectoryProblem, _blocks_at_rest
+from flightpower.analysis.trajectory.process import GustConditions, ProcessModel
+from flightpower.flight.aircraft import Uncertainty
+from flightpower.flight.motion import body_from_earth
+from flightpower.flight.probe_maps import ALPHA_PORT_SLOPE
+from flightpower.flight.propeller_files import load_propeller, parse_propeller
 
 STEP_S = BLOCK / RATE_HZ
 

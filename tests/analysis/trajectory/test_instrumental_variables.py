@@ -5,13 +5,13 @@ import pandas as pd
 import pytest
 from test_reconstruction import flown as fly
 
-from analysis.trajectory.block_means import BLOCK, BlockMeans
-from analysis.trajectory.equations import MEASUREMENT_INPUTS, STATES, NamedArrays
-from analysis.trajectory.extrapolation import extrapolated
-from analysis.trajectory.priors import WIND
-from analysis.trajectory.problem import TrajectoryProblem
-from analysis.trajectory.regressors import LAGS, has_past, lagged, projected_on_past
-from analysis.trajectory.settings import PREDICTION
+from flightpower.analysis.trajectory.block_means import BLOCK, BlockMeans
+from flightpower.analysis.trajectory.equations import MEASUREMENT_INPUTS, STATES, NamedArrays
+from flightpower.analysis.trajectory.extrapolation import extrapolated
+from flightpower.analysis.trajectory.priors import WIND
+from flightpower.analysis.trajectory.problem import TrajectoryProblem
+from flightpower.analysis.trajectory.regressors import LAGS, has_past, lagged, projected_on_past
+from flightpower.analysis.trajectory.settings import PREDICTION
 
 DECAY = 0.93  # of a gust in 0.2 s: scale length 40 m, at 14 m/s
 N = 6000

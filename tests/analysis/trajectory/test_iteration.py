@@ -7,13 +7,13 @@ import pytest
 from exact_motion import exact_motion
 from scipy.signal import lfilter
 
-from analysis.trajectory import dryden, reconstruction
-from analysis.trajectory.equations import SENSOR_ERRORS, STATES
-from analysis.trajectory.priors import BENCH_SIGMA
-from analysis.trajectory.problem import TrajectoryProblem
-from analysis.trajectory.reconstruction import GUST_GRID_MPS, _most_probable_gust, _solve
-from analysis.trajectory.settings import SOLVER
-from analysis.trajectory.smoother import gauss_newton_step
+from flightpower.analysis.trajectory import dryden, reconstruction
+from flightpower.analysis.trajectory.equations import SENSOR_ERRORS, STATES
+from flightpower.analysis.trajectory.priors import BENCH_SIGMA
+from flightpower.analysis.trajectory.problem import TrajectoryProblem
+from flightpower.analysis.trajectory.reconstruction import GUST_GRID_MPS, _most_probable_gust, _solve
+from flightpower.analysis.trajectory.settings import SOLVER
+from flightpower.analysis.trajectory.smoother import gauss_newton_step
 
 
 def evidence_with_maximum_at(gust_mps: float):

@@ -4,12 +4,18 @@ import numpy as np
 import pytest
 from exact_motion import exact_motion
 
-from analysis.trajectory.equations import SENSOR_ERRORS, NamedArrays, corrected_force, corrected_rates, vibration
-from analysis.trajectory.observability import prior_conflict
-from analysis.trajectory.priors import SensorPriors, stated_sigma
-from analysis.trajectory.reconstruction import Trajectory, reconstruct
-from flight.aircraft import Uncertainty
-from flight.units import GRAVITY_MPS2
+from flightpower.analysis.trajectory.equations import (
+    SENSOR_ERRORS,
+    NamedArrays,
+    corrected_force,
+    corrected_rates,
+    vibration,
+)
+from flightpower.analysis.trajectory.observability import prior_conflict
+from flightpower.analysis.trajectory.priors import SensorPriors, stated_sigma
+from flightpower.analysis.trajectory.reconstruction import Trajectory, reconstruct
+from flightpower.flight.aircraft import Uncertainty
+from flightpower.flight.units import GRAVITY_MPS2
 
 VIBRATION_MPS2, NARROW_MPS2, BENDING_RAD, PER_LIFT, LOADING_PA = 0.1, 0.01, np.radians(1.0), 0.02, 80.0
 MADE = {

@@ -7,21 +7,21 @@ import pandas as pd
 import pytest
 from test_reconstruction import flown as fly
 
-from analysis.results import evidence as trust
-from analysis.results.flight_found import path_result
-from analysis.trajectory import observability
-from analysis.trajectory.block_means import block_mean
-from analysis.trajectory.consistency import ANGLES, SPEED, consistency, difference_check
-from analysis.trajectory.equations import SENSOR_ERRORS
-from analysis.trajectory.observability import (
+from flightpower.analysis.results import evidence as trust
+from flightpower.analysis.results.flight_found import path_result
+from flightpower.analysis.trajectory import observability
+from flightpower.analysis.trajectory.block_means import block_mean
+from flightpower.analysis.trajectory.consistency import ANGLES, SPEED, consistency, difference_check
+from flightpower.analysis.trajectory.equations import SENSOR_ERRORS
+from flightpower.analysis.trajectory.observability import (
     FlightExcitation,
     Lacking,
     missing,
     sensor_error_estimates,
     sensor_error_notes,
 )
-from analysis.trajectory.priors import PRIOR_SIGMA, ZEROS
-from analysis.trajectory.reconstruction import reconstruct
+from flightpower.analysis.trajectory.priors import PRIOR_SIGMA, ZEROS
+from flightpower.analysis.trajectory.reconstruction import reconstruct
 
 GPS = ("gps_north_mps", "gps_east_mps", "gps_down_mps")
 WITHIN = 3.3  # standard errors: 99.9 %

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from scipy import special
 
-from analysis import flight as flight_steps
-from analysis.trajectory.equations import SENSOR_ERRORS
-from analysis.trajectory.observability import conflict_notes, joint_conflict, prior_conflict, with_misfit
-from analysis.trajectory.priors import PRIOR_MEAN, PRIOR_SIGMA
-from analysis.trajectory.reconstruction import Trajectory
-from analysis.trajectory.smoother import StatesGivenErrors
-from flight.errors import InputError
+from flightpower.analysis import flight as flight_steps
+from flightpower.analysis.trajectory.equations import SENSOR_ERRORS
+from flightpower.analysis.trajectory.observability import conflict_notes, joint_conflict, prior_conflict, with_misfit
+from flightpower.analysis.trajectory.priors import PRIOR_MEAN, PRIOR_SIGMA
+from flightpower.analysis.trajectory.reconstruction import Trajectory
+from flightpower.analysis.trajectory.smoother import StatesGivenErrors
+from flightpower.flight.errors import InputError
 
 PRIOR = np.array([PRIOR_SIGMA[name] for name in SENSOR_ERRORS])
 STATES_ITS_UPDRAFT = SimpleNamespace(has=lambda key: key == "uncertainty.updraft")

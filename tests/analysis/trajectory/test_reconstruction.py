@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from analysis.trajectory.equations import (
+from flightpower.analysis.trajectory.equations import (
     MEASUREMENT_INPUTS,
     MEASUREMENTS,
     PROCESS_INPUTS,
@@ -15,16 +15,16 @@ from analysis.trajectory.equations import (
     STATES,
     EquationInputs,
 )
-from analysis.trajectory.linearized_equations import Equations
-from analysis.trajectory.priors import PRIOR_SIGMA, SensorPriors
-from analysis.trajectory.reconstruction import reconstruct
-from flight.aircraft import Uncertainty, load_aircraft
-from flight.errors import InputError
-from flight.runs import AIRCRAFT_SIZE
-from sim.fly import fly
-from sim.plan import load_plan
-from sim.sensors import FlightSensorTruth, load_budget
-from sim.world import load_world
+from flightpower.analysis.trajectory.linearized_equations import Equations
+from flightpower.analysis.trajectory.priors import PRIOR_SIGMA, SensorPriors
+from flightpower.analysis.trajectory.reconstruction import reconstruct
+from flightpower.flight.aircraft import Uncertainty, load_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.runs import AIRCRAFT_SIZE
+from flightpower.sim.fly import fly
+from flightpower.sim.plan import load_plan
+from flightpower.sim.sensors import FlightSensorTruth, load_budget
+from flightpower.sim.world import load_world
 
 SEEDS = (0, 1, 2)
 

@@ -5,8 +5,8 @@ import pytest
 from exact_motion import exact_motion
 from scipy.interpolate import CubicSpline
 
-from analysis.trajectory.block_means import BLOCK, BlockMeans
-from analysis.trajectory.equations import (
+from flightpower.analysis.trajectory.block_means import BLOCK, BlockMeans
+from flightpower.analysis.trajectory.equations import (
     MEASUREMENT_INPUTS,
     MEASUREMENTS,
     SENSOR_ERRORS,
@@ -14,8 +14,8 @@ from analysis.trajectory.equations import (
     NamedArrays,
     measurement_model,
 )
-from analysis.trajectory.priors import initial_states
-from analysis.trajectory.problem import TrajectoryProblem
+from flightpower.analysis.trajectory.priors import initial_states
+from flightpower.analysis.trajectory.problem import TrajectoryProblem
 
 INSIDE = slice(20, -20)
 NO_ERRORS = np.zeros(len(SENSOR_ERRORS))

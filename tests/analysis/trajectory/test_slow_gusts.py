@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from analysis.trajectory import dryden
-from analysis.trajectory.equations import SENSOR_ERRORS
-from analysis.trajectory.gusts import (
+from flightpower.analysis.trajectory import dryden
+from flightpower.analysis.trajectory.equations import SENSOR_ERRORS
+from flightpower.analysis.trajectory.gusts import (
     GUST_AXIS_OF_ERROR,
     LENGTHS,
     AxisSpectrum,
@@ -17,7 +17,7 @@ from analysis.trajectory.gusts import (
     slow_power_ratios,
     with_slow_power,
 )
-from analysis.trajectory.settings import GUSTS
+from flightpower.analysis.trajectory.settings import GUSTS
 
 STEP_S, HEIGHT_M, V = 0.2, 40.0, 15.0
 AT = 0.1, HEIGHT_M, V

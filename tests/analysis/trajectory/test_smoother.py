@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from analysis.trajectory.smoother import Linearization, TrajectoryPrior, cost, gauss_newton_step
-from analysis.trajectory.sparse_jacobian import SparseJacobian
+from flightpower.analysis.trajectory.smoother import Linearization, TrajectoryPrior, cost, gauss_newton_step
+from flightpower.analysis.trajectory.sparse_jacobian import SparseJacobian
 
 N, NX, NY, M = 7, 3, 2, 2
 

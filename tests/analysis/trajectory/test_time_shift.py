@@ -4,10 +4,10 @@ import flights
 import numpy as np
 import pytest
 
-from analysis.trajectory.consistency import calibrate, time_shift_notes, time_shifts
-from analysis.trajectory.reconstruction import reconstruct
-from flight.aircraft import load_aircraft
-from sim.sensors import load_budget
+from flightpower.analysis.trajectory.consistency import calibrate, time_shift_notes, time_shifts
+from flightpower.analysis.trajectory.reconstruction import reconstruct
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.sim.sensors import load_budget
 
 NEXSTAR = load_aircraft("nexstar")
 LATE_S = 0.060

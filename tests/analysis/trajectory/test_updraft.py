@@ -10,15 +10,15 @@ import pandas as pd
 import pytest
 from flights import AirOf, air_of, drawn, flown, tunnel_probe
 
-from analysis.trajectory import updraft
-from analysis.trajectory.observability import prior_conflict
-from analysis.trajectory.priors import SensorPriors, stated_sigma
-from analysis.trajectory.reconstruction import Trajectory, reconstruct
-from analysis.trajectory.settings import UPDRAFT
-from flight.aircraft import Uncertainty
-from flight.complete_aircraft import load_complete_aircraft
-from flight.messages import Gps
-from sim.world import load_world
+from flightpower.analysis.trajectory import updraft
+from flightpower.analysis.trajectory.observability import prior_conflict
+from flightpower.analysis.trajectory.priors import SensorPriors, stated_sigma
+from flightpower.analysis.trajectory.reconstruction import Trajectory, reconstruct
+from flightpower.analysis.trajectory.settings import UPDRAFT
+from flightpower.flight.aircraft import Uncertainty
+from flightpower.flight.complete_aircraft import load_complete_aircraft
+from flightpower.flight.messages import Gps
+from flightpower.sim.world import load_world
 
 NOON, DAWN = math.radians(70.0), math.radians(-5.0)
 HEIGHT_M, SPEED_MPS, RUN_S = 40.0, 15.0, 18.0

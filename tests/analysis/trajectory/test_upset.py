@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from flights import AirOf, Flown, air_of, drawn, flown, tunnel_probe
 
-from analysis.trajectory.observability import lost_notes
-from analysis.trajectory.reconstruction import reconstruct
-from flight.complete_aircraft import load_complete_aircraft
-from sim.like import scaled_from
-from sim.sensors import load_budget
+from flightpower.analysis.trajectory.observability import lost_notes
+from flightpower.analysis.trajectory.reconstruction import reconstruct
+from flightpower.flight.complete_aircraft import load_complete_aircraft
+from flightpower.sim.like import scaled_from
+from flightpower.sim.sensors import load_budget
 
 SEED, KNOTS = 6, 15.0
 SLOW = """name = "slow"

@@ -6,8 +6,8 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from analysis.flights.campaign.processes import below
-from flight.errors import InputError, StorageError
+from flightpower.analysis.flights.campaign.processes import below
+from flightpower.flight.errors import InputError, StorageError
 
 
 @dataclass(frozen=True)

@@ -11,12 +11,12 @@ import pytest
 from stub_analysis import Stub
 from test_campaign import Silent
 
-from analysis.cli.analyze import app
-from analysis.flights.campaign import addresses
-from analysis.flights.campaign.addresses import RemoteLog, fetch, find_logs
-from analysis.flights.campaign.campaign import Campaign, Work, run
-from analysis.flights.campaign.folders import exclusive, record_of
-from flight.errors import InputError
+from flightpower.analysis.cli.analyze import app
+from flightpower.analysis.flights.campaign import addresses
+from flightpower.analysis.flights.campaign.addresses import RemoteLog, fetch, find_logs
+from flightpower.analysis.flights.campaign.campaign import Campaign, Work, run
+from flightpower.analysis.flights.campaign.folders import exclusive, record_of
+from flightpower.flight.errors import InputError
 from tests.s3_server import Store, running
 
 pytest.importorskip("s3fs")

@@ -12,12 +12,12 @@ from pathlib import Path
 import pytest
 from stub_analysis import Stub
 
-from analysis.flights.campaign.addresses import FoundLogs
-from analysis.flights.campaign.campaign import Campaign, Work, run
-from analysis.flights.campaign.cluster import Parcel, analyze_parcel
-from analysis.flights.campaign.folders import exclusive, names, software
-from analysis.flights.campaign.processes import Job
-from flight.errors import InputError, StorageError
+from flightpower.analysis.flights.campaign.addresses import FoundLogs
+from flightpower.analysis.flights.campaign.campaign import Campaign, Work, run
+from flightpower.analysis.flights.campaign.cluster import Parcel, analyze_parcel
+from flightpower.analysis.flights.campaign.folders import exclusive, names, software
+from flightpower.analysis.flights.campaign.processes import Job
+from flightpower.flight.errors import InputError, StorageError
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="processes are ended by signals")
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from analysis.flights.campaign import processes
-from flight.errors import InputError
+from flightpower.analysis.flights.campaign import processes
+from flightpower.flight.errors import InputError
 
 
 @pytest.mark.parametrize(

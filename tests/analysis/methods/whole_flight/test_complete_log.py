@@ -5,20 +5,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.curve import Condition, Curve, Kind, power_required
-from analysis.methods.whole_flight.drag import DragEstimate
-from analysis.methods.whole_flight.energy_balance import FlightConditions, QuarticPolar, drag_power
-from analysis.methods.whole_flight.fit import Estimate, SharedError
-from analysis.methods.whole_flight.method import method_estimate, whole_flight
-from analysis.methods.whole_flight.parameters import Source, unpack
-from analysis.methods.whole_flight.settings import GPS
-from analysis.methods.whole_flight.thrust_balance import PARAMETERS as NAMES
-from analysis.uncertain import Uncertain
-from flight.aircraft import Uncertainty
-from flight.complete_aircraft import load_complete_aircraft
-from flight.log_reader import Log
-from flight.propeller_files import load_propeller
-from flight.units import GRAVITY_MPS2
+from flightpower.analysis.curve import Condition, Curve, Kind, power_required
+from flightpower.analysis.methods.whole_flight.drag import DragEstimate
+from flightpower.analysis.methods.whole_flight.energy_balance import FlightConditions, QuarticPolar, drag_power
+from flightpower.analysis.methods.whole_flight.fit import Estimate, SharedError
+from flightpower.analysis.methods.whole_flight.method import method_estimate, whole_flight
+from flightpower.analysis.methods.whole_flight.parameters import Source, unpack
+from flightpower.analysis.methods.whole_flight.settings import GPS
+from flightpower.analysis.methods.whole_flight.thrust_balance import PARAMETERS as NAMES
+from flightpower.analysis.uncertain import Uncertain
+from flightpower.flight.aircraft import Uncertainty
+from flightpower.flight.complete_aircraft import load_complete_aircraft
+from flightpower.flight.log_reader import Log
+from flightpower.flight.propeller_files import load_propeller
+from flightpower.flight.units import GRAVITY_MPS2
 
 CONDITIONS = FlightConditions(mass_kg=3.8, wing_area_m2=0.46, rho=1.19, idle_power_W=4.0)
 PARAMETERS = np.array([np.log(0.04), np.log(0.06), 0.2, 0.0, 0.0, 0.0, 0.0, 0.0, np.log(0.2), 0.0])

@@ -9,27 +9,33 @@ from typing import NamedTuple, cast
 import numpy as np
 import pytest
 
-from analysis.estimation.model import NamedValues, PriorMeasurement
-from analysis.methods.whole_flight.airspeed_gps import airspeed_errors, one_way
-from analysis.methods.whole_flight.curve import ElectricalEstimate, FlownAircraft, estimate
-from analysis.methods.whole_flight.drag import DragEstimate, DragLacks, DragWithheld, ThrustSource, drag_estimate
-from analysis.methods.whole_flight.energy_balance import FlightConditions
-from analysis.methods.whole_flight.fit import Estimate, SharedError
-from analysis.methods.whole_flight.flight_table import FlightTable, flight_table
-from analysis.methods.whole_flight.parameters import Source
-from analysis.methods.whole_flight.thrust_balance import PARAMETERS, MotorConstants
-from analysis.performance.autopilot_parameters import flight_values
-from analysis.records.flight import BatteryResult, EvidenceKind, Kind, Provenance, SpeedInterval, Trust
-from analysis.results.energy_balance import EnergyBalanceFindings, _warnings, assemble_energy_balance
-from analysis.sources import recording
-from analysis.sources.recording import Channel, FlightRecording
-from analysis.uncertain import Uncertain
-from flight.arrays import Array
-from flight.atmosphere import height_at, pressure_at, temperature_at
-from flight.errors import InputError
-from flight.propeller_files import load_propeller
-from flight.propeller_speed import revps_for_thrust
-from flight.units import GRAVITY_MPS2 as g
+from flightpower.analysis.estimation.model import NamedValues, PriorMeasurement
+from flightpower.analysis.methods.whole_flight.airspeed_gps import airspeed_errors, one_way
+from flightpower.analysis.methods.whole_flight.curve import ElectricalEstimate, FlownAircraft, estimate
+from flightpower.analysis.methods.whole_flight.drag import (
+    DragEstimate,
+    DragLacks,
+    DragWithheld,
+    ThrustSource,
+    drag_estimate,
+)
+from flightpower.analysis.methods.whole_flight.energy_balance import FlightConditions
+from flightpower.analysis.methods.whole_flight.fit import Estimate, SharedError
+from flightpower.analysis.methods.whole_flight.flight_table import FlightTable, flight_table
+from flightpower.analysis.methods.whole_flight.parameters import Source
+from flightpower.analysis.methods.whole_flight.thrust_balance import PARAMETERS, MotorConstants
+from flightpower.analysis.performance.autopilot_parameters import flight_values
+from flightpower.analysis.records.flight import BatteryResult, EvidenceKind, Kind, Provenance, SpeedInterval, Trust
+from flightpower.analysis.results.energy_balance import EnergyBalanceFindings, _warnings, assemble_energy_balance
+from flightpower.analysis.sources import recording
+from flightpower.analysis.sources.recording import Channel, FlightRecording
+from flightpower.analysis.uncertain import Uncertain
+from flightpower.flight.arrays import Array
+from flightpower.flight.atmosphere import height_at, pressure_at, temperature_at
+from flightpower.flight.errors import InputError
+from flightpower.flight.propeller_files import load_propeller
+from flightpower.flight.propeller_speed import revps_for_thrust
+from flightpower.flight.units import GRAVITY_MPS2 as g
 
 MASS_KG, AREA_M2, SPAN_M = 3.0, 0.5, 2.0
 GROUND_S, FLOWN_S, STEP_S = 60.0, 400.0, 0.1

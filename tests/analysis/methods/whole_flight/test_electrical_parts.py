@@ -8,10 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.methods.whole_flight import airspeed_gps, energy_balance
-from analysis.methods.whole_flight.airspeed_gps import AirspeedErrors, airspeed_errors
-from analysis.methods.whole_flight.curve import drag_prior, lift_prior
-from analysis.methods.whole_flight.energy_balance import (
+from flightpower.analysis.methods.whole_flight import airspeed_gps, energy_balance
+from flightpower.analysis.methods.whole_flight.airspeed_gps import AirspeedErrors, airspeed_errors
+from flightpower.analysis.methods.whole_flight.curve import drag_prior, lift_prior
+from flightpower.analysis.methods.whole_flight.energy_balance import (
     EnergyBalance,
     FlightConditions,
     by_air,
@@ -21,8 +21,8 @@ from analysis.methods.whole_flight.energy_balance import (
     of_both,
     uncorrelated,
 )
-from analysis.methods.whole_flight.fit import Fit, _size_and_time, estimate_of, samples_of
-from analysis.methods.whole_flight.flight_table import (
+from flightpower.analysis.methods.whole_flight.fit import Fit, _size_and_time, estimate_of, samples_of
+from flightpower.analysis.methods.whole_flight.flight_table import (
     _air_temperature_K,
     _airborne,
     _idle_power_W,
@@ -30,16 +30,24 @@ from analysis.methods.whole_flight.flight_table import (
     _touches_ground,
     _zero,
 )
-from analysis.methods.whole_flight.parameters import DRAG, LIFT, OF_AIRCRAFT, OF_AIRSPEED, PROPELLER, Source, unpack
-from analysis.methods.whole_flight.settings import WINDOWS
-from analysis.methods.whole_flight.thrust_balance import MotorConstants, ThrustBalance
-from analysis.sources import recording
-from analysis.sources.grid import resampled
-from analysis.sources.recording import Channel, FlightRecording
-from flight.atmosphere import pressure_at, temperature_at
-from flight.errors import InputError
-from flight.propeller_files import load_propeller
-from flight.units import GRAVITY_MPS2 as g
+from flightpower.analysis.methods.whole_flight.parameters import (
+    DRAG,
+    LIFT,
+    OF_AIRCRAFT,
+    OF_AIRSPEED,
+    PROPELLER,
+    Source,
+    unpack,
+)
+from flightpower.analysis.methods.whole_flight.settings import WINDOWS
+from flightpower.analysis.methods.whole_flight.thrust_balance import MotorConstants, ThrustBalance
+from flightpower.analysis.sources import recording
+from flightpower.analysis.sources.grid import resampled
+from flightpower.analysis.sources.recording import Channel, FlightRecording
+from flightpower.flight.atmosphere import pressure_at, temperature_at
+from flightpower.flight.errors import InputError
+from flightpower.flight.propeller_files import load_propeller
+from flightpower.flight.units import GRAVITY_MPS2 as g
 
 V_MPS, CLIMB_MPS, MOTOR_W, IDLE_W, RHO = 15.0, 1.0, 100.0, 4.0, 1.2
 CONDITIONS = FlightConditions(mass_kg=3.0, wing_area_m2=0.5, rho=RHO, idle_power_W=IDLE_W)

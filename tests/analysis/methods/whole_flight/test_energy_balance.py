@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.estimation.model import NamedValues
-from analysis.methods.whole_flight import energy_balance
-from analysis.methods.whole_flight.airspeed_gps import correlation, most_likely_noise
-from analysis.methods.whole_flight.energy_balance import (
+from flightpower.analysis.estimation.model import NamedValues
+from flightpower.analysis.methods.whole_flight import energy_balance
+from flightpower.analysis.methods.whole_flight.airspeed_gps import correlation, most_likely_noise
+from flightpower.analysis.methods.whole_flight.energy_balance import (
     EnergyBalance,
     FlightConditions,
     QuarticPolar,
@@ -17,11 +17,11 @@ from analysis.methods.whole_flight.energy_balance import (
     drag_power,
     level_power,
 )
-from analysis.methods.whole_flight.parameters import DRAG, LIFT, PROPELLER, pack, unpack
-from analysis.methods.whole_flight.settings import WINDOWS
-from analysis.sources.grid import smoothed
-from flight.propeller_files import load_propeller
-from flight.units import GRAVITY_MPS2 as g
+from flightpower.analysis.methods.whole_flight.parameters import DRAG, LIFT, PROPELLER, pack, unpack
+from flightpower.analysis.methods.whole_flight.settings import WINDOWS
+from flightpower.analysis.sources.grid import smoothed
+from flightpower.flight.propeller_files import load_propeller
+from flightpower.flight.units import GRAVITY_MPS2 as g
 
 PARAMETERS = np.array([np.log(0.04), np.log(0.06), 0.2, 0.01, 0.4, np.log(1.3), np.log(0.7), 0.1, 0.0, 0.0, 0.0, 0.0])
 P = unpack((*DRAG, *PROPELLER, *LIFT), PARAMETERS)

@@ -10,14 +10,14 @@ import pytest
 from pymavlink import DFReader
 from pyulog import ULog
 
-from analysis.methods.whole_flight.flight_table import flight_table
-from analysis.sources.ardupilot import read_ardupilot
-from analysis.sources.dataflash import DataflashLog
-from analysis.sources.px4 import read_px4
-from analysis.sources.recording import CURRENT, FORCE_Z, GPS, STATIC, THROTTLE, VOLTAGE
-from analysis.sources.telemetry import TelemetryLog
-from flight.errors import InputError
-from flight.units import GRAVITY_MPS2 as g
+from flightpower.analysis.methods.whole_flight.flight_table import flight_table
+from flightpower.analysis.sources.ardupilot import read_ardupilot
+from flightpower.analysis.sources.dataflash import DataflashLog
+from flightpower.analysis.sources.px4 import read_px4
+from flightpower.analysis.sources.recording import CURRENT, FORCE_Z, GPS, STATIC, THROTTLE, VOLTAGE
+from flightpower.analysis.sources.telemetry import TelemetryLog
+from flightpower.flight.errors import InputError
+from flightpower.flight.units import GRAVITY_MPS2 as g
 from tests.shared_data import beside, needs
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))

@@ -6,22 +6,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.methods.whole_flight.curve import estimate
-from analysis.methods.whole_flight.flight_table import flight_table
-from analysis.methods.whole_flight.method import recording_of
-from analysis.sources import recording
-from analysis.sources.ardupilot import read_ardupilot
-from analysis.sources.daemon_log import lacks_drag_topics
-from analysis.sources.px4 import read_px4
-from analysis.sources.recording import Channel, FlightRecording
-from flight.complete_aircraft import load_complete_aircraft
-from flight.log_entries import Entries, LogEntry, entries_of
-from flight.log_reader import Log
-from flight.messages import AbsolutePressure, Battery, DifferentialPressure, Gps, Imu, Message
-from sim.autopilot_pitot import indicated_airspeed
-from sim.dataflash_writer import DataflashMessages, write_dataflash
-from sim.px4_log import write_px4_log
-from sim.sensors import load_budget
+from flightpower.analysis.methods.whole_flight.curve import estimate
+from flightpower.analysis.methods.whole_flight.flight_table import flight_table
+from flightpower.analysis.methods.whole_flight.method import recording_of
+from flightpower.analysis.sources import recording
+from flightpower.analysis.sources.ardupilot import read_ardupilot
+from flightpower.analysis.sources.daemon_log import lacks_drag_topics
+from flightpower.analysis.sources.px4 import read_px4
+from flightpower.analysis.sources.recording import Channel, FlightRecording
+from flightpower.flight.complete_aircraft import load_complete_aircraft
+from flightpower.flight.log_entries import Entries, LogEntry, entries_of
+from flightpower.flight.log_reader import Log
+from flightpower.flight.messages import AbsolutePressure, Battery, DifferentialPressure, Gps, Imu, Message
+from flightpower.sim.autopilot_pitot import indicated_airspeed
+from flightpower.sim.dataflash_writer import DataflashMessages, write_dataflash
+from flightpower.sim.px4_log import write_px4_log
+from flightpower.sim.sensors import load_budget
 from tests.analysis.sources.firmware import firmware
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))

@@ -6,12 +6,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.estimation.noise import NORMAL_95
-from analysis.methods.whole_flight.airspeed_gps import airspeed_errors
-from analysis.methods.whole_flight.energy_balance import Windows, by_horizontal_gusts
-from analysis.methods.whole_flight.ground_velocity import GroundVelocity, circle_center, gusts, height_factor
-from analysis.methods.whole_flight.settings import GPS
-from analysis.sources import recording
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.methods.whole_flight.airspeed_gps import airspeed_errors
+from flightpower.analysis.methods.whole_flight.energy_balance import Windows, by_horizontal_gusts
+from flightpower.analysis.methods.whole_flight.ground_velocity import (
+    GroundVelocity,
+    circle_center,
+    gusts,
+    height_factor,
+)
+from flightpower.analysis.methods.whole_flight.settings import GPS
+from flightpower.analysis.sources import recording
 
 STEP_S = 0.2
 

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from analysis.cli.analyze import app
-from analysis.cli.calibrate import app as calibrate
-from analysis.estimation.noise import NORMAL_95
-from analysis.methods.whole_flight.curve import estimate
-from analysis.methods.whole_flight.flight_table import flight_table
-from analysis.sources.px4 import read_px4
-from analysis.sources.recording import AIRSPEED_PRESSURE
-from flight.command_line import ExitCode
-from flight.units import GRAVITY_MPS2
+from flightpower.analysis.cli.analyze import app
+from flightpower.analysis.cli.calibrate import app as calibrate
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.methods.whole_flight.curve import estimate
+from flightpower.analysis.methods.whole_flight.flight_table import flight_table
+from flightpower.analysis.sources.px4 import read_px4
+from flightpower.analysis.sources.recording import AIRSPEED_PRESSURE
+from flightpower.flight.command_line import ExitCode
+from flightpower.flight.units import GRAVITY_MPS2
 from tests.shared_data import beside, needs
 
 LOG = beside("pixhawk/seaway-mini-flight3.ulg")

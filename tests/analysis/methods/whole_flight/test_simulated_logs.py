@@ -10,25 +10,31 @@ import numpy as np
 import pytest
 from pyulog import ULog
 
-from analysis.estimation.noise import NORMAL_95
-from analysis.methods.whole_flight import curve as estimate_module
-from analysis.methods.whole_flight.curve import ElectricalEstimate, estimate
-from analysis.methods.whole_flight.drag import DragEstimate, DragLacks, DragWithheld, ThrustSource, drag_estimate
-from analysis.methods.whole_flight.flight_table import FlightTable, flight_table
-from analysis.methods.whole_flight.thrust_balance import motor_constants
-from analysis.sources.ardupilot import read_ardupilot
-from analysis.sources.px4 import read_px4
-from analysis.sources.recording import AIRSPEED_PRESSURE, GPS, MOTOR, Channel, FlightRecording
-from flight.complete_aircraft import load_complete_aircraft
-from flight.errors import InputError
-from flight.propeller_files import load_propeller
-from sim.ardupilot_log import write_ardupilot_log
-from sim.fly import Flight, fly
-from sim.plan import load_plan
-from sim.px4_log import write_px4_log
-from sim.sensors import FlightSensorTruth, load_budget
-from sim.sensors.budget import DrawnErrors
-from sim.ulog_writer import UlogContents, UlogTopic, write_ulog
+from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.methods.whole_flight import curve as estimate_module
+from flightpower.analysis.methods.whole_flight.curve import ElectricalEstimate, estimate
+from flightpower.analysis.methods.whole_flight.drag import (
+    DragEstimate,
+    DragLacks,
+    DragWithheld,
+    ThrustSource,
+    drag_estimate,
+)
+from flightpower.analysis.methods.whole_flight.flight_table import FlightTable, flight_table
+from flightpower.analysis.methods.whole_flight.thrust_balance import motor_constants
+from flightpower.analysis.sources.ardupilot import read_ardupilot
+from flightpower.analysis.sources.px4 import read_px4
+from flightpower.analysis.sources.recording import AIRSPEED_PRESSURE, GPS, MOTOR, Channel, FlightRecording
+from flightpower.flight.complete_aircraft import load_complete_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.propeller_files import load_propeller
+from flightpower.sim.ardupilot_log import write_ardupilot_log
+from flightpower.sim.fly import Flight, fly
+from flightpower.sim.plan import load_plan
+from flightpower.sim.px4_log import write_px4_log
+from flightpower.sim.sensors import FlightSensorTruth, load_budget
+from flightpower.sim.sensors.budget import DrawnErrors
+from flightpower.sim.ulog_writer import UlogContents, UlogTopic, write_ulog
 from tests.analysis.added_sensors import (
     SENSORS,
     Flown,

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.methods.whole_flight.flight_table import Meter, flight_table, meter, power_off
-from analysis.sources import recording
-from analysis.sources.recording import Channel, FlightRecording
-from flight.errors import InputError
+from flightpower.analysis.methods.whole_flight.flight_table import Meter, flight_table, meter, power_off
+from flightpower.analysis.sources import recording
+from flightpower.analysis.sources.recording import Channel, FlightRecording
+from flightpower.flight.errors import InputError
 
 N = 1500
 T_S = 0.2 * np.arange(N)

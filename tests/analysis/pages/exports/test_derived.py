@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.pages.exports.derived import derived
-from analysis.trajectory.equations import SENSOR_ERRORS, STATES
-from flight.aircraft import Uncertainty
+from flightpower.analysis.pages.exports.derived import derived
+from flightpower.analysis.trajectory.equations import SENSOR_ERRORS, STATES
+from flightpower.flight.aircraft import Uncertainty
 
 sys.path.append(str(Path(__file__).parents[1] / "drag"))
 from constructed import AIRCRAFT, PROPELLER, S, accelerations_and_decelerations, m, measured, polar

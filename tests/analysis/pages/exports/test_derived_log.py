@@ -8,11 +8,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.pages.exports.derived import _by_thrust_table, _write_location
-from flight.aircraft import load_aircraft
-from flight.log_entries import LogEntry, entries_of
-from flight.log_reader import Log
-from flight.messages import Gps, Status
+from flightpower.analysis.pages.exports.derived import _by_thrust_table, _write_location
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.log_entries import LogEntry, entries_of
+from flightpower.flight.log_reader import Log
+from flightpower.flight.messages import Gps, Status
 
 
 class WriterInMemory:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from analysis.pages.open.flights import Folder
+from flightpower.analysis.pages.open.flights import Folder
 from tests.unchanged.commands import flight
 
 

@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from analysis.pages.open.flights import Folder
-from analysis.pages.open.request import LIMITS
-from analysis.pages.open.server import LocalPage, server_of
+from flightpower.analysis.pages.open.flights import Folder
+from flightpower.analysis.pages.open.request import LIMITS
+from flightpower.analysis.pages.open.server import LocalPage, server_of
 from tests.unchanged.commands import flight
 
 HOST, TOKEN = "127.0.0.1:5555", "the-secret-of-this-page"

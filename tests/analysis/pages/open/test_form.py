@@ -4,10 +4,10 @@ import tomllib
 
 import pytest
 
-from analysis.options import Options
-from analysis.pages.open.form import AIRCRAFT, OPTIONS, PROPELLER, as_toml, option_values, typed
-from analysis.pages.open.request import FieldError
-from flight.aircraft_keys import ALL, KEYS
+from flightpower.analysis.options import Options
+from flightpower.analysis.pages.open.form import AIRCRAFT, OPTIONS, PROPELLER, as_toml, option_values, typed
+from flightpower.analysis.pages.open.request import FieldError
+from flightpower.flight.aircraft_keys import ALL, KEYS
 
 USES = ("analysis", "cross-check", "power train", "endurance", "report", "pooling of flights", ALL)
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import waitress
 
-from analysis.pages.open.flights import Folder
-from analysis.pages.open.server import LocalPage
-from flight.aircraft import load_aircraft
+from flightpower.analysis.pages.open.flights import Folder
+from flightpower.analysis.pages.open.server import LocalPage
+from flightpower.flight.aircraft import load_aircraft
 from tests.browser import AXE, CHROMIUM, NO_AXE, Browser
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here (Debian: apt-get install chromium)")

@@ -12,11 +12,11 @@ from urllib.request import urlopen
 
 import pytest
 
-from analysis.pages.open.command import _read_apart, opened_folder
-from analysis.pages.open.flights import open_flight
-from analysis.pages.open.runs_flight import RunsFlight
-from flight.errors import InputError
-from flight.log_reader import Log
+from flightpower.analysis.pages.open.command import _read_apart, opened_folder
+from flightpower.analysis.pages.open.flights import open_flight
+from flightpower.analysis.pages.open.runs_flight import RunsFlight
+from flightpower.flight.errors import InputError
+from flightpower.flight.log_reader import Log
 
 
 def test_logs_of_one_folder_are_opened_and_others_refused(tmp_path: Path) -> None:

@@ -10,16 +10,16 @@ import msgspec
 import numpy as np
 import pytest
 
-from analysis.maneuvers.runs_file import load
-from analysis.options import Options
-from analysis.pages.open import form, runs_flight
-from analysis.pages.open.flights import Folder
-from analysis.pages.open.opened import OpenedFlight
-from analysis.pages.open.request import LIMITS, Run, Values
-from analysis.pages.open.runs_flight import RunsFlight, runs_text
-from analysis.pages.open.server import LocalPage
-from analysis.records.flight import Kind
-from flight.errors import InputError
+from flightpower.analysis.maneuvers.runs_file import load
+from flightpower.analysis.options import Options
+from flightpower.analysis.pages.open import form, runs_flight
+from flightpower.analysis.pages.open.flights import Folder
+from flightpower.analysis.pages.open.opened import OpenedFlight
+from flightpower.analysis.pages.open.request import LIMITS, Run, Values
+from flightpower.analysis.pages.open.runs_flight import RunsFlight, runs_text
+from flightpower.analysis.pages.open.server import LocalPage
+from flightpower.analysis.records.flight import Kind
+from flightpower.flight.errors import InputError
 from tests.unchanged.commands import run
 
 
@@ -72,7 +72,7 @@ def test_a_log_is_read_ahead_once_and_what_is_wrong_is_said_when_it_is_asked_for
     page = LocalPage(opened, set(), "secret")
     for name in ("log.mcap", "missing.mcap"):
         page.read_ahead(name)
-    monkeypatch.setattr("analysis.pages.open.flights.open_source", None)
+    monkeypatch.setattr("flightpower.analysis.pages.open.flights.open_source", None)
     monkeypatch.setattr(runs_flight, "synchronized", None)
     assert opened.flight("log.mcap").shown["runs"]
     with pytest.raises(InputError):
@@ -177,7 +177,7 @@ def test_what_is_drawn_beside_the_curve_is_in_the_command_and_in_the_report(
         asked.append((options.likelihood, options.polar, shlex.split(command_line)[2:]))
         raise InputError("enough")
 
-    monkeypatch.setattr("analysis.pages.one_log.analyze_log", analyze_log)
+    monkeypatch.setattr("flightpower.analysis.pages.one_log.analyze_log", analyze_log)
     monkeypatch.chdir(log.path.parent)
     Path("polar.csv").write_text("CL,CD\n0.2,0.03\n0.6,0.04\n1.0,0.08\n", "utf-8")
     for values in (Values("", method="energy"), Values("", method="force-models"), Values("", polar="polar.csv")):

@@ -7,8 +7,8 @@ from threading import Thread
 import pytest
 import waitress
 
-from analysis.pages.open.flights import Folder
-from analysis.pages.open.server import LocalPage
+from flightpower.analysis.pages.open.flights import Folder
+from flightpower.analysis.pages.open.server import LocalPage
 from tests.browser import AXE, CHROMIUM, NO_AXE, Browser
 from tests.unchanged.commands import flight
 

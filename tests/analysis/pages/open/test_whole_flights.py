@@ -10,18 +10,18 @@ import msgspec
 import numpy as np
 import pytest
 
-from analysis.curve import Kind
-from analysis.options import Options
-from analysis.pages.charts.figure import Axis
-from analysis.pages.open.flights import Folder
-from analysis.pages.open.pictures import strips
-from analysis.pages.open.request import LIMITS, FieldError, Values
-from analysis.pages.open.whole_flight import WholeFlight
-from analysis.pipeline import analyze
-from analysis.sources.open import open_source
-from analysis.sources.recording import Channel, Event, EventKind
-from flight.aircraft import load_aircraft
-from flight.errors import InputError
+from flightpower.analysis.curve import Kind
+from flightpower.analysis.options import Options
+from flightpower.analysis.pages.charts.figure import Axis
+from flightpower.analysis.pages.open.flights import Folder
+from flightpower.analysis.pages.open.pictures import strips
+from flightpower.analysis.pages.open.request import LIMITS, FieldError, Values
+from flightpower.analysis.pages.open.whole_flight import WholeFlight
+from flightpower.analysis.pipeline import analyze
+from flightpower.analysis.sources.open import open_source
+from flightpower.analysis.sources.recording import Channel, Event, EventKind
+from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.errors import InputError
 from tests.unchanged.commands import flight, run
 
 LOGS = {"flight.BIN": "ardupilot", "flight.ulg": "px4"}
@@ -175,7 +175,7 @@ def test_a_log_of_the_daemon_without_flow_angles_keeps_its_aircraft_file(
     for name in ("flights", "workspace"):
         (tmp_path / name).mkdir()
     (tmp_path / "flights" / "log.mcap").write_bytes(flown)
-    monkeypatch.setattr("analysis.pipeline.lacks_drag_topics", lambda _: True)
+    monkeypatch.setattr("flightpower.analysis.pipeline.lacks_drag_topics", lambda _: True)
     log = opened(Folder(tmp_path / "flights", tmp_path / "workspace"), "log.mcap")
     keys = {field["key"] for group in log.shown["form"] for field in group["fields"]}
     assert {"mass.weight", "geometry.span"} <= keys and not any(key.startswith("uncertainty.") for key in keys)
