@@ -2,10 +2,11 @@
 
     python benchmarks/altered_logs.py --inputs 1000000 --minutes 30
 
-The logs are as short as their reader, or the estimate, takes them. Each input has one to eight alterations, which
-follow from its number: bytes and bits, whole numbers and floats at their limits, stretches cut, repeated, moved. A
-defect is any exception but a refusal, a warning of a library, 10 s for one input, or 2 GB of memory; its input is kept
-in tests/data/fuzz.
+The logs are as short as their reader, or the estimate, permits. Each input has one to eight alterations, which follow
+from its number: bytes and bits, whole numbers and floats at their limits, stretches cut, repeated, moved; in every
+other text, numbers, words and lines in place of others, so that it gets past its first line. Messages of the daemon are
+altered before they are packed into a log. A defect is any exception but a refusal, a warning of a library, 10 s for one
+input, or 2 GB of memory; its input is kept in tests/data/fuzz.
 """
 
 import os
@@ -15,6 +16,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import io
 import json
 import random
+import re
 import resource
 import signal
 import struct
@@ -37,12 +39,17 @@ import typer
 
 from flightpower.analysis.missions.mission import Assumed
 from flightpower.analysis.missions.mission_files import load_mission
+from flightpower.analysis.pages.predicted_polar import read_predicted_polar
 from flightpower.analysis.sources.ardupilot import read_ardupilot
 from flightpower.analysis.sources.map_draft import draft
 from flightpower.analysis.sources.open import open_source
 from flightpower.analysis.sources.paparazzi import read_paparazzi
 from flightpower.analysis.sources.px4 import read_px4
+from flightpower.analysis.sources.structure import check_log, receiver_notes
 from flightpower.flight.errors import InputError
+from flightpower.flight.log_reader import read_log
+from flightpower.flight.log_writer import LogWriter
+from flightpower.flight.messages import TYPE_OF_TOPIC
 from flightpower.flight.propeller_files import load_propeller
 from flightpower.flight.shipped_propellers import FOLDER
 from flightpower.sim.dataflash_writer import DataflashMessages, write_dataflash, write_text
@@ -60,6 +67,12 @@ LIMITS = [struct.pack(code, x) for code, x in (
     ("<I", 0), ("<I", 2**32 - 1), ("<i", 2**31 - 1), ("<q", -1), ("<Q", 2**63), ("<H", 0), ("<H", 2**16 - 1),
     ("<B", 0), ("<B", 255), ("<B", 127),
 )]  # fmt: skip
+PART_OF_TEXT = re.compile(rb"[-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?|[A-Za-z_]+|[^A-Za-z0-9\s]")
+OTHER_PARTS = (
+    b"", b"0", b"-1", b"1", b"65535", b"4294967296", b"1e400", b"-1e300", b"1e-320", b"nan", b"inf", b"null", b"true",
+    b"[]", b"{}", b'"x"', b"abc", b"12:60:61", b"2024-02-30", b"1,5", b"\xff", b"\0", b"\xc3\xa9", b" ", b"\t", b";",
+    b"180", b"-90.1", b"1000000000000000000000000000000", b"0x10", b"1_000", b"-0", b"NaN", b"\xe2\x88\x92" b"5",
+)  # fmt: skip
 
 
 def small_table() -> bytes:
@@ -119,6 +132,81 @@ def paparazzi() -> bytes:
     return "\n".join(lines).encode()
 
 
+def daemon_messages() -> bytes:
+    """Messages of the daemon, one a line: topic, time in nanoseconds, JSON."""
+    lines = []
+    for i in range(30):
+        wave = float(np.sin(0.3 * i))
+        for topic, values in {
+            "/imu": {**{f"specific_force_{axis}_mps2": x for axis, x in zip("xyz", (wave, 0.1, -9.8), strict=True)},
+                     **{f"angular_rate_{axis}_radps": 0.1 * wave for axis in "xyz"}, "group_delay_s": 0.004},
+            "/probe/airspeed": {"differential_pressure_Pa": 140 + 20 * wave, "temperature_K": 290.0},
+            "/probe/alpha": {"differential_pressure_Pa": 20 * wave},
+            "/probe/beta": {"differential_pressure_Pa": 2 * wave},
+            "/static": {"pressure_Pa": 95000 + 50 * wave, "temperature_K": 295.0},
+            "/rpm": {"period_us": 2000, "motor_speed_revps": 100 + wave},
+            "/gps": {"itow_ms": 1000 + 40 * i, "fix_type": 3, "satellites": 9, "velocity_north_mps": 15 + wave,
+                     "velocity_east_mps": wave, "velocity_down_mps": 0.1 * wave, "dynamic_model": 7},
+            "/battery": {"voltage_V": 15.0, "current_A": 8 + wave},
+        }.items():  # fmt: skip
+            lines.append(f"{topic} {40_000_000 * i} " + json.dumps({"status": "ok", **values}))
+    return "\n".join(lines).encode()
+
+
+def packed_messages(lines: bytes) -> bytes:
+    """A log of these messages, uncompressed. Lines without topic or time are left out, as no log can hold them."""
+    from mcap.writer import CompressionType, Writer
+
+    stream = io.BytesIO()
+    writer = Writer(stream, compression=CompressionType.NONE)
+    writer.start("flightpower", "flightpower-log-1")
+    channels: dict[bytes, int] = {}
+    for i, line in enumerate(lines.split(b"\n")):
+        topic, _, rest = line.partition(b" ")
+        time_ns, _, message = rest.partition(b" ")
+        if not time_ns.isdigit() or int(time_ns) >= 2**64:
+            continue
+        if topic not in channels:
+            schema = writer.register_schema("message", "jsonschema", b"{}")
+            channels[topic] = writer.register_channel(topic.decode("utf-8", "replace"), "json", schema)
+        writer.add_message(channels[topic], int(time_ns), message, int(time_ns), i)
+    writer.finish()
+    return stream.getvalue()
+
+
+def daemon_log() -> bytes:
+    from msgspec.json import decode
+
+    stream = io.BytesIO()
+    writer = LogWriter(stream, chunk_bytes=4000)
+    writer.attach("zero.json", b"{}", "application/json", 0)
+    for i, line in enumerate(daemon_messages().splitlines()):
+        topic, time_ns, message = line.decode().split(" ", 2)
+        writer.write(topic, decode(message, type=TYPE_OF_TOPIC[topic]), time_ns=int(time_ns), tick=i // 8)
+    writer.finish()
+    return stream.getvalue()
+
+
+def read_checked(path: Path) -> object:
+    """A log of the daemon as far as it is read and checked before it is synchronized."""
+    log = read_log(path)
+    check_log(log, 0.3)
+    return receiver_notes(log)
+
+
+POLAR = (
+    b"xflr5 v6.61\n\n Plane name : one\n QInf = 15.0 m/s\n\n   alpha  Beta  CL  CDi  CDv  CD  CY  Cl  Cm  Cn\n"
+    + b"".join(
+        b"%8.3f  0.000  %9.6f  %9.6f  %9.6f  %9.6f  0.0  0.0  0.0  0.0\n"
+        % (a, 0.2 + 0.09 * a, 0.04 * a * a / 50, 0.02, 0.02 + 0.04 * a * a / 50)
+        for a in range(-2, 9)
+    )
+)
+AVL = b"".join(
+    b" Vortex Lattice Output -- Total Forces\n  Alpha = %9.5f\n  CYtot = 0.0\n  CLtot = %9.5f\n  CDtot = %9.5f\n\n"
+    % (a, 0.2 + 0.09 * a, 0.02 + 0.001 * a * a)
+    for a in range(8)
+)
 WAYPOINTS = b"QGC WPL 110\n" + b"".join(
     b"%d\t%d\t3\t%d\t0\t0\t0\t0\t48.%03d\t11.5\t%d\t1\n" % (i, i == 0, 22 if i == 1 else 16, i, 50 + i)
     for i in range(8)
@@ -206,30 +294,38 @@ class Target:
     share: float
     log: tuple[float, float] = (READ_S, 5.0)  # duration [s], rate [Hz]
     made: Callable[[], bytes] | None = None  # the input that is altered, if it is no log of `small_log`
+    packed: Callable[[bytes], bytes] = bytes  # what is written of the altered input
+    is_text: bool = False
 
 
 TARGETS = (
-    Target("dataflash", ".bin", read_ardupilot, 0.28),
-    Target("ulog", ".ulg", read_px4, 0.20),
-    Target("telemetry", ".tlog", read_ardupilot, 0.04),
-    Target("dataflash-text", ".log", read_ardupilot, 0.03),
-    Target("matlab-log", ".mat", open_source, 0.02, made=matlab_log),
-    Target("paparazzi", ".data", read_paparazzi, 0.08, made=paparazzi),
-    Target("radio-table", ".csv", open_source, 0.01, made=small_table),
-    Target("european-table", ".csv", draft, 0.01, made=european_table),
-    Target("matlab-table", ".mat", draft, 0.01, made=matlab_structure),
-    Target("waypoints", ".waypoints", mission, 0.1, made=lambda: WAYPOINTS),
-    Target("plan", ".plan", mission, 0.1, made=plan),
-    Target("inav-mission", ".mission", mission, 0.04, made=lambda: INAV),
-    Target("map-line", ".kml", mission, 0.04, made=lambda: KML),
-    Target("propeller", ".csv", load_propeller, 0.034, made=lambda: (FOLDER / "apc-12x8e.csv").read_bytes()),
-    Target("electrical", ".bin", electrical, 0.003, (FLOWN_S, 1.0)),
-    Target("electrical-ulog", ".ulg", electrical, 0.003, (FLOWN_S, 1.0)),
+    Target("dataflash", ".bin", read_ardupilot, 0.2),
+    Target("ulog", ".ulg", read_px4, 0.16),
+    Target("telemetry", ".tlog", read_ardupilot, 0.05),
+    Target("dataflash-text", ".log", read_ardupilot, 0.05, is_text=True),
+    Target("daemon", ".mcap", read_checked, 0.04, made=daemon_log),
+    Target("daemon-messages", ".mcap", read_checked, 0.05, made=daemon_messages, packed=packed_messages, is_text=True),
+    Target("matlab-log", ".mat", open_source, 0.03, made=matlab_log),
+    Target("paparazzi", ".data", read_paparazzi, 0.06, made=paparazzi, is_text=True),
+    Target("radio-table", ".csv", open_source, 0.04, made=small_table, is_text=True),
+    Target("european-table", ".csv", draft, 0.04, made=european_table, is_text=True),
+    Target("matlab-table", ".mat", draft, 0.03, made=matlab_structure),
+    Target("waypoints", ".waypoints", mission, 0.06, made=lambda: WAYPOINTS, is_text=True),
+    Target("plan", ".plan", mission, 0.06, made=plan, is_text=True),
+    Target("inav-mission", ".mission", mission, 0.03, made=lambda: INAV, is_text=True),
+    Target("map-line", ".kml", mission, 0.03, made=lambda: KML, is_text=True),
+    Target("propeller", ".csv", load_propeller, 0.036, made=(FOLDER / "apc-12x8e.csv").read_bytes, is_text=True),
+    Target("polar", ".txt", read_predicted_polar, 0.015, made=lambda: POLAR, is_text=True),
+    Target("avl-polar", ".txt", read_predicted_polar, 0.015, made=lambda: AVL, is_text=True),
+    Target("electrical", ".bin", electrical, 0.002, (FLOWN_S, 1.0)),
+    Target("electrical-ulog", ".ulg", electrical, 0.002, (FLOWN_S, 1.0)),
 )
 
 
-def altered(data: bytes, number: int) -> bytes:
-    """The input of this number."""
+def altered(data: bytes, number: int, is_text: bool = False) -> bytes:
+    """The input of this number; every other text by its numbers, words and lines."""
+    if is_text and number % 2:
+        return altered_text(data, number)
     draw, out = random.Random(number), bytearray(data)
     for _ in range(draw.choice((1, 1, 2, 4, 8))):
         at, length = draw.randrange(len(out) + 1), draw.choice((1, 2, 8, 64, 512))
@@ -253,6 +349,34 @@ def altered(data: bytes, number: int) -> bytes:
             case _:
                 out[at:at] = draw.randbytes(length)
     return bytes(out)
+
+
+def altered_text(data: bytes, number: int) -> bytes:
+    """A text with other numbers and words, and other lines."""
+    draw, lines = random.Random(number), data.splitlines(keepends=True)
+    for _ in range(draw.choice((1, 1, 2, 4, 8))):
+        at, other = draw.randrange(len(lines)), draw.randrange(len(lines))
+        match draw.randrange(10):
+            case 0 if len(lines) > 1:
+                del lines[at]
+            case 1:
+                lines.insert(other, lines[at])
+            case 2:
+                lines[at], lines[other] = lines[other], lines[at]
+            case 3:
+                lines[at] = draw.choice((b"\n", b"# " + lines[at], lines[at].rstrip() + b",;\t1\n", lines[at].strip()))
+            case _:
+                parts = list(PART_OF_TEXT.finditer(lines[at]))
+                if not parts:
+                    continue
+                part = draw.choice(parts)
+                new = draw.choice((*OTHER_PARTS, draw.choice(parts)[0]))
+                whole = draw.random() < 0.1  # in every line
+                rows = range(len(lines)) if whole else (at,)
+                for row in rows:
+                    lines[row] = lines[row].replace(part[0], new) if whole else (
+                        lines[row][: part.start()] + new + lines[row][part.end() :])  # fmt: skip
+    return b"".join(lines)
 
 
 class Hang(BaseException):
@@ -291,7 +415,7 @@ def tried(job: tuple[int, bytes, int, int, float]) -> Tally:
         for number in range(first, stop):
             if time.time() > until:
                 break
-            one = altered(data, number)
+            one = target.packed(altered(data, number, target.is_text))
             path.write_bytes(one)
             began = time.process_time()
             signal.setitimer(signal.ITIMER_PROF, SLOWEST_S)
@@ -321,21 +445,24 @@ def tried(job: tuple[int, bytes, int, int, float]) -> Tally:
 
 
 def original(target: Target) -> bytes:
-    """The log that is altered; raises InputError if it is refused itself."""
+    """The input that is altered; raises InputError if it is refused itself."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"log{target.suffix}"
         if target.made is None:
             small_log(path, *target.log)
+            data = path.read_bytes()
         else:
-            path.write_bytes(target.made())
+            data = target.made()
+            path.write_bytes(target.packed(data))
         target.run(path)
-        return path.read_bytes()
+        return data
 
 
 def main(
     inputs: Annotated[int, typer.Option(help="In all, shared out among the targets.")] = 1_000_000,
     minutes: Annotated[float, typer.Option(help="Ends after this time, whatever is left.")] = 30.0,
     seed: Annotated[int, typer.Option(help="The number of the first input.")] = 0,
+    processes: Annotated[int, typer.Option(help="At once.")] = 2,
 ) -> None:
     until, done = time.time() + 60 * minutes, Tally()
     jobs = []
@@ -345,7 +472,7 @@ def main(
             jobs.append(((first - seed) / count, (index, data, first, min(first + BATCH, seed + count), until)))
     jobs.sort(key=lambda job: job[0])  # all targets advance alike, so that the time limit cuts none alone
     tallies = [Tally() for _ in TARGETS]
-    with ProcessPoolExecutor(2) as pool:
+    with ProcessPoolExecutor(processes) as pool:
         for (_, job), tally in zip(jobs, pool.map(tried, [job for _, job in jobs]), strict=True):
             tallies[job[0]].add(tally)
     print(f"{'target':20} {'inputs':>8} {'refused':>8} {'defects':>8} {'mean, ms':>9} {'slowest, s':>11}")

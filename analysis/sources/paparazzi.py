@@ -163,7 +163,7 @@ def _tables(path: Path) -> dict[str, Table]:
             )
     tables: dict[str, Table] = {}
     for name, found in rows.items():
-        columns = np.array(found).T
+        columns = recording.without_damage(found).T
         tables[name] = dict(zip(("t_s", *FIELDS[name]), columns, strict=True))
     return tables
 
@@ -195,7 +195,7 @@ def _static(tables: Mapping[str, Table]) -> tuple[Channel | None, list[str]]:
     """Static pressure by a barometer, else by the height of GPS."""
     for name in ("BARO_RAW", "AIR_DATA"):
         table = tables.get(name)
-        if table is not None and np.median(table["static_Pa"]) > 0:
+        if table is not None and np.mean(table["static_Pa"] > 0) > 0.5:
             return channel(table["t_s"], table["static_Pa"]), []
     gps = tables.get("GPS")
     if gps is None:
@@ -221,4 +221,5 @@ def _place(gps: Table) -> dict[str, Channel]:
 
 
 def _fixed(gps: Table) -> NDArray[np.bool_]:
-    return np.asarray(gps["mode"] >= 3)  # a position in three dimensions
+    whole = np.all([np.isfinite(x) for x in gps.values()], axis=0)
+    return np.asarray(whole & (gps["mode"] >= 3))  # a position in three dimensions

@@ -64,6 +64,21 @@ def test_fields_have_their_units(tmp_path: Path) -> None:
     assert float(read.thermometers["AIR_DATA"].value[0]) == pytest.approx(293.15)
 
 
+@pytest.mark.parametrize("damaged", ["1e400", "-inf", "nan", "1e300"])
+def test_a_damaged_number_spoils_no_other(tmp_path: Path, damaged: str) -> None:
+    """Of a position, a course and a pressure, without a warning of a library; the others stay as they are."""
+    text = lines()
+    at = next(i for i, line in enumerate(text) if " GPS " in line)
+    for field, row in ((4, at), (6, at + 6)):  # north of the first position, course of the second
+        words = text[row].split(" ")
+        words[field] = damaged
+        text[row] = " ".join(words)
+    text[0] = text[0].replace("-1. ", f"{damaged} ", 1)
+    read = read_paparazzi(written(tmp_path / "log.data", text))
+    assert np.median(read.channels[recording.GPS[1]].value) == pytest.approx(12.0)
+    assert all(len(one.t_s) == 97 and np.ptp(one.value) == 0 for one in read.place.values())
+
+
 def test_two_messages_of_one_sensor_are_used_together(tmp_path: Path) -> None:
     both = read_paparazzi(written(tmp_path / "log.data", lines())).channels[recording.AIRSPEED_PRESSURE]
     alone = read_paparazzi(written(tmp_path / "alone.data", [one for one in lines() if "AIRSPEED" not in one]))
