@@ -20,6 +20,7 @@ from flightpower.flight.number import Number
 J_REFERENCE = 0.5
 WINDMILL, FOLD = "windmill", "fold"
 BEYOND_ZERO_THRUST = (WINDMILL, FOLD)
+LEAST_STEP, LARGEST_NUMBER = 1e-9, 1e9  # of J, and of any number in a table: beyond them it is damage
 # Drag areas over the square of the diameter. Folded blades lie along the nacelle: two blades of 0.07 by 0.5 diameters,
 # wetted on both sides, with the friction coefficient of a turbulent plate (0.011; Hoerner, Fluid-Dynamic Drag, ch. 2).
 # Blades of a stopped propeller are flat plates across the flow (drag coefficient 1.2; Hoerner ch. 3) with half of that
@@ -114,9 +115,9 @@ class Propeller(PropellerModel):
         if not (np.isfinite(diameter_m) and diameter_m > 0):
             raise InputError(f"propeller {name}: a diameter of {diameter_m:g} m is not positive")
         for row in self.rows:
-            if not np.isfinite([row.rpm, *row.J, *row.cT, *row.cP]).all():
-                raise InputError(f"propeller {name}: not a number at {row.rpm:g} rpm")
-            if len(row.J) < 2 or np.any(np.diff(row.J) <= 0):
+            if not np.all(np.abs([row.rpm, *row.J, *row.cT, *row.cP]) < LARGEST_NUMBER):
+                raise InputError(f"propeller {name}: a number at {row.rpm:g} rpm is no propeller's: correct the table")
+            if len(row.J) < 2 or np.any(np.diff(row.J) <= LEAST_STEP):
                 raise InputError(
                     f"propeller {name}: the row at {row.rpm:g} rpm needs at least two points with ascending J"
                 )
