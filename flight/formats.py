@@ -74,6 +74,9 @@ READ_BY_OTHERS = (
     Format.ULOG, Format.DATAFLASH, Format.DATAFLASH_TEXT, Format.TELEMETRY, Format.PAPARAZZI, Format.PARQUET,
     Format.MAT,
 )  # fmt: skip
+READ_PACKED = (
+    Format.ULOG, Format.DATAFLASH, Format.DATAFLASH_TEXT, Format.TELEMETRY, Format.PAPARAZZI, Format.TEXT,
+)  # fmt: skip
 ONLY_CHARTS = "it has no battery and no airspeed; analyze the log that it was made from"
 # By format, what to do instead. Those that are read have none.
 REMEDY: Mapping[Format, str] = {
@@ -170,14 +173,14 @@ TEXTS: Mapping[Format, re.Pattern[str]] = {
 
 
 def format_of(path: Path) -> Format:
-    """The format of a file. A table or a log of Paparazzi may be compressed by gzip.
+    """The format of a file. Tables in text and logs of autopilots may be compressed by gzip.
 
     Raises InputError when the file cannot be read.
     """
     start = first_bytes(path)
     if start.startswith(GZIP_MAGIC):
         inside = recognized(unpacked_start(path))
-        return inside if inside in (Format.PAPARAZZI, Format.TEXT) else Format.COMPRESSED
+        return inside if inside in READ_PACKED else Format.COMPRESSED
     return _in_archive(path) if start.startswith(ZIP_MAGIC) else recognized(start)
 
 

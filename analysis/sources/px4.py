@@ -33,6 +33,7 @@ from flightpower.analysis.sources.recording import (
     without_jumps,
 )
 from flightpower.analysis.sources.ulog import BlockwiseULog
+from flightpower.analysis.sources.unpacked import unpacked
 from flightpower.flight.arrays import Array
 from flightpower.flight.errors import InputError
 
@@ -120,8 +121,14 @@ def read_px4(path: Path) -> FlightRecording:
 def _opened(path: Path, topics: Collection[str] | None) -> BlockwiseULog:
     """The log with these topics, or all. Raises InputError if it cannot be read."""
     try:
-        with path.open("rb") as stream, contextlib.redirect_stdout(io.StringIO()):
+        with (
+            unpacked(path) as plain,
+            plain.open("rb") as stream,
+            contextlib.redirect_stdout(io.StringIO()),
+        ):
             return BlockwiseULog(stream, topics)
+    except InputError:
+        raise
     except Exception as error:  # a torn or altered file raises whatever its bytes lead to
         raise InputError(f"{path}: cannot be read as a PX4 log ({type(error).__name__}: {_line(error)})") from None
 

@@ -57,7 +57,7 @@ FOREIGN: dict[str, tuple[bytes, Format, str]] = {
     "xls": (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(90), Format.SPREADSHEET, "CSV"),
     "a packed log": (archive("00000042.BIN"), Format.ZIP, "unpack"),
     "a damaged archive": (b"PK\x03\x04" + bytes(range(200)), Format.ZIP, "unpack"),
-    "gzip": (gzip.compress(ULOG), Format.COMPRESSED, "unpack"),
+    "gzip": (gzip.compress(b"\x89PNG\r\n\x1a\n" + bytes(90)), Format.COMPRESSED, "unpack"),
     "bzip2": (b"BZh91AY&SY" + bytes(90), Format.COMPRESSED, "unpack"),
     "xz": (b"\xfd7zXZ\0" + bytes(90), Format.COMPRESSED, "unpack"),
     "ROS bag": (b"#ROSBAG V2.0\n" + bytes(90), Format.ROS_BAG, "Parquet"),
@@ -98,6 +98,8 @@ READ: dict[str, tuple[bytes, Autopilot | None]] = {
     "telemetry": ((1_700_000_000_000_000).to_bytes(8, "big") + heartbeats(), Autopilot.ARDUPILOT),
     "Paparazzi": (b"12.34 7 GPS 3 1 2 3\n" * 9, Autopilot.PAPARAZZI),
     "packed Paparazzi": (gzip.compress(b"12.34 7 GPS 3 1 2 3\n" * 9), Autopilot.PAPARAZZI),
+    "packed PX4": (gzip.compress(ULOG), Autopilot.PX4),
+    "packed ArduPilot": (gzip.compress(b"\xa3\x95\x80\x80\x59FMT"), Autopilot.ARDUPILOT),
     "a table": (LINES, None),
     "a packed table": (gzip.compress(LINES), None),
 }

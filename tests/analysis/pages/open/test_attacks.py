@@ -199,10 +199,11 @@ def test_every_format_that_is_analyzed_can_be_dropped(page: LocalPage) -> None:
     table = "time [s],airspeed [m/s],pressure [Pa],voltage [V],current [A]\n"
     table += "".join(f"{t},{15 + t / 10},{101000 - t},12.5,{5 + t / 100}\n" for t in t_s)
     lines = "".join(f"{t:.3f} 20 ENERGY 55 11.5 1.7\n" for t in t_s).encode()
+    flown = flight("ordinary-flight", "--as", "ardupilot", "--seed", "3")
     kinds = {
         "flight.csv": (table.encode(), "table"), "flight.csv.gz": (gzip.compress(table.encode()), "table"),
         "radio.data": (lines, "log"), "radio.data.gz": (gzip.compress(lines), "log"),
-        "flight.BIN": (flight("ordinary-flight", "--as", "ardupilot", "--seed", "3"), "log"),
+        "flight.BIN": (flown, "log"), "packed.BIN.gz": (gzip.compress(flown), "log"),
         "mine.columns.toml": (b'[time]\ncolumn = "t"\nunit = "s"\n', "map"),
         "polar.csv": (b"CL,CD\n0.2,0.03\n0.6,0.04\n1.0,0.08\n", "polar"),
     }  # fmt: skip
@@ -215,7 +216,7 @@ def test_every_format_that_is_analyzed_can_be_dropped(page: LocalPage) -> None:
     listed = {one["name"]: one["kind"] for one in json.loads(asked(page, "GET", of("logs")).body)["logs"]}
     assert listed == {
         "flight.csv": "table", "flight.csv.gz": "table", "radio.data": "Paparazzi", "radio.data.gz": "Paparazzi",
-        "flight.BIN": "ArduPilot", "log.mcap": "flightpower",
+        "flight.BIN": "ArduPilot", "packed.BIN.gz": "ArduPilot", "log.mcap": "flightpower",
     }  # fmt: skip
 
 

@@ -1,0 +1,40 @@
+"""A log that is compressed by gzip, as a file of its own while it is read."""
+
+import gzip
+import tempfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from flightpower.flight.errors import InputError
+from flightpower.flight.formats import GZIP_MAGIC, first_bytes
+from flightpower.flight.log_chunk import allowed_bytes
+
+
+@contextmanager
+def unpacked(path: Path) -> Iterator[Path]:
+    """The file itself, or what gzip has packed in it, in a temporary file.
+
+    Raises InputError when it cannot be read or unpacked, or unpacks to more than `flight.log_chunk` permits.
+    """
+    if not first_bytes(path, len(GZIP_MAGIC)).startswith(GZIP_MAGIC):
+        yield path
+        return
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        plain = Path(folder) / path.with_suffix("").name
+        _unpack(path, plain)
+        yield plain
+
+
+def _unpack(path: Path, plain: Path) -> None:
+    left = allowed_bytes(path.stat().st_size)
+    try:
+        with gzip.open(path) as packed, plain.open("wb") as out:
+            while block := packed.read(1 << 22):
+                left -= len(block)
+                if left < 0:
+                    raise InputError(f"{path}: unpacks to more than a log has: unpack it yourself, and see what it is")
+                out.write(block)
+    except (OSError, EOFError, zlib.error) as error:
+        raise InputError(f"{path}: cannot be unpacked ({error}): copy or download it again") from None
