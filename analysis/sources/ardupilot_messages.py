@@ -15,6 +15,7 @@ from flightpower.analysis.sources.matlab_log import MatlabLog
 from flightpower.analysis.sources.recording import AllChannels, Channel, channel, vehicle_of, without_damage
 from flightpower.analysis.sources.telemetry import RawTelemetryLog, TelemetryLog
 from flightpower.analysis.sources.text_log import TextLog
+from flightpower.analysis.sources.unpacked import unpacked
 from flightpower.flight.errors import InputError
 from flightpower.flight.formats import Format, format_of
 
@@ -87,12 +88,19 @@ def all_channels(path: Path) -> AllChannels:
     log = _read(path, RawTelemetryLog, ())
     found: dict[str, Callable[[], Channel]] = {}
     for kind in log.names():
-        for (_, number), table in _instances(kind, log.columns(kind), ()):
+        for (_, number), table in _instances(kind, _in_degrees(log.form(kind), log.columns(kind)), ()):
             name = f"{kind} {number}" if number else kind
             found |= {
                 f"{name}.{field}": partial(channel, table["t_s"], table[field]) for field in table if field != "t_s"
             }
     return found
+
+
+def _in_degrees(form: Form | None, columns: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """The columns with latitudes and longitudes in degrees, not in 1e-7 degrees as dataflash logs pack them."""
+    packed = () if form is None else [one for one, code in zip(form.fields, form.codes, strict=False) if code == "L"]
+    found = {name: columns[name] for name in packed if name in columns and columns[name].dtype.kind == "f"}
+    return columns | {name: 1e-7 * x for name, x in found.items() if np.nanmax(np.abs(x), initial=0.0) > 360}
 
 
 Telemetry = TypeVar("Telemetry")
@@ -105,16 +113,18 @@ def _read(
 
     Raises InputError where the file cannot be read.
     """
+    form = format_of(path)
     try:
-        match format_of(path):
-            case Format.DATAFLASH_TEXT:
-                return TextLog(path, kinds)
-            case Format.TELEMETRY:
-                return telemetry(path.read_bytes())
-            case Format.MAT:
-                return MatlabLog(path, kinds)
-            case _:
-                return DataflashLog(path)
+        with unpacked(path) as plain:
+            match form:
+                case Format.DATAFLASH_TEXT:
+                    return TextLog(plain, kinds)
+                case Format.TELEMETRY:
+                    return telemetry(plain.read_bytes())
+                case Format.MAT:
+                    return MatlabLog(plain, kinds)
+                case _:
+                    return DataflashLog(plain if plain == path else plain.read_bytes())
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
     except ValueError as error:
@@ -173,7 +183,8 @@ def _units(form: Form | None, told: dict[str, NDArray[Any]], multipliers: dict[s
     pairs = zip(told["FmtType"], told.get("MultIds", ()), strict=False)
     mine = [ids for number, ids in pairs if number == form.number and isinstance(ids, bytes)]
     ids, factors = (multipliers.get(name, np.zeros(0)) for name in ("Id", "Mult"))
-    by_id = dict(zip(ids.tolist(), factors.tolist() if factors.dtype.kind == "f" else [], strict=False))
+    usable = without_damage(factors) if factors.dtype.kind == "f" else np.zeros(0)
+    by_id = dict(zip(ids.tolist(), usable.tolist(), strict=False))
     told_factors = [by_id.get(identity, 0.0) for identity in (mine[-1] if mine else b"")]
     known = {field: x for field, x in zip(form.fields, told_factors, strict=False) if x != 0 and np.isfinite(x)}
     return {field: known[field] for field in form.whole_numbers() if field in known}
@@ -206,13 +217,19 @@ def _instances(
     if clock is None or not set(fields) & set(numbers):
         return
     t_s = numbers[clock[0]] * clock[1]
-    field = next((name for name in INSTANCE if name in numbers), None)
+    field = next((name for name in INSTANCE if name in numbers and _are_instances(numbers[name])), None)
     instance = np.zeros(len(t_s)) if field is None else numbers[field]
     for number in np.unique(instance[np.isfinite(instance)]):
         rows = instance == number
         unknown = np.full(int(rows.sum()), np.nan)
         values = {name: numbers[name][rows] if name in numbers else unknown for name in fields}
         yield (kind, int(number)), {"t_s": t_s[rows], **values}
+
+
+def _are_instances(numbers: NDArray[np.float64]) -> bool:
+    """Whether these are numbers of sensors: I is also the integral of a controller. A few may be damaged."""
+    known = numbers[np.isfinite(numbers)]
+    return bool(np.mean((known == np.round(known)) & (known >= 0) & (known < 256)) > 0.5) if len(known) else True
 
 
 def _refuse_unknown(path: Path, energy_control: dict[str, NDArray[Any]]) -> None:

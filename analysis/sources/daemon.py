@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from flightpower.analysis.sources.grid import on_grid
 from flightpower.analysis.sources.grid_settings import CHANNELS, STATISTICS
-from flightpower.analysis.sources.recording import AllChannels, Channel, Event, EventKind
+from flightpower.analysis.sources.recording import AllChannels, Channel, Event, EventKind, without_damage
 from flightpower.analysis.sources.resolution import step_of
 from flightpower.flight import runs
 from flightpower.flight.aircraft import Aircraft
@@ -45,7 +45,9 @@ def values(entries: Entries, field: str) -> Array:
     if numbers is None:
         return np.full(len(entries), np.nan)
     array = np.array(numbers)
-    return array if numbers.typecode == "d" else np.where(array == NO_INTEGER, np.nan, array.astype(float))
+    return (
+        without_damage(array) if numbers.typecode == "d" else np.where(array == NO_INTEGER, np.nan, array.astype(float))
+    )
 
 
 def field_of(log: Log, topic: str, field: str) -> tuple[Array, Array]:

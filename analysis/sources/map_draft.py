@@ -160,6 +160,7 @@ UNITS = {
     "N": ("N", "lbf"),
     "dimensionless": ("dimensionless", "percent"),
 }
+MOTION = {Q.TRUE_AIRSPEED, Q.INDICATED_AIRSPEED, Q.DYNAMIC_PRESSURE, Q.VELOCITY_NORTH, Q.GROUND_SPEED, Q.LATITUDE}
 ALIKE = (
     (Q.ROLL_RATE, Q.PITCH_RATE, Q.YAW_RATE), (Q.ROLL, Q.PITCH, Q.HEADING),
     (Q.FORCE_FORWARD, Q.FORCE_RIGHT, Q.FORCE_DOWN), (Q.VELOCITY_NORTH, Q.VELOCITY_EAST, Q.VELOCITY_DOWN),
@@ -202,11 +203,11 @@ def proposal(table: Path, columns: Columns, path: Path) -> ColumnMap:
 def map_without_question(table: Path, columns: Columns) -> tuple[ColumnMap, str] | None:
     """The map of a table whose columns a known program has named and no law of motion contradicts, and that program.
 
-    None where the program is not known, or the laws contradict its names.
+    None where the program is not known, its columns show no motion, or the laws contradict its names.
     """
     recorder = recorder_of(columns)
     found = _of_recorder(columns)
-    if recorder is None or Q.TIME not in found:
+    if recorder is None or Q.TIME not in found or not found.keys() & MOTION:
         return None
     proposed = ColumnMap(table, found)
     try:

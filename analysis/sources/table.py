@@ -17,7 +17,7 @@ from flightpower.analysis.sources.daemon_log import gives_electrical_power
 from flightpower.analysis.sources.laws import Finding, findings
 from flightpower.analysis.sources.map_draft import map_without_question
 from flightpower.analysis.sources.position import velocity_by_position
-from flightpower.analysis.sources.quantities import Quantity
+from flightpower.analysis.sources.quantities import KINDS, Quantity
 from flightpower.analysis.sources.recording import Channel, pressure_of_indicated_airspeed
 from flightpower.analysis.sources.resolution import without_steps
 from flightpower.analysis.sources.table_file import read_columns
@@ -49,6 +49,7 @@ rpm,J,cT,cP
 20000,0,1,1
 20000,1000,1,1
 """
+STATES_OF_AIR = (Q.HEIGHT, Q.STATIC_PRESSURE, Q.AIR_TEMPERATURE)
 Fields = dict[str, Channel]
 TABLE = "table"  # metadata of a log that was a table
 
@@ -95,7 +96,7 @@ def contradiction(path: Path, wrong: list[Finding], column_map: ColumnMap) -> In
 
 def as_log(path: Path, channels: Channels) -> Log:
     """The messages of quantities in SI units. Raises InputError where neither airspeed nor ground velocity is known."""
-    known = {quantity: _averaged(one) for quantity, one in channels.items()}
+    known = {quantity: _averaged(_possible(quantity, one)) for quantity, one in channels.items()}
     topics: dict[str, Fields] = {}
     attachments = {"zero.json": _zeros()}
     pressure = _static(known)
@@ -142,13 +143,22 @@ def as_log(path: Path, channels: Channels) -> Log:
         topics["/controls"] = {"throttle": throttle}
     topics = {topic: fields for topic, fields in topics.items() if fields}
     if not topics.keys() & {"/probe/airspeed", "/gps"}:
-        raise InputError(f"{path}: the map names neither airspeed nor ground velocity; a curve needs one of them")
+        raise InputError(f"{path}: neither airspeed nor ground velocity is in it; a curve needs one of them")
     log = Log(path, attachments=attachments)
     start_s = min(float(one.t_s[0]) for fields in topics.values() for one in fields.values())
     for topic, fields in topics.items():
         log.entries[topic] = _entries(topic, fields, start_s)
         log.fields[topic] = frozenset(fields)
     return log
+
+
+def _possible(quantity: Quantity, one: Channel) -> Channel:
+    """A state of the air without its values that no air has, unless most are so; other quantities as they are."""
+    kind = KINDS[quantity]
+    rows = (one.value >= kind.least) & (one.value <= kind.greatest)
+    if quantity not in STATES_OF_AIR or not np.mean(rows) > 0.5:
+        return one
+    return Channel(one.t_s[rows], one.value[rows])
 
 
 def _averaged(one: Channel) -> Channel:

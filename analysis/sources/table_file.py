@@ -166,6 +166,8 @@ def _mat(path: Path) -> Table:
     for name, matrix in matrices.items():
         columns = matrix.T if len(matrix) == max(matrix.shape) else matrix
         vectors |= {f"{name}({i + 1})": column for i, column in enumerate(columns)}
+    few = [name for name, value in vectors.items() if np.isfinite(value).sum() < READABLE.fewest_samples]
+    others += [f"{name} (of {len(vectors.pop(name))} values too few are numbers)" for name in few]
     if not vectors:
         raise InputError(f"{path}: holds no vector of {READABLE.fewest_samples} numbers or more")
     length = Counter(map(len, vectors.values())).most_common(1)[0][0]

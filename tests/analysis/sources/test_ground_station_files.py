@@ -1,5 +1,6 @@
 """A flight in ArduPilot's dataflash log, in its text, and in the recording of a ground station: the same channels."""
 
+import gzip
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from flightpower.analysis.sources import recording
 from flightpower.analysis.sources.ardupilot import read_ardupilot
+from flightpower.analysis.sources.ardupilot_messages import all_channels
 from flightpower.analysis.sources.recognize import Autopilot, autopilot_of
 from flightpower.analysis.sources.recording import FlightRecording
 from flightpower.analysis.sources.telemetry import TelemetryLog
@@ -150,3 +152,57 @@ def test_a_voltage_that_only_the_system_s_status_tells_is_taken_from_it(cells_V:
     expected = np.full(30, 14.8) if cells_V else 15.0 - 0.01 * np.arange(30)
     assert battery["Volt"][first] == pytest.approx(expected) and np.all(battery["Curr"] == pytest.approx(12.0))
     assert np.isnan(battery["Volt"][~first]).all()
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_log_in_gzip_has_the_channels_of_the_log(tmp_path: Path, suffix: str) -> None:
+    plain = read(tmp_path, suffix, flight())
+    packed = tmp_path / f"flight{suffix}.gz"
+    packed.write_bytes(gzip.compress(plain.path.read_bytes()))
+    found = read_ardupilot(packed)
+    assert found.path == packed and found.channels.keys() == plain.channels.keys()
+    for name, one in plain.channels.items():
+        np.testing.assert_array_equal(found.channels[name], one)
+    packed.write_bytes(packed.read_bytes()[:-2000])
+    with pytest.raises(InputError, match=rf"{packed.name}: cannot be unpacked .*: copy or download it again"):
+        read_ardupilot(packed)
+
+
+def test_what_unpacks_to_more_than_a_log_has_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("flightpower.flight.log_chunk.ALLOWED_BYTES", 0)
+    path = tmp_path / "flight.BIN.gz"
+    path.write_bytes(gzip.compress(b"\xa3\x95\x80\x80\x59FMT" + bytes(1 << 20)))
+    with pytest.raises(InputError, match=r"flight\.BIN\.gz: unpacks to more than a log has"):
+        read_ardupilot(path)
+
+
+def test_a_damaged_multiplier_is_left_out(tmp_path: Path) -> None:
+    """A factor of 1e300 on the voltage, a whole number, overflowed with a warning of NumPy."""
+    kinds = [one for one in flight() if one.name != "BAT"]
+    time_us = kinds[2].columns["TimeUS"]
+    whole = {"Volt": np.full(600, 1200.0), "Curr": np.full(600, 500.0)}
+    path = tmp_path / "flight.BIN"
+    write_dataflash(path, [*kinds, DataflashMessages("BAT", "QBHH", {"TimeUS": time_us, "Inst": 0 * time_us, **whole})])
+    log = path.read_bytes().replace(b"F---\0", b"F-BB\0")  # in FMTU: both are hundredths
+    path.write_bytes(log)
+    assert np.median(read_ardupilot(path).channels[recording.VOLTAGE].value) == pytest.approx(12.0)
+    hundredth, huge = (np.float64(x).tobytes() for x in (0.01, 1e300))
+    assert log.count(hundredth) == 1
+    path.write_bytes(log.replace(hundredth, huge))
+    assert recording.STATIC in read_ardupilot(path).channels
+
+
+def test_a_term_named_like_an_instance_is_none(tmp_path: Path) -> None:
+    """The integral of a controller is logged as I, as the number of a sensor is; places are shown in degrees."""
+    t_us = (1e6 * (10.0 + np.arange(0.0, 60.0, 0.1))).astype(np.uint64)
+    integral = np.linspace(0.0, 2.0, 600)
+    controller = DataflashMessages("PIDR", "Qff", {"TimeUS": t_us, "Tar": 2 * integral, "I": integral})
+    place = DataflashMessages("POS", "QLL", {"TimeUS": t_us, "Lat": integral * 0 + 48.1234567, "Lng": integral})
+    path = tmp_path / "flight.BIN"
+    write_dataflash(path, [*flight(), controller, place])
+    found = all_channels(path)
+    assert [name for name in found if name.startswith("PIDR")] == ["PIDR.TimeUS", "PIDR.Tar", "PIDR.I"]
+    np.testing.assert_allclose(found["PIDR.I"]().value, integral, rtol=1e-6)
+    assert found["POS.Lat"]().value[0] == pytest.approx(48.1234567) and found["POS.Lng"]().value[-1] == pytest.approx(
+        2.0
+    )

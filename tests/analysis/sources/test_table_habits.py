@@ -15,6 +15,7 @@ from flightpower.analysis.methods.whole_flight.method import recording_of
 from flightpower.analysis.sources.column_map import load_map
 from flightpower.analysis.sources.map_draft import draft
 from flightpower.analysis.sources.open import open_source
+from flightpower.analysis.sources.table import log_of_table
 from flightpower.analysis.sources.table_file import read_columns, read_table
 from flightpower.flight.atmosphere import SEA_LEVEL_DENSITY, density
 from flightpower.flight.errors import InputError
@@ -295,3 +296,28 @@ def test_pandas_reads_the_same(tmp_path: Path) -> None:
 def test_a_table_with_nothing_but_times_is_drafted_with_them_alone(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("time [s],x\n" + "".join(f"{0.1 * i:.1f},{i % 3}\n" for i in range(50)))
     assert "[time]" in draft(tmp_path / "a.csv") and "# Not used: x" in draft(tmp_path / "a.csv")
+
+
+def test_single_impossible_heights_are_left_out(tmp_path: Path) -> None:
+    """A height of 60 km, where the formula of the atmosphere has no pressure, made NumPy warn."""
+    table = TRUE.assign(height_m=TRUE["height_m"].where(TRUE.index % 50 != 7, 60_000.0))
+    path = tmp_path / "flight.csv"
+    table.drop(columns="ps_Pa").to_csv(path, index=False)
+    Path(f"{path}.columns.toml").write_text(draft(path))
+    pressure = np.array(log_of_table(path).entries["/static"].columns["pressure_Pa"].numbers)
+    assert np.isfinite(pressure).all() and pressure.min() > 98_000
+
+
+def test_a_radio_that_logs_no_motion_needs_a_map(tmp_path: Path) -> None:
+    """Its names are known, and say neither airspeed nor position; other columns may."""
+    table = pd.DataFrame({"Time": TRUE["t_s"], "RSSI(dB)": 80, "VFAS(V)": TRUE["voltage_V"], "v": TRUE["tas_mps"]})
+    table.to_csv(tmp_path / "flight.csv", index=False)
+    with pytest.raises(InputError, match="a table, whose columns need a map"):
+        log_of_table(tmp_path / "flight.csv")
+
+
+def test_a_matlab_vector_without_numbers_is_named(tmp_path: Path) -> None:
+    columns = {name: TRUE[name].to_numpy() for name in ("t_s", "tas_mps", "height_m")}
+    savemat(tmp_path / "flight.mat", columns | {"empty": np.full(len(TRUE), np.nan)})
+    table = read_table(tmp_path / "flight.mat")
+    assert table.columns.keys() == columns.keys() and "empty (of 4200 values too few are numbers)" in table.left_out[0]

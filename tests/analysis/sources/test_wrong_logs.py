@@ -20,6 +20,7 @@ from flightpower.analysis.air.contents import Replacements, contents
 from flightpower.analysis.air.flight_data import Calibrations, flight_data
 from flightpower.analysis.pipeline.runs import analyze_runs
 from flightpower.analysis.sources.axes import check_axes
+from flightpower.analysis.sources.daemon import values
 from flightpower.analysis.sources.structure import check_log
 from flightpower.analysis.trajectory.priors import SensorPriors, stated_sigma
 from flightpower.daq.attachments import propeller_text
@@ -349,6 +350,12 @@ WRONG: dict[str, tuple[Change, str]] = {
 @pytest.mark.parametrize(("change", "message"), WRONG.values(), ids=WRONG.keys())
 def test_a_mistake_is_refused_with_its_name(written: Log, change: Change, message: str) -> None:
     assert refusal(change(written)) == message
+
+
+def test_a_number_beyond_all_limits_is_damage() -> None:
+    """1e300 V made NumPy overflow in the checks; beside it the other voltage stays."""
+    entries = entries_of([LogEntry(i, i, Battery(voltage_V=x, current_A=5.0)) for i, x in enumerate((15.0, 1e300))])
+    np.testing.assert_array_equal(values(entries, "voltage_V"), (15.0, np.nan))
 
 
 def test_some_damaged_messages_are_no_reason_to_refuse(written: Log) -> None:
