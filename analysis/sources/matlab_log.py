@@ -4,7 +4,6 @@ Mission Planner writes a matrix for each message, with the names of its columns 
 `_label`, and the parameters in a cell array of two columns; mavlogdump.py a structure of vectors for each message.
 """
 
-import re
 from pathlib import Path
 from typing import Any
 
@@ -59,8 +58,9 @@ def _columns(value: Any, labels: Any) -> dict[str, NDArray[Any]]:
     if isinstance(value, np.ndarray) and value.dtype == object and value.ndim == 2 and value.shape[1] == 2:
         return {"Name": _texts(value[:, 0]), "Value": np.array([_number(x) for x in value[:, 1]])}
     if isinstance(value, np.ndarray) and value.ndim == 2 and value.dtype.kind in "fiu" and labels is not None:
-        names = [str(name).strip() for name in np.atleast_1d(labels)]
-        if len(names) == value.shape[1] and len(set(names)) == len(names):
+        given = np.atleast_1d(labels)
+        names = [_text(name).strip() for name in given] if given.shape == value.shape[1:] else []
+        if len(set(names)) == value.shape[1]:
             return _timed(dict(zip(names, value.T.astype(np.float64), strict=True)))
     if isinstance(value, dict):
         fields = {name: np.atleast_1d(inside) for name, inside in value.items() if inside is not None}
@@ -76,7 +76,12 @@ def _timed(columns: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
 
 
 def _texts(values: Any) -> NDArray[np.bytes_]:
-    return np.array([re.sub(r"\s+$", "", str(x)).encode("ascii", "replace") for x in values])
+    return np.array([_text(x).rstrip().encode("ascii", "replace") for x in values])
+
+
+def _text(value: Any) -> str:
+    """A text; nothing for the cells and matrices of a damaged file, which take NumPy long to print."""
+    return str(value) if isinstance(value, str | int | float) else ""
 
 
 def _number(value: Any) -> float:

@@ -2,12 +2,14 @@
 
 import io
 import random
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.io import loadmat, savemat
 
 from flightpower.analysis.sources.mat_file import read_mat
+from flightpower.analysis.sources.matlab_log import is_matlab_log
 
 RNG = np.random.default_rng(0)
 INSIDE: dict[str, object] = {
@@ -62,3 +64,16 @@ def test_damage_ends_in_an_error_or_in_other_values(compressed: bool) -> None:
         except Exception:
             refused += 1
     assert refused > 100
+
+
+def test_a_log_with_other_labels_than_columns_is_none(tmp_path: Path) -> None:
+    """Labels that are no texts, or more than columns: one damaged file had 18 million, and took half a minute."""
+    columns = np.column_stack([1e6 + 2e5 * np.arange(60), np.full(60, 15.0)])
+    labels = np.array(["TimeUS", "Airspeed"], dtype=object)
+    for label, expected in (
+        (labels, True),
+        (np.ones((1000, 1000)), False),
+        (np.array(["TimeUS"], dtype=object), False),
+    ):
+        savemat(tmp_path / "log.mat", {"ARSP": columns, "ARSP_label": label})
+        assert is_matlab_log(tmp_path / "log.mat") is expected
