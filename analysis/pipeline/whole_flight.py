@@ -128,7 +128,7 @@ def analyze_recording(
         recording.vehicle,
         tried,
     )
-    provenance = provenance_of_file(path, weighed, options.aircraft, command_line)
+    provenance = provenance_of_file(path, weighed, options.aircraft, command_line, recording)
     results = assemble_energy_balance(path, flown, known, provenance)
     questions = options.request.questions(flown.weight_N)
     results = structs.replace(results, warnings=[*results.warnings, *questions])

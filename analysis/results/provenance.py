@@ -7,6 +7,7 @@ from pathlib import Path
 from flightpower.analysis.air.contents import LogContents, Replacements
 from flightpower.analysis.flight import Recorded
 from flightpower.analysis.records.flight import Clock, ImplausibleReadings, Provenance, SensorHealth, SourceFile
+from flightpower.analysis.sources.recording import Fix, FlightRecording
 from flightpower.flight.log_entries import STATUS_CODE
 from flightpower.flight.log_reader import Log
 from flightpower.flight.messages import Comparison, Event, Gps, Status, Tick
@@ -63,15 +64,23 @@ def provenance(flight: Recorded, runs_file: Path | None, command_line: str) -> P
     )
 
 
-def provenance_of_file(log: Path, weight_source: str, aircraft: Path | None, command_line: str) -> Provenance:
-    """Provenance of another program's log: hashes, weight and command only."""
+def provenance_of_file(
+    log: Path, weight_source: str, aircraft: Path | None, command_line: str, recording: FlightRecording | None = None
+) -> Provenance:
+    """Provenance of another program's log: hashes, weight and command; date and place as the recording has them."""
     files = []
     if aircraft:
         origin, sha256 = _given(str(aircraft))
         files.append(SourceFile(role=ROLES["aircraft.toml"], name="", origin=origin, sha256=sha256))
+    fix = recording.fix if recording else Fix()
+    ends_s = [(one.t_s[0], one.t_s[-1]) for one in recording.channels.values() if len(one.t_s)] if recording else []
+    first_s, last_s = (min(a for a, _ in ends_s), max(b for _, b in ends_s)) if ends_s else (0.0, 0.0)
+    start_utc = None if fix.unix_at_zero_s is None else _iso(round(1e9 * (fix.unix_at_zero_s + first_s)))
+    clock = Clock.NONE if start_utc is None else Clock.SATELLITES if fix.by_satellites else Clock.COMPUTER
     return Provenance(
         command_line=command_line, log_sha256=_sha256_of_file(log), log_bytes=log.stat().st_size, recorded_by="",
-        start_utc=None, clock=Clock.NONE, duration_s=None, latitude_deg=None, longitude_deg=None, height_msl_m=None,
+        start_utc=start_utc, clock=clock, duration_s=float(last_s - first_s) if ends_s else None,
+        latitude_deg=fix.latitude_deg, longitude_deg=fix.longitude_deg, height_msl_m=fix.height_msl_m,
         weight_source=weight_source, files=files, ticks=None, ticks_missed=None, sensors=[], events=[],
     )  # fmt: skip
 

@@ -12,23 +12,27 @@ from flightpower.analysis.sources.ardupilot_messages import (
     BAROMETER,
     BATTERY,
     CONTROLLERS,
+    EARLY_WEEK,
     FIELDS,
     GPS,
+    GPS_WEEK,
     IMU,
     LIFT,
     RPM,
     SECOND_MONITOR,
+    UNIX,
     Messages,
     Table,
     read_messages,
 )
 from flightpower.analysis.sources.autopilot_settings import READABLE
-from flightpower.analysis.sources.position import places
+from flightpower.analysis.sources.position import fix_of, places, unix_of_week
 from flightpower.analysis.sources.recording import (
     Battery,
     Channel,
     Event,
     EventKind,
+    Fix,
     FlightRecording,
     channel,
     in_order,
@@ -112,10 +116,14 @@ def read_ardupilot(path: Path) -> FlightRecording:
         for table in _working(log.of(kinds))[:1]:
             channels[name] = channel(table["t_s"], table[field])
     place: dict[str, Channel] = {}
+    fix = Fix()
     for table in sorted(log.of(GPS), key=lambda one: -np.mean(one["Status"] >= 3))[:1]:
         channels |= _gps(table)
         fixed = table["Status"] >= 3
         place = places(table["t_s"][fixed], table["Lat"][fixed], table["Lng"][fixed])
+        fix = _fix({name: x[fixed] for name, x in table.items()})
+    if fix.unix_at_zero_s is None and log.on_unix_time:
+        fix = fix._replace(unix_at_zero_s=0.0, by_satellites=False)
     batteries = _with_sums(_batteries(tables, BATTERY), parameters)
     controllers = list(_batteries(tables, CONTROLLERS).values())
     battery, battery_notes = measuring_battery(batteries, controllers)
@@ -143,6 +151,7 @@ def read_ardupilot(path: Path) -> FlightRecording:
         truth=truth,
         vehicle=log.vehicle,
         place=place,
+        fix=fix,
         events=in_order([*_modes(log), *(Event(t_s, EventKind.MESSAGE, text) for t_s, text in log.texts)]),
     )
 
@@ -291,6 +300,13 @@ def _airspeed_pressure(table: Table) -> Channel:
     """Differential pressure at the density of indicated airspeed. The message's own has not ARSPD_RATIO in it."""
     sign = np.where(np.asarray(table["DiffPress"]) < 0, -1.0, 1.0)
     return channel(table["t_s"], recording.pressure_of_indicated_airspeed(sign * np.asarray(table["Airspeed"])))
+
+
+def _fix(table: Table) -> Fix:
+    unix_s = table[UNIX]
+    for week, milliseconds in (GPS_WEEK, EARLY_WEEK):
+        unix_s = np.where(np.isfinite(unix_s), unix_s, unix_of_week(table[week], 1e-3 * table[milliseconds]))
+    return fix_of(table["t_s"], table["Lat"], table["Lng"], table["Alt"], unix_s)
 
 
 def _gps(table: Table) -> dict[str, Channel]:

@@ -25,6 +25,8 @@ SECOND_MONITOR = ("BAT2", "CUR2")
 CONTROLLERS, RPM = ("ESC", *(f"ESC{i}" for i in "12345678")), ("RPM",)
 SIMULATION = ("SIM", "SIM2")
 LIFT = ("QTUN",)  # control of a VTOL's lifting motors
+# Number of the GPS week and milliseconds in it, now and in early firmware; Unix time in telemetry [s].
+GPS_WEEK, EARLY_WEEK, UNIX = ("GWk", "GMS"), ("Week", "TimeMS"), "Unix"
 BAROMETER, IMU, GPS = ("BARO", "BAR2", "BAR3"), ("IMU", "IMU2", "IMU3"), ("GPS", "GPS2")
 # By kind of message, the fields that are read; none stands for all.
 FIELDS: dict[str, tuple[str, ...]] = {
@@ -35,7 +37,7 @@ FIELDS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(CONTROLLERS, ("RPM", "Volt", "Curr")),
     **dict.fromkeys(RPM, ("RPM", "rpm1")),
     **dict.fromkeys(LIFT, ("ThO",)),
-    **dict.fromkeys(GPS, ("Status", "Spd", "GCrs", "VZ", "Lat", "Lng")),
+    **dict.fromkeys(GPS, ("Status", "Spd", "GCrs", "VZ", "Lat", "Lng", "Alt", *GPS_WEEK, *EARLY_WEEK, UNIX)),
     "CTUN": ("ThO", "ThrOut"),
     "AETR": ("Thr",),
     "RCOU": (),
@@ -63,6 +65,7 @@ class Messages:
     """tables : by kind and instance, t_s and FIELDS, each (n,)          parameters : the autopilot's, by name
     notes : on the log, in sentences          vehicle : of `recording.vehicle_of`; empty where it is not known
     texts : times [s], NaN where the log has none, and texts for the pilot
+    on_unix_time : whether times are those of a ground station's clock
     """
 
     tables: dict[tuple[str, int], Table]
@@ -70,6 +73,7 @@ class Messages:
     notes: list[str]
     vehicle: str = ""
     texts: tuple[tuple[float, str], ...] = ()
+    on_unix_time: bool = False
 
     def of(self, kinds: tuple[str, ...]) -> list[Table]:
         return [table for (kind, _), table in self.tables.items() if kind in kinds]
@@ -160,7 +164,7 @@ def read_messages(path: Path) -> Messages:
     notes = [*log.notes, *([f"The autopilot dropped {lost} messages."] if lost else [])]
     parameters = {_text(name): float(x) for name, x in pairs if isinstance(x, float)}
     timed = tuple(zip(_times_s("MSG", said, len(texts)), texts, strict=True))
-    return Messages(tables, parameters, notes, vehicle, timed)
+    return Messages(tables, parameters, notes, vehicle, timed, isinstance(log, TelemetryLog))
 
 
 def _columns(log: DataflashLog | TelemetryLog | TextLog | MatlabLog, kind: str) -> dict[str, NDArray[Any]]:

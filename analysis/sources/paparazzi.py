@@ -15,9 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flightpower.analysis.sources import recording
+from flightpower.analysis.sources.position import fix_of, unix_of_week
 from flightpower.analysis.sources.recording import (
     AllChannels,
     Channel,
+    Fix,
     FlightRecording,
     channel,
     in_order,
@@ -31,13 +33,14 @@ from flightpower.flight.formats import GZIP_MAGIC
 
 Table = Mapping[str, Array]
 
+WEEK = ("week", "week_ms")  # which early firmware does not send
 # By message, its fields in order; those of no use here end the list.
 FIELDS: dict[str, tuple[str, ...]] = {
     "AIR_DATA": ("static_Pa", "differential_Pa", "temperature_degC", "qnh_hPa", "amsl_m", "airspeed_mps", "tas_mps"),
     "AIRSPEED": ("airspeed_mps", "setpoint_mps"),
     "BARO_RAW": ("static_Pa", "differential_Pa"),
     "ENERGY": ("throttle_percent", "voltage_V", "current_A", "power_W", "charge_Ah", "energy_Wh"),
-    "GPS": ("mode", "east_cm", "north_cm", "course_decideg", "height_mm", "speed_cmps", "climb_cmps"),
+    "GPS": ("mode", "east_cm", "north_cm", "course_decideg", "height_mm", "speed_cmps", "climb_cmps", *WEEK),
     "IMU_ACCEL": ("x_mps2", "y_mps2", "z_mps2"),
     "IMU_ACCEL_SCALED": ("x_raw", "y_raw", "z_raw"),
     "PPRZ_MODE": ("mode",),
@@ -85,8 +88,9 @@ def read_paparazzi(path: Path) -> FlightRecording:
     flown = tables.get("PPRZ_MODE")
     events = [] if flown is None else modes(flown["t_s"], flown["mode"], dict(enumerate(MODES)))
     return FlightRecording(
-        path, channels, thermometers, tuple(notes), by_radio=True, place=place, events=in_order(events)
-    )
+        path, channels, thermometers, tuple(notes), by_radio=True, place=place, events=in_order(events),
+        fix=Fix() if gps is None else _date(gps),
+    )  # fmt: skip
 
 
 def _lines(path: Path) -> Iterator[list[bytes]]:
@@ -137,11 +141,12 @@ def _tables(path: Path) -> dict[str, Table]:
             name = words[2].decode("ascii", "replace") if len(words) > 3 else ""
             if name not in FIELDS:
                 continue
-            if len(words) - 3 < len(FIELDS[name]):
+            missing = len(FIELDS[name]) + 3 - len(words)
+            if missing > (len(WEEK) if name == "GPS" else 0):
                 other_length[name] += 1
                 continue
             try:
-                row = [float(word) for word in (words[0], *words[3 : 3 + len(FIELDS[name])])]
+                row = [float(word) for word in (words[0], *words[3 : 3 + len(FIELDS[name])])] + [np.nan] * missing
             except ValueError:
                 other_length[name] += 1
                 continue
@@ -220,6 +225,13 @@ def _place(gps: Table) -> dict[str, Channel]:
     return {name: channel(gps["t_s"][fixed], x - x[0]) for name, x in zip(recording.PLACE, found, strict=True)}
 
 
+def _date(gps: Table) -> Fix:
+    """The date alone: positions are those of a map's projection."""
+    fixed = _fixed(gps)
+    nowhere, unix_s = np.full(int(fixed.sum()), np.nan), unix_of_week(gps["week"][fixed], 1e-3 * gps["week_ms"][fixed])
+    return fix_of(gps["t_s"][fixed], nowhere, nowhere, unix_s=unix_s)
+
+
 def _fixed(gps: Table) -> NDArray[np.bool_]:
-    whole = np.all([np.isfinite(x) for x in gps.values()], axis=0)
+    whole = np.all([np.isfinite(x) for name, x in gps.items() if name not in WEEK], axis=0)
     return np.asarray(whole & (gps["mode"] >= 3))  # a position in three dimensions

@@ -1,11 +1,44 @@
 """Places over the ground by the position of a receiver, and in a table without velocity the velocity."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flightpower.analysis.sources.grid_settings import RECEIVER
-from flightpower.analysis.sources.recording import PLACE, Channel, channel
+from flightpower.analysis.sources.recording import PLACE, Channel, Fix, channel
 from flightpower.flight.arrays import Array
+from flightpower.flight.messages import FIRST_UTC_NS, LAST_UTC_NS
 from flightpower.flight.units import EARTH_RADIUS_M
+
+# Unix times from which on GPS time is ahead of UTC by so many seconds (IERS, Bulletin C).
+LEAP_SECONDS = {0.0: 14, 1_230_768_000.0: 15, 1_341_100_800.0: 16, 1_435_708_800.0: 17, 1_483_228_800.0: 18}
+
+
+def unix_of_week(week: Array, week_s: Array) -> Array:
+    """Unix time [s], (n,), of the number of a GPS week and the seconds in it."""
+    gps_s = 1e-9 * FIRST_UTC_NS + 604_800.0 * week + week_s
+    since = np.searchsorted(list(LEAP_SECONDS), gps_s, side="right") - 1
+    return np.asarray(gps_s - np.array([*LEAP_SECONDS.values()])[np.clip(since, 0, None)])
+
+
+def fix_of(
+    t_s: Array, latitude: Array, longitude: Array, height_m: Array | None = None, unix_s: Array | None = None
+) -> Fix:
+    """Date and first place of a receiver's fixes, (n,) each; of the date the median, since single ones may be damaged.
+
+    latitude, longitude : as of `places`
+    """
+    known = _known(t_s, latitude, longitude)
+    degrees = [np.degrees(x[:1]) for x in _radians(latitude[known], longitude[known])] if known.any() else []
+    height = channel(t_s, np.full(len(t_s), np.nan) if height_m is None else np.where(known, height_m, np.nan)).value
+    dated = np.zeros(0)
+    if unix_s is not None:
+        dated = (unix_s - t_s)[np.isfinite(t_s) & (unix_s >= 1e-9 * FIRST_UTC_NS) & (unix_s < 1e-9 * LAST_UTC_NS)]
+    return Fix(
+        unix_at_zero_s=float(np.median(dated)) if len(dated) else None,
+        latitude_deg=float(degrees[0][0]) if degrees else None,
+        longitude_deg=float(degrees[1][0]) if degrees else None,
+        height_msl_m=float(height[0]) if len(height) else None,
+    )
 
 
 def places(t_s: Array, latitude: Array, longitude: Array) -> dict[str, Channel]:
@@ -13,14 +46,23 @@ def places(t_s: Array, latitude: Array, longitude: Array) -> dict[str, Channel]:
 
     latitude, longitude : (n,) in degrees, or in units of 1e-7 degrees, as autopilots pack them
     """
-    known = np.isfinite(t_s + latitude + longitude) & ((latitude != 0) | (longitude != 0))
+    known = _known(t_s, latitude, longitude)
     if not known.any():
         return {}
-    packed = max(float(np.max(np.abs(x[known]))) for x in (latitude, longitude)) > 360
-    lat, lon = (np.radians((1e-7 if packed else 1.0) * x[known]) for x in (latitude, longitude))
+    lat, lon = _radians(latitude[known], longitude[known])
     north = EARTH_RADIUS_M * (lat - lat[0])
     east = EARTH_RADIUS_M * np.cos(lat[0]) * (np.unwrap(lon) - lon[0])
     return {name: channel(t_s[known], x) for name, x in zip(PLACE, (north, east), strict=True)}
+
+
+def _known(t_s: Array, latitude: Array, longitude: Array) -> NDArray[np.bool_]:
+    return np.asarray(np.isfinite(t_s + latitude + longitude) & ((latitude != 0) | (longitude != 0)))
+
+
+def _radians(latitude: Array, longitude: Array) -> tuple[Array, Array]:
+    packed = max(float(np.max(np.abs(x))) for x in (latitude, longitude)) > 360
+    lat, lon = (np.asarray(np.radians((1e-7 if packed else 1.0) * x)) for x in (latitude, longitude))
+    return lat, lon
 
 
 def velocity_by_position(latitude: Channel, longitude: Channel) -> tuple[Channel, Channel]:

@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 
 from flightpower.analysis.sources import recording
 from flightpower.analysis.sources.autopilot_settings import READABLE
-from flightpower.analysis.sources.position import places
+from flightpower.analysis.sources.position import fix_of, places
 from flightpower.analysis.sources.recording import (
     AllChannels,
     Battery,
     Channel,
     Event,
     EventKind,
+    Fix,
     FlightRecording,
     channel,
     in_order,
@@ -97,7 +98,8 @@ def read_px4(path: Path) -> FlightRecording:
         channels[recording.MOTOR] = motor
     if (throttle := most_varying(_throttles(topics))) is not None:
         channels[recording.THROTTLE] = throttle
-    (channels, thermometers, place), jumps = without_jumps(channels, _thermometers(topics), _place(topics))
+    place, fix = _place(topics)
+    (channels, thermometers, place), jumps = without_jumps(channels, _thermometers(topics), place)
     notes += jumps
     hover_notes: list[str] = []
     if recording.AIRSPEED_PRESSURE in channels:  # only now: a long hover is no jump of the clock
@@ -114,6 +116,7 @@ def read_px4(path: Path) -> FlightRecording:
         enabled_by=ENABLED_BY,
         vehicle=vehicle,
         place=place,
+        fix=fix,
         events=in_order([*_modes(topics), *messages]),
     )
 
@@ -311,14 +314,28 @@ def _gps(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
     return {}
 
 
-def _place(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
+def _receiver(topics: dict[str, list[_Topic]]) -> tuple[_Topic, str, str, NDArray[np.bool_]] | None:
+    """The receiver with positions, the names of latitude and longitude, and its rows with a fix."""
     names = (("latitude_deg", "longitude_deg"), ("lat", "lon"))  # since 1.14, and before
     for one in (one for name in ("vehicle_gps_position", "sensor_gps") for one in topics.get(name, [])):
         for latitude, longitude in names:
             if one.has(latitude) and one.has(longitude):
                 fixed = one.values("fix_type") >= 3 if one.has("fix_type") else np.ones(len(one.t_s), dtype=bool)
-                return places(one.t_s[fixed], one.values(latitude)[fixed], one.values(longitude)[fixed])
-    return {}
+                return one, latitude, longitude, fixed
+    return None
+
+
+def _place(topics: dict[str, list[_Topic]]) -> tuple[dict[str, Channel], Fix]:
+    """The distance from the first position, and date and place."""
+    found = _receiver(topics)
+    if found is None:
+        return {}, Fix()
+    one, *names, fixed = found
+    t_s, latitude, longitude = one.t_s[fixed], *(one.values(name)[fixed] for name in names)
+    heights = (("altitude_msl_m", 1.0), ("alt", 1e-3))  # since 1.14, and before
+    height_m = next((unit * one.values(name)[fixed] for name, unit in heights if one.has(name)), None)
+    unix_s = 1e-6 * one.values("time_utc_usec")[fixed] if one.has("time_utc_usec") else None
+    return places(t_s, latitude, longitude), fix_of(t_s, latitude, longitude, height_m, unix_s)
 
 
 def _modes(topics: dict[str, list[_Topic]]) -> list[Event]:

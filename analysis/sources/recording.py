@@ -70,6 +70,20 @@ class Event(NamedTuple):
     text: str
 
 
+class Fix(NamedTuple):
+    """When and where a receiver was, as far as it says so.
+
+    unix_at_zero_s : Unix time at zero of the channels' clock          by_satellites : whether that is a receiver's time
+    latitude_deg, longitude_deg, height_msl_m : of its first position
+    """
+
+    unix_at_zero_s: float | None = None
+    by_satellites: bool = True
+    latitude_deg: float | None = None
+    longitude_deg: float | None = None
+    height_msl_m: float | None = None
+
+
 @dataclass(frozen=True)
 class FlightRecording:
     """A log of any autopilot.
@@ -85,6 +99,7 @@ class FlightRecording:
     by_radio : received as telemetry, of which much may be lost
     truth : of a simulation by the firmware, TRUE_AIRSPEED and TRUE_HEIGHT; compared, never used
     place : by PLACE, the distance from the first position of the receiver [m]; empty where it shows none
+    fix : date and place
     events : modes and messages, in order of time
     vehicle : of `vehicle_of`; empty where the log does not say which board wrote it
     """
@@ -103,6 +118,7 @@ class FlightRecording:
     vehicle: str = ""
     place: Mapping[str, Channel] = field(default_factory=dict)
     events: tuple[Event, ...] = ()
+    fix: Fix = field(default_factory=Fix)
 
 
 def vehicle_of(serial_number: str) -> str:

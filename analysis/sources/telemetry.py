@@ -16,7 +16,8 @@ from flightpower.flight.formats import is_telemetry
 from flightpower.flight.units import GRAVITY_MPS2 as g
 
 USED = ("VFR_HUD", "SCALED_PRESSURE", "BATTERY_STATUS", "SYS_STATUS", "RAW_IMU", "GPS_RAW_INT", "GLOBAL_POSITION_INT",
-        "RPM", "PARAM_VALUE", "HEARTBEAT", "STATUSTEXT", "HIGHRES_IMU", "EXTENDED_SYS_STATE")  # fmt: skip
+        "RPM", "PARAM_VALUE", "HEARTBEAT", "STATUSTEXT", "HIGHRES_IMU", "EXTENDED_SYS_STATE",
+        "SYSTEM_TIME")  # fmt: skip
 USED_IDS = frozenset(number for number, kind in mavlink.mavlink_map.items() if kind.msgname in USED)
 # By MAV_TYPE, as dataflash logs name the firmware.
 FIRMWARE = {
@@ -75,6 +76,9 @@ class RawTelemetryLog:
             values = [getattr(message, name) for name in message.fieldnames]
             rows[message.get_type()].append([time_us, *(x if isinstance(x, int | float) else np.nan for x in values)])
         self._columns = {name: _as_numbers(_table(name, many)) for name, many in rows.items()}
+
+    def form(self, name: str) -> None:
+        """How messages are packed: units are those of MAVLink."""
 
     def names(self) -> list[str]:
         """The kinds of message that the recording holds."""
@@ -156,7 +160,10 @@ def _as_dataflash(tables: dict[str, Columns]) -> dict[str, Columns]:
         out["GPS"] = {"TimeUS": gps["TimeUS"], "Status": gps["fix_type"], "Spd": 0.01 * gps["vel"],
                       "GCrs": 0.01 * gps["cog"],
                       "VZ": np.interp(gps["TimeUS"], motion["TimeUS"], 0.01 * motion["vz"]),
-                      "Lat": gps["lat"], "Lng": gps["lon"]}  # fmt: skip
+                      "Lat": gps["lat"], "Lng": gps["lon"], "Alt": 1e-3 * gps["alt"]}  # fmt: skip
+        if (clock := tables.get("SYSTEM_TIME")) is not None and len(dated := np.flatnonzero(clock["time_unix_usec"])):
+            received_us, told_us = (clock[name][dated].astype(float) for name in ("TimeUS", "time_unix_usec"))
+            out["GPS"]["Unix"] = 1e-6 * (gps["TimeUS"] + np.interp(gps["TimeUS"], received_us, told_us - received_us))
     if (rpm := tables.get("RPM")) is not None:
         out["RPM"] = {"TimeUS": rpm["TimeUS"], "rpm1": rpm["rpm1"]}
     if (parameters := tables.get("PARAM_VALUE")) is not None:

@@ -1,14 +1,18 @@
 """Modes and messages of an autopilot stand at their times, and a receiver's position becomes a distance in meters."""
 
+from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from flightpower.analysis.records.flight import Clock
+from flightpower.analysis.results.provenance import provenance_of_file
 from flightpower.analysis.sources import recording
 from flightpower.analysis.sources.autopilot import all_channels, read_autopilot_log
-from flightpower.analysis.sources.position import places
+from flightpower.analysis.sources.position import fix_of, places, unix_of_week
 from flightpower.analysis.sources.recognize import Autopilot, autopilot_of
 from flightpower.analysis.sources.recording import EventKind, FlightRecording, modes
 from flightpower.sim.dataflash_writer import DataflashMessages, write_dataflash, write_text
@@ -22,6 +26,8 @@ NORTH_MPS, EAST_MPS, LATITUDE, LONGITUDE = 3.0, -12.0, 48.1, 179.9995  # across 
 LAT = LATITUDE + np.degrees(NORTH_MPS * (T_S - T_S[0]) / RADIUS_M)
 LNG = LONGITUDE - np.degrees(EAST_MPS * (T_S - T_S[0]) / RADIUS_M / np.cos(np.radians(LATITUDE)))
 LNG = (LNG + 180) % 360 - 180
+BOOTED_S, HEIGHT_M = 1_714_564_800.0, 512  # noon of the first of May 2024
+WEEK, WEEK_S = divmod(BOOTED_S + 18 - 315_964_800, 7 * 86_400)  # of GPS, which is 18 s ahead of UTC
 MESSAGE = "Airspeed sensor 1 failed"
 
 
@@ -43,8 +49,8 @@ def dataflash(path: Path) -> FlightRecording:
                                           "Value": np.ones(1)}),
         kind("ARSP", "Qff", Airspeed=15 + np.sin(T_S), DiffPress=100 + 0 * T_S),
         kind("BARO", "Qf", Press=1e5 + 0 * T_S),
-        kind("GPS", "QBfffLL", Status=0 * T_S + 3, Spd=0 * T_S + 12, GCrs=0 * T_S, VZ=0 * T_S,
-             Lat=LAT, Lng=LNG),
+        kind("GPS", "QBfffLLeHI", Status=0 * T_S + 3, Spd=0 * T_S + 12, GCrs=0 * T_S, VZ=0 * T_S,
+             Lat=LAT, Lng=LNG, Alt=0 * T_S + HEIGHT_M, GWk=0 * T_S + WEEK, GMS=(1e3 * (WEEK_S + T_S)).round()),
         DataflashMessages("MODE", "QMBB", {"TimeUS": switched, "Mode": mode, "ModeNum": mode, "Rsn": 0 * mode}),
     ]  # fmt: skip
     (write_text if path.suffix == ".log" else write_dataflash)(path, kinds)
@@ -57,7 +63,8 @@ def ulog(path: Path) -> FlightRecording:
         UlogTopic("airspeed", TIME_US, {"indicated_airspeed_m_s": (15 + np.sin(T_S)).astype(np.float32)}),
         UlogTopic("vehicle_gps_position", TIME_US, {
             "fix_type": np.full(len(T_S), 3, np.uint8), "lat": np.round(1e7 * LAT).astype(np.int32),
-            "lon": np.round(1e7 * LNG).astype(np.int32), "vel_n_m_s": np.full(len(T_S), 3, np.float32),
+            "lon": np.round(1e7 * LNG).astype(np.int32), "alt": np.full(len(T_S), 1000 * HEIGHT_M, np.int32),
+            "time_utc_usec": (1e6 * (BOOTED_S + T_S)).astype(np.uint64), "vel_n_m_s": np.full(len(T_S), 3, np.float32),
             "vel_e_m_s": np.full(len(T_S), -12, np.float32), "vel_d_m_s": np.zeros(len(T_S), np.float32),
         }),
         UlogTopic("vehicle_status", TIME_US, {"nav_state": state.astype(np.uint8)}),
@@ -87,6 +94,66 @@ def test_positions_are_distances_from_the_first(tmp_path: Path, suffix: str) -> 
     north, east = (found.place[name] for name in recording.PLACE)
     assert north.value == pytest.approx(NORTH_MPS * (north.t_s - T_S[0]), abs=0.05)
     assert east.value == pytest.approx(-EAST_MPS * (east.t_s - T_S[0]), abs=0.05)
+
+
+@pytest.mark.parametrize("suffix", [".BIN", ".log", ".ulg"])
+def test_date_and_place_are_the_receiver_s(tmp_path: Path, suffix: str) -> None:
+    """By week and seconds of GPS less the leap seconds, or by UTC; some damaged dates move nothing."""
+    fix = (ulog if suffix == ".ulg" else dataflash)(tmp_path / f"flight{suffix}").fix
+    assert fix.by_satellites and fix.unix_at_zero_s == pytest.approx(BOOTED_S, abs=0.002)
+    assert (fix.latitude_deg, fix.longitude_deg) == pytest.approx((LAT[0], LNG[0]), abs=1e-6)
+    assert fix.height_msl_m == HEIGHT_M
+    unix_s = np.where(np.arange(len(T_S)) % 5, BOOTED_S + T_S, 4e9)
+    assert fix_of(T_S, LAT, LNG, unix_s=unix_s).unix_at_zero_s == pytest.approx(BOOTED_S, abs=1e-6)
+    assert fix_of(T_S, 0 * LAT, 0 * LNG, unix_s=np.full(len(T_S), np.nan)) == recording.Fix()
+
+
+@pytest.mark.parametrize(("year", "ahead_s"), [(2008, 14), (2010, 15), (2013, 16), (2016, 17), (2017, 18), (2026, 18)])
+def test_leap_seconds_are_those_of_the_year(year: int, ahead_s: int) -> None:
+    unix_s = datetime(year, 2, 1, tzinfo=UTC).timestamp()
+    week, week_s = divmod(unix_s + ahead_s - datetime(1980, 1, 6, tzinfo=UTC).timestamp(), 604_800)
+    assert unix_of_week(np.array([week]), np.array([week_s])) == pytest.approx([unix_s])
+
+
+def test_the_clock_of_telemetry_is_the_autopilot_s_or_else_the_computer_s(tmp_path: Path) -> None:
+    """The ground station's clock is 100 s behind that of the satellites."""
+    path, frames = tmp_path / "flight.tlog", []
+    for k in range(40):
+        place = (3, round(1e7 * LATITUDE), round(1e7 * LONGITUDE), 1000 * HEIGHT_M)
+        frames += [
+            mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_FIXED_WING, 3, 0, 11, 0, 3),
+            mavlink.MAVLink_system_time_message(BOOTED_US + 1_000_000 * (k + 100), 1000 * k),
+            mavlink.MAVLink_gps_raw_int_message(0, *place, 1, 1, 1200, 0, 9),
+            mavlink.MAVLink_global_position_int_message(0, *place[1:], 0, 0, 0, 0, 0),
+            mavlink.MAVLink_scaled_pressure_message(0, 950.0, 1.0, 2000, 2000),
+        ]
+
+    def written(kept: list[object]) -> recording.Fix:
+        plane = mavlink.MAVLink(None, 1, 1)
+        times_us = [BOOTED_US + 1_000_000 * (k // 5) for k, one in enumerate(frames) if one in kept]
+        content = [at.to_bytes(8, "big") + bytes(one.pack(plane)) for at, one in zip(times_us, kept, strict=True)]
+        path.write_bytes(b"".join(content))
+        return read(path).fix
+
+    fix = written(frames)
+    assert fix.by_satellites and fix.unix_at_zero_s == pytest.approx(100.0)
+    assert (fix.latitude_deg, fix.longitude_deg, fix.height_msl_m) == pytest.approx((LATITUDE, LONGITUDE, HEIGHT_M))
+    undated = written([one for one in frames if not isinstance(one, mavlink.MAVLink_system_time_message)])
+    assert not undated.by_satellites and undated.unix_at_zero_s == 0.0
+
+
+def test_results_say_date_and_place_of_the_first_sample(tmp_path: Path) -> None:
+    """The log's clock starts at boot, ten seconds before its first message."""
+    found = dataflash(tmp_path / "flight.BIN")
+    origin = provenance_of_file(found.path, "", None, "", found)
+    assert (origin.start_utc, origin.clock, origin.duration_s) == (
+        "2024-05-01T12:00:10Z",
+        Clock.SATELLITES,
+        pytest.approx(59.8, abs=1e-5),
+    )
+    assert (origin.latitude_deg, origin.height_msl_m) == (pytest.approx(LATITUDE), HEIGHT_M)
+    undated = provenance_of_file(found.path, "", None, "", replace(found, fix=recording.Fix()))
+    assert (undated.start_utc, undated.clock, undated.latitude_deg) == (None, Clock.NONE, None)
 
 
 def test_no_position_is_no_place() -> None:

@@ -57,6 +57,7 @@ def test_fields_have_their_units(tmp_path: Path) -> None:
     assert (median[recording.VOLTAGE], median[recording.CURRENT]) == (11.5, 1.74)
     assert median[recording.THROTTLE] == 0.55
     north, east, down = (median[name] for name in recording.GPS)
+    assert read.fix.unix_at_zero_s == pytest.approx(1_593_937_564.6, abs=100) and read.fix.latitude_deg is None
     assert (north, east, down) == pytest.approx((0.0, 12.0, 1.5), abs=1e-9)
     assert median[recording.FORCE_Z] == -9.8
     # The barometer is not connected: the height by GPS stands for it, 250 m in the standard atmosphere.
