@@ -25,10 +25,10 @@ __all__ = ["Pool", "joint_pool", "pool", "pool_flights", "pool_results"]
 
 
 def pool_results(results: Sequence[Path | Mapping[str, Any] | Results]) -> Pool:
-    """The joint estimate of flights, from the results.json of each: of drag where the flights have it.
+    """The joint estimate of flights, from the results.json of each: of drag where all have it, else of electrical power.
 
-    Raises InputError for no flights, for flights of both kinds, for results without statistics, for one flight twice,
-    and for flights of two aircraft, propellers or installations.
+    Raises InputError for no flights, for flights of which some have drag alone and others electrical power alone, for
+    results without statistics, for one flight twice, and for flights of two aircraft, propellers or installations.
     """
     if not results:
         raise InputError("no flights to pool; give the results.json of one or more flights")
@@ -36,8 +36,11 @@ def pool_results(results: Sequence[Path | Mapping[str, Any] | Results]) -> Pool:
     electrical = [one.log for one in contents if one.kind is Kind.ELECTRICAL]
     if not electrical:
         return joint_pool(results)
-    if len(electrical) < len(contents):
-        raise InputError(f"{electrical[0]}: gives electrical power only, and others drag; pool flights of one kind")
+    if drag := [one.log for one in contents if Kind.ELECTRICAL not in one.curves]:
+        raise InputError(
+            f"{electrical[0]} gives electrical power only, and {drag[0]} drag only, since its log has no battery: leave"
+            " one of them out"
+        )
     return curve_pool([read_curve(one) for one in contents])
 
 

@@ -95,6 +95,21 @@ def test_one_flight_is_its_own_pool() -> None:
     assert found.homogeneity is None and found.flights[0].p is None and not found.flights[0].outlier
 
 
+def test_a_flight_with_runs_is_pooled_by_its_electrical_power_with_an_autopilot_s() -> None:
+    """Both are power in the air of one aircraft; its drag stays out. Without a battery it has drag alone."""
+    autopilot, other = flight("a", 0.02), flight("b", -0.02)
+    electrical = other.curves[Kind.ELECTRICAL]
+    with_runs = msgspec.structs.replace(
+        other, kind=Kind.POWER_REQUIRED, curves={Kind.POWER_REQUIRED: electrical, Kind.ELECTRICAL: electrical}
+    )
+    mixed, alike = electrical_pool([autopilot, with_runs]), electrical_pool([autopilot, other])
+    np.testing.assert_array_equal(mixed.curve.power_W.value, alike.curve.power_W.value)
+    assert mixed.kind is Kind.ELECTRICAL and [one.name for one in mixed.flights] == ["a", "b"]
+    no_battery = msgspec.structs.replace(with_runs, curves={Kind.POWER_REQUIRED: electrical})
+    with pytest.raises(InputError, match=r"a gives electrical power only, and b drag only, .* no battery: leave"):
+        pool_results([autopilot, no_battery])
+
+
 def test_a_pool_knows_endurance_by_the_battery_of_its_flights() -> None:
     battery = BatteryResult(energy_Wh=100.0, usable=0.8)
     pooled = electrical_pool([msgspec.structs.replace(flight("a"), battery=battery), flight("b", 0.01)]).results()
