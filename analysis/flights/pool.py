@@ -25,7 +25,7 @@ __all__ = ["Pool", "joint_pool", "pool", "pool_flights", "pool_results"]
 
 
 def pool_results(results: Sequence[Path | Mapping[str, Any] | Results]) -> Pool:
-    """The joint estimate of flights, from the results.json of each: of drag where all have it, else of electrical power.
+    """The joint estimate of flights, from the results.json of each: of drag, or else of electrical power.
 
     Raises InputError for no flights, for flights of which some have drag alone and others electrical power alone, for
     results without statistics, for one flight twice, and for flights of two aircraft, propellers or installations.

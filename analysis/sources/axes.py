@@ -4,7 +4,6 @@ Each is compared with another sensor by a law of mechanics. The limits were trie
 aircraft, also with large sensor errors and in 15 kt of turbulence; the figures are those of the worst of them.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -12,90 +11,104 @@ import pandas as pd
 
 from flightpower.analysis.sources.check_settings import AXES
 from flightpower.analysis.sources.grid_settings import CHANNELS, REST, STATISTICS
+from flightpower.analysis.sources.motion import SIDES, Motion, Signals
+from flightpower.analysis.sources.quantities import Quantity
+from flightpower.flight.arrays import Array
 from flightpower.flight.errors import InputError
 from flightpower.flight.units import GRAVITY_MPS2
 
+Q = Quantity
 
-class _Law(NamedTuple):
-    """Two quantities (n,) of the means that a law of mechanics lets rise together.
 
-    least : correlation below which one of them has the wrong sign. spread : standard deviation of the second one, in
-    its unit, below which nothing is judged. remedy : for the user.
+class _Limit(NamedTuple):
+    """When the signs of a log contradict a law of `motion`.
+
+    least : correlation below which one of its two sides has the wrong sign. spread : standard deviation of the second
+    one, in its unit, below which nothing is judged. remedy : for the user.
     """
 
-    first: Callable[[pd.DataFrame], pd.Series]
-    second: Callable[[pd.DataFrame], pd.Series]
     least: float
     spread: float
     remedy: str
 
 
-def _lift(means: pd.DataFrame) -> pd.Series:
-    """Lift coefficient over its mean."""
-    lift = -means["az_mps2"] / means["qbar_Pa"]
-    return lift / lift.mean()
+LIMITS = {
+    Motion.PULL_UP: _Limit(
+        *AXES.wrong_sign.pitch,
+        "/imu: the nose goes down where specific_force_z_mps2 shows a pull-up: angular_rate_y_radps has the wrong sign;"
+        " write it positive nose up",
+    ),
+    Motion.LIFT_BY_ANGLE_OF_ATTACK: _Limit(  # at a constant lift coefficient nothing correlates with it
+        *AXES.wrong_sign.angle_of_attack,
+        "/probe/alpha: the angle of attack falls where lift rises: differential_pressure_Pa has the wrong sign; write"
+        " lower minus upper port, in the calibration of the probe too",
+    ),
+    Motion.FORCE_ALONG_PATH: _Limit(
+        *AXES.wrong_sign.forward_force,
+        "/imu: specific_force_x_mps2 falls where the aircraft speeds up or climbs; write it positive forward",
+    ),
+    Motion.SIDE_FORCE: _Limit(  # calm flights hardly sideslip, and their curve does not depend on it
+        *AXES.wrong_sign.sideslip,
+        "/probe/beta: the side force points to where the air comes from: differential_pressure_Pa (right minus left"
+        " port, in the probe's calibration too) or specific_force_y_mps2 of /imu (to the right) has the wrong sign",
+    ),
+    Motion.CLIMB: _Limit(
+        *AXES.wrong_sign.climb,
+        "/gps: velocity_down_mps is positive where /static shows a climb: write it positive downwards",
+    ),
+    Motion.COURSE_IN_TURN: _Limit(  # in a turn the course turns as the nose does
+        *AXES.wrong_sign.course,
+        "/imu and /gps: angular_rate_z_radps turns against the course of velocity_north_mps and velocity_east_mps: the"
+        " rate is not positive to the right, or north and east are exchanged",
+    ),
+    Motion.BANK_OF_TURN: _Limit(
+        *AXES.wrong_sign.roll,
+        "/imu: the aircraft rolls out of the turns that angular_rate_z_radps shows: angular_rate_x_radps has the wrong"
+        " sign; write it positive right wing down",
+    ),
+}
+COLUMNS = {
+    Q.FORCE_FORWARD: "ax_mps2", Q.FORCE_RIGHT: "ay_mps2", Q.FORCE_DOWN: "az_mps2", Q.ROLL_RATE: "p_radps",
+    Q.PITCH_RATE: "q_radps", Q.YAW_RATE: "r_radps", Q.ANGLE_OF_ATTACK: "alpha_rad", Q.SIDESLIP: "beta_rad",
+    Q.VELOCITY_DOWN: "gps_down_mps",
+}  # fmt: skip
 
 
-def _forward_force(means: pd.DataFrame) -> pd.Series:
-    """Specific force along the flight path."""
-    return pd.Series(means["ax_mps2"] * np.cos(means["alpha_rad"]) + means["az_mps2"] * np.sin(means["alpha_rad"]))
+class _Means(Signals):
+    """The quantities of a table of means over stretches."""
 
+    def __init__(self, means: pd.DataFrame):
+        self._means = means
+        self._step_s = float(means.index[1] - means.index[0])
 
-def _gain(means: pd.DataFrame) -> pd.Series:
-    """Gain of speed, and the share of gravity in a climb."""
-    V = means["V_mps"]
-    return (V.shift(-1) - V.shift(1)) / (2 * REST.window_s) + GRAVITY_MPS2 * means["climb_mps"] / V
+    def __getitem__(self, quantity: Quantity) -> Array | None:
+        return self._column(COLUMNS[quantity]) if quantity in COLUMNS else None
 
+    def true_airspeed(self) -> Array:
+        return self._column("V_mps")
 
-def _turn(means: pd.DataFrame) -> pd.Series:
-    """Rate of the course over ground."""
-    course = pd.Series(np.arctan2(means["gps_east_mps"], means["gps_north_mps"]), means.index)
-    change = course.shift(-1) - course.shift(1)
-    return pd.Series(np.arctan2(np.sin(change), np.cos(change)), means.index) / (2 * REST.window_s)
+    def pressure_of_flight(self) -> Array:
+        return self._column("qbar_Pa")
 
+    def climb(self) -> Array:
+        return self._column("climb_mps")
 
-def _bank_change(means: pd.DataFrame) -> pd.Series:
-    """Change of the bank of a turn without sideslip: its sine is V r/g."""
-    bank = np.arcsin((means["V_mps"] * means["r_radps"] / GRAVITY_MPS2).clip(-1, 1))
-    return pd.Series(bank.shift(-1) - bank.shift(1))
+    def turn_rate(self) -> Array:
+        turned = self.change(np.arctan2(self._column("gps_east_mps"), self._column("gps_north_mps")), 2)
+        return np.asarray(np.arctan2(np.sin(turned), np.cos(turned)) / (2 * self._step_s))
 
+    def rate(self, value: Array) -> Array:
+        return self.change(value, 2) / (2 * self._step_s)
 
-PITCH = _Law(
-    lambda means: means["V_mps"] * means["q_radps"], lambda means: -means["az_mps2"], *AXES.wrong_sign.pitch,
-    "/imu: the nose goes down where specific_force_z_mps2 shows a pull-up: angular_rate_y_radps has the wrong sign;"
-    " write it positive nose up",
-)  # fmt: skip
-ANGLE_OF_ATTACK = _Law(  # at a constant lift coefficient nothing correlates with it
-    lambda means: means["alpha_rad"], _lift, *AXES.wrong_sign.angle_of_attack,
-    "/probe/alpha: the angle of attack falls where lift rises: differential_pressure_Pa has the wrong sign; write lower"
-    " minus upper port, in the calibration of the probe too",
-)  # fmt: skip
-FORWARD_FORCE = _Law(
-    _forward_force, _gain, *AXES.wrong_sign.forward_force,
-    "/imu: specific_force_x_mps2 falls where the aircraft speeds up or climbs; write it positive forward",
-)  # fmt: skip
-# Air from the right pushes to the left. Changes are compared: offsets of both sensors drop out. Calm flights hardly
-# sideslip, and their curve does not depend on it.
-SIDESLIP = _Law(
-    lambda means: (means["beta_rad"] * means["qbar_Pa"]).diff(), lambda means: -means["ay_mps2"].diff(),
-    *AXES.wrong_sign.sideslip,
-    "/probe/beta: the side force points to where the air comes from: differential_pressure_Pa (right minus left port,"
-    " in the probe's calibration too) or specific_force_y_mps2 of /imu (to the right) has the wrong sign",
-)  # fmt: skip
-CLIMB = _Law(
-    lambda means: -means["gps_down_mps"], lambda means: means["climb_mps"], *AXES.wrong_sign.climb,
-    "/gps: velocity_down_mps is positive where /static shows a climb: write it positive downwards",
-)  # fmt: skip
-COURSE = _Law(  # in a turn the course turns as the nose does
-    lambda means: means["r_radps"], _turn, *AXES.wrong_sign.course,
-    "/imu and /gps: angular_rate_z_radps turns against the course of velocity_north_mps and velocity_east_mps: the rate"
-    " is not positive to the right, or north and east are exchanged",
-)  # fmt: skip
-ROLL = _Law(
-    lambda means: means["p_radps"], _bank_change, *AXES.wrong_sign.roll,
-    "/imu: the aircraft rolls out of the turns that angular_rate_z_radps shows: angular_rate_x_radps has the wrong"
-    " sign; write it positive right wing down",
-)  # fmt: skip
+    def change(self, value: Array, samples: int = 1) -> Array:
+        """To each sample from the one before; of two, from the sample before to the one after it."""
+        found = np.full(len(value), np.nan)
+        late = samples // 2
+        found[samples - late : len(value) - late] = value[samples:] - value[:-samples]
+        return found
+
+    def _column(self, name: str) -> Array:
+        return self._means[name].to_numpy()
 
 
 def check_axes(table: pd.DataFrame, log: str) -> None:
@@ -108,22 +121,30 @@ def check_axes(table: pd.DataFrame, log: str) -> None:
     if means["V_mps"].notna().sum() < STATISTICS.fewest_values:
         return
     means = means.assign(climb_mps=_climb_mps(table)[means.index])
+    signals = _Means(means)
     _check_rate_unit(means, log)
-    _check(PITCH, means, log)
+    _check(Motion.PULL_UP, signals, log)
     _check_side_ports(means, log)
-    _check(ANGLE_OF_ATTACK, means, log)
-    _check(FORWARD_FORCE, means, log)
-    _check(SIDESLIP, _means(table, flown, CHANNELS.smoothing_s), log)
-    _check(SIDESLIP, means, log)
+    _check(Motion.LIFT_BY_ANGLE_OF_ATTACK, signals, log)
+    _check(Motion.FORCE_ALONG_PATH, signals, log)
+    _check(Motion.SIDE_FORCE, _Means(_means(table, flown, CHANNELS.smoothing_s)), log)
+    _check(Motion.SIDE_FORCE, signals, log)
     _check_ground_speed(means, log)
-    for law in (CLIMB, COURSE, ROLL):
-        _check(law, means, log)
+    for law in (Motion.CLIMB, Motion.COURSE_IN_TURN, Motion.BANK_OF_TURN):
+        _check(law, signals, log)
 
 
-def _check(law: _Law, means: pd.DataFrame, log: str) -> None:
-    second = law.second(means)
-    if (law.spread == 0 or second.std() > law.spread) and _correlation(law.first(means), second) < law.least:
-        raise InputError(f"{log}: {law.remedy}")
+def _check(law: Motion, signals: Signals, log: str) -> None:
+    limit, (first, second) = LIMITS[law], SIDES[law](signals)
+    if law is Motion.LIFT_BY_ANGLE_OF_ATTACK:
+        second = _over_mean(second)
+    varies = limit.spread == 0 or pd.Series(second).std() > limit.spread
+    if varies and _correlation(pd.Series(first), pd.Series(second)) < limit.least:
+        raise InputError(f"{log}: {limit.remedy}")
+
+
+def _over_mean(value: Array) -> Array:
+    return np.asarray(value / pd.Series(value).mean())
 
 
 def _check_rate_unit(means: pd.DataFrame, log: str) -> None:
@@ -141,8 +162,9 @@ def _check_rate_unit(means: pd.DataFrame, log: str) -> None:
 
 def _check_side_ports(means: pd.DataFrame, log: str) -> None:
     """More lift needs more angle of attack: the pressure of alpha follows it, that of beta does not."""
-    lift = _lift(means)
-    if not lift.std() > ANGLE_OF_ATTACK.spread:
+    _, lift_coefficient = SIDES[Motion.LIFT_BY_ANGLE_OF_ATTACK](_Means(means))
+    limit, lift = LIMITS[Motion.LIFT_BY_ANGLE_OF_ATTACK], pd.Series(_over_mean(lift_coefficient), means.index)
+    if not lift.std() > limit.spread:
         return
     ratio = {name: means[f"dp_{name}_Pa"] / means["q_c_Pa"] for name in ("alpha", "beta")}
     alpha, beta = (_correlation(ratio[name], lift) for name in ("alpha", "beta"))
@@ -153,7 +175,7 @@ def _check_side_ports(means: pd.DataFrame, log: str) -> None:
             f" {beta:+.2f}), that of alpha does not ({alpha:+.2f}): the topics or tubes are exchanged"
         )
     slope = alpha * float(ratio["alpha"].std() / lift.std())
-    if abs(alpha) > -ANGLE_OF_ATTACK.least and abs(slope) < least_slope:
+    if abs(alpha) > -limit.least and abs(slope) < least_slope:
         raise InputError(
             f"{log}: /probe/alpha: differential_pressure_Pa changes with the lift, but by {slope:+.4f} of that of"
             " /probe/airspeed only: is it in hPa (mbar), kPa or inches of water?"

@@ -18,6 +18,7 @@ from flightpower.analysis.sources.column_map import Channels
 from flightpower.analysis.sources.grid import resampled
 from flightpower.analysis.sources.grid_settings import FLIGHT
 from flightpower.analysis.sources.law_settings import LAWS
+from flightpower.analysis.sources.motion import SIDES, Motion
 from flightpower.analysis.sources.position import velocity_by_position
 from flightpower.analysis.sources.quantities import KINDS, Quantity
 from flightpower.analysis.sources.recording import Channel
@@ -111,6 +112,36 @@ class Grid:
     def rate(self, value: Array) -> Array:
         """Derivative by time (n,)."""
         return np.asarray(np.gradient(value, FLIGHT.step_s))
+
+    def change(self, value: Array, samples: int = 1) -> Array:
+        """Difference between values so many samples apart (n,)."""
+        return np.asarray(samples * FLIGHT.step_s * self.rate(value))
+
+    def climb(self) -> Array:
+        """Of the height (n,) [m/s]; NaN where there is none."""
+        height = self.height()
+        return np.full(len(self.t_s), np.nan) if height is None else self.rate(height[1])
+
+    def true_airspeed(self) -> Array:
+        """In flight (n,); NaN on the ground."""
+        known = self.airspeed()
+        return np.full(len(self.t_s), np.nan) if known is None else np.where(_flown(known[1]), known[1], np.nan)
+
+    def pressure_of_flight(self) -> Array:
+        """The square of the airspeed in flight (n,), to which it is proportional."""
+        return np.asarray(np.maximum(self.true_airspeed(), 1.0) ** 2)
+
+    def turn_rate(self) -> Array:
+        """Of the course over ground (n,); NaN where it is slow, or not known."""
+        ground = self.ground_velocity()
+        if ground is None:
+            return np.full(len(self.t_s), np.nan)
+        _, north, east = ground
+        moving = np.hypot(north, east) > 0.3 * np.nanpercentile(np.hypot(north, east), 90)
+        known = np.isfinite(north + east)
+        course = np.full(len(north), np.nan)
+        course[known] = np.unwrap(np.arctan2(east[known], north[known]))
+        return np.where(moving, self.rate(course), np.nan)
 
     def height(self) -> tuple[Quantity, Array] | None:
         if (h := self[Q.HEIGHT]) is not None:
@@ -294,16 +325,11 @@ def _attitude_laws(grid: Grid) -> Iterator[Law]:
     ground, airspeed = grid.ground_velocity(), grid.airspeed()
     if ground is None:
         return
-    quantities, north, east = ground
-    moving = np.hypot(north, east) > 0.3 * np.nanpercentile(np.hypot(north, east), 90)
-    known = np.isfinite(north + east)
-    course = np.full(len(north), np.nan)
-    course[known] = np.unwrap(np.arctan2(east[known], north[known]))
-    course_rate = np.where(moving, grid.rate(course), np.nan)
+    quantities, course_rate = ground[0], grid.turn_rate()
     if heading is not None:
         yield Law((Q.HEADING, *quantities), grid.rate(heading), course_rate, False)
-    if (yaw_rate := grid[Q.YAW_RATE]) is not None:
-        yield Law((Q.YAW_RATE, *quantities), yaw_rate, course_rate, False)
+    if grid[Q.YAW_RATE] is not None:
+        yield Law((Q.YAW_RATE, *quantities), *SIDES[Motion.COURSE_IN_TURN](grid), False)
     if (bank := grid[Q.ROLL]) is not None and airspeed is not None:
         turn = np.arctan(np.clip(airspeed[1] * course_rate / g, -3, 3))
         yield Law((Q.ROLL, *quantities), bank, turn, True, least=LEVEL_RUN.largest_bank_rad / 8)
@@ -315,7 +341,7 @@ def _vertical_laws(grid: Grid) -> Iterator[Law]:
         return
     climb = grid.rate(height[1])
     if velocity_down is not None:
-        yield Law((height[0], Q.VELOCITY_DOWN), climb, -velocity_down, True)
+        yield Law((height[0], Q.VELOCITY_DOWN), *SIDES[Motion.CLIMB](grid), True)
     if (pressure := grid[Q.STATIC_PRESSURE]) is not None and height[0] is Q.HEIGHT:
         yield Law((Q.HEIGHT, Q.STATIC_PRESSURE), height[1], np.asarray(height_at(np.maximum(pressure, 1.0))), True)
     if airspeed is None:
@@ -346,18 +372,13 @@ def _speed_laws(grid: Grid) -> Iterator[Law]:
             needed, lag_s = needed - grid.rate(V * np.sin(alpha)), 0.0
         yield Law((Q.FORCE_DOWN, Q.PITCH_RATE, of), np.where(flown, -down, np.nan), needed, False, lag_s=lag_s)
     if alpha is not None and down is not None:
-        lift = np.where(flown, -down / np.maximum(V, 1.0) ** 2, np.nan)
-        yield Law((Q.ANGLE_OF_ATTACK, Q.FORCE_DOWN, of), alpha, lift, False)
+        yield Law((Q.ANGLE_OF_ATTACK, Q.FORCE_DOWN, of), *SIDES[Motion.LIFT_BY_ANGLE_OF_ATTACK](grid), False)
     for one in (Q.INDICATED_AIRSPEED, Q.DYNAMIC_PRESSURE):
         if one is not of and (other := grid[one]) is not None:
             shown = other if one is Q.INDICATED_AIRSPEED else np.sqrt(2 * np.maximum(other, 0.0) / SEA_LEVEL_DENSITY)
             yield Law((one, of), shown, V, True)
-    if height is None or (forward := grid[Q.FORCE_FORWARD]) is None or down is None:
-        return
-    gain = grid.rate(V) + g * grid.rate(height[1]) / np.maximum(V, 1.0)
-    if alpha is not None:
-        along = forward * np.cos(alpha) + down * np.sin(alpha)
-        yield Law((Q.FORCE_FORWARD, of, height[0]), np.where(flown, along, np.nan), gain, True)
+    if height is not None and grid.all(Q.FORCE_FORWARD, Q.FORCE_DOWN, Q.ANGLE_OF_ATTACK) is not None:
+        yield Law((Q.FORCE_FORWARD, of, height[0]), *SIDES[Motion.FORCE_ALONG_PATH](grid), True)
 
 
 def _power_laws(grid: Grid) -> Iterator[Law]:
