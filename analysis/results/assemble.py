@@ -41,6 +41,7 @@ from flightpower.flight.aircraft import Aircraft
 from flightpower.flight.atmosphere import SEA_LEVEL_DENSITY
 from flightpower.flight.log_reader import Log
 from flightpower.flight.propeller import Propeller
+from flightpower.flight.satellite_time import satellites_minus_log_time_ns
 from flightpower.flight.version import version
 
 
@@ -169,9 +170,12 @@ def pooling_statistics(
 
 
 def start_unix_s(log: Log) -> float | None:
-    """Time of the first message; None where the clock had not been set."""
-    start_s = min(entries[0].time_ns for entries in log.entries.values() if entries) / 1e9
-    return start_s if start_s > RESULTS.clock_set_unix_s else None
+    """Time of the first message by the satellites, else by the computer; None where its clock had not been set."""
+    start_ns = min(entries[0].time_ns for entries in log.entries.values() if entries)
+    ahead_ns = satellites_minus_log_time_ns(log)
+    if ahead_ns is not None:
+        return (start_ns + ahead_ns) / 1e9
+    return start_ns / 1e9 if start_ns / 1e9 > RESULTS.clock_set_unix_s else None
 
 
 def mean_battery_V(rows_flown: pd.DataFrame) -> float | None:

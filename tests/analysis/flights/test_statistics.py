@@ -48,3 +48,11 @@ def test_the_start_of_a_flight_is_unknown_where_the_clock_was_not_set() -> None:
         times = [LogEntry(int(time_s * 1e9), 0, Time()), LogEntry(2 * 10**18, 1, Time())]
         entries = {"/rpm": NO_ENTRIES, "/time": entries_of(times)}
         assert start_unix_s(Log(Path("flight.mcap"), entries)) == start_s
+
+
+@pytest.mark.parametrize("clock_s", [0.0, 1.6e9], ids=["never set", "a year late"])
+def test_satellites_date_a_flight_whose_computer_did_not_know_the_time(clock_s: float) -> None:
+    """A Raspberry Pi has no battery for its clock, and no network at the field."""
+    started_ns, first_fix_ns, utc_ns = int(clock_s * 1e9), int((clock_s + 40.0) * 1e9), 1_780_000_040 * 10**9
+    times = [LogEntry(started_ns, 0, Time()), LogEntry(first_fix_ns, 1, Time(gps_utc_ns=utc_ns))]
+    assert start_unix_s(Log(Path("flight.mcap"), {"/time": entries_of(times)})) == 1_780_000_000
