@@ -22,6 +22,7 @@ from flightpower.sim.options import (
     AircraftOption,
     BankOption,
     ClimbOption,
+    DateOption,
     HeightOption,
     InstallationOption,
     LikeOption,
@@ -71,6 +72,7 @@ def fly(
     seed: SeedOption = 0,
     like: LikeOption = None,
     installation: InstallationOption = None,
+    day: DateOption = None,
     probe: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Probe calibration for the log, instead of that of the simulated tunnel."),
@@ -122,6 +124,8 @@ def fly(
         raise InputError("--no-hardware excludes --faults and --real-time")
     if recorder is not None and (real_time or faults is not None):
         raise InputError("--as excludes --faults and --real-time: the daemon does not record an autopilot's log")
+    if recorder is not None and day is not None:
+        raise InputError("--as excludes --date: autopilots' logs are simulated without one; leave out --date")
     traps = faults_of(recorder, log_faults)
     flown_in = world_of(world, errors)
     craft, flight_plan = _aircraft(aircraft, like, installation), flown_in.plan(load_plan(plan), seed)
@@ -130,12 +134,14 @@ def fly(
     check_output(output, replace)
     check_probe(output, calibration, probe)
     drawn = draw(flown_in.errors, seed)
+    if craft.has("installation.name"):
+        installation = craft.installation.name
     if installation is not None:
         drawn = of_installation(drawn, draw(flown_in.errors, crc32(installation.encode())))
     with progress_bar("flying") as report:
         flight = fly_plan(craft, flight_plan, seed=seed, deviations=drawn.deviations, progress=report)
     written, sensor_truth = output / LOG, FlightSensorTruth(flight, drawn)
-    variant = _tray_variant(craft, flight_plan.air.time_of_day_s)
+    variant = _tray_variant(craft, day, flight_plan.air.time_of_day_s)
     with whole_or_nothing(output):
         write_flight(output, flight, drawn, flown_in, aircraft=aircraft, calibration=calibration)
         if recorder is not None:
@@ -162,11 +168,11 @@ def _aircraft(name: str, like: str | None, installation: str | None) -> Complete
     return craft if installation is None else with_installation(craft, installation)
 
 
-def _tray_variant(craft: CompleteAircraft, time_of_day_s: float) -> "TrayVariant":
-    """The tray aboard an aircraft at this time [s, UTC] of the simulator's day."""
+def _tray_variant(craft: CompleteAircraft, day: datetime | None, time_of_day_s: float) -> "TrayVariant":
+    """The tray aboard an aircraft at this time [s, UTC] of a day, or of the simulator's own."""
     from flightpower.hw_fakes.tray import UTC_AT_START, TrayVariant
 
-    midnight = UTC_AT_START.replace(hour=0, minute=0)
+    midnight = day or UTC_AT_START.replace(hour=0, minute=0)
     return TrayVariant(pole_pairs=craft.propulsion.pole_pairs, utc_at_start=midnight + timedelta(seconds=time_of_day_s))
 
 

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from datetime import UTC, datetime
 from typing import Annotated
 
 import typer
@@ -11,6 +12,8 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from flightpower.flight.aircraft import shipped_aircraft
 from flightpower.flight.command_line import quantity
+from flightpower.flight.errors import InputError
+from flightpower.flight.messages import FIRST_UTC_NS, LAST_UTC_NS
 
 AircraftOption = Annotated[
     str, typer.Option(metavar="NAME", help=f"A shipped aircraft ({', '.join(shipped_aircraft())}), or a file.")
@@ -68,8 +71,28 @@ InstallationOption = Annotated[
     typer.Option(
         "--installation",
         metavar="NAME",
-        help="Errors of probe, mounting and propeller are drawn by this name: the same in every flight that has it.",
+        help="Errors of probe, mounting and propeller are drawn by this name: the same in every flight that has it. "
+        "Unless given, the name in the aircraft file.",
     ),
+]
+
+
+def _date(text: str) -> datetime:
+    """Midnight, UTC, of a day that satellites can date."""
+    try:
+        day = datetime.fromisoformat(text).replace(tzinfo=UTC)
+    except ValueError:
+        raise InputError(f'--date: {text!r} is not a date; write it as "2026-05-01"') from None
+    if day != day.replace(hour=0, minute=0, second=0, microsecond=0):
+        raise InputError(f"--date: {text!r} has a time of day; give the date alone")
+    if not FIRST_UTC_NS <= day.timestamp() * 1e9 < LAST_UTC_NS:
+        raise InputError(f"--date: {text!r} is no day that GPS can date; give one from 1980 to 2099")
+    return day
+
+
+DateOption = Annotated[
+    datetime | None,
+    typer.Option("--date", parser=_date, metavar="DATE", help='Day of the flight, such as "2026-05-01".'),
 ]
 ReplaceOption = Annotated[bool, typer.Option("--replace", help="Overwrite an earlier simulation.")]
 ReplaceFileOption = Annotated[bool, typer.Option("--replace", help="Replace an existing file.")]

@@ -1,11 +1,14 @@
 """The commands as a person types them: what they write, and one clear line with exit code 2 when they cannot."""
 
 import sys
+from datetime import UTC, datetime
 from importlib import resources
 
 import pandas as pd
 import pytest
 
+from flightpower.analysis.results.assemble import start_unix_s
+from flightpower.flight.aircraft import aircraft_text
 from flightpower.flight.log_reader import read_log
 from flightpower.sim.truth import read_truth
 from flightpower.simulate import main
@@ -75,6 +78,21 @@ def test_fly_writes_truth_curve_tray_and_log(sim, tmp_path):
     assert code == 0 and (out / "log.mcap").read_bytes() != before
 
 
+def test_a_flight_has_the_date_and_the_installation_s_errors_of_its_aircraft_file(sim, tmp_path):
+    """Flights of one installation share its errors without another option, and a campaign has days."""
+    file = tmp_path / "named.toml"
+    file.write_text(aircraft_text("nexstar")[0] + '[installation]\nname = "may"\n', "utf-8")
+    drawn = []
+    for seed in ("1", "2"):
+        words = ("--aircraft", "named.toml", "--seed", seed, "--date", f"2026-05-0{seed}")
+        assert sim("fly", "-o", seed, "--plan", "short.toml", "--no-hardware", *words)[0] == 0
+        assert start_unix_s(read_log(tmp_path / seed / "log.mcap")) == pytest.approx(
+            datetime(2026, 5, int(seed), 9, 30, tzinfo=UTC).timestamp(), abs=10.0
+        )
+        drawn.append(read_truth(tmp_path / seed / "truth.parquet")[1]["errors"])
+    assert drawn[0]["imu_rotation"] == drawn[1]["imu_rotation"] and drawn[0]["accel_bias"] != drawn[1]["accel_bias"]
+
+
 def test_another_probe_calibration_is_not_replaced_but_can_be_given(sim, tmp_path):
     (tmp_path / "out").mkdir()
     mine = tmp_path / "out" / "probe.json"
@@ -103,6 +121,10 @@ def test_a_real_log_is_never_replaced(sim, tmp_path):
         (["fly", "-o", "short.toml/out", "--plan", "short.toml"], "short.toml"),
         (["fly", "-o", "out", "--no-hardware", "--real-time"], "excludes --faults and --real-time"),
         (["fly", "-o", "out", "--as", "px4", "--real-time"], "--as excludes"),
+        (["fly", "-o", "out", "--as", "px4", "--date", "2026-05-01"], "leave out --date"),
+        (["fly", "-o", "out", "--date", "1 May"], 'write it as "2026-05-01"'),
+        (["fly", "-o", "out", "--date", "2026-05-01T12:00"], "give the date alone"),
+        (["fly", "-o", "out", "--date", "1969-07-20"], "from 1980 to 2099"),
         (["fly", "-o", "out", "--plan", "slow.toml"], "too slow: nexstar stalls at"),
         (["fly", "-o", "out", "--plan", "fast.toml"], "too fast: nexstar reaches"),
         (["fly", "-o", "out", "--plan", "steep.toml"], "the motor has"),
