@@ -24,7 +24,7 @@ from flightpower.flight.units import GRAVITY_MPS2, NO_KEY
 
 Position = tuple[float, float, float]
 VIBRATION_REVPS = 100.0  # motor speed [1/s] at which an offset of the accelerometers by vibration is given
-LEAST_RATIO, LARGEST_RATIO = 0.2, 100.0  # aspect ratios of span and area in one unit
+LEAST_RATIO, LARGEST_RATIO = 0.9, 60.0  # aspect ratios from a disk to a glider; an area ten times too large is below
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -80,6 +80,7 @@ def test_a_file_of_ones_own_is_read_like_a_shipped_one(tmp_path):
         ('weight = "8.47 lbf"', 'weight = "-1 lbf"', r"mass\.weight.*greater than zero"),
         ('span = "5.73 ft"', 'span = "5.73 cm"', r"geometry\.span of 0\.0573 m .* aspect ratio of 0\.0071"),
         ('span = "5.73 ft"', 'span = "573 ft"', r"aspect ratio of 6\.6e\+04; check their units"),
+        ('wing_area = "4.99', 'wing_area = "49.9', r"aspect ratio of 0\.66; check their units"),
         ("[geometry]", "[geometri]", "geometr"),
         ("pole_pairs = 7", "pole_pairs = 7.5", "pole_pairs"),
         ("pulse_us = [1000, 1500, 2000]", "pulse_us = [1000, 1500]", "aileron.*pulse_us"),
