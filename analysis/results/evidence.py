@@ -211,8 +211,8 @@ def _thrust(statistics: PoolingStatistics | None) -> Iterator[Evidence]:
         worst.subject,
         (worst.sigmas, limit, "standard deviations"),
         f"Thrust differs from the propeller's table by {worst.sigmas:+.1f} times the standard deviation assumed"
-        f" ({worst.title}; limit {limit:.1f}): check `propulsion.pole_pairs`, the pulses of the motor speed, the"
-        " propeller and its table, and analyze again.",
+        f" ({worst.title}; limit {limit:.1f}): check the weight, `propulsion.pole_pairs`, the pulses of the motor"
+        " speed, the propeller and its table, and analyze again.",
     )
 
 
