@@ -19,6 +19,7 @@ LARGEST_INCHES = 40.0  # larger numbers are millimeters: UIUC names a few small 
 COLUMNS = ("rpm", "J", "cT", "cP")
 LARGEST_DIAMETER_M = 3.0  # larger numbers are inches or millimeters
 SAME_RPM = 0.01  # relative difference of speeds of rotation below which two tests are put into one row
+SIZE = re.compile(r"\d+(\.\d+)?x\d+(\.\d+)?")  # diameter and pitch in inches, within a name
 UIUC_NAME = re.compile(r"(?P<name>.+_(?P<size>\d+(?:\.\d+)?)x\d+(?:\.\d+)?[^_]*)_(?P<test>.+)\.txt")
 
 
@@ -35,8 +36,10 @@ def load_propeller(name_or_path: str | Path) -> Propeller:
     if path.is_dir():
         return _load_uiuc(path)
     if not path.is_file():
+        size = SIZE.search(str(name_or_path))
         raise InputError(
-            f"propeller {name_or_path}: neither a file nor one of those that `flightpower propellers` lists"
+            f"propeller {name_or_path}: neither a file nor one of those that `flightpower propellers"
+            f"{f' {size[0]}' if size else ''}` lists"
         )
     text = _text(path)
     named = UIUC_NAME.fullmatch(path.name)

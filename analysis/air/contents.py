@@ -142,7 +142,10 @@ def _propeller(log: Log, aircraft: Aircraft, recorded: Aircraft | None) -> Prope
     name = aircraft.propulsion.propeller
     table = log.attachments.get("propeller.csv")
     if table is not None and name in (None, in_log):
-        return parse_propeller(table.decode("utf-8", errors="replace"), in_log or "propeller.csv")
+        try:
+            return parse_propeller(table.decode("utf-8", errors="replace"), in_log or "propeller.csv")
+        except InputError as error:
+            raise InputError(f"{log.path}: its propeller.csv is damaged; give --propeller ({error})") from None
     name = name or in_log
     if name is not None:
         return load_propeller(name)

@@ -263,7 +263,7 @@ def test_a_broken_table_is_refused_by_name(text, cause):
 
 
 def test_an_unknown_propeller_says_what_lists_those_there_are():
-    with pytest.raises(InputError, match=r"apc-99x99: neither a file nor .*`flightpower propellers` lists"):
+    with pytest.raises(InputError, match=r"apc-99x99: neither a file nor .*`flightpower propellers 99x99` lists"):
         load_propeller("apc-99x99")
 
 

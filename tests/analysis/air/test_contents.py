@@ -8,6 +8,7 @@ from flights import tunnel_probe
 
 from flightpower.analysis.air.contents import Replacements, contents
 from flightpower.flight.aircraft import load_aircraft
+from flightpower.flight.errors import InputError
 from flightpower.flight.log_reader import Log
 from flightpower.flight.propeller_files import load_propeller
 
@@ -27,3 +28,15 @@ def test_thrust_of_a_computed_table_is_as_uncertain_as_the_file_says_or_as_such_
     assert any("computed, not measured" in note for note in found.notes) is not stated
     measured = contents(log, Replacements(propeller=load_propeller("apc-11x5.5e")))
     assert measured.aircraft.uncertainty.thrust_scale_fraction == pytest.approx(0.018)
+
+
+def test_a_damaged_propeller_table_in_a_log_is_said_to_be_the_log_s() -> None:
+    """Not that of the shipped table of this name, of which nothing is wrong."""
+    table = load_propeller("apc-12x8e").to_csv().replace("0.10", "0.x0", 1)
+    log = Log(Path("flight.mcap"), attachments={
+        "aircraft.toml": load_aircraft("nexstar").text.encode(),
+        "propeller.csv": table.encode(),
+        "probe.json": msgspec.json.encode(tunnel_probe()),
+    })  # fmt: skip
+    with pytest.raises(InputError, match=r"^flight\.mcap: its propeller\.csv is damaged; give --propeller"):
+        contents(log)
