@@ -30,6 +30,8 @@ from flightpower.analysis.records.flight import (
 )
 from flightpower.analysis.records.pool import PooledUse
 
+NO_FULL_THROTTLE = "No flight of these has two seconds of settled full throttle within the propeller's table."
+
 
 class DragPool(Protocol):
     """What is used here of the joint estimate of drag (`joint_pool`)."""
@@ -73,7 +75,10 @@ def pooled_performance(pool: DragPool, use: PooledUse, air: AirFound) -> Perform
         return None
     basis = f"The losses of motor and battery are the mean of {', '.join(use.losses_of)}."
     train = replace(found.power_train, measured=use.losses_measured, basis=basis)
-    return replace(found, power_train=train, model=None)
+    available = found.available
+    if not available.power_available:
+        available = replace(available, reason=NO_FULL_THROTTLE)
+    return replace(found, power_train=train, available=available, model=None)
 
 
 def _pooled_model(pool: DragPool, flights: Sequence[ComputationModel]) -> PerformanceModel:
