@@ -201,7 +201,8 @@ def comparison_answers(comparison: ComparisonResults) -> list[HeadlineAnswer]:
     rows = comparison.differences
     widths = [row.hi_percent - row.lo_percent for row in rows]
     best = rows[int(np.argmin(widths))]
-    independent = best.independent_half_width_percent
+    half_width, independent = min(widths) / 2, best.independent_half_width_percent
+    cancels = f" If shared errors did not cancel: ±{independent:.1f} %." if independent > half_width else ""
     return [
         HeadlineAnswer(
             "Difference",
@@ -211,7 +212,7 @@ def comparison_answers(comparison: ComparisonResults) -> list[HeadlineAnswer]:
         HeadlineAnswer(
             "Narrowest interval",
             f"{best.difference_percent:+.1f} % ({best.lo_percent:+.1f} to {best.hi_percent:+.1f})",
-            f"B minus A at {best.speed_mps:.1f} m/s. If shared errors did not cancel: ±{independent:.1f} %.",
+            f"B minus A at {best.speed_mps:.1f} m/s.{cancels}",
         ),
     ]
 

@@ -9,6 +9,7 @@ import msgspec
 import pytest
 
 from flightpower.analysis.pages.pooled_page import (
+    comparison_answers,
     curve_table,
     difference,
     differences_table,
@@ -138,6 +139,18 @@ def test_card_and_verdict_say_the_same_of_one_flight_that_differs() -> None:
     assert "No warnings" not in body(render_pooled(content))
     content = msgspec.structs.replace(content, agreement=Agreement.YES, outliers=[], trust="trusted", evidence=[])
     assert pooled_answers(content)[1].answer == "yes" and "No warnings" in body(render_pooled(content))
+
+
+@pytest.mark.parametrize(("independent", "said"), [(4.0, True), (0.9, False)])
+def test_a_comparison_does_not_say_that_its_interval_would_shrink_without_what_cancels(
+    independent: float, said: bool
+) -> None:
+    """Flights that disagree widen the interval that is given, and may do so beyond the other."""
+    rows = [
+        msgspec.structs.replace(row, independent_half_width_percent=independent) for row in comparison().differences
+    ]
+    note = comparison_answers(msgspec.structs.replace(comparison(), differences=rows))[1].note
+    assert ("did not cancel" in note) is said and "m/s" in note
 
 
 def test_a_comparison_says_what_cancels() -> None:
