@@ -252,7 +252,7 @@ def check_one_aircraft(flights: Sequence[FlightStatistics]) -> None:
                 != (other.aircraft.name, other.aircraft.wing_area_m2),
                 "two aircraft",
                 (first.aircraft.name, other.aircraft.name),
-                "pool each alone, and compare the two pools",
+                "pool each alone, and compare the two pools; `flightpower fleet add` takes flights of many",
             ),
             (
                 first.propeller_table != other.propeller_table,

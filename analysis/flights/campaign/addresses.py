@@ -37,6 +37,9 @@ VERSIONS = (
     "mtime",
     "created",
 )
+RESULTS_HERE = (
+    ", but results of `analyze`: give the logs again, with this folder behind -o; no flight is analyzed twice"
+)
 FOR_GOOD = (FileNotFoundError, PermissionError, IsADirectoryError, ImportError, ValueError)  # asking again is no help
 
 
@@ -86,6 +89,10 @@ def place(log: Log) -> PurePath:
     return log.absolute() if isinstance(log, Path) else log.place
 
 
+def _has_results(folder: Path) -> bool:
+    return any(folder.rglob("results.json"))
+
+
 def find_logs(given: Sequence[str]) -> FoundLogs:
     """Files as they are given; of a folder and of an address that is one, the logs in it and below, by their suffix."""
     found = FoundLogs()
@@ -99,7 +106,7 @@ def find_logs(given: Sequence[str]) -> FoundLogs:
                 found.in_folders = True
                 inside = sorted(path for path in folder.rglob("*") if path.suffix.lower() in suffixes())
                 if not inside:
-                    raise InputError(f"{folder}: no logs in this folder")
+                    raise InputError(f"{folder}: no logs in this folder{RESULTS_HERE if _has_results(folder) else ''}")
                 found.logs += inside
             else:
                 found.logs.append(Path(one))

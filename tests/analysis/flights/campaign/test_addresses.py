@@ -191,6 +191,14 @@ def test_a_folder_of_this_computer_is_its_logs(tmp_path: Path) -> None:
     assert find_logs([str(tmp_path / "none.mcap")]).logs == [tmp_path / "none.mcap"]
 
 
+def test_a_folder_of_results_is_told_from_one_without_logs(tmp_path: Path) -> None:
+    assert find_logs([str(tmp_path)]).failures == [f"{tmp_path}: no logs in this folder"]
+    (tmp_path / "flight").mkdir()
+    (tmp_path / "flight" / "results.json").write_text("{}")
+    (said,) = find_logs([str(tmp_path)]).failures
+    assert "but results of `analyze`" in said and "with this folder behind -o" in said
+
+
 def test_the_same_content_at_another_address_is_another_place() -> None:
     one = RemoteLog("s3://fleet/may/log.mcap", 1, "x")
     assert one.place.parts == ("/", "fleet", "may", "log.mcap")
