@@ -7,7 +7,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from flightpower.analysis.curve import Polar
-from flightpower.analysis.flights.changes import Change, find_changes, series
+from flightpower.analysis.flights.changes import Change, FlightShares, find_changes, flight_shares, series
 from flightpower.analysis.flights.flight_statistics import FlightStatistics, PoolFlight
 from flightpower.analysis.flights.joint_pool import JointPool
 from flightpower.analysis.flights.pool import pool_flights
@@ -24,6 +24,7 @@ class Airframe(NamedTuple):
 
     flights : in the order of their dates, those without a date last
     pool : of the flights since the last change     changes : of drag and propulsion, the first first
+    shares : of the dated flights; None where changes are not sought
     """
 
     name: str
@@ -31,6 +32,7 @@ class Airframe(NamedTuple):
     flights: tuple[PoolFlight, ...]
     pool: Pool
     changes: tuple[Change, ...]
+    shares: FlightShares | None = None
 
     @property
     def dated(self) -> int:
@@ -80,21 +82,25 @@ def airframe(name: str, configuration: str, flights: Sequence[PoolFlight], alarm
     dated = [one for one in flights if one.dated]
     ordered = (*dated, *(one for one in flights if not one.dated))
     whole = pool_flights(ordered)
-    told = (
-        _changes(whole if len(dated) == len(flights) else pool_flights(dated), alarms_a_year) if len(dated) > 2 else []
+    changes, shares = (
+        _watched(whole if len(dated) == len(flights) else pool_flights(dated), alarms_a_year)
+        if len(dated) > 2
+        else ([], None)
     )
-    lately = pool_flights(dated[told[-1].since :]) if told else whole
-    return Airframe(name, configuration, ordered, lately, tuple(told))
+    lately = pool_flights(dated[changes[-1].since :]) if changes else whole
+    return Airframe(name, configuration, ordered, lately, tuple(changes), shares)
 
 
-def _changes(whole: Pool, alarms_a_year: float) -> list[Change]:
+def _watched(whole: Pool, alarms_a_year: float) -> tuple[list[Change], FlightShares | None]:
     """Changes by date, from three or more dated flights; none of electrical power, where drag and thrust are one."""
     if not isinstance(whole, JointPool):
-        return []
+        return [], None
     flights = whole.flights
     times = np.array([one.start_unix_s for one in flights], dtype=float) / 86400.0
     flights_a_year = 365.25 * len(flights) / max(times[-1] - times[0], len(flights))  # one a day at most
-    return find_changes(series(whole), times, flights_a_year / alarms_a_year)
+    of_flights = series(whole)
+    changes = find_changes(of_flights, times, flights_a_year / alarms_a_year)
+    return changes, flight_shares(of_flights, changes)
 
 
 def fleet_curve(fleet: Sequence[Airframe]) -> FleetCurve:

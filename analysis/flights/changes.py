@@ -8,6 +8,7 @@ false alarm (the generalized likelihood ratio; Basseville and Nikiforov 1993, se
 """
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -78,6 +79,30 @@ def series(pool: JointPool) -> Series:
     changed[:_N_POLAR, 0], changed[_THRUST, 1] = A, 1.0
     by_truth = of_flight @ (np.eye(M) - stack.prior_part) @ changed
     return Series(stack.values @ of_flight.T, by_truth, error_parts(stack, pool.prior, of_flight))
+
+
+class FlightShares(NamedTuple):
+    """Drag and thrust of n flights, each less the mean of the flights before the first change, as shares of it.
+
+    values, errors : (n, 2), errors being standard ones without those that all flights share; NaN where a flight alone
+    does not tell drag from thrust
+    """
+
+    values: Array
+    errors: Array
+
+
+def flight_shares(of_flights: Series, changes: Sequence[Change]) -> FlightShares:
+    """What each flight alone shows; without a change the mean is that of all. changes : of `find_changes`"""
+    values, by_truth, errors = of_flights
+    seen = np.abs(np.linalg.det(by_truth)) > np.sqrt(np.finfo(float).eps)
+    before = seen & (np.arange(len(values)) < (changes[0].since if changes else len(values)))
+    weights = np.linalg.pinv(errors.own[before])
+    mean = np.linalg.pinv(weights.sum(axis=0)) @ np.einsum("fij,fj->i", weights, values[before])
+    back = np.full_like(by_truth, np.nan)
+    back[seen] = np.linalg.inv(by_truth[seen])
+    covariance = back @ errors.own @ back.transpose(0, 2, 1)
+    return FlightShares(np.einsum("fij,fj->fi", back, values - mean), np.sqrt(np.einsum("fkk->fk", covariance)))
 
 
 def least_gain(flights_per_false_alarm: float) -> float:

@@ -20,6 +20,7 @@ from flightpower.analysis.records.fleet import (
     ContradictionResult,
     FleetCurveResult,
     FleetResults,
+    FlightShareResult,
     Shape,
     What,
 )
@@ -104,7 +105,27 @@ def _airframe(one: Airframe) -> AirframeResult:
         trust=trust_by(one.pool.evidence),
         evidence=one.pool.evidence,
         changes=[_change(one, change) for change in one.changes],
+        history=_history(one),
     )
+
+
+def _history(one: Airframe) -> list[FlightShareResult]:
+    if one.shares is None:
+        return []
+    percent, half_widths = 100 * one.shares.values, 100 * NORMAL_95 * one.shares.errors
+    rows = zip(one.flights, percent.tolist(), half_widths.tolist(), strict=False)
+    return [
+        FlightShareResult(
+            log=flight.name,
+            start_unix_s=flight.start_unix_s,
+            drag_percent=drag,
+            drag_half_width_percent=drag_half,
+            thrust_percent=thrust,
+            thrust_half_width_percent=thrust_half,
+        )
+        for flight, (drag, thrust), (drag_half, thrust_half) in rows
+        if flight.start_unix_s is not None and drag == drag
+    ]
 
 
 def _condition(pool: Pool) -> ConditionResult:

@@ -1,15 +1,21 @@
 """The page of a fleet, from its fleet.json (docs/use/fleet.md)."""
 
+from collections.abc import Sequence
 from datetime import UTC, datetime
 
+import numpy as np
+
 from flightpower.analysis.pages.answers import HeadlineAnswer
-from flightpower.analysis.pages.charts.figure import Axis, Cursor, Figure, Line
+from flightpower.analysis.pages.charts.figure import Axis, Cursor, Figure, Line, Points
 from flightpower.analysis.pages.charts.style import BLUE, GRAY, INK, ORANGE, band, curve_arrays, true_airspeed
-from flightpower.analysis.pages.html_page import HtmlTable, html_figure, render_page
+from flightpower.analysis.pages.html_page import HtmlFigure, HtmlTable, html_figure, render_page
 from flightpower.analysis.pages.pooled_page import count
-from flightpower.analysis.records.fleet import AirframeResult, FleetCurveResult, FleetResults
+from flightpower.analysis.records.fleet import AirframeResult, ChangeResult, FleetCurveResult, FleetResults, Shape
 from flightpower.analysis.records.flight import Kind
 from flightpower.analysis.results.evidence import sentence
+from flightpower.flight.arrays import Array
+
+DAY_S = 86400.0
 
 
 def render_fleet(fleet: FleetResults) -> str:
@@ -27,6 +33,7 @@ def render_fleet(fleet: FleetResults) -> str:
             )
             for i, curve in enumerate(fleet.curves)
         ],
+        histories=_histories(fleet),
         airframes=airframes_table(fleet),
         notes=fleet.notes,
         doubts=doubts(fleet),
@@ -99,6 +106,51 @@ def doubts(fleet: FleetResults) -> list[str]:
 
 def _date(unix_s: float | None) -> str:
     return "" if unix_s is None else datetime.fromtimestamp(unix_s, UTC).strftime("%Y-%m-%d")
+
+
+def _histories(fleet: FleetResults) -> list[tuple[str, HtmlFigure, bool]]:
+    """Name, figure, and whether the airframe changed; those that did are first."""
+    known = sorted((one for one in fleet.airframes if one.history), key=lambda one: not one.changes)
+    return [
+        (one.name, html_figure(history_figure(one), f"history-{i}"), bool(one.changes)) for i, one in enumerate(known)
+    ]
+
+
+def history_figure(airframe: AirframeResult) -> Figure:
+    """Drag and thrust of each flight by date, and the changes found."""
+    days = np.array([one.start_unix_s for one in airframe.history]) / DAY_S
+    labeled = np.unique(np.linspace(0, len(days) - 1, 5).round().astype(int))
+    figure = Figure(panels=2, height_px=420, cursor=Cursor.NEAREST)
+    figure.x = Axis("date, UTC", ticks={float(days[i]): _date(days[i] * DAY_S) for i in labeled})
+    figure.zero_lines = {1, 2}
+    for panel, name in ((1, "drag"), (2, "thrust")):
+        values = np.array([getattr(one, f"{name}_percent") for one in airframe.history])
+        half = np.array([getattr(one, f"{name}_half_width_percent") for one in airframe.history])
+        figure.ys[panel - 1] = Axis(name, "%", from_zero=True, most_ticks=5)
+        figure.add(
+            Points(
+                x=days, y=values, y_ends=np.stack([values - half, values + half]), color=BLUE, panel=panel,
+                name="flight, 95 % interval", value="{y:+.1f} %",
+            )
+        )  # fmt: skip
+        if airframe.changes:
+            x, y = _level(airframe.changes, name, days[-1])
+            figure.add(
+                Line(x=np.r_[days[0], x], y=np.r_[0.0, y], color=ORANGE, panel=panel, name="change", value="{y:+.1f} %")
+            )
+    return figure
+
+
+def _level(changes: Sequence[ChangeResult], name: str, last_day: float) -> tuple[Array, Array]:
+    """Corners of the line that the changes of drag or thrust make, from 0 %: steps, and drifts until the next one."""
+    days = [(one.since_unix_s or 0.0) / DAY_S for one in changes]
+    x, y, level = [], [], 0.0
+    for change, since, until in zip(changes, days, [*days[1:], last_day], strict=True):
+        after = level + getattr(change, f"{name}_percent")
+        x += [since, since if change.shape is Shape.STEP else until, until]
+        y += [level, after, after]
+        level = after
+    return np.array(x), np.array(y)
 
 
 def curve_figure(fleet: FleetResults, curve: FleetCurveResult) -> Figure:

@@ -59,6 +59,20 @@ class ChangeResult(msgspec.Struct, frozen=True, kw_only=True):
     text: str
 
 
+class FlightShareResult(msgspec.Struct, frozen=True, kw_only=True):
+    """Drag and thrust that one flight alone shows, less their mean before the first change.
+
+    In percent, with 95 % half widths without the errors that all flights of the airframe share.
+    """
+
+    log: str
+    start_unix_s: float
+    drag_percent: float
+    drag_half_width_percent: float
+    thrust_percent: float
+    thrust_half_width_percent: float
+
+
 class AirframeResult(msgspec.Struct, frozen=True, kw_only=True):
     """An airframe in one configuration. The curve is of the flights since the last change, `pooled_flights`."""
 
@@ -77,6 +91,7 @@ class AirframeResult(msgspec.Struct, frozen=True, kw_only=True):
     trust: Trust  # as bad as the worst of:
     evidence: list[Evidence]  # against the pooled flights
     changes: list[ChangeResult]
+    history: list[FlightShareResult] = []  # of its dated flights, of three or more
 
 
 class FleetCurveResult(msgspec.Struct, frozen=True, kw_only=True):

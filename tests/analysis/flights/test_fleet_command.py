@@ -40,7 +40,11 @@ def test_flights_are_added_once_and_shown(flights: Path, tmp_path: Path) -> None
     called("show", dataset, "-o", page)
     shown = json.loads((page / "fleet.json").read_text())
     assert [len(one["changes"]) for one in shown["airframes"]] == [0, 0, 1]
-    assert (page / "fleet.html").read_text().startswith("<!doctype html>")
+    history = shown["airframes"][2]["history"]
+    assert len(history) == 30 and np.mean([one["thrust_percent"] for one in history[20:]]) == pytest.approx(-6, abs=1.5)
+    text = (page / "fleet.html").read_text()
+    assert text.startswith("<!doctype html>") and text.count("<details open>") == 1
+    assert text.index("worn, changed") < text.index("<summary>hawk-1")
     called("show", dataset, "--airframe", "hawk-1", "-o", page, "--replace")
     assert len(json.loads((page / "fleet.json").read_text())["airframes"]) == 1
 
