@@ -34,6 +34,8 @@ def add(
 
     Exit code 0: done. 2: a folder or the dataset cannot be used; one line on stderr says why.
     """
+    if not to:
+        raise InputError("--to is empty; give a folder, or an address such as s3://bucket/fleet")
     from flightpower.analysis.flights.campaign.campaign import flight_folders_of, read_flights
     from flightpower.analysis.flights.dataset import Dataset
 

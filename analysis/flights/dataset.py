@@ -78,9 +78,13 @@ class Dataset:
     def airframes(self) -> list[str]:
         """Names, in order."""
         fs, root = file_system(self.address)
-        if not fs.exists(root):
-            raise InputError(f"{self.address}: no flights there; add some with `flightpower fleet add`")
-        return sorted(unquote(path.rsplit("=", 1)[1]) for path in fs.glob(f"{root}/airframe=*"))
+        names = sorted(unquote(path.rsplit("=", 1)[1]) for path in fs.glob(f"{root}/airframe=*"))
+        if not names:
+            raise InputError(
+                f"{self.address}: no fleet's flights there; give the folder or address behind --to of"
+                " `flightpower fleet add`"
+            )
+        return names
 
     def flights(self, airframe: str, unread: list[str] | None = None) -> dict[str, list[PoolFlight]]:
         """Flights of an airframe by configuration, each in the order of their dates, those without a date last.

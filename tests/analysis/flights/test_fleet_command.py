@@ -56,7 +56,13 @@ def test_a_page_that_is_there_is_not_replaced_unasked(flights: Path, tmp_path: P
         called("show", tmp_path / "fleet", "-o", tmp_path)
 
 
-@pytest.mark.parametrize("words", [("add", "missing", "--to", "fleet"), ("show", "missing"), ("show", "s3x://there")])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("add", "missing", "--to", "fleet"), ("add", ".", "--to", ""), ("show", "missing"), ("show", "."),
+        ("show", __file__), ("show", "s3x://there"),
+    ],
+)  # fmt: skip
 def test_what_cannot_be_used_is_one_line(
     words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
