@@ -1,5 +1,6 @@
 """Options that several commands share."""
 
+import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -176,7 +177,13 @@ class LogOptions:
 
 @dataclass(frozen=True)
 class Options(LogOptions):
-    """What `analyze` is asked for, of each log. Raises InputError for a text that is not what it should be."""
+    """What `analyze` is asked for, of each log: the options of the command, of which `analyze --help` says more.
+
+    Files, each a path: `aircraft`, `probe`, `zero`, `runs`, `magnetometer`, `transducers`, `thrust_stand`, `columns`,
+    `polar`; `propeller` is a name or a path. Numbers above zero: `weight_N` or `mass_kg`, `wing_area_m2`, `span_m`,
+    `air_temperature_K`. Texts as to the command: `battery_Wh`, `usable`, `weights`, `density_altitudes`, `leave_out`.
+    `likelihood` is True or False. Raises InputError for what is none of these.
+    """
 
     columns: Annotated[
         Path | None,
@@ -279,6 +286,15 @@ class Options(LogOptions):
     ] = None
 
     def __post_init__(self) -> None:
+        """Refuses at once what a program, which no parser checks, or a text gives wrongly."""
+        for name in ("weight_N", "mass_kg", "wing_area_m2", "span_m", "air_temperature_K"):
+            value = getattr(self, name)
+            if value is not None and not (isinstance(value, int | float) and 0 < value < math.inf):
+                raise InputError(f"Options: {name} = {value!r}: give a number above zero, in the unit of its name")
+        for name in ("battery_Wh", "usable", "weights", "density_altitudes", "leave_out"):
+            value = getattr(self, name)
+            if value is not None and not isinstance(value, str):
+                raise InputError(f"Options: {name} = {value!r}: give a text, as to the command, such as '{value}'")
         self.left_out_s  # noqa: B018
         self.request  # noqa: B018  # a wrong text is refused at once
 

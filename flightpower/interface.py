@@ -105,6 +105,8 @@ def pool(flights: Sequence[Flight | Paths | Mapping[str, Any]]) -> Pool:
     Raises InputError for none, for one flight twice, for flights of both kinds, and for flights of two aircraft,
     propellers or installations.
     """
+    if isinstance(flights, str | os.PathLike):
+        raise InputError(f"pool({os.fspath(flights)!r}): give a list of flights, or of their results.json")
     return pool_results([_results(flight) for flight in flights])
 
 

@@ -46,3 +46,24 @@ def test_a_module_of_the_user_with_the_name_of_a_part_is_not_in_the_way(name: st
     code = "import flightpower; flightpower.read; from flightpower.scripts import flightpower as run; run()"
     ended = subprocess.run([sys.executable, "-c", code, "--version"], capture_output=True, text=True, cwd=tmp_path)
     assert ended.returncode == 0 and ended.stdout.startswith("flightpower "), ended.stderr
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [
+        ("weight_N", "3.9 kg", "give a number above zero"),
+        ("weight_N", -3.0, "give a number above zero"),
+        ("mass_kg", float("nan"), "give a number above zero"),
+        ("span_m", float("inf"), "give a number above zero"),
+        ("battery_Wh", 74, "give a text, as to the command, such as '74'"),
+        ("usable", 0.8, "give a text, as to the command, such as '0.8'"),
+    ],
+)
+def test_an_option_of_the_wrong_kind_is_one_line(name: str, value: object, said: str) -> None:
+    with pytest.raises(flightpower.InputError, match=rf"^Options: {name} = .*{said}"):
+        flightpower.Options(**{name: value})  # type: ignore[arg-type]
+
+
+def test_one_path_is_no_list_of_flights() -> None:
+    with pytest.raises(flightpower.InputError, match="give a list of flights"):
+        flightpower.pool("log.report/results.json")
