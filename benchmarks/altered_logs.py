@@ -87,6 +87,19 @@ def small_table() -> bytes:
     return "\n".join(lines).encode()
 
 
+def jeti_table() -> bytes:
+    """The log of another radio: a line for each device and moment."""
+    lines = ["# one", "000000000;42;0;MSPEED;", "000000000;42;1;Velocity;m/s", "000000000;43;0;MUI-75;",
+             "000000000;43;1;Voltage;V", "000000000;43;2;Current;A", "000000000;44;0;MGPS;",
+             "000000000;44;2;Latitude; ", "000000000;44;6;Altitude;m"]  # fmt: skip
+    for i in range(40):
+        wave = np.sin(0.3 * i)
+        at = f"{200 * i + 3000:09d}"
+        lines += [f"{at};42;1;1;1;{150 + 30 * wave:.0f}", f"{at};43;1;1;2;{1500 + 10 * wave:.0f};2;1;1;{80 + i}",
+                  f"{at};44;2;9;0;{(48 << 16) + 30_000 + i};6;1;0;{50 + i}"]  # fmt: skip
+    return "\n".join(lines).encode()
+
+
 def european_table() -> bytes:
     """Semicolons, decimal commas, a line of units, lines before the names."""
     rows = [
@@ -306,8 +319,9 @@ TARGETS = (
     Target("daemon", ".mcap", read_checked, 0.04, made=daemon_log),
     Target("daemon-messages", ".mcap", read_checked, 0.05, made=daemon_messages, packed=packed_messages, is_text=True),
     Target("matlab-log", ".mat", open_source, 0.03, made=matlab_log),
-    Target("paparazzi", ".data", read_paparazzi, 0.06, made=paparazzi, is_text=True),
+    Target("paparazzi", ".data", read_paparazzi, 0.04, made=paparazzi, is_text=True),
     Target("radio-table", ".csv", open_source, 0.04, made=small_table, is_text=True),
+    Target("jeti-table", ".log", open_source, 0.02, made=jeti_table, is_text=True),
     Target("european-table", ".csv", draft, 0.04, made=european_table, is_text=True),
     Target("matlab-table", ".mat", draft, 0.03, made=matlab_structure),
     Target("waypoints", ".waypoints", mission, 0.06, made=lambda: WAYPOINTS, is_text=True),

@@ -33,6 +33,7 @@ class Format(StrEnum):
     PAPARAZZI = "a telemetry log of Paparazzi (.data)"
     PARQUET = "a table (Parquet)"
     MAT = "a .mat file"
+    JETI = "a telemetry log of a Jeti radio"
     MAT_7_3 = "a .mat file of version 7.3"
     TEXT = "text"
     EMPTY = "empty"
@@ -40,7 +41,7 @@ class Format(StrEnum):
     ENCRYPTED_ULOG_KEY = "the key of an encrypted log of PX4"
     BLACKBOX = "a blackbox log of INAV or Betaflight"
     SPEKTRUM = "a telemetry log of a Spektrum radio (.TLM)"
-    JETI = "a telemetry log of a Jeti radio"
+    GRAUPNER = "a telemetry log of a Graupner radio (HoTT)"
     RAW_MAVLINK = "MAVLink frames without times"
     DUMP = "a log as mavlogdump.py prints it"
     MISSION = "a mission"
@@ -72,7 +73,7 @@ SUFFIXES: Mapping[Format, str] = {
 }  # fmt: skip
 READ_BY_OTHERS = (
     Format.ULOG, Format.DATAFLASH, Format.DATAFLASH_TEXT, Format.TELEMETRY, Format.PAPARAZZI, Format.PARQUET,
-    Format.MAT,
+    Format.MAT, Format.JETI,
 )  # fmt: skip
 READ_PACKED = (
     Format.ULOG, Format.DATAFLASH, Format.DATAFLASH_TEXT, Format.TELEMETRY, Format.PAPARAZZI, Format.TEXT,
@@ -88,7 +89,7 @@ REMEDY: Mapping[Format, str] = {
     " the .ulg that this writes is read",
     Format.BLACKBOX: "decode it with blackbox_decode --merge-gps --unit-acceleration m/s2, and analyze the CSV file",
     Format.SPEKTRUM: "export it as CSV, a column for each sensor, and analyze that",
-    Format.JETI: "export it as CSV, a column for each sensor, and analyze that",
+    Format.GRAUPNER: "export it as CSV, a column for each sensor, and analyze that",
     Format.RAW_MAVLINK: "give the .tlog of the ground station, which has the time of each frame",
     Format.DUMP: "analyze the .BIN or .tlog that it was printed from",
     Format.MISSION: "`flightpower route` reads it; a flight needs its log",
@@ -134,6 +135,7 @@ SIGNS = (
     _Sign(Format.PARQUET, b"PAR1"),
     _Sign(Format.MAT, b"MATLAB 5.0"),
     _Sign(Format.MAT_7_3, b"MATLAB 7.3"),
+    _Sign(Format.GRAUPNER, b"GRAUPNER SD LOG"),
     _Sign(Format.ROS_BAG, b"#ROSBAG"),
     _Sign(Format.DATABASE, b"SQLite format 3\0"),
     _Sign(Format.HDF5, b"\x89HDF\r\n\x1a\n"),

@@ -192,7 +192,9 @@ def proposal(table: Path, columns: Columns, path: Path) -> ColumnMap:
 
     Raises InputError where no column has the name of a time.
     """
-    found = _of_recorder(columns) or _by_names(columns)
+    found = _of_recorder(columns)
+    if not found.keys() & MOTION:  # other columns may show it
+        found = _by_names(columns) | found
     if Q.TIME not in found:
         raise InputError(
             f"{table}: no column is named as a time; it has {', '.join(columns) or 'no column of numbers or times'}"

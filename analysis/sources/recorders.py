@@ -91,10 +91,26 @@ QGROUNDCONTROL = {
     Q.CURRENT: (Known(r"battery0?\.current", "A"),),
     Q.THROTTLE: (Known("throttlepct", "percent"),),
 }
+# Sensors of Jeti: name of the device, which its owner may change, of the sensor, and unit.
+JETI = {
+    Q.TIME: (Known(r"time \[s\]", "s"),),
+    Q.INDICATED_AIRSPEED: (Known(r"mspeed\S* (air ?speed|velocity|speed) \[[^]]+\]"),),
+    Q.HEIGHT: (
+        Known(r"(m?vario|mspeed)\S* (rel\. ?)?alti(tude|t\.)? \[m\]"),
+        Known(r"mgps\S* (altrelat\.|altitude) \[m\]"),
+    ),
+    Q.GROUND_SPEED: (Known(r"mgps\S* speed \[[^]]+\]"),),
+    Q.COURSE: (Known(r"mgps\S* course \[[^]]+\]", "deg"),),
+    Q.LATITUDE: (Known(r"mgps\S* latitude \[[^]]+\]", "deg"),),
+    Q.LONGITUDE: (Known(r"mgps\S* longitude \[[^]]+\]", "deg"),),
+    Q.VOLTAGE: (Known(r"mui\S* voltage \[v\]", "V"), Known(r"mezon.* u battery \[v\]", "V")),
+    Q.CURRENT: (Known(r"mui\S* current \[a\]", "A"), Known(r"mezon.* i battery \[a\]", "A")),
+}
 ON_A_RADIO = ("time", r"(rssi|1rss|rqly|rxbt|txbat|vfr|vfas)(\(.*)?")
 RECORDERS = (
     Recorder("EdgeTX or OpenTX, with Crossfire or ELRS", (*ON_A_RADIO, r"(rqly|1rss|tqly).*"), CROSSFIRE),
     Recorder("EdgeTX or OpenTX", ON_A_RADIO, RADIO),
+    Recorder("a Jeti radio", (r"time \[s\]", r"(rx|tx|mui|mezon|mgps|mspeed)\S* .*"), JETI),
     Recorder("blackbox_decode", ("loopiteration", r"time \(us\)"), BLACKBOX),
     Recorder("mavlogdump.py", ("timestamp", r"[a-z_0-9]+\.[a-z_0-9]+", r"(vfr_hud|sys_status)\..*"), MAVLINK),
     Recorder("QGroundControl", ("timestamp", "groundspeed", "climbrate", "airspeed", r"gps\.lat"), QGROUNDCONTROL),

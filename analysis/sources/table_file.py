@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flightpower.analysis.sources.autopilot_settings import READABLE
+from flightpower.analysis.sources.jeti import read_jeti
 from flightpower.analysis.sources.mat_file import read_mat
 from flightpower.analysis.sources.recording import without_damage
 from flightpower.flight.arrays import Array
@@ -26,7 +27,7 @@ from flightpower.flight.formats import (
 )
 
 Columns = Mapping[str, Array]
-NOT_TEXT = (Format.PARQUET, Format.MAT, Format.MAT_7_3)
+NO_LINES_OF_CELLS = (Format.PARQUET, Format.MAT, Format.MAT_7_3, Format.JETI)
 
 
 class Table(NamedTuple):
@@ -40,7 +41,7 @@ def table_kind(path: Path) -> Format | None:
     """The format of a table (CSV is TEXT); None where the file is none. Raises InputError when it cannot be read."""
     found = format_of(path)
     if found is not Format.TEXT:
-        return found if found in NOT_TEXT else None
+        return found if found in NO_LINES_OF_CELLS else None
     from flightpower.analysis.sources.table_text import layout_of  # loads pandas
 
     start = first_bytes(path)
@@ -71,6 +72,9 @@ def read_table(path: Path) -> Table:
             return Table(_numbers(pd.read_parquet(path)))
         if kind is Format.MAT:
             return _mat(path)
+        if kind is Format.JETI:
+            columns = read_jeti(_decoded(path.read_bytes()))
+            return Table({name: x for name, x in columns.items() if np.isfinite(x).sum() >= READABLE.fewest_samples})
     except InputError:
         raise
     except Exception as error:  # damaged files lead to errors of many kinds

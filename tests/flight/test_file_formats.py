@@ -38,7 +38,7 @@ FOREIGN: dict[str, tuple[bytes, Format, str]] = {
     "encrypted ULog": (b"ULogEnc\x01" + bytes(range(200)), Format.ENCRYPTED_ULOG, "private key"),
     "its key": (b"ULogKey\x01" + bytes(range(200)), Format.ENCRYPTED_ULOG_KEY, ".ulgc"),
     "Spektrum's telemetry": (b"\xff" * 4 + b"\x00\x00\x03\x00V\x0e \x00Name\x00" + bytes(90), Format.SPEKTRUM, "CSV"),
-    "Jeti's telemetry": (b"# Model\n000000000;4197450850;0;Rx;;\n000003122;4197450850;1;5;1;503\n", Format.JETI, "CSV"),
+    "Graupner's telemetry": (b"GRAUPNER SD LOG8" + bytes(range(90)), Format.GRAUPNER, "CSV"),
     "frames without times": (heartbeats(), Format.RAW_MAVLINK, ".tlog"),
     "a printed log": (b"2024-05-01 12:00:00.00: BAT {TimeUS : 1, Volt : 15.1}\n" * 9, Format.DUMP, ".BIN"),
     "waypoints": (b"QGC WPL 110\n0\t1\t0\t16\t0\t0\t0\t0\t1\t2\t3\t1\n", Format.MISSION, "route"),

@@ -19,6 +19,7 @@ from flightpower.analysis.sources.table import log_of_table
 from flightpower.analysis.sources.table_file import read_columns, read_table
 from flightpower.flight.atmosphere import SEA_LEVEL_DENSITY, density
 from flightpower.flight.errors import InputError
+from flightpower.flight.log_reader import Log
 from tests.analysis.sources.flown_table import AREA_M2, MAP, MASS_KG, SPAN_M, flown_table, map_text, written
 
 TRUE = flown_table()
@@ -306,6 +307,50 @@ def test_single_impossible_heights_are_left_out(tmp_path: Path) -> None:
     Path(f"{path}.columns.toml").write_text(draft(path))
     pressure = np.array(log_of_table(path).entries["/static"].columns["pressure_Pa"].numbers)
     assert np.isfinite(pressure).all() and pressure.min() > 98_000
+
+
+def jeti_log(table: pd.DataFrame) -> str:
+    """A log of a Jeti radio: each sensor at its own moments, whole numbers with decimals, packed positions."""
+    sensors = {  # device, number: names, unit, type, decimals, values, and how often they are sent
+        ("4290001", "1"): ("MSPEED", "Velocity", "km/h", 1, 1, 3.6 * INDICATED_MPS, 2),
+        ("4290002", "2"): ("MVario2", "Altitude", "m", 4, 1, table["height_m"], 3),
+        ("4290003", "1"): ("MUI-75", "Voltage", "V", 1, 2, table["voltage_V"], 5),
+        ("4290003", "2"): ("MUI-75", "Current", "A", 1, 1, table["current_A"], 5),
+    }  # fmt: skip
+    head = ["# A model", *(f"000000000;{device};0;{names[0]};" for (device, _), names in sensors.items())]
+    head += [f"000000000;{device};{number};{of[1]};{of[2]}" for (device, number), of in sensors.items()]
+    head += ["000000000;4290004;0;MGPS;", "000000000;4290004;2;Latitude; ", "000000000;4290004;3;Longitude; "]
+    lines = []
+    for i, t_s in enumerate(table["t_s"]):
+        ms = f"{round(1000 * t_s) + 5000:09d}"
+        for (device, number), (_, _, _, kind, decimals, values, every) in sensors.items():
+            if i % every == 0:
+                lines.append(f"{ms};{device};{number};{kind};{decimals};{round(10**decimals * values.iloc[i])}")
+        if i % 10 == 0:
+            north, west = (divmod(abs(x.iloc[i] + at), 1) for x, at in ((NORTH_DEG, 48.0), (EAST_DEG, -11.5)))
+            places = [(int(degrees) << 16) + round(60_000 * part) for degrees, part in (north, west)]
+            lines.append(f"{ms};4290004;2;9;0;{places[0]};3;9;3;{places[1]}")
+    return "\n".join([*head, *lines, "000099999;4290001;1;1", "000100000;4290003;2;1;x;12"])
+
+
+def test_a_log_of_a_jeti_radio_needs_no_map(tmp_path: Path) -> None:
+    """Its numbers are those of the sensors, each at its own times; South and West are negative."""
+    path = tmp_path / "flight.log"
+    path.write_text(jeti_log(TRUE), "latin-1")
+    columns = read_columns(path)
+    t_s = columns["Time [s]"]
+    for name, truth, step in (
+        ("MUI-75 Current [A]", TRUE["current_A"], 0.1), ("MVario2 Altitude [m]", TRUE["height_m"], 0.1),
+        ("MGPS Latitude [°]", 48.0 + NORTH_DEG, 1 / 60_000), ("MGPS Longitude [°]", EAST_DEG - 11.5, 1 / 60_000),
+    ):  # fmt: skip
+        known = np.isfinite(columns[name])
+        assert np.abs(columns[name][known] - np.interp(t_s[known], TRUE["t_s"], truth)).max() < 0.51 * step
+    assert np.isfinite(columns["MUI-75 Voltage [V]"]).sum() == len(TRUE) // 5
+    log = open_source(path)
+    assert isinstance(log, Log) and log.entries["/battery"] and "a Jeti radio" in log.metadata["table"]["note"]
+    q_Pa = np.array(log.entries["/probe/airspeed"].columns["differential_pressure_Pa"].numbers)
+    assert np.median(q_Pa) == pytest.approx(SEA_LEVEL_DENSITY / 2 * np.median(INDICATED_MPS) ** 2, rel=0.005)
+    assert len(log.entries["/gps"])
 
 
 def test_a_radio_that_logs_no_motion_needs_a_map(tmp_path: Path) -> None:

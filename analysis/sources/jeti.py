@@ -1,0 +1,75 @@
+"""Reads the telemetry log of a Jeti radio (.log) as a table: a line for each moment of a device, its sensors' values.
+
+000000000;4309320782;0;MUI-50;          time [ms]; device; 0; its name
+000000000;4309320782;2;Current;A        time; device; sensor; name; unit
+000450158;4309320782;2;1;1;17           time; device; and of each sensor: number; type; decimals; value
+"""
+
+from collections import Counter, defaultdict
+from enum import IntEnum
+
+import numpy as np
+
+from flightpower.flight.arrays import Array
+
+TIME = "Time [s]"
+PER_SENSOR = 4  # cells of a value: number, type, decimals, value
+
+
+class Type(IntEnum):
+    """Of values; the others are times and dates."""
+
+    BITS_6 = 0
+    BITS_14 = 1
+    BITS_22 = 4
+    BITS_30 = 8
+    POSITION = 9
+
+
+def read_jeti(text: str) -> dict[str, Array]:
+    """The time since the first value, and each sensor's values at the times of all, (n,) each; NaN where it has none.
+
+    A column's name is that of device and sensor, with the unit in brackets. Lines that are damaged are left out.
+    """
+    devices: dict[str, str] = {}
+    names: dict[tuple[str, str], str] = {}
+    values: dict[tuple[str, str], dict[int, float]] = defaultdict(dict)
+    for line in text.splitlines():
+        cells = line.split(";")
+        if line.startswith("#") or len(cells) < PER_SENSOR or not cells[0].isascii() or not cells[0].isdigit():
+            continue
+        time_ms, device = int(cells[0]), cells[1]
+        if not time_ms and len(cells) <= PER_SENSOR + 1:
+            if cells[2] == "0":
+                devices[device] = cells[3].strip()
+            else:
+                unit = cells[4].strip() if len(cells) > PER_SENSOR else ""
+                names[device, cells[2]] = f"{cells[3].strip()} [{unit}]" if unit else cells[3].strip()
+            continue
+        for at in range(2, len(cells) - PER_SENSOR + 1, PER_SENSOR):
+            number, kind, decimals, value = cells[at : at + PER_SENSOR]
+            if (found := _value(kind, decimals, value)) is not None:
+                values[device, number][time_ms] = found
+                if kind == str(Type.POSITION.value) and "[" not in names.get((device, number), "["):
+                    names[device, number] += " [°]"
+    times_ms = np.array(sorted({at for of in values.values() for at in of}), dtype=float)
+    columns: dict[str, Array] = {TIME: 1e-3 * (times_ms - times_ms[:1])}
+    seen: Counter[str] = Counter()
+    for (device, number), of in values.items():
+        name = f"{devices.get(device, device)} {names.get((device, number), number)}"
+        seen[name] += 1
+        column = np.full(len(times_ms), np.nan)
+        column[np.searchsorted(times_ms, list(of))] = list(of.values())
+        columns[name if seen[name] == 1 else f"{name} number {seen[name]}"] = column
+    return columns
+
+
+def _value(kind: str, decimals: str, value: str) -> float | None:
+    """The number; of a position in degrees. None for a time, a date, and what is damaged."""
+    try:
+        of, digits, whole = Type(int(kind)), int(decimals), int(value)
+    except ValueError:
+        return None
+    if of is Type.POSITION:  # thousandths of a minute, and degrees; South and West are marked beside the decimals
+        return ((whole >> 16 & 0xFF) + (whole & 0xFFFF) / 60_000) * (-1 if digits & 2 else 1)
+    return whole / 10**digits if 0 <= digits <= 8 and abs(whole) < 2**31 else None
