@@ -13,11 +13,11 @@ import numpy as np
 from flightpower.flight.arrays import Array
 
 TIME = "Time [s]"
-PER_SENSOR = 4  # cells of a value: number, type, decimals, value
+VALUE = ("number", "type", "decimals", "value")  # the cells of each sensor's value
 
 
 class Type(IntEnum):
-    """Of values; the others are times and dates."""
+    """Types of values that are numbers; the others are times and dates."""
 
     BITS_6 = 0
     BITS_14 = 1
@@ -36,18 +36,18 @@ def read_jeti(text: str) -> dict[str, Array]:
     values: dict[tuple[str, str], dict[int, float]] = defaultdict(dict)
     for line in text.splitlines():
         cells = line.split(";")
-        if line.startswith("#") or len(cells) < PER_SENSOR or not cells[0].isascii() or not cells[0].isdigit():
+        if line.startswith("#") or len(cells) < len(VALUE) or not cells[0].isascii() or not cells[0].isdigit():
             continue
         time_ms, device = int(cells[0]), cells[1]
-        if not time_ms and len(cells) <= PER_SENSOR + 1:
+        if not time_ms and len(cells) <= len(VALUE) + 1:
             if cells[2] == "0":
                 devices[device] = cells[3].strip()
             else:
-                unit = cells[4].strip() if len(cells) > PER_SENSOR else ""
+                unit = cells[4].strip() if len(cells) > len(VALUE) else ""
                 names[device, cells[2]] = f"{cells[3].strip()} [{unit}]" if unit else cells[3].strip()
             continue
-        for at in range(2, len(cells) - PER_SENSOR + 1, PER_SENSOR):
-            number, kind, decimals, value = cells[at : at + PER_SENSOR]
+        for at in range(2, len(cells) - len(VALUE) + 1, len(VALUE)):
+            number, kind, decimals, value = cells[at : at + len(VALUE)]
             if (found := _value(kind, decimals, value)) is not None:
                 values[device, number][time_ms] = found
                 if kind == str(Type.POSITION.value) and "[" not in names.get((device, number), "["):

@@ -118,7 +118,7 @@ class Grid:
         return np.asarray(samples * FLIGHT.step_s * self.rate(value))
 
     def climb(self) -> Array:
-        """Of the height (n,) [m/s]; NaN where there is none."""
+        """Rate of the height (n,) [m/s]; NaN where there is none."""
         height = self.height()
         return np.full(len(self.t_s), np.nan) if height is None else self.rate(height[1])
 
@@ -132,7 +132,7 @@ class Grid:
         return np.asarray(np.maximum(self.true_airspeed(), 1.0) ** 2)
 
     def turn_rate(self) -> Array:
-        """Of the course over ground (n,); NaN where it is slow, or not known."""
+        """Rate of the course over ground (n,); NaN where it is slow, or not known."""
         ground = self.ground_velocity()
         if ground is None:
             return np.full(len(self.t_s), np.nan)

@@ -42,11 +42,11 @@ class Signals(Protocol):
         ...
 
     def climb(self) -> Array:
-        """By the pressure [m/s]."""
+        """Climb by the pressure [m/s]."""
         ...
 
     def turn_rate(self) -> Array:
-        """Of the course over ground [rad/s]."""
+        """Rate of the course over ground [rad/s]."""
         ...
 
     def rate(self, value: Array) -> Array:

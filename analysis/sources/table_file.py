@@ -2,6 +2,7 @@
 
 import gzip
 import io
+import re
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
@@ -27,6 +28,7 @@ from flightpower.flight.formats import (
 )
 
 Columns = Mapping[str, Array]
+CLOCK = re.compile(r"(times?|timestamp|t|time_?stamp|t(ime)?_(s|sec|ms|us))", re.IGNORECASE)  # of a structure in a .mat
 NO_LINES_OF_CELLS = (Format.PARQUET, Format.MAT, Format.MAT_7_3, Format.JETI)
 
 
@@ -139,9 +141,9 @@ def _numbers(table: Any) -> Columns:
 
 
 def _mat(path: Path) -> Table:
-    """Vectors, and the columns or rows of matrices, of the length that most vectors have.
+    """Vectors, and the columns or rows of matrices: those with a clock of their own structure at the times of all.
 
-    Those of another length belong to another time base, and are named.
+    Without several clocks those of the length that most vectors have; the others are named.
     """
     vectors: dict[str, Array] = {}
     matrices: dict[str, Array] = {}
@@ -174,7 +176,42 @@ def _mat(path: Path) -> Table:
     others += [f"{name} (of {len(vectors.pop(name))} values too few are numbers)" for name in few]
     if not vectors:
         raise InputError(f"{path}: holds no vector of {READABLE.fewest_samples} numbers or more")
+    if (merged := _at_times_of_all(vectors)) is not None:
+        columns, without_clock = merged
+        others += [f"{name} ({len(vectors[name])} values)" for name in without_clock]
+        left_out = (f"Left out, since they have no clock of their own: {', '.join(others)}",) if others else ()
+        return Table(columns, left_out)
     length = Counter(map(len, vectors.values())).most_common(1)[0][0]
     others += [f"{name} ({len(value)} values)" for name, value in vectors.items() if len(value) != length]
     left_out = (f"Left out, since they are no vectors of {length} values: {', '.join(others)}",) if others else ()
     return Table({name: value for name, value in vectors.items() if len(value) == length}, left_out)
+
+
+def _at_times_of_all(vectors: Mapping[str, Array]) -> tuple[Columns, list[str]] | None:
+    """The vectors of structures with a clock each, at the times of all clocks, NaN between their own; and the names of
+    those without one. None where fewer than two clocks of one name and unit overlap.
+    """
+    structures: dict[tuple[str, int], str] = {}
+    for name, value in vectors.items():
+        parent, _, leaf = name.rpartition(".")
+        if CLOCK.fullmatch(leaf) and np.isfinite(value).all() and np.all(np.diff(value) > 0):
+            structures.setdefault((parent, len(value)), name)
+    leaves = Counter(name.rpartition(".")[2] for name in structures.values())
+    leaf, count = leaves.most_common(1)[0] if leaves else ("", 0)
+    clocks = {key: vectors[name] for key, name in structures.items() if name.rpartition(".")[2] == leaf}
+    if count < 2 or max(one[0] for one in clocks.values()) >= min(one[-1] for one in clocks.values()):
+        return None
+    tick = 1e-3 * min(float(np.median(np.diff(one))) for one in clocks.values())  # times that differ by less are one
+    first = min(float(one[0]) for one in clocks.values())
+    places = {key: np.round((one - first) / tick) for key, one in clocks.items()}
+    together = np.unique(np.concatenate(list(places.values())))
+    columns = {leaf: first + tick * together}
+    without = []
+    for name, value in vectors.items():
+        key = (name.rpartition(".")[0], len(value))
+        if key not in clocks:
+            without.append(name)
+        elif name != structures[key]:
+            columns[name] = np.full(len(together), np.nan)
+            columns[name][np.searchsorted(together, places[key])] = value
+    return columns, without

@@ -98,7 +98,7 @@ def test_positions_are_distances_from_the_first(tmp_path: Path, suffix: str) -> 
 
 @pytest.mark.parametrize("suffix", [".BIN", ".log", ".ulg"])
 def test_date_and_place_are_the_receiver_s(tmp_path: Path, suffix: str) -> None:
-    """By week and seconds of GPS less the leap seconds, or by UTC; some damaged dates move nothing."""
+    """Week and seconds of GPS less the leap seconds, or UTC, give it; some damaged dates move nothing."""
     fix = (ulog if suffix == ".ulg" else dataflash)(tmp_path / f"flight{suffix}").fix
     assert fix.by_satellites and fix.unix_at_zero_s == pytest.approx(BOOTED_S, abs=0.002)
     assert (fix.latitude_deg, fix.longitude_deg) == pytest.approx((LAT[0], LNG[0]), abs=1e-6)

@@ -67,7 +67,7 @@ def test_fields_have_their_units(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("damaged", ["1e400", "-inf", "nan", "1e300"])
 def test_a_damaged_number_spoils_no_other(tmp_path: Path, damaged: str) -> None:
-    """Of a position, a course and a pressure, without a warning of a library; the others stay as they are."""
+    """A damaged position, course and pressure are left out without a warning of a library; the others stay."""
     text = lines()
     at = next(i for i, line in enumerate(text) if " GPS " in line)
     for field, row in ((4, at), (6, at + 6)):  # north of the first position, course of the second

@@ -361,6 +361,31 @@ def test_a_radio_that_logs_no_motion_needs_a_map(tmp_path: Path) -> None:
         log_of_table(tmp_path / "flight.csv")
 
 
+def test_matlab_structures_keep_their_own_times(tmp_path: Path) -> None:
+    """Air data at 10 Hz, a battery at 1 Hz and a receiver at 5 Hz half a step later: each value is at its own time."""
+    slow, later = TRUE.iloc[::10], TRUE.iloc[1::2]
+    structures = {
+        "air": {"t": TRUE["t_s"], "airspeed": TRUE["tas_mps"], "altitude": TRUE["height_m"]},
+        "battery": {"t": slow["t_s"], "voltage": slow["voltage_V"], "current": slow["current_A"]},
+        "gps": {"t": later["t_s"] + 0.05, "vn": later["vn_mps"], "ve": later["ve_mps"], "vd": later["vd_mps"]},
+    }
+    arrays = {name: {field: x.to_numpy() for field, x in of.items()} for name, of in structures.items()}
+    savemat(tmp_path / "log.mat", {"log": arrays, "notes": np.arange(33.0)})
+    table = read_table(tmp_path / "log.mat")
+    for name, of in arrays.items():
+        for field in of.keys() - {"t"}:
+            known = np.isfinite(table.columns[f"log.{name}.{field}"])
+            np.testing.assert_allclose(table.columns["t"][known], of["t"], atol=1e-5)
+            np.testing.assert_array_equal(table.columns[f"log.{name}.{field}"][known], of[field])
+    assert table.left_out == ("Left out, since they have no clock of their own: notes (33 values)",)
+    path = tmp_path / "columns.toml"
+    path.write_text(draft(tmp_path / "log.mat"))
+    assert {"battery_current", "velocity_north", "true_airspeed", "height"} <= set(load_map(path).columns)
+    log = log_of_table(tmp_path / "log.mat")
+    current = np.array(log.entries["/battery"].columns["current_A"].numbers)
+    np.testing.assert_allclose(current, arrays["battery"]["current"])
+
+
 def test_a_matlab_vector_without_numbers_is_named(tmp_path: Path) -> None:
     columns = {name: TRUE[name].to_numpy() for name in ("t_s", "tas_mps", "height_m")}
     savemat(tmp_path / "flight.mat", columns | {"empty": np.full(len(TRUE), np.nan)})
