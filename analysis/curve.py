@@ -157,8 +157,8 @@ def maximum_lift_to_drag(A: Array) -> float:
 class Cost(Enum):
     """What is least at a best speed."""
 
-    POWER = auto()  # the longest endurance
-    ENERGY_PER_METER = auto()  # the longest range
+    POWER = auto()  # the best endurance
+    ENERGY_PER_METER = auto()  # the best range
 
 
 def ratios(of: Condition, at: Condition, load_factor: Array | float = 1.0) -> tuple[Array, Array]:
@@ -200,7 +200,7 @@ class Curve:
         return speed_of_least(self.V_mps, *(self._costs(cost, power) for power in (self.power_W.value, self._draws)))
 
     def longest(self, cost: Cost, energy_J: float) -> Interval:
-        """The longest endurance [s] or range [m] with so much energy, with its 95 % interval."""
+        """The best endurance [s] or range [m] with so much energy, with its 95 % interval."""
         least, of_draws = (np.min(self._costs(cost, power), axis=-1) for power in (self.power_W.value, self._draws))
         low, high = np.percentile(energy_J / of_draws, [2.5, 97.5])
         return Interval(value=energy_J / float(least), lo=float(low), hi=float(high))

@@ -121,8 +121,8 @@ class Question(NamedTuple):
 
 QUESTION_TITLES = {
     "curve": "the whole power curve",
-    "endurance": "power at the speed of longest endurance",
-    "range": "power at the speed of longest range",
+    "endurance": "power at the speed of best endurance",
+    "range": "power at the speed of best range",
     "propellers": "the difference of two propellers, flown one after the other",
     "probe": "the calibration of the probe",
 }

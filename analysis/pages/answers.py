@@ -37,7 +37,7 @@ class HeadlineAnswer(NamedTuple):
 
 
 def headline_answers(results: WithCurves, use: PerformanceResult | None = None) -> list[HeadlineAnswer]:
-    """Speeds of longest endurance and longest range, and the performance at full throttle.
+    """Speeds of best endurance and best range, and the performance at full throttle.
 
     Without a propeller table that allows performance (`results.use` is None): speeds of least power and least drag; of
     electrical power endurance and range at its best speeds. use: of a pool; of a flight that of its results
@@ -48,14 +48,14 @@ def headline_answers(results: WithCurves, use: PerformanceResult | None = None) 
     if use is None:
         main = results.main
         return [
-            _optimum(results, "Longest endurance", main.least_power_speed or UNKNOWN_SPEED, "least power required"),
-            _optimum(results, "Longest range", main.best_range_speed or UNKNOWN_SPEED, "least drag"),
+            _optimum(results, "Best endurance", main.least_power_speed or UNKNOWN_SPEED, "least power required"),
+            _optimum(results, "Best range", main.best_range_speed or UNKNOWN_SPEED, "least drag"),
         ]
     return [_endurance(results, use), _range(results, use), _full_throttle(results, use.available)]
 
 
 def best_of_battery(results: WithCurves) -> list[HeadlineAnswer]:
-    """Speeds of longest endurance and range by the curve of electrical power, with both where the battery is known."""
+    """Speeds of best endurance and range by the curve of electrical power, with both where the battery is known."""
     found = results.curves[Kind.ELECTRICAL]
     power = {round(p.speed_mps, 6): p for p in found.points}
 
@@ -70,8 +70,8 @@ def best_of_battery(results: WithCurves) -> list[HeadlineAnswer]:
     return [
         HeadlineAnswer(question, _end_remark(speed, found), note(speed.speed_mps, on_battery), speed.speed_mps)
         for question, speed, on_battery in (
-            ("Longest endurance", found.least_power_speed or UNKNOWN_SPEED, endurance),
-            ("Longest range", found.best_range_speed or UNKNOWN_SPEED, distance),
+            ("Best endurance", found.least_power_speed or UNKNOWN_SPEED, endurance),
+            ("Best range", found.best_range_speed or UNKNOWN_SPEED, distance),
         )
     ]
 
@@ -144,7 +144,7 @@ def _endurance(results: WithCurves, use: PerformanceResult) -> HeadlineAnswer:
         note += f" Power still decreases there. {not_slower(results)}"
     speed = flown.endurance_speed_mps
     remark = _best_speed_remark(speed, flown.endurance_at_slowest, flown.endurance_at_fastest)
-    return HeadlineAnswer("Longest endurance", remark, note, speed.value)
+    return HeadlineAnswer("Best endurance", remark, note, speed.value)
 
 
 def _range(results: WithCurves, use: PerformanceResult) -> HeadlineAnswer:
@@ -154,7 +154,7 @@ def _range(results: WithCurves, use: PerformanceResult) -> HeadlineAnswer:
         note += f" {not_slower(results)}"
     speed = flown.range_speed_mps
     remark = _best_speed_remark(speed, flown.range_at_slowest, flown.range_at_fastest)
-    return HeadlineAnswer("Longest range", remark, note, speed.value)
+    return HeadlineAnswer("Best range", remark, note, speed.value)
 
 
 def _full_throttle(results: WithCurves, available: AvailableResult) -> HeadlineAnswer:

@@ -14,12 +14,7 @@ from flightpower.analysis.estimation.noise import NORMAL_95
 from flightpower.analysis.pages.charts.style import ORANGE
 from flightpower.analysis.performance.analysis import Performance
 from flightpower.analysis.performance.climb import full_throttle_performance, full_throttle_thrust
-from flightpower.analysis.performance.level_flight import (
-    PerformanceModel,
-    level_flight,
-    longest_endurance,
-    longest_range,
-)
+from flightpower.analysis.performance.level_flight import PerformanceModel, best_endurance, best_range, level_flight
 from flightpower.flight.arrays import Array
 from flightpower.flight.atmosphere import height_at, pressure_at
 from flightpower.flight.units import (
@@ -187,8 +182,8 @@ def _node(model: PerformanceModel, condition: Condition) -> Json:
         "efficiency": _short(flight.required.value / flight.battery.value, 5),
         "battery_error": _short(flight.battery.standard_error / flight.battery.value, 3),
         "inside": "".join("1" if inside else "0" for inside in flight.inside),
-        "endurance_speed_error": _error(longest_endurance(flight, 1.0, sustained).speed_mps.standard_error),
-        "range_speed_error": _error(longest_range(flight, 1.0, sustained).speed_mps.standard_error),
+        "endurance_speed_error": _error(best_endurance(flight, 1.0, sustained).speed_mps.standard_error),
+        "range_speed_error": _error(best_range(flight, 1.0, sustained).speed_mps.standard_error),
     }
     if full is not None:
         along_N, sine = full.power.value / full.V, full.climb.value / full.V

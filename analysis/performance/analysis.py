@@ -24,10 +24,10 @@ from flightpower.analysis.performance.full_throttle import fit_full_throttle
 from flightpower.analysis.performance.level_flight import (
     LevelFlight,
     PerformanceModel,
+    best_endurance,
+    best_range,
     incidence,
     level_flight,
-    longest_endurance,
-    longest_range,
 )
 from flightpower.analysis.performance.power_train import (
     WHY_ASSUMED,
@@ -208,7 +208,7 @@ def performance_case(
     battery: tuple[float, NDArray[np.bool_]],
 ) -> PerformanceCase:
     """Endurance, range and full throttle. battery: its energy [J], and the speeds to choose from, (k,)."""
-    endurance, range_ = longest_endurance(flight, *battery), longest_range(flight, *battery)
+    endurance, range_ = best_endurance(flight, *battery), best_range(flight, *battery)
     slowest = float(flight.V[0])
     return PerformanceCase(
         title=titled.title,
@@ -262,8 +262,8 @@ def _cost(as_flown: PerformanceCase, case: PerformanceCase) -> str:
     range_ = change(as_flown.range_m.value / 1000, case.range_m.value / 1000, "km", 1)
     speed = change(as_flown.range_speed_mps.value, case.range_speed_mps.value, "m/s", 1)
     return (
-        f"{case.title}: longest endurance changes from {endurance}, longest range from {range_},"
-        f" the speed of longest range from {speed}."
+        f"{case.title}: best endurance changes from {endurance}, best range from {range_},"
+        f" the speed of best range from {speed}."
     )
 
 

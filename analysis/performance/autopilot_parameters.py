@@ -28,7 +28,7 @@ from flightpower.flight.units import GRAVITY_MPS2
 class FlightValues:
     """What a flight gives; None where it does not. Airspeeds are equivalent airspeeds [m/s].
 
-    cruise: of longest range among the speeds flown; cruise_power: from the battery there [W]; sink: with the motor off
+    cruise: of best range among the speeds flown; cruise_power: from the battery there [W]; sink: with the motor off
     there [m/s]. CD0, B: of C_D = CD0 + B C_L^2 over the lift coefficients flown. wing_loading: 2 W / (rho_0 S)
     [m^2/s^2]. airspeed_factor: true airspeed over that shown. logged: the autopilot's parameters, by name.
     """
@@ -89,7 +89,7 @@ ENTRIES = (
     _Entry(INAV, "idle_power", "2.0 and later", "idle_power", "0.01 W", 100.0),
 )
 BASIS = {
-    "cruise": "longest range among the speeds flown",
+    "cruise": "best range among the speeds flown",
     "slowest": "the slowest flown; how far below the stall lies is not known",
     "fastest": "the fastest flown",
     "sink": "drag times airspeed over weight at cruise speed",

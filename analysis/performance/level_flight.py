@@ -8,7 +8,7 @@ The angle of attack is a straight line over C_L, fitted by `incidence` and taken
 a climb by 0.1 %.
 
 In level flight drag determines thrust, thrust and speed determine the speed of rotation, that the shaft power, and that
-the battery power; longest endurance and range with a battery follow, in still air.
+the battery power; best endurance and range with a battery follow, in still air.
 
 Units: thrust and drag in N, V in m/s, angles in rad.
 """
@@ -192,13 +192,13 @@ class Optimum:
     inside: bool
 
 
-def longest_endurance(flight: LevelFlight, energy_J: float, sustained: NDArray[np.bool_]) -> Optimum:
-    """The speed of longest endurance. energy_J : from the battery     sustained : (k,) speeds to choose from"""
+def best_endurance(flight: LevelFlight, energy_J: float, sustained: NDArray[np.bool_]) -> Optimum:
+    """The speed of best endurance. energy_J : from the battery     sustained : (k,) speeds to choose from"""
     return _optimum(flight, sustained, energy_J / flight.battery_at_sigma_points)
 
 
-def longest_range(flight: LevelFlight, energy_J: float, sustained: NDArray[np.bool_]) -> Optimum:
-    """The speed of longest range. energy_J : from the battery     sustained : (k,) speeds to choose from"""
+def best_range(flight: LevelFlight, energy_J: float, sustained: NDArray[np.bool_]) -> Optimum:
+    """The speed of best range. energy_J : from the battery     sustained : (k,) speeds to choose from"""
     return _optimum(flight, sustained, energy_J / flight.battery_at_sigma_points * flight.V)
 
 

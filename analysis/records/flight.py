@@ -665,7 +665,7 @@ class CurveResult(msgspec.Struct, frozen=True, kw_only=True):
     condition: ConditionResult
     points: list[PowerPoint]  # over the range flown
     standard: list[PowerPoint] = []  # at the standard weight and sea-level density
-    least_power_speed: SpeedInterval | None = None  # the longest endurance on this power
+    least_power_speed: SpeedInterval | None = None  # the best endurance on this power
     best_range_speed: SpeedInterval | None = None  # least energy for a distance; of power required the least drag
     endurance_s: Interval | None = None  # at these speeds, on the battery; null without one
     range_m: Interval | None = None
@@ -807,13 +807,13 @@ class Results(WithCurves, frozen=True, kw_only=True):
 
     @property
     def minimum_power_speed(self) -> SpeedInterval:
-        """Speed of least power required: the longest endurance with an ideal power train."""
+        """Speed of least power required: the best endurance with an ideal power train."""
         required = self.curves.get(Kind.POWER_REQUIRED)
         return (required and required.least_power_speed) or UNKNOWN_SPEED
 
     @property
     def best_range_speed(self) -> SpeedInterval:
-        """Speed of least drag: the longest range with an ideal power train."""
+        """Speed of least drag: the best range with an ideal power train."""
         required = self.curves.get(Kind.POWER_REQUIRED)
         return (required and required.best_range_speed) or UNKNOWN_SPEED
 

@@ -88,7 +88,7 @@ def parameter_file(results: Results, firmware: For, stall: StallMargin = StallMa
 
 
 def climb_at_cruise(results: Results) -> Interval | None:
-    """Rate of climb [m/s] at full throttle and the speed of longest range: the lower end of its interval.
+    """Rate of climb [m/s] at full throttle and the speed of best range: the lower end of its interval.
 
     None where full throttle is not known, or holds no climb.
     """

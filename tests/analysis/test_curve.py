@@ -71,7 +71,7 @@ def test_best_speeds_are_those_of_the_textbook(cost: Cost, share: float) -> None
     assert bool(idling.speed_mps > found.speed_mps + step) is faster
 
 
-def test_longest_endurance_and_range_are_energy_over_the_least_cost() -> None:
+def test_best_endurance_and_range_are_energy_over_the_least_cost() -> None:
     curve, energy_J = electrical(8.0), 3.6e5
     endurance, distance = (curve.longest(cost, energy_J) for cost in (Cost.POWER, Cost.ENERGY_PER_METER))
     assert endurance.value == pytest.approx(energy_J / curve.power_W.value.min())

@@ -140,7 +140,7 @@ def results(flown: Path) -> Results:
 
 
 def test_the_answers_come_before_the_first_drawing(page: str, results: Results) -> None:
-    """In words and large: how slow for longest endurance, how fast for longest range, with this battery."""
+    """In words and large: how slow for best endurance, how fast for best range, with this battery."""
     assert results.use is not None
     head = re.sub(
         r"<[^>]+>",
@@ -149,9 +149,9 @@ def test_the_answers_come_before_the_first_drawing(page: str, results: Results) 
     )
     said = " ".join(head.split())
     flown = results.use.loadings[0]
-    assert f"Longest endurance {flown.endurance_speed_mps.value:.1f} m/s" in said
+    assert f"Best endurance {flown.endurance_speed_mps.value:.1f} m/s" in said
     assert f"{flown.endurance_s.value / 60:.0f} min (" in said and "74 Wh, 80 % used" in said
-    assert f"Longest range {flown.range_speed_mps.value:.1f} m/s ({flown.range_speed_mps.lo:.1f} to" in said
+    assert f"Best range {flown.range_speed_mps.value:.1f} m/s ({flown.range_speed_mps.lo:.1f} to" in said
 
 
 def test_every_method_is_named_with_its_equations(page: str, results: Results) -> None:

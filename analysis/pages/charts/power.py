@@ -232,7 +232,7 @@ ALL_RUNS_NAME = "all runs"
 
 
 def loadings(use: PerformanceResult) -> list[Figure]:
-    """Longest endurance [min] and range [km] against mass, a line for each air density."""
+    """Best endurance [min] and range [km] against mass, a line for each air density."""
     return [
         _against_mass(use, [case.endurance_s.times(1 / 60) for case in use.loadings], Axis("endurance", "min"), 0),
         _against_mass(use, [case.range_m.times(1e-3) for case in use.loadings], Axis("range", "km"), 1),

@@ -264,7 +264,7 @@ def next_flight(results: Results) -> list[str]:
     if results.minimum_power_speed.speed_mps is None and results.slowest_flown is not None:
         advice.append(
             f"Slower than {results.slowest_flown.speed_mps:.1f} m/s, if the stall allows: power still decreases there,"
-            " so that the speed of longest endurance is not known."
+            " so that the speed of best endurance is not known."
         )
     if results.path is not None:
         lacking: dict[str, list[str]] = {}
@@ -299,5 +299,5 @@ def _after_energy_balance(results: Results) -> list[str]:
             f"{parts} the current meter against a charger or clamp meter, mass and pitot narrow it, not more time."
         ]
     if not (results.main.least_power_speed or UNKNOWN_SPEED).inside_flown_range:
-        advice.append("Slower, if the stall allows: the speed of longest endurance is at the end of the speeds flown.")
+        advice.append("Slower, if the stall allows: the speed of best endurance is at the end of the speeds flown.")
     return [*advice, "A plan needs the sensors of drag: flow angles, motor speed and runs; this flight has none."]

@@ -32,7 +32,7 @@ def curve_section(results: Results) -> CurveSection:
     range_at = optimum_speed_text(main.best_range_speed or UNKNOWN_SPEED)
     facts = [
         (f"Least {words} at", optimum_speed_text(main.least_power_speed or UNKNOWN_SPEED)),
-        ("Longest range at" if by_battery else "Least drag at", range_at + _best_range_on_battery(results)),
+        ("Best range at" if by_battery else "Least drag at", range_at + _best_range_on_battery(results)),
     ]
     if polar := results.drag_polar:
         best = "–" if polar.maximum_lift_to_drag is None else f"{polar.maximum_lift_to_drag:.1f}"
@@ -68,14 +68,14 @@ def _stand(results: Results) -> str:
 
 
 def _best_range_on_battery(results: Results) -> str:
-    """The speed of longest range on the battery, where it is not that of least drag, and why."""
+    """The speed of best range on the battery, where it is not that of least drag, and why."""
     least_drag = results.best_range_speed.speed_mps
     if results.use is None or least_drag is None:
         return ""
     best = results.use.loadings[0].range_speed_mps.value
     if abs(best / least_drag - 1) < FLOWN.nearby:
         return ""
-    return f"; longest range on the battery at {best:.1f} m/s, where propeller and motor are more efficient"
+    return f"; best range on the battery at {best:.1f} m/s, where propeller and motor are more efficient"
 
 
 def _drag_table(results: Results) -> HtmlTable | None:

@@ -77,11 +77,11 @@ class VerdictSection(NamedTuple):
 
 
 def reference_point(results: Results) -> NamedPoint:
-    """The speed of longest range, which is that of least drag where drag is known; else that of least power, or the
+    """The speed of best range, which is that of least drag where drag is known; else that of least power, or the
     middle of the speeds flown."""
     main = results.main
     candidates = (
-        (main.best_range_speed, f"the speed of {'longest range' if results.kind is Kind.ELECTRICAL else 'least drag'}"),
+        (main.best_range_speed, f"the speed of {'best range' if results.kind is Kind.ELECTRICAL else 'least drag'}"),
         (main.least_power_speed, "the speed of least power"),
     )
     for optimum, meaning in candidates:

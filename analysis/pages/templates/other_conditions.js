@@ -97,8 +97,8 @@ function otherConditions(embedded) {
     const cannot = "level flight needs more than full throttle";
     return [
       ["least power required, W", `${quantity(flight.required[least], 1, 1)} at ${number(flight.V[least], 1)} m/s`],
-      ["longest endurance, min", possible ? `${quantity(endurance.best, 1 / 60, 0, 0)} at ${number(endurance.speed.value, 1)} m/s${end(endurance)}${mark(endurance)}` : cannot],
-      ["longest range, km", possible ? `${quantity(range.best, 1e-3, 1, 0)} at ${number(range.speed.value, 1)} m/s${end(range)}${mark(range)}` : cannot],
+      ["best endurance, min", possible ? `${quantity(endurance.best, 1 / 60, 0, 0)} at ${number(endurance.speed.value, 1)} m/s${end(endurance)}${mark(endurance)}` : cannot],
+      ["best range, km", possible ? `${quantity(range.best, 1e-3, 1, 0)} at ${number(range.speed.value, 1)} m/s${end(range)}${mark(range)}` : cannot],
       ["full throttle, level, m/s", full ? quantity(full.maximumSpeed, 1, 1) : "not known"],
       ["best climb, m/s", full ? quantity(full.bestClimb, 1, 1) : "not known"],
       ["do not fly slower than, m/s", number(flight.V[0], 1)],

@@ -34,8 +34,8 @@ def test_with_a_battery_the_answers_are_those_on_the_battery(with_battery: Resul
     """3000 s are 50 min and 40 000 m are 40 km; an interval is lower end to upper end."""
     battery = "with 74 Wh, 80 % used (motor assumed, not measured)"
     assert [(one.question, one.answer, one.note) for one in headline_answers(with_battery)] == [
-        ("Longest endurance", "14.0 m/s (12.6 to 16.8)", f"50 min (45 to 60) {battery}."),
-        ("Longest range", "16.0 m/s (14.4 to 19.2)", f"40.0 km (36.0 to 48.0) {battery}, in still air."),
+        ("Best endurance", "14.0 m/s (12.6 to 16.8)", f"50 min (45 to 60) {battery}."),
+        ("Best range", "16.0 m/s (14.4 to 19.2)", f"40.0 km (36.0 to 48.0) {battery}, in still air."),
         (
             "Full throttle, level",
             "25.0 m/s (22.5 to 30.0)",
@@ -136,7 +136,7 @@ def test_the_terminal_shows_curve_answers_and_every_warning(with_battery: Result
     text = out.getvalue()
     assert "A & B: power required" in text
     assert "44.2 to 48.8" in text
-    assert "Longest endurance: 14.0 m/s (12.6 to 16.8)" in text and "50 min (45 to 60)" in text
+    assert "Best endurance: 14.0 m/s (12.6 to 16.8)" in text and "50 min (45 to 60)" in text
     assert "note: The log is torn [bold]here[/bold]." in text
     assert f"note: {results.disagreements[0].text}" in text
     assert "report: flight.report/report.html" in text

@@ -18,8 +18,8 @@ T = np.linspace(0.0, 1.0, 5)
 
 def test_without_battery_answers_the_aerodynamic_speeds_are_the_answers(results: Results) -> None:
     slow, far = headline_answers(results)
-    assert slow.question == "Longest endurance" and slow.answer == "not found: the curve has no such point"
-    assert far.question == "Longest range" and far.answer == "13.1 m/s (12.8 to 13.4)"
+    assert slow.question == "Best endurance" and slow.answer == "not found: the curve has no such point"
+    assert far.question == "Best range" and far.answer == "13.1 m/s (12.8 to 13.4)"
 
 
 def drawings(results: Results) -> dict[str, Figure]:
