@@ -52,7 +52,7 @@ def test_a_dented_wing_is_told_as_drag() -> None:
 
 
 def test_each_flight_shows_the_change_within_its_own_errors() -> None:
-    """Of 100 flights, 40 with 5 % more drag and 3 % less thrust: means by size, and residuals as large as stated."""
+    """40 of 100 flights have 5 % more drag and 3 % less thrust; the residuals are as large as stated."""
     changed = after(60)
     pool = joint_pool(flights_of("one", 3, 100, drag=0.05 * changed, thrust=-0.03 * changed, noise=0.3))
     of_flights = series(pool)
