@@ -144,7 +144,7 @@ def test_without_battery_data_the_aircraft_file_is_believed_and_that_is_said(nex
     assert not train.measured and train.points == ()
     assert "no battery voltage" in train.basis and "560 rpm/V" in train.basis
     shaft_scale, friction, copper, meter_scale = np.sqrt(np.diag(train.parameters.covariance))
-    assert (shaft_scale, meter_scale) == pytest.approx((0.05, 0.02)), "docs/use/answers.md promises these"
+    assert (shaft_scale, meter_scale) == pytest.approx((0.05, 0.02)), "docs/use/results.md promises these"
     assert [friction, copper] == pytest.approx(0.5 * train.parameters.values[1:3], abs=0.002)
     V, n, truth = elsewhere(nexstar, propeller)
     found = predicted(train, propeller, V, n)
