@@ -1,7 +1,7 @@
 """Every figure that README and docs/evidence quote, from one version: runs the studies, and renders the pages.
 
     python benchmarks/evidence.py                   # what this version has not run yet; two hours
-    python benchmarks/evidence.py --only worlds     # one part of PARTS; may be repeated
+    python benchmarks/evidence.py --only worlds     # one part of PARTS; may be repeated; says which figures moved
     python benchmarks/evidence.py --quick           # tiny counts, into out/evidence/quick: shows that all of it works
     python benchmarks/evidence.py --render          # the pages alone, from the files in docs/evidence/data
 
@@ -413,8 +413,27 @@ def run_part(name: str, data: Path, jobs: int, *, quick: bool) -> None:
         "tables": tables,
     }
     data.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(found, indent=1, ensure_ascii=False) + "\n", "utf-8")
+    before = json.loads(path.read_text("utf-8")) if path.exists() else {}
+    written = json.dumps(found, indent=1, ensure_ascii=False)
+    path.write_text(written + "\n", "utf-8")
     print(f"{name}: {found['minutes']} min, {found['processor_minutes']} of a processor", file=sys.stderr, flush=True)
+    if "tables" in before:
+        moved = differing(before["tables"], json.loads(written)["tables"])
+        places = f"{len(moved)} place{'s' if len(moved) > 1 else ''}"
+        said = f"differ at {places} from those of commit {before['commit']}, first at {moved[0]}" if moved else ""
+        print(f"{name}: its figures {said or 'are those of commit ' + before['commit']}", file=sys.stderr, flush=True)
+
+
+def differing(before: object, after: object, where: str = "") -> list[str]:
+    """Where two contents of JSON differ, such as curves.3.error."""
+    if isinstance(before, dict) and isinstance(after, dict):
+        names = [*before, *(name for name in after if name not in before)]
+        pairs = [(str(name), before.get(name), after.get(name)) for name in names]
+    elif isinstance(before, list) and isinstance(after, list) and len(before) == len(after):
+        pairs = [(str(i), *pair) for i, pair in enumerate(zip(before, after, strict=True))]
+    else:
+        return [] if before == after else [where]
+    return [place for name, *pair in pairs for place in differing(*pair, f"{where}.{name}".lstrip("."))]
 
 
 def run_parts(names: Sequence[str], data: Path, jobs: int, *, quick: bool) -> list[str]:
@@ -546,12 +565,13 @@ def render(pages: Path, figures: Path) -> None:
 
 
 def main(
-    only: Annotated[list[str] | None, typer.Option(help=", ".join(PARTS))] = None,
+    only: Annotated[list[str] | None, typer.Option(help=f"One part; may be repeated: {', '.join(PARTS)}.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Tiny counts, into out/evidence/quick.")] = False,
     render_only: Annotated[bool, typer.Option("--render", help="Run nothing.")] = False,
     jobs: Annotated[int, typer.Option(help="Processes.")] = 2,
 ) -> None:
-    """Run what this version has not run, and render the pages."""
+    """Run what this version has not run (all of it takes two hours; a page says how long a part does), and render the
+    pages. Says whether the figures are those that were stored."""
     pages = PAGES
     if quick:
         pages = KEPT / "quick" / "pages"

@@ -50,6 +50,17 @@ def test_a_part_that_fails_ends_no_other_and_keeps_its_file(failing, tmp_path, m
         assert json.loads((tmp_path / f"{name}.json").read_text())["tables"] == {"counted": [{"n": 3}]}
 
 
+def test_a_part_says_whether_its_figures_are_those_that_were_stored(tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.setattr(evidence, "PARTS", {"first": evidence.Part(studies, 3, 1, "flights")})
+    for stored, said in (
+        ({"counted": [{"n": 3}]}, "its figures are those of commit a"),
+        ({"counted": [{"n": 4}]}, "differ at 1 place from those of commit a, first at counted.0.n"),
+    ):
+        (tmp_path / "first.json").write_text(json.dumps({"commit": "a", "tables": stored}))
+        assert evidence.run_parts(["first"], tmp_path, 1, quick=False) == []
+        assert said in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(("failing", "code"), [(fails, 1), (ends, 1), (studies, 0)])
 def test_the_command_runs_all_parts_renders_the_pages_and_ends_with_1_if_a_part_failed(
     failing, code, tmp_path, monkeypatch
