@@ -202,12 +202,14 @@ def _best(sums: _Sums, times: Array, part: slice) -> _Best:
     known = inverse @ G[:before, value]
     zeroth, first, second = sums.change[:, part.stop, None] - sums.change[:, part.start + 1 : part.stop]
     start = t[:-1]  # of a drift: the flight before
-    length = np.maximum(t[-1] - start, np.finfo(float).tiny)
+    lasts = t[-1] > start  # no drift has a time among flights of one time
+    length = np.where(lasts, t[-1] - start, 1.0)
     found = []
-    for shape, linear, square in (
-        (Shape.STEP, zeroth, zeroth[:, change]),
+    for shape, possible, linear, square in (
+        (Shape.STEP, np.ones(len(t) - 1, dtype=bool), zeroth, zeroth[:, change]),
         (
             Shape.DRIFT,
+            lasts.ravel(),
             (first - start * zeroth) / length,
             (second - 2 * start * first + start**2 * zeroth)[:, change] / length**2,
         ),
@@ -215,7 +217,7 @@ def _best(sums: _Sums, times: Array, part: slice) -> _Best:
         B = linear[:, :before]
         information = square - B.transpose(0, 2, 1) @ inverse @ B
         vector = linear[:, value] - known @ B
-        seen = np.linalg.eigvalsh(information)[:, 0] > np.finfo(float).eps * np.trace(square[0])
+        seen = possible & (np.linalg.eigvalsh(information)[:, 0] > np.finfo(float).eps * np.trace(square[0]))
         information[~seen] = np.eye(_SHARES)
         estimate = np.linalg.solve(information, vector[:, :, None])[:, :, 0]
         gain = np.where(seen, np.sum(estimate * vector, axis=1), 0.0)

@@ -51,6 +51,15 @@ def test_a_dented_wing_is_told_as_drag() -> None:
     assert change.errors[0] < 0.005
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("times", [np.zeros(12), np.r_[np.arange(11.0), 10.0]], ids=["all", "the last two"])
+def test_flights_of_one_time_show_steps_and_no_drift(times: np.ndarray) -> None:
+    """A clock that stood still, or a log that was split."""
+    of_flights = series(joint_pool(flights_of("one", 5, 12, drag=0.3 * after(6, 12))))
+    (change,) = find_changes(of_flights, times, A_YEAR)
+    assert (change.shape, change.since) == (Shape.STEP, 6) and change.drag == pytest.approx(0.3, abs=0.1)
+
+
 def test_each_flight_shows_the_change_within_its_own_errors() -> None:
     """40 of 100 flights have 5 % more drag and 3 % less thrust; the residuals are as large as stated."""
     changed = after(60)
