@@ -1,7 +1,7 @@
 """What is written and drawn of a fleet: `fleet.json` from its airframes."""
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from itertools import pairwise
 
@@ -78,7 +78,22 @@ def _contradictions(fleet: Sequence[Airframe]) -> list[ContradictionResult]:
                 break
             if one.installation != before.installation:
                 left[before.installation] = before
-    return found
+    return [*found, *_shared_flights(by_name)]
+
+
+def _shared_flights(by_name: dict[str, list[PoolFlight]]) -> Iterator[ContradictionResult]:
+    """The first flight of each airframe that is another airframe's as well."""
+    owners: dict[bytes, tuple[str, PoolFlight]] = {}
+    for name, flights in by_name.items():
+        shared = [one for one in flights if owners.setdefault(one.key, (name, one))[0] != name]
+        if shared:
+            owner, earlier = owners[shared[0].key]
+            more = f" and {len(shared) - 1} more are flights" if len(shared) > 1 else " is a flight"
+            said = (
+                f"{name}: {shared[0].name}{more} of {owner}, too, equal to the digit: give each log to one airframe,"
+                " and analyze and add them again."
+            )
+            yield _contradiction(Contradiction.FLIGHT, name, shared[0], earlier, said)
 
 
 def _contradiction(

@@ -31,6 +31,7 @@ class Contradiction(StrEnum):
     """Why flights of one name cannot be of one airframe."""
 
     SIZE = "wing area or span"
+    FLIGHT = "one flight of two airframes"
     INSTALLATION = "installation that returns"  # the probe was mounted anew meanwhile: its errors are others
 
 

@@ -124,3 +124,15 @@ def test_flights_of_one_name_that_cannot_be_of_one_airframe_are_told(
     results = fleet_results(airframes(dataset, 1.0, []), [])
     assert [(one.kind, one.log, one.earlier_log) for one in results.contradictions] == told
     assert len(doubts(results)) >= len(told)
+
+
+def test_one_flight_under_the_names_of_two_airframes_is_told(tmp_path: Path) -> None:
+    """A log that was analyzed with another airframe's file."""
+    dataset = Dataset(str(tmp_path / "fleet"))
+    flights = flights_of("one", 3, 4, noise=0.3)
+    dataset.add(flights)
+    moved = [{**one, "aircraft": {**one["aircraft"], "name": "two"}} for one in flights[1:3]]
+    dataset.add([*moved, *flights_of("two", 4, 2, noise=0.3)])
+    (told,) = fleet_results(airframes(dataset, 1.0, []), []).contradictions
+    assert (told.kind, told.airframe, told.earlier_log) == (Contradiction.FLIGHT, "two", "one-001.mcap")
+    assert "and 1 more are flights of one" in told.text
