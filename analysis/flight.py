@@ -42,7 +42,7 @@ from flightpower.analysis.trajectory.observability import (
 )
 from flightpower.analysis.trajectory.priors import SensorPriors, stated_sigma, upwash_slope_sigma
 from flightpower.analysis.trajectory.reconstruction import Trajectory, reconstruct
-from flightpower.analysis.trajectory.updraft import denied_updraft, mean_updraft, sun_over, updraft_notes
+from flightpower.analysis.trajectory.updraft import mean_updraft, sun_over, updraft_by_day, updraft_notes
 from flightpower.flight.aircraft import Aircraft
 from flightpower.flight.errors import InputError
 from flightpower.flight.log_reader import Log
@@ -135,7 +135,7 @@ class Reconstructed(Flown):
 class FlightPath(NamedTuple):
     """The trajectory of a whole flight, which does not depend on its runs, and notes on it. as_measured : there is none
     that explains the measurements. prior_conflict : as in `Reconstructed`. updraft_mps : standard deviation of the mean
-    updraft where the flight denies that of the hour; else 0"""
+    updraft over the flight by day (`updraft.updraft_by_day`); else 0"""
 
     trajectory: Trajectory
     prior_conflict: PriorConflict
@@ -221,10 +221,10 @@ def flight_path(flight: Measured) -> FlightPath:
     conflict = prior_conflict(trajectory)
     notes = [*of_noise, *conflict_notes(conflict, trajectory)]
     stated = flight.aircraft.has("uncertainty.updraft")
-    denied = None if stated else denied_updraft(trajectory, sun_over(flight.log))
-    if denied is not None:
-        conflict = conflict._replace(beyond={**conflict.beyond, "updraft": denied.z})
-        notes.append(denied.note)
+    by_day = None if stated else updraft_by_day(trajectory, sun_over(flight.log))
+    if by_day is not None and by_day.denied:
+        conflict = conflict._replace(beyond={**conflict.beyond, "updraft": by_day.z})
+        notes.append(by_day.note)
     if conflict.conflicting:
         flight.progress("reconstructing the trajectory with larger sensor errors")
         try:
@@ -241,7 +241,7 @@ def flight_path(flight: Measured) -> FlightPath:
             return path._replace(notes=(*notes, *path.notes))
         trajectory = wider
     trajectory, misfit_notes = with_misfit(trajectory)
-    return FlightPath(trajectory, conflict, (*notes, *misfit_notes), updraft_mps=denied.sigma_mps if denied else 0.0)
+    return FlightPath(trajectory, conflict, (*notes, *misfit_notes), updraft_mps=by_day.sigma_mps if by_day else 0.0)
 
 
 def _with_noise_in_flight(flight: Measured, trajectory: Trajectory) -> tuple[Trajectory, list[str]]:
@@ -269,16 +269,17 @@ def as_measured(flight: Flown, trajectory: Trajectory) -> Reconstructed:
     return reconstructed(flight, _as_measured(flight, f"the trajectory does not fit{misfit_in_words(trajectory)}"))
 
 
-def _with_updraft(flight: Flown, trajectory: Trajectory, denied_mps: float) -> tuple[Flown, Trajectory, list[str]]:
+def _with_updraft(flight: Flown, trajectory: Trajectory, by_day_mps: float) -> tuple[Flown, Trajectory, list[str]]:
     """Both with the prior of the mean updraft by duration, hour, sun and wind, where the aircraft file does not state
-    it; and notes on it. It depends on the runs, and the rest of the path does not. denied_mps: as in `FlightPath`"""
+    it; and notes on it. It depends on the runs, and the rest of the path does not. by_day_mps: `FlightPath.updraft_mps`
+    """
     aircraft = flight.aircraft
     if aircraft.has("uncertainty.updraft"):
         return flight, trajectory, []
     t_s = flight.table.index.to_numpy()
     runs_s = [(t_s[run.rows][0], t_s[run.rows][-1]) for run in flight.maneuvers.for_drag]
     updraft = mean_updraft(trajectory, runs_s, sun_over(flight.log))
-    lasting_mps = max(updraft.lasting_mps, denied_mps)
+    lasting_mps = max(updraft.lasting_mps, by_day_mps)
     uncertainty = replace(aircraft.uncertainty, updraft_mps=lasting_mps)
     contents = flight.contents._replace(aircraft=replace(aircraft, uncertainty=uncertainty))
     trajectory = replace(trajectory.with_prior("updraft", lasting_mps), eddies_mps=updraft.eddies_mps)

@@ -360,13 +360,13 @@ def joint_conflict(y: Array, covariance: Array) -> JointConflict:
     return JointConflict({SENSOR_ERRORS[known[i]]: float(z[i]) for i in members}, probability)
 
 
-def denied_prior(trajectory: Trajectory, name: str) -> tuple[float, float]:
+def against_prior(trajectory: Trajectory, name: str) -> tuple[float, float]:
     """One sensor error by itself: its estimate less zero in the standard deviations that it has if the prior is right,
-    and the standard deviation that the flight gives it where that contradicts the prior; else 0."""
+    and the standard deviation that the flight gives it, which is no less than the prior's."""
     sigma = trajectory.prior_standard_error(name)
     y, share = trajectory.value(name) / sigma, (trajectory.standard_error(name) / sigma) ** 2
     (z,), (size,) = _each_against_prior(np.array([y]), np.array([share]))
-    return float(z), float(size * sigma) if abs(z) > EVIDENCE.contradiction else 0.0
+    return float(z), float(size * sigma)
 
 
 def _worst_first(y: Array, covariance: Array) -> tuple[Array, dict[int, float]]:

@@ -19,7 +19,8 @@ from typing import NamedTuple
 import numpy as np
 
 from flightpower.analysis.estimation.noise import NORMAL_95
-from flightpower.analysis.trajectory.observability import denied_prior
+from flightpower.analysis.settings import EVIDENCE
+from flightpower.analysis.trajectory.observability import against_prior
 from flightpower.analysis.trajectory.reconstruction import Trajectory
 from flightpower.analysis.trajectory.settings import UPDRAFT
 from flightpower.flight.aircraft import Uncertainty
@@ -147,35 +148,44 @@ def mean_updraft(trajectory: Trajectory, runs_s: list[tuple[float, float]], sun_
     return Updraft(lasting, eddies, sun_rad)
 
 
-class DeniedUpdraft(NamedTuple):
-    """A mean updraft beyond what the hour lets expect.
+class UpdraftByDay(NamedTuple):
+    """The mean updraft of a whole flight, judged by what the hour lets expect.
 
     z : the estimate, in the standard deviations that it has if the prior by the hour is right
-    sigma_mps : standard deviation of a prior that allows it        note : for the reader
+    sigma_mps : standard deviation of the prior that the trajectory is given: the hour's, or one of the size that the
+        flight shows where that is larger
+    note : for the reader; empty where the hour is not denied
     """
 
     z: float
     sigma_mps: float
     note: str
 
+    @property
+    def denied(self) -> bool:
+        """Whether the flight denies the hour. One flight by day in 80 does by chance."""
+        return bool(self.note)
 
-def denied_updraft(trajectory: Trajectory, sun_rad: float | None) -> DeniedUpdraft | None:
-    """The mean updraft of a whole flight by day, where the flight denies that of the hour.
 
-    The trajectory has the prior of what lasts; with it an offset of the angle of attack takes the place of air that
-    sinks (by 1 m/s: 40 to 80 % of power, as many as five half widths). So it is judged with the prior of the eddies,
-    and before any other prior is widened. One flight by day in 80 is beyond by chance.
+def updraft_by_day(trajectory: Trajectory, sun_rad: float | None) -> UpdraftByDay | None:
+    """The mean updraft of a whole flight; None where there are no eddies, as before sunrise.
+
+    With the prior of what lasts, 0.02 m/s, an offset of the angle of attack takes the place of air that sinks (by
+    1 m/s: 40 to 80 % of power, as many as five half widths). So the prior is that of the eddies. Their size is known
+    for fair weather only: the prior is as wide as is most probable by the flight itself, and never narrower than
+    the hour's (empirical Bayes, as in `observability`). In gusts a flight tells so little of the updraft that an
+    estimate of 1.5 standard deviations, which is no contradiction, may be air that sinks by ten times the prior.
     """
     t_s = trajectory.states.index.to_numpy()[trajectory.block_means.airborne]
     of_hour = mean_updraft(trajectory, [(t_s[0], t_s[-1])], sun_rad) if len(t_s) else None
     if of_hour is None or of_hour.eddies_mps == 0:
         return None
-    z, sigma_mps = denied_prior(trajectory.with_prior("updraft", of_hour.sigma_mps), "updraft")
-    if sigma_mps == 0:
-        return None
+    z, sigma_mps = against_prior(trajectory.with_prior("updraft", of_hour.sigma_mps), "updraft")
+    if abs(z) <= EVIDENCE.contradiction:
+        return UpdraftByDay(z, sigma_mps, "")
     found = trajectory.with_prior("updraft", sigma_mps)
     half_mps = NORMAL_95 * found.standard_error("updraft")
-    return DeniedUpdraft(
+    return UpdraftByDay(
         z,
         sigma_mps,
         f"Over the flight the air seems to have {'risen' if z > 0 else 'sunk'} by {abs(found.value('updraft')):.1f} ±"

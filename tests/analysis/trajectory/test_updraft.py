@@ -11,6 +11,7 @@ import pytest
 from flights import AirOf, air_of, drawn, flown, tunnel_probe
 
 from flightpower.analysis.trajectory import updraft
+from flightpower.analysis.trajectory.equations import SENSOR_ERRORS
 from flightpower.analysis.trajectory.observability import prior_conflict
 from flightpower.analysis.trajectory.priors import SensorPriors, stated_sigma
 from flightpower.analysis.trajectory.reconstruction import Trajectory, reconstruct
@@ -144,15 +145,42 @@ def test_by_day_air_that_rose_is_not_taken_for_an_offset_of_the_angle_of_attack(
     """The prior of noon, 0.1 m/s, is denied, and one that allows the updraft finds it; before sunrise there are no
     eddies, and a flight without an updraft denies nothing."""
     found = reconstructed(in_rising_air, Uncertainty().updraft_mps)
-    denied = updraft.denied_updraft(found, NOON)
-    assert denied.z > 2.5 and 0.1 < denied.sigma_mps < 0.6
-    allowed = found.with_prior("updraft", denied.sigma_mps)
+    by_day = updraft.updraft_by_day(found, NOON)
+    assert by_day.denied and by_day.z > 2.5 and 0.1 < by_day.sigma_mps < 0.6
+    allowed = found.with_prior("updraft", by_day.sigma_mps)
     assert abs(allowed.value("updraft") - RISING_MPS) < 3 * allowed.standard_error("updraft") < 0.3
     assert abs(found.value("updraft") - RISING_MPS) > 0.2
-    assert "have risen by" in denied.note
-    assert updraft.denied_updraft(found, DAWN) is updraft.denied_updraft(found, None) is None
-    in_still_air = replace(found, sensor_errors=np.zeros(len(found.sensor_errors)))
-    assert updraft.denied_updraft(in_still_air, NOON) is None
+    assert "have risen by" in by_day.note
+    assert updraft.updraft_by_day(found, DAWN) is updraft.updraft_by_day(found, None) is None
+
+
+def test_by_day_a_flight_that_denies_nothing_has_the_prior_of_the_hour(in_rising_air):
+    found = reconstructed(in_rising_air, Uncertainty().updraft_mps)
+    still = updraft.updraft_by_day(replace(found, sensor_errors=np.zeros(len(found.sensor_errors))), NOON)
+    assert not still.denied and still.z == 0
+    assert 0.05 < still.sigma_mps < 0.15
+
+
+@pytest.mark.parametrize("sunk_mps", [0.5, 1.0])
+def test_a_flight_that_tells_little_is_as_wide_as_the_air_may_sink(in_rising_air, sunk_mps):
+    """Gusts hide the updraft to 0.4 m/s: the prior of noon draws it to a twentieth, two of its deviations and no
+    contradiction. The prior becomes as wide as the sink, and the estimate with it reaches the sink."""
+    found = reconstructed(in_rising_air, Uncertainty().updraft_mps)
+    i, of_hour = SENSOR_ERRORS.index("updraft"), updraft.updraft_by_day(
+        replace(found, sensor_errors=np.zeros(len(found.sensor_errors))), NOON).sigma_mps  # fmt: skip
+    information_of_data = 1 / 0.4**2
+    variance = 1 / (information_of_data + 1 / found.prior_sigma[i] ** 2)
+    errors = np.zeros(len(found.sensor_errors))
+    errors[i] = -variance * information_of_data * sunk_mps
+    covariance = np.diag(np.diag(found.covariance))
+    covariance[i, i] = variance
+    gusty = replace(found, sensor_errors=errors, covariance=covariance)
+    by_day = updraft.updraft_by_day(gusty, NOON)
+    expected_z = sunk_mps / math.hypot(0.4, of_hour)
+    assert by_day.z == pytest.approx(-expected_z, rel=1e-3) and not by_day.denied
+    assert by_day.sigma_mps == pytest.approx(math.sqrt(max(sunk_mps**2 - 0.4**2, of_hour**2)), rel=0.02)
+    allowed = gusty.with_prior("updraft", by_day.sigma_mps)
+    assert abs(allowed.value("updraft") + sunk_mps) < 2 * allowed.standard_error("updraft")
 
 
 def test_another_prior_gives_the_trajectory_that_is_found_with_it(in_rising_air):
