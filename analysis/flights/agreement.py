@@ -12,7 +12,13 @@ import numpy as np
 from scipy.special import chdtrc, ndtr
 
 from flightpower.analysis.curve import POLAR
-from flightpower.analysis.flights.flight_statistics import INSTALLATION_ERRORS, POOLED, M, PoolFlight
+from flightpower.analysis.flights.flight_statistics import (
+    INSTALLATION_ERRORS,
+    POOLED,
+    THRUST_CORRECTIONS,
+    M,
+    PoolFlight,
+)
 from flightpower.analysis.flights.joint import FlightStack, PooledEstimate, Prior, take, without_each
 from flightpower.analysis.flights.pool_settings import POOLING
 from flightpower.analysis.records.pool import Trend, TrendQuantity
@@ -22,6 +28,7 @@ from flightpower.flight.arrays import Array
 
 _N_POLAR = len(POLAR)
 POLAR_PART, INSTALLATION_PART = slice(_N_POLAR), slice(-len(INSTALLATION_ERRORS), None)
+THRUST_PART = slice(_N_POLAR, _N_POLAR + len(THRUST_CORRECTIONS))
 _OF_POLAR = np.eye(M)[POLAR_PART]
 
 

@@ -13,14 +13,16 @@ import numpy as np
 
 from flightpower.analysis.curve import POLAR, Condition, power_gradient, speed_at
 from flightpower.analysis.estimation.noise import NORMAL_95
-from flightpower.analysis.flights.agreement import INSTALLATION_PART, Test, homogeneity, of_difference
+from flightpower.analysis.flights.agreement import INSTALLATION_PART, THRUST_PART, Test, homogeneity, of_difference
 from flightpower.analysis.flights.curve_pool import CurvePool, curve_difference, curve_pool
 from flightpower.analysis.flights.evidence import (
     NOT_ONE_VEHICLE,
     SharedErrors,
     against_installation,
+    against_thrust,
     installations_text,
     one_vehicle,
+    thrust_text,
     vehicle_notes,
 )
 from flightpower.analysis.flights.flight_statistics import FlightStatistics
@@ -44,12 +46,16 @@ class Relation(NamedTuple):
 
     same_installation, same_propeller : of electrical power, whether both are of one aircraft
     contradicted : by which the flights contradict the one installation that the files of both name; None where not
+    thrust_contradicted : by which they contradict having one thrust, with one propeller and table; None where not
+    same_day : whether all were flown on one day, so that motor speed and propeller had no night to change
     """
 
     same_installation: bool
     same_propeller: bool
     shared: SharedErrors
     contradicted: Test | None = None
+    thrust_contradicted: Test | None = None
+    same_day: bool = False
 
 
 class _Powers(NamedTuple):
@@ -112,7 +118,9 @@ class Comparison:
             for pool, name in ((self.a, a_name), (self.b, b_name))
             for one in pool.evidence
         ]
-        return worst_first([*named, *against_installation(self.relation.contradicted)])
+        relation = self.relation
+        of_both = (*against_installation(relation.contradicted), *against_thrust(relation.thrust_contradicted))
+        return worst_first([*named, *of_both])
 
     def results(self, a_name: str = "", b_name: str = "") -> ComparisonResults:
         """The contents of the comparison's results.json. a_name, b_name: of the two configurations."""
@@ -147,9 +155,12 @@ class Comparison:
             for pool, name in zip((self.a, self.b), names, strict=True)
             for note in pool.notes
         ]
-        contradicted = self.relation.contradicted
-        if contradicted and EvidenceKind.INSTALLATIONS_DIFFER not in {one.kind for one in evidence}:
-            notes.append(installations_text(contradicted))
+        for contradicted, text, kind in (
+            (self.relation.contradicted, installations_text, EvidenceKind.INSTALLATIONS_DIFFER),
+            (self.relation.thrust_contradicted, thrust_text, EvidenceKind.THRUST_TABLE),
+        ):
+            if contradicted and kind not in {one.kind for one in evidence if not one.log}:
+                notes.append(text(contradicted))
         return notes
 
 
@@ -198,7 +209,7 @@ def _of_aircraft(a: CurvePool, b: CurvePool) -> Relation:
 def _by_joint_estimate(a: JointPool, b: JointPool, relation: Relation) -> _Powers:
     condition_b = Condition(a.condition.weight_N, a.condition.rho, b.condition.wing_area_m2)
     V = _common_speeds(a, b, condition_b)
-    polars = joint_polars(a, b, relation.same_installation, relation.same_propeller)
+    polars = joint_polars(a, b, relation.same_installation, relation.same_propeller, same_day=relation.same_day)
     A, B = polars.A[:_N_POLAR], polars.A[_N_POLAR:]
     gradients = [power_gradient(V, a.condition), power_gradient(V, condition_b)]
     power_a, power_b = gradients[0] @ A, gradients[1] @ B
@@ -210,14 +221,18 @@ def _by_joint_estimate(a: JointPool, b: JointPool, relation: Relation) -> _Power
 
 def _of_installations(a: JointPool, b: JointPool) -> Relation:
     stated = _same_installation(a, b)
-    contradicted = _contradicted(a, b) if stated else None
-    same_installation, same_propeller = stated and contradicted is None, _same_propeller(a, b)
-    shared = SharedErrors.PROPELLER if same_propeller else SharedErrors.NONE
+    contradicted = _contradicted(a, b, INSTALLATION_PART) if stated else None
+    one_propeller = _same_propeller(a, b)
+    of_thrust = _contradicted(a, b, THRUST_PART) if one_propeller else None
+    same_installation, same_propeller = stated and contradicted is None, one_propeller and of_thrust is None
+    shared = SharedErrors.PROPELLER if same_propeller else SharedErrors.NEITHER if of_thrust else SharedErrors.NONE
     if same_installation:
         shared = SharedErrors.INSTALLATION_AND_PROPELLER if same_propeller else SharedErrors.INSTALLATION
-        if not a.flights[0].installation:
+        if of_thrust:
+            shared = SharedErrors.NOT_THRUST
+        if not a.flights[0].installation and not of_thrust:
             shared = SharedErrors.COMMON_PART
-    return Relation(same_installation, same_propeller, shared, contradicted)
+    return Relation(same_installation, same_propeller, shared, contradicted, of_thrust, _same_day(a, b))
 
 
 def _same_installation(a: JointPool, b: JointPool) -> bool:
@@ -228,15 +243,25 @@ def _same_installation(a: JointPool, b: JointPool) -> bool:
     return bool(first.installation) or first.aircraft.name == other.aircraft.name
 
 
-def _contradicted(a: JointPool, b: JointPool) -> Test | None:
-    """The test by which flights of A and B contradict having one installation; None where they do not.
+def _same_day(a: JointPool, b: JointPool) -> bool:
+    """Whether all flights were made within twelve hours; not, where one has no date."""
+    starts = [flight.start_unix_s if flight.dated else None for pool in (a, b) for flight in pool.flights]
+    known = [start for start in starts if start is not None]
+    return len(known) == len(starts) and max(known) - min(known) < 12 * 3600
 
-    Flights that contradict it in their own pool have errors of their own, and are left out.
+
+def _contradicted(a: JointPool, b: JointPool, part: slice) -> Test | None:
+    """The test by which flights of A and B contradict having the same errors of a part; None where they do not.
+
+    part: INSTALLATION_PART or THRUST_PART. The other errors are free on each side, so that what moves them does not
+    count. Flights that contradict one installation in their own pool have errors of their own, and are left out.
     """
     own, others = ([one for i, one in enumerate(pool.flights) if i not in pool.anew] for pool in (a, b))
     if not own or not others:
+        if part == THRUST_PART:
+            return None
         return a.installation_homogeneity if not own else b.installation_homogeneity
-    test = homogeneity(stacked([*own, *others]), shared_prior([*own, *others]), INSTALLATION_PART)
+    test = homogeneity(stacked([*own, *others]), shared_prior([*own, *others]), part)
     return test if test.differs else None
 
 

@@ -32,6 +32,12 @@ def against_installation(test: Test | None) -> Iterator[Evidence]:
         yield _doubt(EvidenceKind.INSTALLATIONS_DIFFER, test.p, installations_text(test))
 
 
+def against_thrust(test: Test | None) -> Iterator[Evidence]:
+    """Evidence from the test that both sides of a comparison have one thrust; None where they do not contradict it."""
+    if test and test.doubtful:
+        yield _doubt(EvidenceKind.THRUST_TABLE, test.p, thrust_text(test))
+
+
 def against_outliers(flights: Sequence[PoolFlight], outliers: Mapping[int, tuple[Compared, str]]) -> Iterator[Evidence]:
     """Flights that differ from all others. outliers: by number, how much and the likely reason"""
     for i, (compared, reason) in sorted(outliers.items()):
@@ -122,6 +128,15 @@ def installations_text(test: Test) -> str:
     )
 
 
+def thrust_text(test: Test) -> str:
+    """What is said of two sides of a comparison whose thrust differs though propeller and table are the same."""
+    return (
+        f"Thrust over that of the propeller's table differs between A and B (p = {test.p:.2g}), though both name one"
+        " propeller: its errors do not cancel, and the interval contains them. Check motor speed (pulses, poles),"
+        " propeller and stated weight of both."
+    )
+
+
 NOT_NAMED = (
     "The aircraft file has no [installation] name: the probe is taken to be mounted anew for each flight. Give flights"
     " between which nothing was moved one name."
@@ -135,8 +150,12 @@ class SharedErrors(Enum):
         "The files name no installation: the probe is taken to be mounted anew for each flight, and only the common"
         " part of these errors cancels."
     )
-    INSTALLATION_AND_PROPELLER = "Errors of installation and propeller table cancel, since both share them."
+    INSTALLATION_AND_PROPELLER = (
+        "Errors of installation and propeller table cancel, since both share them and the flights do not contradict it."
+    )
     INSTALLATION = "Errors of the installation cancel, since both share it; those of the two propeller tables do not."
+    NOT_THRUST = "Errors of the installation cancel; those of thrust do not, since the flights show that it differs."
+    NEITHER = "No error cancels: installations differ, and by the flights thrust differs, too."
     PROPELLER = "Errors of the propeller table cancel; those of the two installations do not."
     AIRCRAFT = "Errors of current meter, airspeed, mass and thermometer cancel, since both are of one aircraft."
     NONE = "No error cancels: installations and propellers differ."

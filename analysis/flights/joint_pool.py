@@ -231,8 +231,14 @@ def joint_polars(
     same_installation: bool,
     same_propeller: bool,
     counts: tuple[Array, Array] | None = None,
+    same_day: bool = True,
 ) -> Polar:
-    """Polars of A and B (6,) with their joint covariance (6, 6). counts: of `Group`, of A and of B."""
+    """Polars of A and B (6,) with their joint covariance (6, 6). counts: of `Group`, of A and of B.
+
+    same_day : whether the errors of thrust are the same to the last. From one flying day to another a share
+    POOLING.remounted of their prior standard deviation moves, as when a probe is put on again: pulses that are counted,
+    the propeller's dirt, the weight that was stated.
+    """
     prior_a = _prior_of_a(a, b, same_installation, same_propeller)
     at_a, end = np.r_[0:_N_POLAR, 2 * _N_POLAR : _N_POLAR + M], _N_POLAR + M
     thrust = slice(_N_POLAR, _INSTALLATION_FROM)
@@ -240,7 +246,7 @@ def joint_polars(
     at_b = at_a.copy()
     at_b[:_N_POLAR] += _N_POLAR
     priors = [Prior(np.zeros((_N_POLAR, _N_POLAR)), np.zeros(_N_POLAR)), prior_a]
-    for shared, part in ((same_propeller, thrust), (same_installation, installation)):
+    for shared, part in ((same_propeller and same_day, thrust), (same_installation, installation)):
         if not shared:
             priors.append(Prior(b.prior.information[part, part], b.prior.vector[part]))
             at_b[part] = np.arange(end, end + len(at_b[part]))
@@ -255,13 +261,24 @@ def joint_polars(
     changes_b = {name if cancels(name) else f"{name}, B": change for name, change in b.stack.changes.items()}
     stack_b = b.stack._replace(changes=changes_b)
     of_a, of_b = counts or (np.ones(len(a.flights)), np.ones(len(b.flights)))
-    joint = solve(
-        [Group(a.stack, at_a, of_a), Group(stack_b, at_b, of_b)],
-        Prior(block_diag(*(p.information for p in priors)), np.concatenate([p.vector for p in priors])),
-    )
+    prior = Prior(block_diag(*(p.information for p in priors)), np.concatenate([p.vector for p in priors]))
+    if same_propeller and not same_day:
+        prior = _alike(prior, at_a[thrust], at_b[thrust], 1 - POOLING.remounted**2)
+    joint = solve([Group(a.stack, at_a, of_a), Group(stack_b, at_b, of_b)], prior)
     polars = slice(0, 2 * _N_POLAR)
     floor = np.kron(np.ones((2, 2)) if same_installation else np.eye(2), covariance.floor())
     return Polar(joint.parameters.value[polars], joint.parameters.covariance[polars, polars] + floor)
+
+
+def _alike(prior: Prior, at_a: Array, at_b: Array, correlation: float) -> Prior:
+    """The prior with parameters of B correlated with those of A, which have the same prior: that of A."""
+    J, vector = prior.information[np.ix_(at_a, at_a)], prior.vector[at_a]
+    information, both = prior.information.copy(), prior.vector.copy()
+    for rows, columns, factor in ((at_a, at_a, 1.0), (at_b, at_b, 1.0), (at_a, at_b, -correlation),
+                                  (at_b, at_a, -correlation)):  # fmt: skip
+        information[np.ix_(rows, columns)] = factor / (1 - correlation**2) * J
+    both[at_a] = both[at_b] = vector / (1 + correlation)
+    return Prior(information, both)
 
 
 def _prior_of_a(a: "JointPool", b: "JointPool", same_installation: bool, same_propeller: bool) -> Prior:

@@ -11,7 +11,7 @@ from flightpower.analysis.estimation.noise import NORMAL_95
 from flightpower.analysis.flights.comparison import Comparison, compare
 from flightpower.analysis.flights.evidence import SharedErrors
 from flightpower.analysis.flights.flight_statistics import M
-from flightpower.analysis.flights.joint_pool import JointPool
+from flightpower.analysis.flights.joint_pool import JointPool, joint_polars
 from flightpower.analysis.flights.pool import joint_pool
 from flightpower.analysis.flights.pooled import flights_to_see
 from flightpower.analysis.methods.consider import DENSITY
@@ -85,6 +85,47 @@ def test_a_difference_is_seen_and_shared_errors_cancel() -> None:
     assert same.shared_errors is SharedErrors.INSTALLATION_AND_PROPELLER
     assert "Errors of installation and propeller table cancel" in same.results().text
     assert other.shared_errors is SharedErrors.PROPELLER
+
+
+def days(seed: int, thrust: float, flights: int = 2) -> Comparison:
+    """Compares an aircraft on two days, on the second with a share more of thrust than the table and the first day have:
+    pulses that are not counted, a nick, or a stated weight that is wrong."""
+    rng = np.random.default_rng(seed)
+    x = truth(rng)
+    y = x + np.r_[np.zeros(3), thrust, np.zeros(M - 4)]
+    a, b = (joint_pool([flight(z, rng, f"{n}{i}", 0.1) for i in range(flights)]) for z, n in ((x, "a"), (y, "b")))
+    return compare(a, b)
+
+
+def test_thrust_that_differs_between_the_days_is_told_and_does_not_cancel() -> None:
+    """Believed to be one, thrust of 6 % less on one day would be a difference of drag."""
+    found = [days(seed, -0.06) for seed in range(20)]
+    told = [one.relation.thrust_contradicted is not None for one in found]
+    assert np.mean(told) > 0.9
+    covered = [np.abs(one.difference_percent) < one.half_width_percent for one in found]
+    assert np.mean(covered) > 0.85
+    one = found[told.index(True)]
+    assert one.shared_errors is SharedErrors.NOT_THRUST and one.same_installation and not one.same_propeller
+    results = one.results("old", "new")
+    said = [evidence.text for evidence in results.evidence if evidence.kind is EvidenceKind.THRUST_TABLE]
+    assert any("differs between A and B" in text for text in [*said, *results.notes])
+
+
+def test_thrust_that_is_the_same_is_seldom_denied() -> None:
+    found = [days(seed, 0.0) for seed in range(60)]
+    assert np.mean([one.relation.thrust_contradicted is not None for one in found]) < 0.1
+    assert all(one.same_installation for one in found if one.relation.contradicted is None)
+
+
+def test_from_one_day_to_another_a_part_of_thrust_is_not_shared() -> None:
+    """As much as a fifth of the variance that two propellers of the table would have, less what the flights tell."""
+    a, b = pools(2, 1.0, flights=1, noise=3.0)
+    half = {}
+    for name, same_propeller, same_day in (("day", True, True), ("days", True, False), ("propellers", False, False)):
+        C = joint_polars(a, b, True, same_propeller, same_day=same_day).covariance
+        T = np.hstack([-np.eye(3), np.eye(3)])
+        half[name] = float(np.sqrt(np.trace(T @ C @ T.T)))
+    assert half["day"] < half["days"] < half["propellers"]
 
 
 def test_another_propeller_leaves_its_thrust_error_in_the_difference() -> None:
