@@ -1,5 +1,6 @@
 """The file of maneuvers, `runs.toml`: written with every analysis, edited by the user, read with `--runs`."""
 
+import math
 import tomllib
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -77,16 +78,31 @@ def blocks(maneuvers: Maneuvers, left_out: Collection[str] = ()) -> list[Block]:
 
 
 def _block(stretch: Maneuver | RejectedManeuver, left_out: Collection[str]) -> Block:
-    run = stretch.name if isinstance(stretch, Maneuver) else ""
-    remarks = stretch.notes if isinstance(stretch, Maneuver) else (f"rejected: {stretch.reason}",)
-    keep = "true" if run and run not in left_out else "false"
-    return Block(
-        run,
+    found = isinstance(stretch, Maneuver)
+    run, remarks = (stretch.name, stretch.notes) if found else ("", (f"rejected: {stretch.reason}",))
+    entry = ManeuverEntry(
+        kind=stretch.kind, start_s=stretch.start_s, end_s=stretch.end_s, keep=found and run not in left_out
+    )
+    return Block(run, entry_text(entry, remarks))
+
+
+def entry_text(entry: ManeuverEntry, remarks: Sequence[str] = ()) -> str:
+    """One [[run]] of the file; times are rounded to 0.01 s."""
+    return (
         "\n[[run]]\n"
         + "".join(f"# {remark}\n" for remark in remarks)
-        + f'kind = "{stretch.kind}"\nstart = "{stretch.start_s:.2f} s"\nend = "{stretch.end_s:.2f} s"\n'
-        + f"keep = {keep}\n",
+        + f'kind = "{entry.kind}"\nstart = "{entry.start_s:.2f} s"\nend = "{entry.end_s:.2f} s"\n'
+        + f"keep = {str(entry.keep).lower()}\n"
     )
+
+
+def mistake_in(entry: ManeuverEntry) -> str:
+    """What is wrong with an entry, whether it is kept or not; empty where nothing is."""
+    if entry.kind not in KINDS:
+        return f"kind: {entry.kind[:40]!r} is none of {', '.join(KINDS)}"
+    if not 0 <= entry.start_s < entry.end_s < math.inf:
+        return f"start ({entry.start_s:g} s) must lie before end ({entry.end_s:g} s), and not before 0"
+    return ""
 
 
 def head(log: str, name: str = "runs.toml") -> str:
@@ -117,12 +133,8 @@ def load(path: Path) -> list[ManeuverEntry]:
     for i, one in enumerate(raw, start=1):
         where = f"{path}: run {i}"
         entry = read_table(ManeuverEntry, one, where)
-        if entry.kind not in KINDS:
-            raise InputError(f"{where}: kind: {entry.kind!r} is none of {', '.join(KINDS)}")
-        if not 0 <= entry.start_s < entry.end_s:
-            raise InputError(
-                f"{where}: start ({entry.start_s:g} s) must lie before end ({entry.end_s:g} s), and not before 0"
-            )
+        if mistake := mistake_in(entry):
+            raise InputError(f"{where}: {mistake}")
         entries.append(entry)
     if not any(entry.keep for entry in entries):
         raise InputError(f"{path}: no [[run]] has keep = true")

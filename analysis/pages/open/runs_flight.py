@@ -4,9 +4,8 @@ Reading, synchronizing and reconstructing are done once for each set of values; 
 regression alone.
 """
 
-import json
 import os
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -27,7 +26,7 @@ from flightpower.analysis.flight import (
     with_runs,
 )
 from flightpower.analysis.maneuvers.kinds import KINDS, Maneuvers
-from flightpower.analysis.maneuvers.runs_file import NoCurve, head
+from flightpower.analysis.maneuvers.runs_file import ManeuverEntry, NoCurve, entry_text, head, mistake_in
 from flightpower.analysis.options import Options
 from flightpower.analysis.pages.open import form
 from flightpower.analysis.pages.open.folder_files import polars_in
@@ -236,24 +235,14 @@ class RunsFlight(OpenedFlight):
             yield write_keeping_previous(folder / "runs.toml", runs_text(values.runs, self.path.name))
 
 
-def runs_text(runs: Collection[Run], log: str) -> str:
-    """`runs.toml` of the runs of the page. Raises FieldError for a kind that there is none of, or an endless time."""
+def runs_text(runs: Sequence[Run], log: str) -> str:
+    """`runs.toml` of the runs of the page, in order of time. Raises FieldError at the run that is none."""
     text = head(log)
-    order = sorted(range(len(runs)), key=lambda i: list(runs)[i].start_s)
-    for i in order:
-        run = list(runs)[i]
-        if run.kind not in KINDS or not np.isfinite([run.start_s, run.end_s]).all():
-            what = f"run {run.kind[:40]!r}, {run.start_s} to {run.end_s} s: not a run of {', '.join(KINDS)}"
-            raise FieldError(what, f"run {i}")
-        if run.keep and not 0 <= run.start_s < run.end_s:
-            raise FieldError(
-                f"{run.kind}: its start, {run.start_s:g} s, must lie before its end, {run.end_s:g} s, and not before 0",
-                f"run {i}",
-            )
-        text += (
-            f'\n[[run]]\nkind = "{run.kind}"\nstart = "{run.start_s:.2f} s"\nend = "{run.end_s:.2f} s"\n'
-            f"keep = {json.dumps(run.keep)}\n"
-        )
+    for i, run in sorted(enumerate(runs), key=lambda numbered: numbered[1].start_s):
+        entry = ManeuverEntry(kind=run.kind, start_s=run.start_s, end_s=run.end_s, keep=run.keep)
+        if mistake := mistake_in(entry):
+            raise FieldError(f"run {i + 1}: {mistake}", f"run {i}")
+        text += entry_text(entry)
     return text
 
 

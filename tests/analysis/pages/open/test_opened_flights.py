@@ -1,6 +1,7 @@
 """What the local page computes is what the command writes, and only what changed is computed again."""
 
 import json
+import math
 import re
 import shlex
 from collections.abc import Callable
@@ -15,7 +16,7 @@ from flightpower.analysis.options import Options
 from flightpower.analysis.pages.open import form, runs_flight
 from flightpower.analysis.pages.open.flights import Folder
 from flightpower.analysis.pages.open.opened import OpenedFlight
-from flightpower.analysis.pages.open.request import LIMITS, Run, Values
+from flightpower.analysis.pages.open.request import LIMITS, FieldError, Run, Values
 from flightpower.analysis.pages.open.runs_flight import RunsFlight, runs_text
 from flightpower.analysis.pages.open.server import LocalPage
 from flightpower.analysis.records.flight import Kind
@@ -250,3 +251,12 @@ def test_the_list_of_runs_is_the_file_that_analyze_reads(tmp_path: Path) -> None
     assert [(one.kind, one.start_s, one.end_s, one.keep) for one in entries] == [
         ("steady", 20.0, 30.0, False), ("deceleration", 77.0, 89.26, True),
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize("kept", [True, False])
+def test_a_run_that_analyze_would_refuse_is_refused_at_its_place(kept: bool) -> None:
+    good = Run("steady", 20.0, 30.0, True)
+    for wrong in (Run("steady", 30.0, 20.0, kept), Run("glided", 1.0, 2.0, kept), Run("steady", 1.0, math.inf, kept)):
+        with pytest.raises(FieldError) as refused:
+            runs_text([good, wrong], "log.mcap")
+        assert refused.value.field == "run 1"
