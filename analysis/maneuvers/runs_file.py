@@ -78,10 +78,12 @@ def blocks(maneuvers: Maneuvers, left_out: Collection[str] = ()) -> list[Block]:
 
 
 def _block(stretch: Maneuver | RejectedManeuver, left_out: Collection[str]) -> Block:
-    found = isinstance(stretch, Maneuver)
-    run, remarks = (stretch.name, stretch.notes) if found else ("", (f"rejected: {stretch.reason}",))
+    if isinstance(stretch, Maneuver):
+        run, remarks = stretch.name, stretch.notes
+    else:
+        run, remarks = "", (f"rejected: {stretch.reason}",)
     entry = ManeuverEntry(
-        kind=stretch.kind, start_s=stretch.start_s, end_s=stretch.end_s, keep=found and run not in left_out
+        kind=stretch.kind, start_s=stretch.start_s, end_s=stretch.end_s, keep=bool(run) and run not in left_out
     )
     return Block(run, entry_text(entry, remarks))
 
