@@ -222,12 +222,17 @@ def _first_wind(columns: dict[str, Array], moving: BoolArray, least_Pa: float) -
     return wind, flying
 
 
-def _grid(flight: FlightRecording) -> Array:
-    has_airspeed = recording.AIRSPEED_PRESSURE in flight.channels
+def require_channels(flight: FlightRecording) -> None:
+    """Raises InputError, in one line, where a recording lacks a channel that no value of the aircraft replaces."""
     has_gps = flight.channels.keys() >= set(recording.GPS)
     if missing := [part for part in NEEDED[has_gps:] if not flight.channels.keys() >= part.channels]:
-        said = "; ".join(part.title + flight.enabled_by.get(part.channels, "") for part in missing)
-        raise InputError(f"{flight.path}: the log lacks {said}")
+        parts = "; ".join(part.title + flight.enabled_by.get(part.channels, "") for part in missing)
+        raise InputError(f"{flight.path}: the log lacks {parts}")
+
+
+def _grid(flight: FlightRecording) -> Array:
+    require_channels(flight)
+    has_airspeed = recording.AIRSPEED_PRESSURE in flight.channels
     main = flight.channels[recording.AIRSPEED_PRESSURE if has_airspeed else recording.GPS[0]].t_s
     if main[-1] - main[0] > FLIGHT.longest_log_s:
         raise InputError(f"{flight.path}: its clock spans {main[-1] - main[0]:.0f} s; longer than any flight")

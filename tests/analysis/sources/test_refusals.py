@@ -8,6 +8,8 @@ from typer.testing import CliRunner
 
 from flightpower.analysis.cli.analyze import app
 from flightpower.analysis.methods.whole_flight.flight_table import flight_table
+from flightpower.analysis.options import Options
+from flightpower.analysis.pipeline.whole_flight import analyze_recording
 from flightpower.analysis.sources.px4 import read_px4
 from flightpower.analysis.sources.recognize import Autopilot, autopilot_of
 from flightpower.flight.errors import InputError
@@ -57,6 +59,16 @@ def test_refused_in_one_line(tmp_path: Path, topics: list[UlogTopic], reason: st
     with pytest.raises(InputError, match=reason) as raised:
         flight_table(read_px4(path), WEIGHT_N, WING_AREA_M2)
     assert "\n" not in str(raised.value)
+
+
+def test_nobody_is_asked_to_measure_an_aircraft_for_a_log_without_a_curve(tmp_path: Path) -> None:
+    path = tmp_path / "log.ulg"
+    write_ulog(path, UlogContents([status(2, 1), AIRSPEED, BARO]))
+    with pytest.raises(InputError, match="the log lacks battery"):
+        analyze_recording(read_px4(path), Options(), lambda _: None)
+    write_ulog(path, UlogContents([status(2, 1), AIRSPEED, BARO, BATTERY]))
+    with pytest.raises(InputError, match="--mass"):
+        analyze_recording(read_px4(path), Options(), lambda _: None)
 
 
 @pytest.fixture
