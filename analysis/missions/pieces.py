@@ -209,7 +209,7 @@ def full_throttle(expected: ExpectedAircraft) -> Piece:
     """One acceleration at full throttle: power available, climb, ceiling."""
     run = Run(1.0, 1.0, 0.95 * expected.fastest_mps)
     hold = Hold(8.0, 1.3 * expected.stall_mps)
-    return Piece("one acceleration at full throttle", (hold, run), PieceKind.FULL_THROTTLE)
+    return Piece("accelerate at full throttle", (hold, run), PieceKind.FULL_THROTTLE)
 
 
 def catalog(

@@ -173,7 +173,7 @@ def pooled_answers(pooled: PooledResults) -> list[HeadlineAnswer]:
             HeadlineAnswer(
                 "Agreement of the flights",
                 f"all but {outliers}" if all_but else pooled.agreement,
-                f"{named}Probability of differences this large by the known errors alone: of the curves"
+                f"{named}Probability that the known errors alone make differences this large: for the curves"
                 f" {probability(curves.p)}{_of_installation(installations)}.",
             )
         )
@@ -193,7 +193,7 @@ def pooled_answers(pooled: PooledResults) -> list[HeadlineAnswer]:
 
 
 def _of_installation(test: AgreementTest | None) -> str:
-    return f", of the installation {probability(test.p)}" if test else ""
+    return f", for the installation {probability(test.p)}" if test else ""
 
 
 def comparison_answers(comparison: ComparisonResults) -> list[HeadlineAnswer]:
@@ -296,7 +296,7 @@ def _side(letter: str, side: Configuration) -> tuple[str, ...]:
 
 def _scatter(rows: Sequence[Scatter]) -> HtmlTable:
     return HtmlTable(
-        ("speed, m/s", "seen, %", "explained, %", "excess, %"),
+        ("speed, m/s", "observed, %", "explained, %", "excess, %"),
         [
             tuple(
                 f"{number:.1f}"

@@ -44,14 +44,14 @@ class DragWithheld(NamedTuple):
         match self.lacks:
             case DragLacks.PROPELLER:
                 return (
-                    "Drag and shaft power are not known: they take the propeller's table (--propeller) and motor speed"
-                    " (ESC telemetry or RPM messages) or the motor's constants (in an aircraft file, --aircraft)."
+                    "Drag and shaft power are not known: they require the propeller's table (--propeller) and motor"
+                    " speed (ESC telemetry or RPM messages) or the motor's constants (in an aircraft file, --aircraft)."
                 )
             case DragLacks.MOTOR_SPEED:
                 return (
-                    "Drag and shaft power are not known: beside the propeller's table they take motor speed in the log"
-                    " (ESC telemetry or RPM messages), or the motor's constants (kv, resistance, no-load current) in an"
-                    " aircraft file (--aircraft)."
+                    "Drag and shaft power are not known: besides the propeller's table they require motor speed in the"
+                    " log (ESC telemetry or RPM messages), or the motor's constants (kv, resistance, no-load current) in"
+                    " an aircraft file (--aircraft)."
                 )
             case DragLacks.POSSIBLE_EFFICIENCY:
                 return (

@@ -290,8 +290,8 @@ def _after_energy_balance(results: Results) -> list[str]:
     """What narrows the interval of a whole flight where it is least: a longer flight, or a better calibration."""
     at = reference_point(results).point.speed_mps
     part = min(results.main.interval_parts, key=lambda part: abs(part.speed_mps - at))
-    halves = f"At {part.speed_mps:.1f} m/s, ±{_watts(math.hypot(part.noise_W, part.systematic_W))} are"
-    parts = f"{halves} ±{_watts(part.noise_W)} by air motion and ±{_watts(part.systematic_W)} by the instruments:"
+    halves = f"At {part.speed_mps:.1f} m/s, ±{_watts(math.hypot(part.noise_W, part.systematic_W))} come from"
+    parts = f"{halves} ±{_watts(part.noise_W)} of air motion and ±{_watts(part.systematic_W)} of the instruments:"
     if part.noise_W > part.systematic_W:
         advice = [f"{parts} a longer flight in still air, with steady legs at several speeds, narrows it."]
     else:

@@ -132,9 +132,12 @@ def shared_part(results: Results) -> str:
         return ""
     middle = parts[len(parts) // 2]
     whole = math.hypot(middle.systematic_W, middle.noise_W)
-    shared = f"Of ±{whole:.1f} W at {middle.speed_mps:.0f} m/s, ±{middle.systematic_W:.1f} W is common to"
+    shared = f"Of the ±{whole:.1f} W at {middle.speed_mps:.0f} m/s, ±{middle.systematic_W:.1f} W is common to"
     if results.kind is Kind.ELECTRICAL:
-        return f"{shared} the whole flight, and a longer one does not reduce it: airspeed, current meter, mass, density"
+        return (
+            f"{shared} the whole flight, so that a longer flight does not reduce it: airspeed, current meter, mass,"
+            " density"
+        )
     return (
         f"{shared} all runs and does not shrink with more of them: errors of the sensors, of the propeller table, and"
         " of the alignment of the axes"

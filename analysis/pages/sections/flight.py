@@ -99,9 +99,9 @@ def provenance_section(results: Results) -> ProvenanceSection | None:
     found = results.provenance
     if found is None:
         return None
-    place = _place(results)
+    date_and_place = "; ".join((_date(results), _place(results)))
     facts = [
-        ("Date and place", "; ".join(text for text in (_date(results), place) if text)),
+        ("Date and place", date_and_place),
         *_air(results),
         ("Weight", f"{results.test.weight_N / GRAVITY_MPS2:.3f} kg, {found.weight_source}"),
         ("Log", _log(results, found)),
@@ -111,7 +111,7 @@ def provenance_section(results: Results) -> ProvenanceSection | None:
         ("Command", found.command_line or "not recorded: one of several logs, or called from Python"),
     ]
     return ProvenanceSection(
-        date_and_place="; ".join(text for text in (_date(results), place) if text),
+        date_and_place=date_and_place,
         wind=_wind(results),
         facts=facts,
         files=HtmlTable(
@@ -165,9 +165,8 @@ def balance_section(results: Results) -> BalanceSection | None:
     if found is None:
         return None
     residual = (
-        f"Useful power less that of drag and of the change of energy, {found.residual_W:.0f} W rms over"
-        f" {found.flown_s:.0f} s. Vertical motion of the air appears here; slow waves do so, too, and the interval"
-        " contains them."
+        f"Thrust power minus the power of drag and of the change of energy, {found.residual_W:.0f} W rms over"
+        f" {found.flown_s:.0f} s. It shows the vertical motion of the air. The interval allows for its slow waves."
     )
     return BalanceSection(_airspeed(results), residual)
 
@@ -188,7 +187,7 @@ def _airspeed(results: Results) -> str:
 def _date(results: Results) -> str:
     found = results.provenance
     if found is None or found.start_utc is None:
-        return "date not known"
+        return "Date not known"
     clock = "" if found.clock is Clock.SATELLITES else " (the computer's clock, which may be wrong)"
     return f"{found.start_utc.replace('T', ' ').removesuffix('Z')} UTC{clock}"
 

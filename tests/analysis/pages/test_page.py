@@ -39,7 +39,7 @@ def test_the_page_says_all_of_it_and_escapes_what_users_wrote(results: Results) 
     ):
         assert said in text, said
     assert "no curve" in text, "the method that failed is in the table"
-    assert "Of ±2.2 W at 18 m/s, ±2.0 W is common to all runs" in text  # hypot(1, 2)
+    assert "Of the ±2.2 W at 18 m/s, ±2.0 W is common to all runs" in text  # hypot(1, 2)
     assert "All methods agree" not in text
 
 

@@ -124,6 +124,6 @@ def test_a_flight_of_electrical_power_has_the_sections_that_its_results_hold(res
     assert "from the battery" in verdict_section(electrical).sentence
     section = certainty_section(electrical)
     assert section.withheld == ["Drag is not known."] and section.stall == "" and "whole flight" in section.shared_part
-    assert any("by the instruments" in text for text in section.next_flight), "2 W of 2.2 are shared"
+    assert any("of the instruments" in text for text in section.next_flight), "2 W of 2.2 are shared"
     assert curve_section(electrical).drag is None and "5.0 min in the air" in curve_section(electrical).data
     assert balance_section(electrical) is not None and balance_section(results) is None
