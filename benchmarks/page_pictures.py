@@ -6,6 +6,7 @@
 import base64
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -39,8 +40,9 @@ def main(
         wind = ("--heading", "250", "--wind-kt", "8", "--wind-from", "280")
         subprocess.run([*PROGRAM, "plan", "nexstar", *wind, "-o", str(folder / "plan")], check=True)
         take(browser, folder / "plan" / "card.html", (0, 794, 900), output / "card.webp")
+        flown = Path(shutil.copy2(log, folder))  # a folder of a pilot, without the truth
         served = subprocess.Popen(
-            [*PROGRAM, "open", "--no-browser", str(log)],
+            [*PROGRAM, "open", "--no-browser", str(flown)],
             stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"},
         )  # fmt: skip
         try:
@@ -55,7 +57,7 @@ def take(browser: Browser, page: Path | str, shown: tuple[int, int, int], output
     """The first screen of a page, when it is drawn. shown: pixels left out above; width and height of the picture."""
     above, width, height = shown
     browser.show(page, width, height=above + height)
-    browser.wait_for(drawn, 60)
+    browser.wait_for(drawn)
     browser.value_of(DRAWN)
     clip = {"x": 0, "y": above, "width": width, "height": height, "scale": 1}
     picture = browser.command("Page.captureScreenshot", format="webp", quality=QUALITY, clip=clip)
