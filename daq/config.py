@@ -501,8 +501,8 @@ def _with_key(error: msgspec.ValidationError, document: Any) -> str:
         what = f"{shown(int(number[1]))} must be {values or 'one of the permitted values'}"
     if key.endswith(".driver`"):
         what += f"; the drivers are {', '.join(installed_drivers())}"
-    if what.startswith("Object contains unknown field"):
-        what += "; `daq config --example` shows every key"
+    if unknown := re.fullmatch(r"Object contains unknown field `(.*)`", what):
+        what = f"unknown key {unknown[1]!r}; `daq config --example` shows every key"
     return f"{key.rstrip('`')}: {what}" if key else what
 
 

@@ -114,7 +114,9 @@ def open_devices(supervisors: list[SensorSupervisor], now_ns: int) -> None:
         if error.errno == errno.EBUSY:
             raise DeviceInUse(cause_of(error))
     causes = sorted({cause_of(error) for error in errors})
-    raise NoDeviceOpened(f"none of the tray's buses and ports can be opened: {'; '.join(causes)}")
+    raise NoDeviceOpened(
+        f"none of the tray's buses and ports can be opened: {'; '.join(causes)}; run `daq check` to see what to do"
+    )
 
 
 def check_configuration(tray: Tray, buses: Buses) -> None:

@@ -41,7 +41,7 @@ def list_logs(directory: Path, latest: int | None = None) -> list[ListedLog]:
     Raises InputError if the folder cannot be read.
     """
     if not directory.is_dir():
-        raise InputError(f"{directory}: no such folder")
+        raise InputError(f"{directory}: no such folder; give the one with the logs")
     logs = numbered_logs(directory)
     return [listed(path) for path in (logs if latest is None else logs[-latest:])]
 

@@ -6,6 +6,7 @@ What is wrong with the input is one line on stderr.
 import inspect
 import math
 import os
+import re
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -180,6 +181,9 @@ def _usage(error: Any, name: str) -> str:
     return f"{error.format_message().rstrip('.')}; see `{command} --help`"
 
 
+DECIMAL_COMMA = re.compile(r"-?\d+,\d+(?! *,)")
+
+
 def quantity(
     option: str,
     unit: str,
@@ -207,7 +211,8 @@ def quantity(
         except ValueError:
             value = _si_or_nan(text, unit)
         if not (math.isfinite(value) and least <= value <= most and value > above):
-            raise InputError(f"{option} {text}: {wanted}")
+            point = f", and a decimal point: {text.replace(',', '.')}" if DECIMAL_COMMA.match(text) else ""
+            raise InputError(f"{option} {text}: {wanted}{point}")
         return value
 
     return parse

@@ -21,7 +21,7 @@ def read_text(path: Path) -> str:
     try:
         return path.read_text("utf-8-sig")
     except UnicodeDecodeError:
-        raise InputError(f"{path}: not a text file in UTF-8; save it as text in UTF-8") from None
+        raise InputError(f"{path}: not a text file in UTF-8: give another file, or save it as text in UTF-8") from None
     except OSError as error:
         cause = "it is a folder" if path.is_dir() else error.strerror or error
         raise InputError(f"{path}: cannot be read ({cause})") from None

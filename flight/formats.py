@@ -99,8 +99,8 @@ REMEDY: Mapping[Format, str] = {
     Format.NMEA: ONLY_CHARTS,
     Format.WEB_PAGE: "was a sign-in page saved in place of a log? Download the log itself",
     Format.XML: "logs are .mcap, .ulg, .BIN, .log, .tlog and .data",
-    Format.JSON: "logs are .mcap, .ulg, .BIN, .log, .tlog and .data; results.json is read by `analyze compare`,"
-    " `flightpower pool` and `flightpower route`",
+    Format.JSON: "logs are .mcap, .ulg, .BIN, .log, .tlog and .data; results.json is read by"
+    " `flightpower route`, `flightpower parameters` and `flightpower plan --after`",
     Format.SPREADSHEET: "save the sheet with the flight as CSV, and analyze that",
     Format.MAP_ARCHIVE: ONLY_CHARTS,
     Format.ZIP: "unpack it and give the log in it; a spreadsheet (.xlsx, .ods): save the sheet as CSV",

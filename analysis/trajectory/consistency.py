@@ -224,7 +224,7 @@ def notes_on(one_way: float, error: float, prior: float) -> list[str]:
     notes = []
     if one_way > SHOWN.one_heading:
         notes.append(
-            "Nearly all was flown in one direction: scale and wind along it cannot be separated. Fly back, too."
+            "Nearly all was flown in one direction: scale and wind along it cannot be separated. Fly back as well."
         )
     if error > STATISTICS.determined_share * prior:
         notes.append(

@@ -68,8 +68,8 @@ IMU = '[[sensors]]\ndriver="mpu9250"\nbus="/dev/i2c-1"\n'
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("rate = 25\n" + IMU, "`rate`"),
-        (IMU + "adress = 0x68", "sensors[0]: Object contains unknown field `adress`"),
+        ("rate = 25\n" + IMU, "'rate'"),
+        (IMU + "adress = 0x68", "sensors[0]: unknown key 'adress'"),
         ("rate_Hz = 0.5\n" + IMU, "rate_Hz"),
         ("rate_Hz = 500\n" + IMU, "rate_Hz"),
         (IMU + "range_g = 3", "sensors[0].range_g: 3 must be 2 or 4 or 8 or 16"),
@@ -102,7 +102,7 @@ IMU = '[[sensors]]\ndriver="mpu9250"\nbus="/dev/i2c-1"\n'
         (MAG + '[[sensors]]\ndriver="mpu9250"\nbus="b"\naddress=0x0C', "both on address 0x0c of b"),
         (PORT.format("ublox") + PORT.format("esc_counter"), "both on port /dev/ttyUSB0"),
         (IMU + IMU + "address=0x69", "would both write /imu"),
-        ("[files]\nrotate = 3\n" + IMU, "files: Object contains unknown field `rotate`"),
+        ("[files]\nrotate = 3\n" + IMU, "files: unknown key 'rotate'"),
         ('[files]\nwhen_full = "panic"\n' + IMU, "files.when_full"),
         ("[arm]\nchannel = 7\n" + IMU, "no sensor writes /controls"),
         ('card = "card.toml"\n' + IMU, "needs aircraft and [telemetry]"),

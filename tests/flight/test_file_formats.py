@@ -51,7 +51,7 @@ FOREIGN: dict[str, tuple[bytes, Format, str]] = {
     "NMEA": (b"$GPRMC,120000,A,4807.0,N,01130.0,E,12,90,010524,,*00\r\n" * 5, Format.NMEA, "battery"),
     "a web page": (b"<!DOCTYPE html>\n<html><body>sign in</body></html>", Format.WEB_PAGE, "Download"),
     "another XML": (b'<?xml version="1.0"?><model/>', Format.XML, ".ulg"),
-    "JSON": (b'{"format": "flightpower-results-2", "curve": []}', Format.JSON, "pool"),
+    "JSON": (b'{"format": "flightpower-results-2", "curve": []}', Format.JSON, "route"),
     "xlsx": (archive("[Content_Types].xml", "xl/workbook.xml"), Format.SPREADSHEET, "CSV"),
     "ods": (archive("mimetype", "content.xml"), Format.SPREADSHEET, "CSV"),
     "xls": (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(90), Format.SPREADSHEET, "CSV"),

@@ -50,8 +50,8 @@ class DragWithheld(NamedTuple):
             case DragLacks.MOTOR_SPEED:
                 return (
                     "Drag and shaft power are not known: besides the propeller's table they require motor speed in the"
-                    " log (ESC telemetry or RPM messages), or the motor's constants (kv, resistance, no-load current) in"
-                    " an aircraft file (--aircraft)."
+                    " log (ESC telemetry or RPM messages), or the motor's constants (kv, resistance, no-load current)"
+                    " in an aircraft file (--aircraft)."
                 )
             case DragLacks.POSSIBLE_EFFICIENCY:
                 return (
