@@ -10,7 +10,13 @@ from rich.table import Table
 from flightpower.analysis.pages.answers import HeadlineAnswer, headline_answers
 from flightpower.analysis.pages.fleet_page import airframes_table, doubts, fleet_answers, news_table
 from flightpower.analysis.pages.html_page import HtmlTable
-from flightpower.analysis.pages.pooled_page import comparison_answers, curve_table, differences_table, pooled_answers
+from flightpower.analysis.pages.pooled_page import (
+    comparison_answers,
+    count,
+    curve_table,
+    differences_table,
+    pooled_answers,
+)
 from flightpower.analysis.pages.sections.summary import verdict_section
 from flightpower.analysis.pages.wording import every
 from flightpower.analysis.records.fleet import FleetResults
@@ -63,7 +69,9 @@ def print_fleet(fleet: FleetResults, page: Path | None, console: Console) -> Non
     news = news_table(fleet)
     if news.rows:
         _print_table(console, "what changed", news)
-    _print_table(console, f"{len(fleet.airframes)} airframes, {fleet.flights} flights", airframes_table(fleet))
+    _print_table(
+        console, f"{count(len(fleet.airframes), 'airframe')}, {count(fleet.flights, 'flight')}", airframes_table(fleet)
+    )
     _print_answers(console, fleet_answers(fleet))
     _print_notes(console, [*doubts(fleet), *fleet.notes, *fleet.left_out])
     if page:
