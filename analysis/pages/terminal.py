@@ -69,9 +69,8 @@ def print_fleet(fleet: FleetResults, page: Path | None, console: Console) -> Non
     news = news_table(fleet)
     if news.rows:
         _print_table(console, "what changed", news)
-    _print_table(
-        console, f"{count(len(fleet.airframes), 'airframe')}, {count(fleet.flights, 'flight')}", airframes_table(fleet)
-    )
+    title = f"{count(len(fleet.airframes), 'airframe')}, {count(fleet.flights, 'flight')}"
+    _print_table(console, title, airframes_table(fleet))
     _print_answers(console, fleet_answers(fleet))
     _print_notes(console, [*doubts(fleet), *fleet.notes, *fleet.left_out])
     if page:
