@@ -177,10 +177,10 @@ def _mat(path: Path) -> Table:
     if not vectors:
         raise InputError(f"{path}: holds no vector of {READABLE.fewest_samples} numbers or more")
     if (merged := _at_times_of_all(vectors)) is not None:
-        columns, without_clock = merged
+        at_all_times, without_clock = merged
         others += [f"{name} ({len(vectors[name])} values)" for name in without_clock]
         left_out = (f"Left out, since they have no clock of their own: {', '.join(others)}",) if others else ()
-        return Table(columns, left_out)
+        return Table(at_all_times, left_out)
     length = Counter(map(len, vectors.values())).most_common(1)[0][0]
     others += [f"{name} ({len(value)} values)" for name, value in vectors.items() if len(value) != length]
     left_out = (f"Left out, since they are no vectors of {length} values: {', '.join(others)}",) if others else ()
