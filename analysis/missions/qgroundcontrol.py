@@ -22,9 +22,8 @@ def read_plan(text: str, where: str) -> ReadMission:
             raise InputError(OLD_SURVEY.format(where=where))
         plain = [item for entry in mission["items"] for item in _simple(entry, where)]
         items = [_item(position, item, where) for position, item in enumerate(plain, start=1)]
-        return ReadMission(
-            items, _home(mission.get("plannedHomePosition")), _of_speed(mission.get("cruiseSpeed"), items)
-        )
+        notes = (*_of_vehicle(mission.get("vehicleType")), *_of_speed(mission.get("cruiseSpeed"), items))
+        return ReadMission(items, _home(mission.get("plannedHomePosition")), notes)
     except InputError:
         raise
     except KeyError as error:
@@ -55,6 +54,20 @@ def _of_speed(cruise_mps: Any, items: Sequence[Item]) -> tuple[str, ...]:
         return ()
     return (
         f"QGroundControl computes times with {float(cruise_mps):g} m/s, which no vehicle gets: not taken as asked.",
+    )
+
+
+# MAV_TYPE of vehicles that do not fly on a wing.
+WINGLESS = {2: "a multicopter", 3: "a helicopter", 4: "a helicopter", 10: "a rover", 11: "a boat", 12: "a submarine",
+            13: "a multicopter", 14: "a multicopter", 15: "a multicopter"}  # fmt: skip
+
+
+def _of_vehicle(kind: Any) -> tuple[str, ...]:
+    """What to say of a plan that is made for no wing."""
+    if not isinstance(kind, int) or kind not in WINGLESS:
+        return ()
+    return (
+        f"The plan is for {WINGLESS[kind]} (vehicleType {kind}); a wing needs room to turn: plan it again for a fixed wing.",
     )
 
 
