@@ -7,6 +7,7 @@ no transects in the file, and a landing pattern of version 1 says of each of its
 import json
 import math
 from collections.abc import Iterator, Sequence
+from enum import IntEnum
 from typing import Any, NamedTuple
 
 from flightpower.analysis.missions.items import Autopilot, Command, Frame, Item, ReadMission, Start, item_of
@@ -57,17 +58,27 @@ def _of_speed(cruise_mps: Any, items: Sequence[Item]) -> tuple[str, ...]:
     )
 
 
-# MAV_TYPE of vehicles that do not fly on a wing.
-WINGLESS = {2: "a multicopter", 3: "a helicopter", 4: "a helicopter", 10: "a rover", 11: "a boat", 12: "a submarine",
-            13: "a multicopter", 14: "a multicopter", 15: "a multicopter"}  # fmt: skip
+class Wingless(IntEnum):
+    """MAV_TYPE of vehicles that do not fly on a wing."""
+
+    QUADROTOR = 2
+    COAXIAL_HELICOPTER = 3
+    HELICOPTER = 4
+    ROVER = 10
+    BOAT = 11
+    SUBMARINE = 12
+    HEXAROTOR = 13
+    OCTOROTOR = 14
+    TRICOPTER = 15
 
 
 def _of_vehicle(kind: Any) -> tuple[str, ...]:
     """What to say of a plan that is made for no wing."""
-    if not isinstance(kind, int) or kind not in WINGLESS:
+    if kind not in list(Wingless):
         return ()
+    name = Wingless(kind).name.lower().replace("_", " ")
     return (
-        f"The plan is for {WINGLESS[kind]} (vehicleType {kind}); a wing needs room to turn: plan it again for a fixed wing.",
+        f"The plan is for a wingless vehicle, {name} (vehicleType {kind}); turns of a wing take room: plan it for one.",
     )
 
 
