@@ -63,7 +63,9 @@ def _layout(lines: Sequence[str], separator: str) -> Layout | None:
     if first is None:
         return None
     head = _cells(lines[first - 1], separator)
-    if first > 1 and _is_units(above := _cells(lines[first - 2], separator), head):
+    if first > 1 and len({cell.strip() for cell in head}) == 1:  # one word throughout: a line of marks below the names
+        head = _cells(lines[first - 2], separator)
+    elif first > 1 and _is_units(above := _cells(lines[first - 2], separator), head):
         head = [f"{name} [{unit.strip('[]() ')}]" if unit.strip() else name for name, unit in _pairs(above, head)]
     if any(NUMBER.fullmatch(cell.strip()) for cell in head) or not any(cell.strip() for cell in head):
         return None

@@ -299,6 +299,16 @@ def test_a_table_with_nothing_but_times_is_drafted_with_them_alone(tmp_path: Pat
     assert "[time]" in draft(tmp_path / "a.csv") and "# Not used: x" in draft(tmp_path / "a.csv")
 
 
+def test_marks_below_the_names_are_no_names(tmp_path: Path) -> None:
+    """A speed controller's log has a line of True below its names; it has no time, which is said with its names."""
+    head = "# Sample Time: 0.200\nThrottle , Voltage , Current \nTrue , True , True \n"
+    path = tmp_path / "controller.csv"
+    path.write_text(head + "".join(f"{1 + k % 3}.0 , {40 + k % 2}.5 , {k % 7}.1 \n" for k in range(60)))
+    assert [*read_columns(path)] == ["Throttle", "Voltage", "Current"] and read_columns(path)["Voltage"].max() == 41.5
+    with pytest.raises(InputError, match="no column is named as a time; it has Throttle, Voltage, Current"):
+        draft(path)
+
+
 def test_single_impossible_heights_are_left_out(tmp_path: Path) -> None:
     """A height of 60 km, where the formula of the atmosphere has no pressure, made NumPy warn."""
     table = TRUE.assign(height_m=TRUE["height_m"].where(TRUE.index % 50 != 7, 60_000.0))
