@@ -141,4 +141,6 @@ def _text(packed: bytes, encoding: str, end: str, shape: tuple[int, ...]) -> Any
     rows = shape[0] if shape else 1
     if rows <= 1:
         return text
+    if rows > len(text):
+        raise ValueError(f"{rows} rows of {len(text)} characters")
     return np.array([text[i::rows].rstrip() for i in range(rows)], dtype=object)

@@ -66,6 +66,17 @@ def test_damage_ends_in_an_error_or_in_other_values(compressed: bool) -> None:
     assert refused > 100
 
 
+def test_more_rows_than_characters_are_damage() -> None:
+    """A matrix of characters of a billion rows took a minute, a row at a time."""
+    stream = io.BytesIO()
+    savemat(stream, {"rows": np.array(["ab", "cde"])}, do_compression=False)
+    data = bytearray(stream.getvalue())
+    at = data.index(np.array([2, 3], dtype="<i4").tobytes())
+    data[at : at + 4] = np.array([10**9], dtype="<i4").tobytes()
+    with pytest.raises(ValueError, match="1000000000 rows of 6 characters"):
+        read_mat(bytes(data))
+
+
 def test_a_log_with_other_labels_than_columns_is_none(tmp_path: Path) -> None:
     """Labels that are no texts, or more than columns: one damaged file had 18 million, and took half a minute."""
     columns = np.column_stack([1e6 + 2e5 * np.arange(60), np.full(60, 15.0)])
