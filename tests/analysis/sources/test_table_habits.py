@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 from flightpower.analysis.cli.analyze import app
 from flightpower.analysis.methods.whole_flight.method import recording_of
 from flightpower.analysis.sources.column_map import load_map
+from flightpower.analysis.sources.jeti import read_jeti
 from flightpower.analysis.sources.map_draft import draft
 from flightpower.analysis.sources.open import open_source
 from flightpower.analysis.sources.table import log_of_table
@@ -401,3 +402,11 @@ def test_a_matlab_vector_without_numbers_is_named(tmp_path: Path) -> None:
     savemat(tmp_path / "flight.mat", columns | {"empty": np.full(len(TRUE), np.nan)})
     table = read_table(tmp_path / "flight.mat")
     assert table.columns.keys() == columns.keys() and "empty (of 4200 values too few are numbers)" in table.left_out[0]
+
+
+@pytest.mark.parametrize(("decimals", "sign"), [(0, 1), (1, 1), (2, -1), (3, -1)])
+def test_jeti_marks_south_and_west_by_the_second_bit(decimals: int, sign: int) -> None:
+    """The first one tells longitude from latitude. 11 degrees and 30.5 minutes."""
+    packed = (11 << 16) + 30_500
+    columns = read_jeti(f"000000000;7;0;MGPS;\n000000000;7;2;Place; \n000000100;7;2;9;{decimals};{packed}\n")
+    assert columns["MGPS Place [°]"] == pytest.approx([sign * (11 + 30.5 / 60)])
