@@ -270,7 +270,7 @@ def joint_polars(
     return Polar(joint.parameters.value[polars], joint.parameters.covariance[polars, polars] + floor)
 
 
-def _alike(prior: Prior, at_a: Array, at_b: Array, correlation: float) -> Prior:
+def _alike(prior: Prior, at_a: NDArray[np.intp], at_b: NDArray[np.intp], correlation: float) -> Prior:
     """The prior with parameters of B correlated with those of A, which have the same prior: that of A."""
     J, vector = prior.information[np.ix_(at_a, at_a)], prior.vector[at_a]
     information, both = prior.information.copy(), prior.vector.copy()
