@@ -149,6 +149,7 @@ class Uncertainty:
         the square of the speed, as the force of an imbalance. 2 mg, assumed: data sheets of cheap accelerometers do not
         state what vibration makes of their zero (the effect: Analog Devices, Vibration Rectification in MEMS
         Accelerometers)
+    accelerometer_scale_fraction : of each axis; the MPU-9250's data sheet (PS-MPU-9250A-01, table 2) allows 3 % at most
     boom_bending_rad : angle by which the probe's boom bends down under each g: m g l^2/(2 E I) of a carbon tube of
         10 mm, walls of 1 mm, 0.3 m long with 30 g at its end is 0.026 deg
     airspeed_per_lift_fraction : relative error of airspeed per unit of lift coefficient, of static ports in the flow
@@ -175,6 +176,7 @@ class Uncertainty:
     air_data_lag_s: float = 0.012
     accelerometer_offset_mps2: float = 0.19
     accelerometer_vibration_mps2: float = 0.02
+    accelerometer_scale_fraction: float = 0.01
     boom_bending_rad: float = math.radians(0.03)
     airspeed_per_lift_fraction: float = 0.001
     thrust_scale_fraction: float = 0.018
@@ -187,11 +189,16 @@ class Uncertainty:
 class Installation:
     """An installation of probe, tubes and tray. Flights of one name were made without moving any of these.
 
+    accelerometer_offset_mps2, accelerometer_scale_fraction : what the accelerometers read at no force, and the share by
+        which they read more, along the axes forward, right and down. `calibrate imu` measures both
+
     accelerometer_vibration_mps2 : what the accelerometers read more, forward, right and down, while the motor turns at
         VIBRATION_REVPS; it grows with the square of the speed. `calibrate run-up` measures it
     """
 
     name: str = ""
+    accelerometer_offset_mps2: Position = (0.0, 0.0, 0.0)
+    accelerometer_scale_fraction: Position = (0.0, 0.0, 0.0)
     accelerometer_vibration_mps2: Position = (0.0, 0.0, 0.0)
 
 
@@ -339,6 +346,7 @@ def _implausible(aircraft: Aircraft) -> Iterator[str]:
         ("uncertainty.air_data_lag", uncertainty.air_data_lag_s),
         ("uncertainty.accelerometer_offset", uncertainty.accelerometer_offset_mps2),
         ("uncertainty.accelerometer_vibration", uncertainty.accelerometer_vibration_mps2),
+        ("uncertainty.accelerometer_scale", uncertainty.accelerometer_scale_fraction),
         ("uncertainty.boom_bending", uncertainty.boom_bending_rad),
         ("uncertainty.thrust_scale", uncertainty.thrust_scale_fraction),
         ("uncertainty.thrust_slope", uncertainty.thrust_slope),

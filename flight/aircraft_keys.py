@@ -280,6 +280,13 @@ KEYS: dict[str, Key] = {
         "analysis",
         "0.02 m/s^2; intervals contain what the flight does not determine",
     ),
+    "uncertainty.accelerometer_scale": Key(
+        '"1 %"',
+        "Standard deviation of the scale of each accelerometer.",
+        "Lay the tray on its six sides, `calibrate imu`; the data sheet gives a limit.",
+        "analysis",
+        "1 %: 3 % at most; intervals contain what the flight does not determine",
+    ),
     "uncertainty.boom_bending": Key(
         '"0.03 deg"',
         "Standard deviation of the angle by which the probe's boom bends under each g of load factor.",
@@ -331,6 +338,20 @@ KEYS: dict[str, Key] = {
         "Choose one, and another whenever one of these is taken off or moved.",
         "pooling of flights",
         "the probe is taken to be mounted anew for each flight",
+    ),
+    "installation.accelerometer_offset": Key(
+        '["0.1 m/s^2", "-0.05 m/s^2", "0.2 m/s^2"]',
+        "What the accelerometers read where no force acts on them: forward, right, down.",
+        "The tray on its six sides, `calibrate imu`.",
+        "analysis",
+        "0",
+    ),
+    "installation.accelerometer_scale": Key(
+        '["0.3 %", "-0.5 %", "2 %"]',
+        "Share by which the accelerometers read more than the force: forward, right, down.",
+        "The tray on its six sides, `calibrate imu`.",
+        "analysis",
+        "0",
     ),
     "installation.accelerometer_vibration": Key(
         '["0.1 m/s^2", "0 m/s^2", "0.02 m/s^2"]',

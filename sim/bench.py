@@ -1,5 +1,5 @@
 """Segments on the ground that rehearse the calibrations: bursts, a water column, turning by hand, deflections, a
-strapped run-up of the motor, weights on the probe's boom."""
+strapped run-up of the motor, the tray on its six sides, weights on the probe's boom."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -261,13 +261,45 @@ class BoomWeightsSegment(BenchSegment):
         return [-per_kg * mass for mass in (0.0, *self.mass_kg, 0.0)]
 
 
-def _pitching(position: Array, attitude: Array, t: Array, pitch_rad: Array) -> Motion:
-    """Standing, with this pitch (n,) in addition."""
+@dataclass(frozen=True, kw_only=True)
+class SixSidesSegment(BenchSegment):
+    """The tray lies on one side after the other, as it stands first; for `calibrate imu`.
+
+    tilt_rad : by which its nose and its tail point up and down less than a quarter turn
+    """
+
+    hold_s: float = 12.0
+    move_s: float = 4.0
+    tilt_rad: float = 0.1
+    kind = "six-sides"
+
+    @property
+    def duration_s(self) -> float:
+        return 5 * (self.move_s + self.hold_s) + self.move_s
+
+    def motion(self, position: Array, attitude: Array, t: Array) -> Motion:
+        """On its right side, its back, its left side; nose up and nose down."""
+        upright = pi / 2 - self.tilt_rad
+        roll, pitch = (
+            _held(t, values, self.hold_s, self.move_s)
+            for values in ((pi / 2, pi, 3 * pi / 2, 2 * pi, 2 * pi), (0.0, 0.0, 0.0, upright, -upright))
+        )
+        return _turning(position, attitude, t, roll, pitch)
+
+
+def _turning(position: Array, attitude: Array, t: Array, roll_rad: Array, pitch_rad: Array) -> Motion:
+    """Held with this roll and pitch (n,) in addition, on the spot."""
     if len(t) < 2:
         return stand(position, attitude, len(t))
-    spline = CubicSpline(t, attitude + np.outer(pitch_rad, [0.0, 1.0, 0.0]), bc_type="clamped")
+    angles = np.column_stack([roll_rad, pitch_rad, np.zeros(len(t))])
+    spline = CubicSpline(t, attitude + angles, bc_type="clamped")
     zeros = np.zeros((len(t), 3))
     return motion_of((np.tile(position, (len(t), 1)), zeros, zeros), (spline(t), spline(t, 1), spline(t, 2)))
+
+
+def _pitching(position: Array, attitude: Array, t: Array, pitch_rad: Array) -> Motion:
+    """Standing, with this pitch (n,) in addition."""
+    return _turning(position, attitude, t, np.zeros(len(t)), pitch_rad)
 
 
 def _held(t: Array, values: Sequence[float], hold_s: float, move_s: float) -> Array:

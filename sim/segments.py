@@ -12,6 +12,7 @@ from flightpower.sim.bench import (
     DeflectSegment,
     HandTurnSegment,
     RunUpSegment,
+    SixSidesSegment,
 )
 from flightpower.sim.integration import Observation
 from flightpower.sim.maneuvers import MultistepSegment, PorpoiseSegment, RollerCoasterSegment, WindUpTurnSegment
@@ -250,5 +251,6 @@ GROUND: dict[str, type] = {
         DeflectSegment,
         RunUpSegment,
         BoomWeightsSegment,
+        SixSidesSegment,
     )
 }

@@ -20,8 +20,8 @@ from flightpower.flight.units import GRAVITY_MPS2
 
 
 def specific_force_at_cg(table: pd.DataFrame, aircraft: Aircraft) -> pd.DataFrame:
-    """The table with the specific force at the IMU replaced by that at the center of gravity, without what vibration
-    adds to it."""
+    """The table with the specific force at the IMU replaced by that at the center of gravity, without the offsets and
+    scales of the accelerometers that the aircraft file states, and what vibration adds."""
     x, y, z = aircraft.imu_position_m
     p, q, r = (table[f"{axis}_radps"].to_numpy() for axis in "pqr")
     step_s = float(table.index[1] - table.index[0])
@@ -29,10 +29,14 @@ def specific_force_at_cg(table: pd.DataFrame, aircraft: Aircraft) -> pd.DataFram
     zero = np.zeros_like(p)
     extra = specific_force_at((zero, zero, zero), (p, q, r), (pdot, qdot, rdot), (x, y, z))
     square = np.nan_to_num(table["n_revps"].to_numpy(dtype=float) / VIBRATION_REVPS) ** 2  # 0 where the motor stands
-    errors = zip(
-        ("ax_mps2", "ay_mps2", "az_mps2"), extra, aircraft.installation.accelerometer_vibration_mps2, strict=True
+    of = aircraft.installation
+    stated = (of.accelerometer_offset_mps2, of.accelerometer_scale_fraction, of.accelerometer_vibration_mps2)
+    return table.assign(
+        **{
+            name: (table[name] - offset - at_100 * square) / (1 + scale) - more
+            for name, more, offset, scale, at_100 in zip(("ax_mps2", "ay_mps2", "az_mps2"), extra, *stated, strict=True)
+        }
     )
-    return table.assign(**{name: table[name] - more - at_100 * square for name, more, at_100 in errors})
 
 
 def derivative(signal: Array, step_s: float) -> Array:

@@ -16,4 +16,14 @@ class RunUpSettings(Settings):
     )
 
 
+@dataclass(frozen=True)
+class ImuSettings(Settings):
+    """Accelerometers by the tray on its six sides."""
+
+    drift: float = setting(
+        0.0015, "1", "of the scale between bench and flight, 1 sigma: 0.026 % a kelvin (MPU-9250), 10 K at most, evenly"
+    )
+
+
 RUN_UP = RunUpSettings()
+IMU = ImuSettings()

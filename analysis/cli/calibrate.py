@@ -2,6 +2,7 @@
 
 from flightpower.analysis.calibrations.airspeed import airspeed
 from flightpower.analysis.calibrations.boom import boom
+from flightpower.analysis.calibrations.imu import imu
 from flightpower.analysis.calibrations.magnetometer import magnetometer
 from flightpower.analysis.calibrations.probe import probe
 from flightpower.analysis.calibrations.run_up import run_up
@@ -17,8 +18,8 @@ app = application()
 
 @app.callback()
 def _group() -> None:
-    """Calibrations: the probe in a wind tunnel; transducers, tubes, magnetometer, surfaces, thrust, vibration and boom
-    on the ground; airspeed in flight; weight and balance."""
+    """Calibrations: the probe in a wind tunnel; transducers, tubes, magnetometer, accelerometers, surfaces, thrust,
+    vibration and boom on the ground; airspeed in flight; weight and balance."""
 
 
 for command, short_help in (
@@ -29,6 +30,7 @@ for command, short_help in (
     (magnetometer, "Hard and soft iron, from a log with turns."),
     (thrust, "Thrust at rest against the propeller's table, from a stand."),
     (run_up, "Vibration, motor and battery, from a strapped run-up."),
+    (imu, "Scale and offset of the accelerometers, from six sides."),
     (boom, "Bending of the probe's boom, with weights on its tip."),
     (surfaces, "Surface angle and servo pulse, with a protractor."),
     (weight_and_balance, "Weight and center of gravity, from scales."),

@@ -86,6 +86,7 @@ def stated_sigma(
     return MappingProxyType({
         **{name: sigma for name, (_, sigma) in PRIORS.unstated.items()},
         "ax_bias": accelerometer, "ay_bias": accelerometer, "az_bias": accelerometer,
+        "ax_scale": uncertainty.accelerometer_scale_fraction, "az_scale": uncertainty.accelerometer_scale_fraction,
         "alpha_bias": uncertainty.angle_of_attack_offset_rad,
         "alpha_scale": uncertainty.angle_of_attack_slope_fraction,
         "V_scale": uncertainty.airspeed_scale_fraction,

@@ -69,9 +69,12 @@ OF_A_BOOM = {
     'calibrate boom log.mcap --weights "0 100 200 300 200 100 0 g" --angles "0 -2.1 -4.2 -6.3 -4.2 -2.1 0 deg"'
     ' --carried "50 g"': "",
 }
-ON_THE_GROUND = {"transducer-column": OF_A_COLUMN, "run-up": OF_A_RUN_UP, "boom-weights": OF_A_BOOM}
+OF_SIX_SIDES = {"calibrate imu log.mcap": ""}
+ON_THE_GROUND = {
+    "transducer-column": OF_A_COLUMN, "run-up": OF_A_RUN_UP, "six-sides": OF_SIX_SIDES, "boom-weights": OF_A_BOOM
+}  # fmt: skip
 TABLE = "python -m flightpower.flight.propeller_files apce_10x5_kt0821_5000.txt > mine.csv"
-RUN_HERE = {PX4_LOG, *OF_A_FLIGHT, *OF_RESULTS, *OF_A_COLUMN, *OF_A_RUN_UP, *OF_A_BOOM, PLAN, TABLE}
+RUN_HERE = {PX4_LOG, *OF_A_FLIGHT, *OF_RESULTS, *OF_A_COLUMN, *OF_A_RUN_UP, *OF_SIX_SIDES, *OF_A_BOOM, PLAN, TABLE}
 # Patterns of commands that a test runs with files of other names, shorter input or one option less; and that test.
 RUN_ELSEWHERE = {
     "flightpower open.*": "analysis/pages/open/test_open_command.py",

@@ -42,6 +42,8 @@ AIRCRAFT: dict[str, dict[str, str]] = {
         "probe.lines.LINE.diameter": "tube of LINE: inner diameter",
         "probe.lines.LINE.cavity": "tube of LINE: volume at its end",
         "imu_position": "IMU: forward, right, down",
+        "installation.accelerometer_offset": "offset of the accelerometers: forward, right, down",
+        "installation.accelerometer_scale": "scale of the accelerometers: forward, right, down",
         "installation.accelerometer_vibration": "offset by vibration: forward, right, down",
     },
     "Names and the standard condition": {
@@ -65,6 +67,7 @@ AIRCRAFT: dict[str, dict[str, str]] = {
         "uncertainty.air_data_lag": "lag of the air data",
         "uncertainty.accelerometer_offset": "offset of the accelerometers",
         "uncertainty.accelerometer_vibration": "offset of the accelerometers by vibration",
+        "uncertainty.accelerometer_scale": "scale of the accelerometers",
         "uncertainty.boom_bending": "bending of the boom",
         "uncertainty.thrust_scale": "scale of thrust",
         "uncertainty.thrust_slope": "slope of thrust",

@@ -1,0 +1,174 @@
+"""Scale and offset of the accelerometers from the tray lying still on each of its six sides.
+
+At rest the specific force is g, in whatever direction: |(f - b)/(1 + s)| = g for each reading f (3,), with offsets b
+and scales s by axis. How exactly the tray lies does not matter: an angle of 10 deg to the vertical is in all three
+readings. Axes that are not at right angles act in the second order. The analysis takes g as 9.80665 m/s^2 everywhere,
+so that here a scale is against that, too.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from flightpower.analysis.air.settings import GROUND
+from flightpower.analysis.calibrations.runner import AircraftFileLines, Calibrated, LogFile, calibration
+from flightpower.analysis.calibrations.settings import IMU
+from flightpower.analysis.sources.grid_settings import STATISTICS
+from flightpower.analysis.sources.rest import rest_segments
+from flightpower.analysis.trajectory.settings import PRIORS
+from flightpower.flight.aircraft import Uncertainty
+from flightpower.flight.arrays import Array
+from flightpower.flight.errors import InputError
+from flightpower.flight.units import GRAVITY_MPS2
+
+FORCES = ("ax_mps2", "ay_mps2", "az_mps2")
+AXES = ("forward", "right", "down")
+# The side that is up where an axis reads +1 g, and where it reads -1 g: an axis that points up reads +1 g at rest.
+SIDES = (("nose", "tail"), ("right side", "left side"), ("bottom", "top"))
+
+
+class RestingSide(NamedTuple):
+    """A stretch at rest: its middle [s], mean specific force (3,) [m/s^2], and the variance of this mean by axis."""
+
+    time_s: float
+    force_mps2: Array
+    variance: Array
+
+    @property
+    def up(self) -> tuple[int, int]:
+        """Number of the axis that is nearest to the vertical, and 0 where it points up or 1 where down."""
+        axis = int(np.argmax(np.abs(self.force_mps2)))
+        return axis, int(self.force_mps2[axis] < 0)
+
+
+class Accelerometers(NamedTuple):
+    """Offset [m/s^2] and scale of the accelerometers, (3,) each, with standard errors.
+
+    residual_mps2 : rms of the length of the corrected specific force less g
+    """
+
+    offset_mps2: Array
+    offset_error_mps2: Array
+    scale: Array
+    scale_error: Array
+    residual_mps2: float
+
+
+def resting_sides(table: pd.DataFrame, source: str) -> list[RestingSide]:
+    """The stretches at rest in order of time. table: of `sources.daemon.synchronize`.
+
+    Raises InputError naming the sides on which the tray never lay.
+    """
+    step_s = float(table.index[1] - table.index[0])
+    found = []
+    for rows in rest_segments(table, 1 / step_s):
+        stretch = table[list(FORCES)].iloc[rows]
+        means = stretch.groupby((stretch.index.to_numpy() // GROUND.reference_s).astype(int)).mean()
+        variance = means.var().to_numpy() / len(means)
+        found.append(RestingSide(float(stretch.index.to_numpy().mean()), stretch.mean().to_numpy(), variance))
+    lain = {one.up for one in found}
+    missing = [SIDES[axis][down] for axis in range(3) for down in range(2) if (axis, down) not in lain]
+    if missing:
+        raise InputError(
+            f"{source}: the tray lay still {len(found)} times, never with its {', '.join(missing)} up: lay it on each"
+            " of its six sides for ten seconds, motor off"
+        )
+    return found
+
+
+def accelerometers(sides: Sequence[RestingSide], source: str = "") -> Accelerometers:
+    """Least squares on the length of the specific force, by Gauss and Newton.
+
+    The error of a reading is the larger of the scatter within stretches and, with more stretches than unknowns, of the
+    residuals. Raises InputError where a scale is beyond what any part has.
+    """
+    f = np.array([one.force_mps2 for one in sides])
+    offset, scale = np.zeros(3), np.zeros(3)
+    for _ in range(20):  # three are enough for 10 %
+        true = (f - offset) / (1 + scale)
+        length = np.linalg.norm(true, axis=1)
+        along = true / length[:, None] / (1 + scale)
+        J = np.hstack([along, along * true])
+        change = np.linalg.lstsq(J, length - GRAVITY_MPS2)[0]
+        of_offset, of_scale = np.split(change, 2)
+        offset, scale = offset + of_offset, scale + of_scale
+    residual = np.linalg.norm((f - offset) / (1 + scale), axis=1) - GRAVITY_MPS2
+    largest = 10 * PRIORS.unstated["az_scale"][1]
+    if np.abs(scale).max() > largest:
+        worst = int(np.argmax(np.abs(scale)))
+        raise InputError(
+            f"{source}: the accelerometer {AXES[worst]} reads {100 * scale[worst]:+.0f} % more than the force, at most"
+            f" {100 * largest:.0f} % are usual: check its range and unit in the tray file"
+        )
+    variance = float(np.mean([np.sum((one.force_mps2 / GRAVITY_MPS2) ** 2 * one.variance) for one in sides]))
+    spare = len(sides) - 6
+    if spare > 0:
+        variance = max(variance, float(np.sum(residual**2)) / spare)
+    offset_error, scale_error = np.split(np.sqrt(variance * np.diag(np.linalg.inv(J.T @ J))), 2)
+    return Accelerometers(offset, offset_error, scale, scale_error, float(np.sqrt(np.mean(residual**2))))
+
+
+@calibration(AircraftFileLines)
+def imu(log: LogFile) -> Calibrated:
+    """Find scale and offset of the accelerometers from the tray lying still on each of its six sides.
+
+    Start the daemon, motor off. Lay the tray, alone or in the aircraft, on one side after the other for ten seconds
+    each: bottom, right side, top, left side, tail, nose. It need not lie level: 20 deg are no error. Lay it on some
+    sides twice, and the error follows from how well they agree.
+
+    A scale that is wrong by 2 % makes lift and thrust wrong by as much. The lines printed for the aircraft file correct
+    for scale and offset, and say how well. Exit code 2 if a side is missing; exit code 1 and no lines if the readings
+    do not tell the scale better than the data sheet.
+
+    To rehearse it: `sim fly --plan six-sides -o out/sides`.
+
+    \b
+    Example:
+      calibrate imu log.mcap
+    """
+    from flightpower.analysis.sources.daemon import synchronize
+    from flightpower.flight.log_reader import read_log
+
+    sides = resting_sides(synchronize(read_log(log)).table, str(log))
+    found = accelerometers(sides, str(log))
+    lay = ", ".join(f"{SIDES[axis][down]} at {one.time_s:.0f} s" for one in sides for axis, down in [one.up])
+    return Calibrated([f"sides up: {lay}", *summary(found)], to_toml(found), unsupported=not_supported(found))
+
+
+def not_supported(found: Accelerometers) -> str:
+    """Why the readings do not tell the scale; empty where they do."""
+    error, assumed = float(found.scale_error.max()), Uncertainty.accelerometer_scale_fraction
+    if error > STATISTICS.determined_share * assumed:
+        return (
+            f"the scale is uncertain by {100 * error:.2f} % (1 sigma), where {100 * assumed:.0f} % are assumed without"
+            " a calibration: lay the tray on something that does not move, for longer, and on each side twice"
+        )
+    return ""
+
+
+def summary(found: Accelerometers) -> list[str]:
+    """The result in lines."""
+    from flightpower.analysis.estimation.noise import NORMAL_95
+
+    rows = zip(AXES, found.scale, found.scale_error, found.offset_mps2, found.offset_error_mps2, strict=True)
+    return [
+        *(
+            f"{axis}: scale {100 * scale:+.2f} ± {100 * NORMAL_95 * scale_error:.2f} %, offset {offset:+.3f} ±"
+            f" {NORMAL_95 * offset_error:.3f} m/s² (95 % interval)"
+            for axis, scale, scale_error, offset, offset_error in rows
+        ),
+        f"corrected, the force at rest is g within {found.residual_mps2:.4f} m/s² rms",
+    ]
+
+
+def to_toml(found: Accelerometers) -> str:
+    """The sections of an aircraft file. In flight the scale is as uncertain as temperature makes it."""
+    offsets = ", ".join(f'"{value:.4f} m/s^2"' for value in found.offset_mps2)
+    scales = ", ".join(f'"{100 * value:.3f} %"' for value in found.scale)
+    sigma = float(np.hypot(found.scale_error.max(), IMU.drift))
+    return (
+        f"[installation]\naccelerometer_offset = [{offsets}]\naccelerometer_scale = [{scales}]\n\n"
+        f'[uncertainty]\naccelerometer_scale = "{100 * sigma:.2g} %"\n'
+    )
