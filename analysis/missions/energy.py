@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flightpower.analysis.curve import Condition, speed_at
-from flightpower.analysis.missions.power import Source, SteadyPower
+from flightpower.analysis.missions.power import RoutePower, SteadyPower
 from flightpower.analysis.sources.grid_settings import FLIGHT
 from flightpower.flight.arrays import Array
 from flightpower.flight.units import GRAVITY_MPS2
@@ -137,7 +137,7 @@ class SpeedLimits(NamedTuple):
     fastest: Array
 
 
-def speed_limits(source: Source, condition: Condition, stall_CL: float, margin: float) -> SpeedLimits:
+def speed_limits(source: RoutePower, condition: Condition, stall_CL: float, margin: float) -> SpeedLimits:
     """Limits at the lift coefficients flown, and never below `margin` times the stall speed."""
     smallest_CL, largest_CL = source.flown_CL
     slowest = np.maximum(speed_at(largest_CL, condition), margin * speed_at(stall_CL, condition))

@@ -99,7 +99,7 @@ class ElectricalPower:
 
 
 @dataclass(frozen=True)
-class Source:
+class RoutePower:
     """What results give: power without errors and at draws, conditions flown, and lift coefficients.
 
     flown_CL : smallest and largest of level flight     largest_CL : that the wing has carried for a moment
@@ -112,7 +112,7 @@ class Source:
     drawn: SteadyPower
 
 
-def source_of(results: RouteInput, idle_W: float | None, draws: int, rng: np.random.Generator) -> Source:
+def source_of(results: RouteInput, idle_W: float | None, draws: int, rng: np.random.Generator) -> RoutePower:
     """Power from an aerodynamic model if the results have one, else from a curve of electrical power.
 
     idle_W: None: as the results know it, or zero. Raises InputError where they have neither.
@@ -141,7 +141,7 @@ def source_of(results: RouteInput, idle_W: float | None, draws: int, rng: np.ran
         return ElectricalPower(fine, CubicSpline(V, least_W, axis=1)(fine), efficiency, reference, idle)
 
     flown = tuple(float(CL) for CL in lift_coefficient(V[[-1, 0]], reference))
-    return Source(
+    return RoutePower(
         reference,
         (flown[0], flown[1]),
         largest_CL or flown[1],
@@ -157,7 +157,7 @@ def aerodynamic_source(
     draws: tuple[int, np.random.Generator],
     *,
     idle_W: float = 0.0,
-) -> Source:
+) -> RoutePower:
     """Power from a model of performance. draws: how many, by what
 
     largest_CL: that the wing has carried; 0: not known, the largest of level flight. By a gust's low airspeed that may
@@ -165,7 +165,7 @@ def aerodynamic_source(
     """
     parameters = model.parameters
     drawn = _draw(parameters.values, parameters.covariance, draws)
-    return Source(
+    return RoutePower(
         reference,
         model.flown_CL,
         largest_CL or model.flown_CL[1],

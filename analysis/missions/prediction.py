@@ -31,7 +31,7 @@ from flightpower.analysis.missions.energy import (
 from flightpower.analysis.missions.inputs import RouteInput
 from flightpower.analysis.missions.mission import HOME, Mission, Place, Speed, Wind, courses_rad
 from flightpower.analysis.missions.plan_settings import MANEUVERS, MARGINS, PATH
-from flightpower.analysis.missions.power import Source, interval_of, source_of
+from flightpower.analysis.missions.power import RoutePower, interval_of, source_of
 from flightpower.analysis.records.flight import Interval
 from flightpower.analysis.trajectory import dryden
 from flightpower.flight.arrays import Array
@@ -157,7 +157,7 @@ def predict(results: RouteInput, mission: Mission, flight: Flight, seed: int = 0
 class Route:
     """The legs of a mission with their speeds, and draws of what is uncertain."""
 
-    def __init__(self, source: Source, mission: Mission, flight: Flight, rng: np.random.Generator):
+    def __init__(self, source: RoutePower, mission: Mission, flight: Flight, rng: np.random.Generator):
         """source: with RESOLUTION.draws draws. Raises InputError where a leg cannot be flown as the mission asks."""
         self.source, self.mission, self.flight = source, mission, flight
         if flight.stall_mps is None:
