@@ -1,6 +1,7 @@
 """The statistics of one flight as arrays, read from its `results.json`."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -47,8 +48,34 @@ class SharedMeasurement(NamedTuple):
         return np.array(self.coefficients) * self.value / self.sigma**2
 
 
-class FlightStatistics(NamedTuple):
-    """One flight. Arrays in the order of POOLED, (M,) or (M, M); `content` is what its results.json says beside these.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _OneFlight:
+    """What any flight in a pool says. content : its results.json, beside what enters the pool"""
+
+    content: Results
+
+    @property
+    def name(self) -> str:
+        return self.content.log
+
+    @property
+    def aircraft(self) -> AircraftResult:
+        return self.content.aircraft
+
+    @property
+    def start_unix_s(self) -> float | None:
+        """Start of its log; None where that is not known."""
+        return self.content.start_unix_s
+
+    @property
+    def dated(self) -> bool:
+        """Whether it is known when it was flown."""
+        return self.start_unix_s is not None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FlightStatistics(_OneFlight):
+    """One flight. Arrays in the order of POOLED, (M,) or (M, M).
 
     parameters : the flight's own estimate; shared are the errors that no residual shows
     weighting_covariance : (k, k) of the first k, which are not errors of the installation, for given errors of it: its
@@ -58,7 +85,6 @@ class FlightStatistics(NamedTuple):
     polar_covariance : (3, 3) of the flight's own curve
     """
 
-    name: str
     parameters: Uncertain
     weighting_covariance: Array
     prior_mean: Array
@@ -66,22 +92,10 @@ class FlightStatistics(NamedTuple):
     polar_covariance: Array
     flown_CL: tuple[float, float]
     condition: Condition
-    aircraft: AircraftResult
     propeller_table: str
     installation: str
     probe_calibration: str
-    content: Results
     prior_measurements: tuple[SharedMeasurement, ...] = ()
-
-    @property
-    def dated(self) -> bool:
-        """Whether it is known when it was flown."""
-        return self.start_unix_s is not None
-
-    @property
-    def start_unix_s(self) -> float | None:
-        """Start of its log; None where that is not known."""
-        return self.content.start_unix_s
 
     @property
     def battery_V(self) -> float | None:
@@ -115,29 +129,11 @@ class FlightStatistics(NamedTuple):
         return sum((one.vector for one in self.prior_measurements), self.prior_information * self.prior_mean)
 
 
-class FlightCurve(NamedTuple):
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FlightCurve(_OneFlight):
     """One flight that enters a pool by its curve of electrical power, at its own weight and density."""
 
-    content: Results
     curve: Curve
-
-    @property
-    def name(self) -> str:
-        return self.content.log
-
-    @property
-    def aircraft(self) -> AircraftResult:
-        return self.content.aircraft
-
-    @property
-    def dated(self) -> bool:
-        """Whether it is known when it was flown."""
-        return self.start_unix_s is not None
-
-    @property
-    def start_unix_s(self) -> float | None:
-        """Start of its log; None where that is not known."""
-        return self.content.start_unix_s
 
     @property
     def battery_V(self) -> float | None:
@@ -159,7 +155,7 @@ def read_curve(results: Path | Mapping[str, Any] | Results) -> FlightCurve:
     curve = stored_curve(found, content.aircraft.wing_area_m2) if found else None
     if curve is None:
         raise InputError(f"{content.log}: its results are of an earlier version; analyze the log again")
-    return FlightCurve(content, curve)
+    return FlightCurve(content=content, curve=curve)
 
 
 def read_statistics(results: Path | Mapping[str, Any] | Results) -> FlightStatistics:
@@ -202,7 +198,6 @@ def of_content(content: Results) -> FlightStatistics:
     drag = [names.index(name) for name in POLAR + THRUST_CORRECTIONS]
     sigma = np.array([np.inf if s is None else s for s in of_flight.prior_sigma])[kept]
     statistics = FlightStatistics(
-        name=content.log,
         parameters=Uncertain(
             np.array(of_flight.values),
             _symmetric(of_flight.covariance, len(names)),
@@ -214,7 +209,6 @@ def of_content(content: Results) -> FlightStatistics:
         polar_covariance=np.array(of_flight.polar_covariance),
         flown_CL=of_flight.flown_CL,
         condition=Condition(test.weight_N, test.air_density_kgpm3, content.aircraft.wing_area_m2),
-        aircraft=content.aircraft,
         propeller_table=of_flight.propeller_table,
         installation=of_flight.installation,
         probe_calibration=of_flight.probe_calibration,
