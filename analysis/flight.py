@@ -23,8 +23,8 @@ from numpy.typing import ArrayLike
 
 from flightpower.analysis.air.contents import LogContents, Replacements, contents
 from flightpower.analysis.air.flight_data import FlightData, flight_data
-from flightpower.analysis.air.flown import check_lift, flown_condition, flown_lift, largest_lift, thrust_coverage
 from flightpower.analysis.curve import Condition
+from flightpower.analysis.maneuvers.flown import check_lift, flown_condition, flown_lift, largest_lift, thrust_coverage
 from flightpower.analysis.maneuvers.kinds import Maneuvers
 from flightpower.analysis.maneuvers.runs_file import select
 from flightpower.analysis.sources.axes import check_axes

@@ -1,5 +1,6 @@
 """What several folders assume alike: what is significant or negligible, points of curves, what counts as flown."""
 
+import math
 from dataclasses import dataclass
 
 from flightpower.analysis.estimation.settings import TESTS
@@ -43,13 +44,19 @@ class Curves(Settings):
 
 @dataclass(frozen=True)
 class Flown(Settings):
-    """Speeds and lift coefficients that count as flown, and how much of them a propeller's table has to cover."""
+    """Speeds, lift coefficients and bank that count as flown, and what a propeller's table has to cover of them."""
 
     robust_percentiles: tuple[float, float] = setting(
         (1.0, 99.0), "%", "of the lift coefficients flown, between which a curve holds: without take-off and outliers"
     )
     possible_CL: tuple[float, float] = setting(
         (0.05, 5.0), "1", "of the slowest speed flown; no wing reaches the latter: a wrong weight, area or unit"
+    )
+    level_rad: float = setting(
+        math.radians(12.0),
+        "rad",
+        "largest bank of level flight, 2 % more lift than weight, also of a steady point; beyond it an error of"
+        " sideslip acts like one of angle of attack, and a note is written on a maneuver",
     )
     nearby: float = setting(0.04, "1", "relative difference of speeds that count as the same speed flown")
     least_covered: float = setting(0.5, "1", "of the samples near a speed, at which thrust counts as known there")

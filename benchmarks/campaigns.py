@@ -28,8 +28,8 @@ from estimators import speeds
 from numpy.typing import ArrayLike, NDArray
 
 from flightpower.analysis.air.flight_data import Calibrations
-from flightpower.analysis.air.flown import flown_condition, flown_lift
 from flightpower.analysis.air.probe import ProbeCalibration
+from flightpower.analysis.maneuvers.flown import flown_condition, flown_lift
 from flightpower.analysis.maneuvers.kinds import Maneuver
 from flightpower.analysis.maneuvers.runs_file import select
 from flightpower.analysis.methods import dynamic

@@ -12,11 +12,11 @@ import numpy as np
 import pandas as pd
 from flights import Rows, Setup
 
-from flightpower.analysis.air.flown import flown_condition, flown_lift
 from flightpower.analysis.air.probe import ProbeCalibration
 from flightpower.analysis.curve import Condition, Polar, lift_coefficient, power_required
 from flightpower.analysis.estimation.noise import NORMAL_95
 from flightpower.analysis.maneuvers.find import find
+from flightpower.analysis.maneuvers.flown import flown_condition, flown_lift
 from flightpower.analysis.maneuvers.kinds import LEVEL_RUNS
 from flightpower.analysis.methods.dynamic import DynamicEstimate, estimate_polar
 from flightpower.analysis.methods.method import MethodEstimate

@@ -150,3 +150,15 @@ def test_imports_make_no_circle(of) -> None:
         tuple(TopologicalSorter(of()).static_order())
     except CycleError as error:
         pytest.fail(f"imports go in a circle: {' -> '.join(error.args[1])}")
+
+
+def test_the_rooms_of_the_analysis_stand_on_thirteen_floors() -> None:
+    """A room's floor is above those of all rooms that it imports; each further floor is one more to climb."""
+    graph = folders(import_graph())
+    rooms = {name: {other for other in graph[name] if other.startswith("analysis.")} for name in graph}
+    floor: dict[str, int] = {}
+    for room in TopologicalSorter(rooms).static_order():
+        floor[room] = 1 + max((floor[other] for other in rooms.get(room, ())), default=0)
+    floor = {room: of for room, of in floor.items() if room.startswith("analysis.")}
+    assert len(floor) > 15
+    assert max(floor.values()) <= 13, sorted(floor.items(), key=lambda of: of[1])

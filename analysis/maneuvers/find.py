@@ -21,9 +21,9 @@ from flightpower.analysis.maneuvers.kinds import (
 )
 from flightpower.analysis.maneuvers.quality import load_factor, smooth
 from flightpower.analysis.maneuvers.settings import FLIGHT, LOADS, STEADY_POINT, STEPS
+from flightpower.analysis.settings import FLOWN
 from flightpower.analysis.sources.daemon import least_height_m
 from flightpower.analysis.sources.grid import stretches
-from flightpower.analysis.trajectory.settings import CONSISTENCY
 from flightpower.flight.arrays import Array
 from flightpower.flight.runs import LEVEL_RUN, Rejection, RunRejected
 
@@ -34,7 +34,7 @@ def find_steady(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeu
     # Bank is not smoothed: a turn can be shorter than the smoothing window.
     steady = np.isfinite(motion.V) & table["flying"].to_numpy() & (np.abs(motion.Vdot) < STEADY_POINT.largest_mps2)
     steady &= (np.abs(np.nan_to_num(motion.climb, nan=np.inf)) < STEADY_POINT.largest_climb_mps) & (
-        np.abs(motion.bank) < CONSISTENCY.level_rad
+        np.abs(motion.bank) < FLOWN.level_rad
     )
     points: list[Maneuver] = []
     rejected: list[RejectedManeuver] = []

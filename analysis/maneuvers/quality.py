@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 
 from flightpower.analysis.maneuvers.settings import NOTED, STEPS
+from flightpower.analysis.settings import FLOWN
 from flightpower.analysis.sources.daemon import speed_scale_of
 from flightpower.analysis.sources.grid import local_quadratic, stretches
 from flightpower.analysis.sources.grid_settings import STATISTICS
-from flightpower.analysis.trajectory.settings import CONSISTENCY
 from flightpower.flight import runs
 from flightpower.flight.arrays import Array
 from flightpower.flight.runs import Rejection, missing_data
@@ -47,7 +47,7 @@ def notes(data: pd.DataFrame, bank: Array) -> tuple[str, ...]:
     height = data["height_m"].dropna()
     if len(height) and np.ptp(height) > NOTED.height_m:
         remarks.append(f"height varied by {np.ptp(height):.0f} m")
-    if np.nanmax(np.abs(bank)) > CONSISTENCY.level_rad:
+    if np.nanmax(np.abs(bank)) > FLOWN.level_rad:
         remarks.append(f"bank reached {np.degrees(np.nanmax(np.abs(bank))):.0f} deg")
     step, (noted_step, within_s) = throttle_step(data), NOTED.throttle_step
     if step > noted_step:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from flightpower.analysis.air.flown import thrust_known
+from flightpower.analysis.maneuvers.flown import thrust_known
 from flightpower.analysis.methods.whole_flight.settings import PRIOR
 from flightpower.analysis.missions.mission import course_text
 from flightpower.analysis.missions.pieces import (

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from flightpower.analysis.air.flown import largest_lift, thrust_known
 from flightpower.analysis.curve import (
     Condition,
     Cost,
@@ -19,6 +18,7 @@ from flightpower.analysis.curve import (
     speed_at,
 )
 from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.maneuvers.flown import largest_lift, thrust_known
 from flightpower.analysis.methods.dynamic import DynamicEstimate
 from flightpower.analysis.methods.interval_sources import Share, variance_by_source
 from flightpower.analysis.records.flight import (

@@ -23,6 +23,7 @@ import numpy as np
 import pandas as pd
 
 from flightpower.analysis.records.flight import Check, ConsistencyCheck
+from flightpower.analysis.settings import FLOWN
 from flightpower.analysis.sources.grid_settings import STATISTICS
 from flightpower.analysis.trajectory.equations import PREDICTED_FLOW, SENSOR_ERRORS, STATES, NamedArrays
 from flightpower.analysis.trajectory.reconstruction import Trajectory
@@ -98,7 +99,7 @@ def _differences(trajectory: Trajectory, channels: _AirDataAndGps) -> pd.DataFra
     blocks, t_s = trajectory.block_means, trajectory.block_means.t_s
     x = _states(trajectory)
     flying = np.where(blocks.flying, 1.0, np.nan)
-    level = np.where(np.abs(x.phi) < CONSISTENCY.level_rad, 1.0, np.nan)
+    level = np.where(np.abs(x.phi) < FLOWN.level_rad, 1.0, np.nan)
     V, beta = channels.V, np.nan_to_num(channels.beta)  # no sideslip where it was not measured
     u, v, w = velocity_of(1.0, channels.alpha, beta)
     _, _, down = earth_from_body((u, v, w), (x.phi, x.theta, x.psi))

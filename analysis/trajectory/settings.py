@@ -14,12 +14,6 @@ class ConsistencySettings(Settings):
     """Kinematic consistency, time shifts and airspeed scale of a reconstructed flight."""
 
     batch_s: float = setting(20.0, "s", "longer than the correlation time of gusts: means over batches are independent")
-    level_rad: float = setting(
-        np.radians(12.0),
-        "rad",
-        "largest bank of level flight, 2 % more lift than weight, also of a steady point; beyond it an error of"
-        " sideslip acts like one of angle of attack, and a note is written on a maneuver",
-    )
     least_shift_s: float = setting(0.004, "s", "a tenth of a sample interval has no effect on the results")
 
 

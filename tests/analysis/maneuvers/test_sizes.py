@@ -6,11 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from flightpower.analysis.air.flown import flown_condition, flown_lift
 from flightpower.analysis.curve import speed_at
 from flightpower.analysis.maneuvers.find import find, find_steady
 from flightpower.analysis.maneuvers.find_level import find_runs
 from flightpower.analysis.maneuvers.find_loads import find_loads
+from flightpower.analysis.maneuvers.flown import flown_condition, flown_lift
 from flightpower.analysis.maneuvers.kinds import Unsuitable
 from flightpower.analysis.maneuvers.quality import too_low
 from flightpower.analysis.sources.daemon import SPEED_SCALE, speed_scale

@@ -9,8 +9,8 @@ import pandas as pd
 
 from flightpower.analysis.air.contents import LogContents, Replacements
 from flightpower.analysis.air.flight_data import FlightData
-from flightpower.analysis.air.flown import flown_condition
 from flightpower.analysis.flight import Reconstructed
+from flightpower.analysis.maneuvers.flown import flown_condition
 from flightpower.analysis.maneuvers.kinds import Maneuver, Maneuvers
 from flightpower.analysis.trajectory.equations import SENSOR_ERRORS
 from flightpower.analysis.trajectory.observability import PriorConflict

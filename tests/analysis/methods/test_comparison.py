@@ -10,9 +10,9 @@ import pandas as pd
 import pytest
 from methods import Analyzed, analyzed, drawn, fly
 
-from flightpower.analysis.air.flown import flown_condition, flown_lift
 from flightpower.analysis.curve import Condition, power_required, speed_at
 from flightpower.analysis.maneuvers.find import find
+from flightpower.analysis.maneuvers.flown import flown_condition, flown_lift
 from flightpower.analysis.methods.causes import estimate_errors
 from flightpower.analysis.methods.dynamic import estimate_polar
 from flightpower.analysis.methods.forces import FlightForces

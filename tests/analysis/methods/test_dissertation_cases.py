@@ -13,11 +13,11 @@ import pytest
 from flight_record import flight_record
 from methods import Flown, drawn, fly
 
-from flightpower.analysis.air.flown import flown_lift
 from flightpower.analysis.air.probe import ProbeCalibration
 from flightpower.analysis.curve import Condition, Polar, power_required
 from flightpower.analysis.estimation.noise import NORMAL_95
 from flightpower.analysis.maneuvers.find_level import find_runs
+from flightpower.analysis.maneuvers.flown import flown_lift
 from flightpower.analysis.maneuvers.kinds import Maneuver
 from flightpower.analysis.methods import likelihood
 from flightpower.analysis.methods.dynamic import estimate_polar

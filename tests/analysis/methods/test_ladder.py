@@ -9,9 +9,9 @@ import pytest
 from methods import drawn, fly
 
 from flightpower.analysis import flight
-from flightpower.analysis.air.flown import flown_lift
 from flightpower.analysis.curve import Polar, power_required, speed_at
 from flightpower.analysis.maneuvers.find import find
+from flightpower.analysis.maneuvers.flown import flown_lift
 from flightpower.analysis.methods import ladder as estimate_module
 from flightpower.analysis.methods.comparison import DYNAMIC
 from flightpower.analysis.methods.ladder import by_simpler_method, estimate

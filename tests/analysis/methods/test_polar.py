@@ -4,7 +4,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from flightpower.analysis.air.flown import check_lift, flown_condition, flown_lift, largest_lift
 from flightpower.analysis.curve import (
     Condition,
     Polar,
@@ -18,6 +17,7 @@ from flightpower.analysis.curve import (
     speed_at,
     unphysical,
 )
+from flightpower.analysis.maneuvers.flown import check_lift, flown_condition, flown_lift, largest_lift
 from flightpower.analysis.sources.daemon import SPEED_SCALE
 from flightpower.flight.aircraft import load_aircraft
 from flightpower.flight.errors import InputError

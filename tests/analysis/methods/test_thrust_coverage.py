@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from flightpower.analysis.air.flown import thrust_coverage, thrust_known
+from flightpower.analysis.maneuvers.flown import thrust_coverage, thrust_known
 from flightpower.flight.errors import InputError
 from flightpower.flight.propeller_files import load_propeller
 
