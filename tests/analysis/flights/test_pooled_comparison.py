@@ -88,8 +88,10 @@ def test_a_difference_is_seen_and_shared_errors_cancel() -> None:
 
 
 def days(seed: int, thrust: float, flights: int = 2) -> Comparison:
-    """Compares an aircraft on two days, on the second with a share more of thrust than the table and the first day have:
-    pulses that are not counted, a nick, or a stated weight that is wrong."""
+    """Compares an aircraft on two days, with a share more of thrust on the second than on the first.
+
+    So do pulses that are not counted, a nick, or a stated weight that is wrong.
+    """
     rng = np.random.default_rng(seed)
     x = truth(rng)
     y = x + np.r_[np.zeros(3), thrust, np.zeros(M - 4)]
