@@ -96,7 +96,8 @@ class Dataset:
             for row in table.to_pylist():
                 content = _read_row(row)
                 if content is not None:
-                    found[row["flight"]] = (row["configuration"], _flight(content))
+                    flight = read_curve(content) if content.pooling is None else of_content(content)
+                    found[row["flight"]] = (row["configuration"], flight)
         by_configuration: dict[str, list[PoolFlight]] = defaultdict(list)
         for key in sorted(found, key=lambda key: (found[key][1].start_unix_s or math.inf, key)):
             configuration, flight = found[key]
@@ -178,10 +179,6 @@ def _stored_curve(flight: FlightCurve) -> StoredFlight:
     common = (flight.curve.kind, aircraft.wing_area_m2, aircraft.span_m, flight.content.vehicle)
     content = without_details(flight.content)
     return StoredFlight(_fingerprint(power.tolist()), _fingerprint(common), flight.start_unix_s, content)
-
-
-def _flight(content: Results) -> PoolFlight:
-    return read_curve(content) if content.pooling is None else of_content(content)
 
 
 def _read_row(row: Mapping[str, Any]) -> Results | None:

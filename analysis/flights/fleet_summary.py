@@ -38,15 +38,15 @@ def fleet_results(fleet: Sequence[Airframe], left_out: Sequence[str]) -> FleetRe
         software_version=version(),
         flights=sum(len(one.flights) for one in fleet),
         airframes=[_airframe(one) for one in fleet],
-        curves=[_curve(of_kind) for of_kind in kinds.values() if len(of_kind) > 2 and _of_drag(of_kind)],
+        curves=[
+            _curve(of_kind)
+            for of_kind in kinds.values()
+            if len(of_kind) > 2 and all(isinstance(one.pool, JointPool) for one in of_kind)
+        ],
         contradictions=_contradictions(fleet),
         notes=[f"{one.name}: {undated_text(one.flights)}" for one in fleet if one.dated < len(one.flights)],
         left_out=list(left_out),
     )
-
-
-def _of_drag(airframes: Sequence[Airframe]) -> bool:
-    return all(isinstance(one.pool, JointPool) for one in airframes)
 
 
 def _contradictions(fleet: Sequence[Airframe]) -> list[ContradictionResult]:

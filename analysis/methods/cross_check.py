@@ -87,7 +87,7 @@ def segments_of(table: pd.DataFrame, runs: list[Maneuver], propeller: Propeller,
             Segment(
                 name=run.name,
                 t_s=t_s[rows].reshape(count, block).mean(axis=1),
-                u={name: _means(_filled(signal), block) for name, signal in inputs.items()},
+                u={name: _means(np.nan_to_num(without_gaps(signal)), block) for name, signal in inputs.items()},
                 z={name: _means(signal[rows], block) for name, signal in outputs.items()},
             )
         )
@@ -109,11 +109,6 @@ def _means(signal: Array, block: int) -> Array:
     blocks = signal.reshape(-1, block)
     count = np.isfinite(blocks).sum(axis=1)
     return np.asarray(np.nansum(blocks, axis=1) / np.where(count > 0, count, np.nan))
-
-
-def _filled(signal: Array) -> Array:
-    """Gaps interpolated linearly; zero where nothing was measured at all."""
-    return np.nan_to_num(without_gaps(signal))
 
 
 # One test over all speeds: a difference of two parabolas has three coefficients (Scheffe 1953, Biometrika 40, 87).

@@ -74,7 +74,8 @@ def _analysis(flight: Estimated, whole: WholeFlight, request: Request, command_l
     """What follows from the curve, with the verdict. whole: one more method, which needs neither runs nor flow angles,
     but voltage and current."""
     flight = replace(flight, drag=replace(flight.drag, methods=[*flight.drag.methods, whole.method]))
-    performance = _performance(flight, request)
+    flight.progress("computing performance")
+    performance = compute(request, flight)
     flight = replace(flight, notes=(*flight.notes, *request.notes(flight.aircraft)))
     consistent = consistency(flight.trajectory)
     battery = request.battery(flight.aircraft)
@@ -84,8 +85,3 @@ def _analysis(flight: Estimated, whole: WholeFlight, request: Request, command_l
     advice = next_flight(flight.trajectory, flight.drag.main, flight.condition, flight.drag.flown_CL)
     with_advice = structs.replace(results, next_flight=list(advice.sentences), next_flight_lowers=advice.lowers)
     return Analysis(**flight.known(), consistency=consistent, performance=performance, results=with_trust(with_advice))
-
-
-def _performance(flight: Estimated, request: Request) -> Performance | None:
-    flight.progress("computing performance")
-    return compute(request, flight)

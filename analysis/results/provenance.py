@@ -30,7 +30,8 @@ ROLES = {
 def provenance(flight: Recorded, runs_file: Path | None, command_line: str) -> Provenance:
     """Where log, aircraft, calibrations and weight come from. Files that can no longer be read have no hash."""
     log, contents, replacements = flight.log, flight.contents, flight.replacements
-    start_ns, end_ns = _span_ns(log)
+    ends_ns = [(entries[0].time_ns, entries[-1].time_ns) for entries in log.entries.values() if entries]
+    start_ns, end_ns = min(start for start, _ in ends_ns), max(end for _, end in ends_ns)
     start_utc, clock = _start(log, start_ns)
     fixes = (entry.message for entry in log.entries.get("/gps", []) if isinstance(entry.message, Gps))
     fix = next((fix for fix in fixes if fix.latitude_deg is not None), None)
@@ -83,11 +84,6 @@ def provenance_of_file(
         latitude_deg=fix.latitude_deg, longitude_deg=fix.longitude_deg, height_msl_m=fix.height_msl_m,
         weight_source=weight_source, files=files, ticks=None, ticks_missed=None, sensors=[], events=[],
     )  # fmt: skip
-
-
-def _span_ns(log: Log) -> tuple[int, int]:
-    ends = [(entries[0].time_ns, entries[-1].time_ns) for entries in log.entries.values() if entries]
-    return min(start for start, _ in ends), max(end for _, end in ends)
 
 
 def _start(log: Log, start_ns: int) -> tuple[str | None, Clock]:

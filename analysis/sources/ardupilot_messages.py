@@ -79,11 +79,6 @@ class Messages:
         return [table for (kind, _), table in self.tables.items() if kind in kinds]
 
 
-def _opened(path: Path) -> DataflashLog | TelemetryLog | TextLog | MatlabLog:
-    """The reader of a log's format. Raises InputError where it cannot be read."""
-    return _read(path, TelemetryLog, KINDS_READ)
-
-
 def all_channels(path: Path) -> AllChannels:
     """Every field of every message: `BARO.Alt`, of later instances `BARO 1.Alt`; of telemetry by MAVLink's names.
 
@@ -137,7 +132,7 @@ def _read(
 
 def read_messages(path: Path) -> Messages:
     """The messages of a log. Raises InputError where it cannot be read, or is that of a vehicle without wings."""
-    log = _opened(path)
+    log = _read(path, TelemetryLog, KINDS_READ)
     said = log.columns("MSG")
     texts = [_text(text) for text in said.get("Message", ())]
     versions = [_text(text) for text in log.columns("VER").get("FWS", ())]

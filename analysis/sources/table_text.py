@@ -66,7 +66,9 @@ def _layout(lines: Sequence[str], separator: str) -> Layout | None:
     if first > 1 and len({cell.strip() for cell in head}) == 1:  # one word throughout: a line of marks below the names
         head = _cells(lines[first - 2], separator)
     elif first > 1 and _is_units(above := _cells(lines[first - 2], separator), head):
-        head = [f"{name} [{unit.strip('[]() ')}]" if unit.strip() else name for name, unit in _pairs(above, head)]
+        head = [
+            f"{name} [{unit.strip('[]() ')}]" if unit.strip() else name for name, unit in zip(above, head, strict=True)
+        ]
     if any(NUMBER.fullmatch(cell.strip()) for cell in head) or not any(cell.strip() for cell in head):
         return None
     rows = [line for line in lines[first:] if line != lines[first - 1]]
@@ -95,10 +97,6 @@ def _is_value(cell: str) -> bool:
 def _is_units(above: Sequence[str], below: Sequence[str]) -> bool:
     """Whether a line has the units of the names above it: as many cells, and short ones."""
     return len(above) == len(below) and all(cell.strip() for cell in above) and max(map(len, below)) <= 8
-
-
-def _pairs(names: Sequence[str], units: Sequence[str]) -> list[tuple[str, str]]:
-    return list(zip(names, units, strict=True))
 
 
 def _has_decimal_comma(sample: Sequence[Sequence[str]]) -> bool:

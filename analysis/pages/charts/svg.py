@@ -245,11 +245,6 @@ def _about(mark: Mark, y: Scale) -> str:
     return found + (' class="off"' if mark.hidden else "")
 
 
-def _belongs(mark: Mark) -> str:
-    """Attributes by which script and style find a part of a mark that the cursor does not read."""
-    return "".join(f' data-{key}="{escape(text)}"' for key, text in (("name", mark.name), ("run", mark.run)) if text)
-
-
 def _ink(color: str) -> str:
     return f"var({color_variable(color)})"
 
@@ -379,7 +374,7 @@ def _shade(shade: Shade, x: Scale) -> str:
 
 def _placed(mark: Mark, x: Scale, y: Scale) -> Iterator[str]:
     """What keeps its shape: symbols, arrow heads and texts, at percentages of the panel."""
-    about = _belongs(mark)
+    about = "".join(f' data-{key}="{escape(text)}"' for key, text in (("name", mark.name), ("run", mark.run)) if text)
     off = " off" if mark.hidden else ""
 
     def at(i: int, content: str) -> str:

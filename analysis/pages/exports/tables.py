@@ -52,7 +52,9 @@ def tables_of(analysis: Analysis | WholeFlightAnalysis) -> dict[str, pd.DataFram
         "synchronized": analysis.table.drop(columns=list(LEFT_OUT)).rename(columns=RENAMED),
         "states": pd.concat([states, errors], axis=1)[in_turn],
         "derived": derived(analysis.trajectory, analysis.aircraft, analysis.propeller),
-        "runs": _runs(analysis),
+        "runs": pd.DataFrame(
+            [msgspec.structs.asdict(run) | {"notes": "; ".join(run.notes)} for run in analysis.results.runs]
+        ),
         "curves": _curves(analysis),
     }
 
@@ -77,11 +79,6 @@ def _of_whole_flight(analysis: WholeFlightAnalysis) -> dict[str, pd.DataFrame]:
         "shaft power": results.points(Kind.SHAFT),
     }
     return {"synchronized": table, "windows": windows, "curves": _curve_table(curves)}
-
-
-def _runs(analysis: Analysis) -> pd.DataFrame:
-    runs = analysis.results.runs
-    return pd.DataFrame([msgspec.structs.asdict(run) | {"notes": "; ".join(run.notes)} for run in runs])
 
 
 def _curves(analysis: Analysis) -> pd.DataFrame:

@@ -119,7 +119,9 @@ class LocalPage:
         match method, words:
             case "GET", [name] if name in FILES:
                 file, kind = FILES[name]
-                return Answer(kind, _template(file))
+                return Answer(
+                    kind, resources.files("flightpower.analysis.pages.open").joinpath("templates", file).read_bytes()
+                )
             case "GET", ["chart.js"]:
                 return Answer("text/javascript", chart_script().encode())
             case "GET", ["chart.css"]:
@@ -266,10 +268,6 @@ def _plain(value: Any) -> Any:
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     raise NotImplementedError(f"{type(value).__name__} in an answer")
-
-
-def _template(name: str) -> bytes:
-    return resources.files("flightpower.analysis.pages.open").joinpath("templates", name).read_bytes()
 
 
 def server_of(page: LocalPage, listening: socket) -> Any:
