@@ -25,6 +25,7 @@ from flightpower.analysis.records.pool import Trend, TrendQuantity
 from flightpower.analysis.results.settings import TRUST
 from flightpower.analysis.settings import EVIDENCE
 from flightpower.flight.arrays import Array
+from flightpower.flight.units import DAY_S
 
 _N_POLAR = len(POLAR)
 POLAR_PART, INSTALLATION_PART = slice(_N_POLAR), slice(-len(INSTALLATION_ERRORS), None)
@@ -297,7 +298,7 @@ def trends(flights: Sequence[PoolFlight], deviations_percent: Array, errors: Err
     """
     found = []
     for quantity, unit, values in (
-        (TrendQuantity.DATE, "days since 1970", [_or_nan(f.start_unix_s) / 86400.0 for f in flights]),
+        (TrendQuantity.DATE, "days since 1970", [_or_nan(f.start_unix_s) / DAY_S for f in flights]),
         (TrendQuantity.TEMPERATURE, "K", [_or_nan(f.content.air_temperature_K) for f in flights]),
         (TrendQuantity.BATTERY, "V", [_or_nan(f.battery_V) for f in flights]),
     ):

@@ -14,6 +14,7 @@ from flightpower.analysis.flights.pool import pool_flights
 from flightpower.analysis.flights.pooled import Pool
 from flightpower.flight.arrays import Array
 from flightpower.flight.errors import InputError
+from flightpower.flight.units import DAY_S
 
 if TYPE_CHECKING:
     from flightpower.analysis.flights.dataset import Dataset
@@ -87,7 +88,7 @@ def airframe(name: str, configuration: str, flights: Sequence[PoolFlight], alarm
         if len(dated) > 2
         else ([], None)
     )
-    lately = pool_flights(dated[changes[-1].since :]) if changes else whole
+    lately = pool_flights(dated[max(one.since for one in changes) :]) if changes else whole
     return Airframe(name, configuration, ordered, lately, tuple(changes), shares)
 
 
@@ -96,7 +97,7 @@ def _watched(whole: Pool, alarms_a_year: float) -> tuple[list[Change], FlightSha
     if not isinstance(whole, JointPool):
         return [], None
     flights = whole.flights
-    times = np.array([one.start_unix_s for one in flights], dtype=float) / 86400.0
+    times = np.array([one.start_unix_s for one in flights], dtype=float) / DAY_S
     flights_a_year = 365.25 * len(flights) / max(times[-1] - times[0], len(flights))  # one a day at most
     of_flights = series(whole)
     changes = find_changes(of_flights, times, flights_a_year / alarms_a_year)

@@ -96,7 +96,7 @@ def flight_shares(of_flights: Series, changes: Sequence[Change]) -> FlightShares
     """What each flight alone shows; without a change the mean is that of all. changes : of `find_changes`"""
     values, by_truth, errors = of_flights
     seen = np.abs(np.linalg.det(by_truth)) > np.sqrt(np.finfo(float).eps)
-    before = seen & (np.arange(len(values)) < (changes[0].since if changes else len(values)))
+    before = seen & (np.arange(len(values)) < min((one.since for one in changes), default=len(values)))
     weights = np.linalg.pinv(errors.own[before])
     mean = np.linalg.pinv(weights.sum(axis=0)) @ np.einsum("fij,fj->i", weights, values[before])
     back = np.full_like(by_truth, np.nan)

@@ -14,8 +14,7 @@ from flightpower.analysis.records.fleet import AirframeResult, ChangeResult, Fle
 from flightpower.analysis.records.flight import Kind
 from flightpower.analysis.results.evidence import sentence
 from flightpower.flight.arrays import Array
-
-DAY_S = 86400.0
+from flightpower.flight.units import DAY_S
 
 
 def render_fleet(fleet: FleetResults) -> str:

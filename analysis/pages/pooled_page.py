@@ -44,7 +44,7 @@ from flightpower.analysis.records.pool import (
 )
 from flightpower.analysis.settings import EVIDENCE
 from flightpower.flight.arrays import Array
-from flightpower.flight.units import GRAVITY_MPS2
+from flightpower.flight.units import DAY_S, GRAVITY_MPS2
 
 
 class FlightRow(NamedTuple):
@@ -334,7 +334,7 @@ def _percent_or_unknown(row: Trend) -> tuple[str, str]:
 
 def _range(row: Trend) -> tuple[str, str]:
     if row.quantity == TrendQuantity.DATE:
-        days = [datetime.fromtimestamp(86400 * value, UTC) for value in (row.lowest, row.highest)]
+        days = [datetime.fromtimestamp(DAY_S * value, UTC) for value in (row.lowest, row.highest)]
         return f"{days[0]:%Y-%m-%d %H:%M} UTC", f"{days[1]:%Y-%m-%d %H:%M} UTC"
     return f"{row.lowest:.1f} {row.unit}", f"{row.highest:.1f} {row.unit}"
 

@@ -15,6 +15,7 @@ import pandas as pd
 
 from flightpower.flight.arrays import Array
 from flightpower.flight.errors import InputError
+from flightpower.flight.units import DAY_S
 
 SEPARATORS = ("\t", ";", ",")  # a table with one of the first two may have commas in its numbers
 DECIMAL_COMMA, DECIMAL_POINT = re.compile(r"[+-]?\d+,\d+"), re.compile(r"[+-]?\d*\.\d+")
@@ -148,7 +149,7 @@ def seconds_of_times(cells: Any) -> Array | None:
     seconds = np.array([np.nan if one is None else _since_midnight_s(one) for one in times])
     known = np.flatnonzero(np.isfinite(seconds))
     midnights = np.cumsum(np.append(0, np.diff(seconds[known]) < -43_200.0))
-    seconds[known] += 86_400.0 * midnights
+    seconds[known] += DAY_S * midnights
     return np.asarray(seconds - seconds[known[0]])
 
 

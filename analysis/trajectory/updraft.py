@@ -30,6 +30,7 @@ from flightpower.flight.log_entries import NO_ENTRIES, LogEntry
 from flightpower.flight.log_reader import Log
 from flightpower.flight.messages import Gps
 from flightpower.flight.satellite_time import satellites_minus_log_time_ns
+from flightpower.flight.units import DAY_S
 
 STILL_MPS = Uncertainty().updraft_mps  # before sunrise, in up to 5 m/s of wind
 
@@ -52,7 +53,7 @@ class Updraft(NamedTuple):
 
 def sun_elevation(utc_s: float, latitude_rad: float, longitude_rad: float) -> float:
     """Elevation of the sun [rad], within 0.02 deg (Astronomical Almanac, low-precision formulas). utc_s: Unix time."""
-    days = utc_s / 86_400 - 10_957.5  # since 2000 January 1, 12:00
+    days = utc_s / DAY_S - 10_957.5  # since 2000 January 1, 12:00
     anomaly = math.radians(357.528 + 0.985_600_3 * days)
     ecliptic = math.radians(280.460 + 0.985_647_4 * days + 1.915 * math.sin(anomaly) + 0.020 * math.sin(2 * anomaly))
     tilt = math.radians(23.439 - 4e-7 * days)
