@@ -87,19 +87,12 @@ def all_channels(path: Path) -> AllChannels:
     log = _read(path, RawTelemetryLog, ())
     found: dict[str, Callable[[], Channel]] = {}
     for kind in log.names():
-        for (_, number), table in _instances(kind, _in_degrees(log.form(kind), log.columns(kind)), ()):
+        for (_, number), table in _instances(kind, log.columns(kind), ()):
             name = f"{kind} {number}" if number else kind
             found |= {
                 f"{name}.{field}": partial(channel, table["t_s"], table[field]) for field in table if field != "t_s"
             }
     return found
-
-
-def _in_degrees(form: Form | None, columns: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """The columns with latitudes and longitudes in degrees, not in 1e-7 degrees as dataflash logs pack them."""
-    packed = () if form is None else [one for one, code in zip(form.fields, form.codes, strict=False) if code == "L"]
-    found = {name: columns[name] for name in packed if name in columns and columns[name].dtype.kind == "f"}
-    return columns | {name: 1e-7 * x for name, x in found.items() if np.nanmax(np.abs(x), initial=0.0) > 360}
 
 
 Telemetry = TypeVar("Telemetry")

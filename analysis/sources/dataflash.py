@@ -19,7 +19,7 @@ from flightpower.flight.errors import InputError
 START, DEFINITION = b"\xa3\x95", ord(b"\x80")
 FORMAT = struct.Struct("<BB4s16s64s")
 HEADER_BYTES = struct.calcsize("2sB")  # START, number of the kind
-# Codes of packed fields, as NumPy types. Those of cCeE are in hundredths.
+# Codes of packed fields, as NumPy types. Those of cCeE are in hundredths, of L in 1e-7 degrees.
 PACKED = {"a": "(32,)<i2", "b": "i1", "B": "u1", "M": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4", "f": "<f4",
           "d": "<f8", "g": "<f2", "n": "S4", "N": "S16", "Z": "S64", "c": "<i2", "C": "<u2", "e": "<i4", "E": "<u4",
           "L": "<i4", "q": "<i8", "Q": "<u8"}  # fmt: skip
@@ -149,8 +149,8 @@ class DataflashLog:
         for first, last in itertools.pairwise([0, *ends]):
             self._fill(kind, offsets[first:last], {field: column[first:last] for field, column in out.items()})
         for field, code in zip(kind.fields, kind.codes, strict=True):
-            if code in "cCeE" and field in out:
-                out[field] *= 0.01
+            if code in "cCeEL" and field in out:
+                out[field] *= 1e-7 if code == "L" else 0.01
         return out
 
     def _fill(self, kind: _Kind, offsets: NDArray[np.uint64], out: dict[str, NDArray[Any]]) -> None:

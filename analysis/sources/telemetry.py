@@ -77,9 +77,6 @@ class RawTelemetryLog:
             rows[message.get_type()].append([time_us, *(x if isinstance(x, int | float) else np.nan for x in values)])
         self._columns = {name: _as_numbers(_table(name, many)) for name, many in rows.items()}
 
-    def form(self, name: str) -> None:
-        """How messages are packed: units are those of MAVLink."""
-
     def names(self) -> list[str]:
         """The kinds of message that the recording holds."""
         return list(self._columns)

@@ -90,7 +90,8 @@ def test_every_message_of_a_ground_stations_recording_is_read() -> None:
 # By kind of message, the fields that the reader uses, as pymavlink decodes them.
 USED = {
     "ARSP": ("Airspeed", "Temp"), "BARO": ("Press", "Temp"), "BAT": ("Volt", "Curr"), "CURR": ("Volt", "Curr"),
-    "IMU": ("AccX", "AccZ"), "GPS": ("Spd", "GCrs", "VZ", "Status"), "CTUN": ("ThO", "ThrOut"), "MODE": ("ModeNum",),
+    "IMU": ("AccX", "AccZ"), "GPS": ("Spd", "GCrs", "VZ", "Status", "Lat", "Lng"),
+    "CTUN": ("ThO", "ThrOut"), "MODE": ("ModeNum",),
     "AETR": ("Thr",), "RCOU": ("C3",), "QTUN": ("ThO",), "ESC": ("RPM", "Curr"), "SIM2": ("As",),
 }  # fmt: skip
 
