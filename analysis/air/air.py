@@ -9,6 +9,7 @@ from flightpower.analysis.air.probe import ProbeCalibration, flow_at_probe
 from flightpower.analysis.air.settings import AIR
 from flightpower.analysis.sources.daemon import COLUMNS, SPEED_SCALE
 from flightpower.analysis.sources.grid_settings import CHANNELS, STATISTICS
+from flightpower.analysis.sources.rest import FORCES
 from flightpower.flight import runs
 from flightpower.flight.aircraft import VIBRATION_REVPS, Aircraft
 from flightpower.flight.arrays import Array
@@ -29,12 +30,16 @@ def specific_force_at_cg(table: pd.DataFrame, aircraft: Aircraft) -> pd.DataFram
     zero = np.zeros_like(p)
     extra = specific_force_at((zero, zero, zero), (p, q, r), (pdot, qdot, rdot), (x, y, z))
     square = np.nan_to_num(table["n_revps"].to_numpy(dtype=float) / VIBRATION_REVPS) ** 2  # 0 where the motor stands
-    of = aircraft.installation
-    stated = (of.accelerometer_offset_mps2, of.accelerometer_scale_fraction, of.accelerometer_vibration_mps2)
+    mounted = aircraft.installation
+    stated = (
+        mounted.accelerometer_offset_mps2,
+        mounted.accelerometer_scale_fraction,
+        mounted.accelerometer_vibration_mps2,
+    )
     return table.assign(
         **{
             name: (table[name] - offset - at_100 * square) / (1 + scale) - more
-            for name, more, offset, scale, at_100 in zip(("ax_mps2", "ay_mps2", "az_mps2"), extra, *stated, strict=True)
+            for name, more, offset, scale, at_100 in zip(FORCES, extra, *stated, strict=True)
         }
     )
 

@@ -18,7 +18,7 @@ from flightpower.analysis.air.settings import STAND_LIMITS
 from flightpower.analysis.calibrations.runner import AircraftFileLines, Calibrated, LogFile, calibration
 from flightpower.analysis.calibrations.thrust import student_fit
 from flightpower.analysis.sources.grid_settings import STATISTICS
-from flightpower.analysis.sources.rest import rest_segments
+from flightpower.analysis.sources.rest import FORCES, resting_stretches
 from flightpower.flight.command_line import numbers_and_unit, quantity
 from flightpower.flight.errors import InputError
 from flightpower.flight.units import GRAVITY_MPS2, to_si
@@ -51,11 +51,10 @@ def hanging_weights(table: pd.DataFrame, source: str) -> list[HangingWeight]:
 
     Raises InputError where there are too few for a straight line.
     """
-    step_s = float(table.index[1] - table.index[0])
     found = []
-    for rows in rest_segments(table, 1 / step_s):
-        x, y, z = (float(table[name].iloc[rows].mean()) for name in ("ax_mps2", "ay_mps2", "az_mps2"))
-        found.append(HangingWeight(float(table.index[rows].to_numpy().mean()), math.atan2(x, math.hypot(y, z))))
+    for stretch in resting_stretches(table):
+        x, y, z = (float(stretch[name].mean()) for name in FORCES)
+        found.append(HangingWeight(float(stretch.index.to_numpy().mean()), math.atan2(x, math.hypot(y, z))))
     if len(found) < STATISTICS.fewest_readings:
         raise InputError(
             f"{source}: the aircraft stood still {len(found)} times; hang {STAND_LIMITS.fewest_speeds} weights or more,"

@@ -16,14 +16,13 @@ from flightpower.analysis.air.settings import GROUND
 from flightpower.analysis.calibrations.runner import AircraftFileLines, Calibrated, LogFile, calibration
 from flightpower.analysis.calibrations.settings import IMU
 from flightpower.analysis.sources.grid_settings import STATISTICS
-from flightpower.analysis.sources.rest import rest_segments
+from flightpower.analysis.sources.rest import FORCES, resting_stretches
 from flightpower.analysis.trajectory.settings import PRIORS
 from flightpower.flight.aircraft import Uncertainty
 from flightpower.flight.arrays import Array
 from flightpower.flight.errors import InputError
 from flightpower.flight.units import GRAVITY_MPS2
 
-FORCES = ("ax_mps2", "ay_mps2", "az_mps2")
 AXES = ("forward", "right", "down")
 # The side that is up where an axis reads +1 g, and where it reads -1 g: an axis that points up reads +1 g at rest.
 SIDES = (("nose", "tail"), ("right side", "left side"), ("bottom", "top"))
@@ -61,10 +60,9 @@ def resting_sides(table: pd.DataFrame, source: str) -> list[RestingSide]:
 
     Raises InputError naming the sides on which the tray never lay.
     """
-    step_s = float(table.index[1] - table.index[0])
     found = []
-    for rows in rest_segments(table, 1 / step_s):
-        stretch = table[list(FORCES)].iloc[rows]
+    for rows in resting_stretches(table):
+        stretch = rows[list(FORCES)]
         means = stretch.groupby((stretch.index.to_numpy() // GROUND.reference_s).astype(int)).mean()
         variance = means.var().to_numpy() / len(means)
         found.append(RestingSide(float(stretch.index.to_numpy().mean()), stretch.mean().to_numpy(), variance))

@@ -21,6 +21,7 @@ from flightpower.analysis.calibrations.settings import RUN_UP
 from flightpower.analysis.calibrations.thrust import ScaleErrorOption, StandReadings, doubts, student_fit
 from flightpower.analysis.calibrations.thrust import summary as thrust_summary
 from flightpower.analysis.sources.grid_settings import STATISTICS
+from flightpower.analysis.sources.rest import FORCES
 from flightpower.flight.aircraft import VIBRATION_REVPS, Aircraft, Propulsion
 from flightpower.flight.arrays import Array
 from flightpower.flight.atmosphere import density
@@ -32,7 +33,7 @@ from flightpower.flight.units import GRAVITY_MPS2, to_si
 if TYPE_CHECKING:
     from flightpower.analysis.air.thrust_stand import ThrustStand
 
-FORCES, RATES = ("ax_mps2", "ay_mps2", "az_mps2"), ("p_radps", "q_radps", "r_radps")
+RATES = ("p_radps", "q_radps", "r_radps")
 
 
 class HeldSpeed(NamedTuple):

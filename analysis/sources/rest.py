@@ -23,6 +23,12 @@ GPS_HORIZONTAL = ("gps_north_mps", "gps_east_mps")
 CHANNELS = ("p_radps", "q_radps", "r_radps", "dp_alpha_Pa", "dp_beta_Pa", "q_c_Pa")
 
 
+def resting_stretches(table: pd.DataFrame) -> list[pd.DataFrame]:
+    """The rows of each stretch at rest, in order of time. table : of `sources.daemon.synchronize`"""
+    step_s = float(table.index[1] - table.index[0])
+    return [table.iloc[rows] for rows in rest_segments(table, 1 / step_s)]
+
+
 class Zeros(NamedTuple):
     """The reading of each of CHANNELS at rest, in its unit."""
 
