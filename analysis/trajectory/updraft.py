@@ -165,7 +165,7 @@ class UpdraftByDay(NamedTuple):
     @property
     def denied(self) -> bool:
         """Whether the flight denies the hour. One flight by day in 80 does by chance."""
-        return bool(self.note)
+        return abs(self.z) > EVIDENCE.contradiction
 
 
 def updraft_by_day(trajectory: Trajectory, sun_rad: float | None) -> UpdraftByDay | None:
@@ -181,9 +181,10 @@ def updraft_by_day(trajectory: Trajectory, sun_rad: float | None) -> UpdraftByDa
     of_hour = mean_updraft(trajectory, [(t_s[0], t_s[-1])], sun_rad) if len(t_s) else None
     if of_hour is None or of_hour.eddies_mps == 0:
         return None
-    z, sigma_mps = against_prior(trajectory.with_prior("updraft", of_hour.sigma_mps), "updraft")
-    if abs(z) <= EVIDENCE.contradiction:
-        return UpdraftByDay(z, sigma_mps, "")
+    by_day = UpdraftByDay(*against_prior(trajectory.with_prior("updraft", of_hour.sigma_mps), "updraft"), note="")
+    if not by_day.denied:
+        return by_day
+    z, sigma_mps, _ = by_day
     found = trajectory.with_prior("updraft", sigma_mps)
     half_mps = NORMAL_95 * found.standard_error("updraft")
     return UpdraftByDay(
