@@ -102,8 +102,9 @@ def write_report(flight: Flight, folder: Paths) -> None:
 def pool(flights: Sequence[Flight | Paths | Mapping[str, Any]]) -> Pool:
     """The joint estimate of flights of one aircraft: each analyzed here, or its results.json.
 
-    Raises InputError for none, for one flight twice, for flights of both kinds, and for flights of two aircraft,
-    propellers or installations.
+    Flights with drag and flights of autopilots are pooled by their electrical power. Raises InputError for none, for
+    one flight twice, for flights without a kind of power in common, and for flights of two aircraft, propellers or
+    installations.
     """
     if isinstance(flights, str | os.PathLike):
         raise InputError(f"pool({os.fspath(flights)!r}): give a list of flights, or of their results.json")

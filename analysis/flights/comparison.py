@@ -36,6 +36,7 @@ from flightpower.analysis.results.curves import condition_result
 from flightpower.analysis.results.evidence import trust_by, worst_first
 from flightpower.flight.arrays import Array
 from flightpower.flight.errors import InputError
+from flightpower.flight.units import DAY_S
 from flightpower.flight.version import version
 
 _N_POLAR = len(POLAR)
@@ -244,10 +245,10 @@ def _same_installation(a: JointPool, b: JointPool) -> bool:
 
 
 def _same_day(a: JointPool, b: JointPool) -> bool:
-    """Whether all flights were made within twelve hours; not, where one has no date."""
+    """Whether all flights were made within half a day, so that no night lies between; not, where one has no date."""
     starts = [flight.start_unix_s if flight.dated else None for pool in (a, b) for flight in pool.flights]
     known = [start for start in starts if start is not None]
-    return len(known) == len(starts) and max(known) - min(known) < 12 * 3600
+    return len(known) == len(starts) and max(known) - min(known) < DAY_S / 2
 
 
 def _contradicted(a: JointPool, b: JointPool, part: slice) -> Test | None:

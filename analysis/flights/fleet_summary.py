@@ -1,5 +1,6 @@
 """What is written and drawn of a fleet: `fleet.json` from its airframes."""
 
+import math
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
@@ -69,12 +70,12 @@ def _contradictions(fleet: Sequence[Airframe]) -> list[ContradictionResult]:
         for before, one in pairwise(dated):
             if one.installation in left:
                 earlier = left[one.installation]
-                said = (
+                text = (
                     f"{name}: {one.name} names the installation {one.installation!r} of {earlier.name} again,"
                     f" after {before.name} with {before.installation!r}: give what was mounted anew a new name,"
                     " or two airframes their own names."
                 )
-                found.append(_contradiction(Contradiction.INSTALLATION, name, one, earlier, said))
+                found.append(_contradiction(Contradiction.INSTALLATION, name, one, earlier, text))
                 break
             if one.installation != before.installation:
                 left[before.installation] = before
@@ -89,11 +90,11 @@ def _shared_flights(by_name: dict[str, list[PoolFlight]]) -> Iterator[Contradict
         if shared:
             owner, earlier = owners[shared[0].key]
             more = f" and {len(shared) - 1} more are flights" if len(shared) > 1 else " is a flight"
-            said = (
+            text = (
                 f"{name}: {shared[0].name}{more} of {owner}, too, equal to the digit: give each log to one airframe,"
                 " and analyze and add them again."
             )
-            yield _contradiction(Contradiction.FLIGHT, name, shared[0], earlier, said)
+            yield _contradiction(Contradiction.FLIGHT, name, shared[0], earlier, text)
 
 
 def _contradiction(
@@ -139,7 +140,7 @@ def _history(one: Airframe) -> list[FlightShareResult]:
             thrust_half_width_percent=thrust_half,
         )
         for flight, (drag, thrust), (drag_half, thrust_half) in rows
-        if flight.start_unix_s is not None and drag == drag
+        if flight.start_unix_s is not None and math.isfinite(drag)
     ]
 
 

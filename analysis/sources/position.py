@@ -7,7 +7,7 @@ from flightpower.analysis.sources.grid_settings import RECEIVER
 from flightpower.analysis.sources.recording import PLACE, Channel, Fix, channel
 from flightpower.flight.arrays import Array
 from flightpower.flight.messages import FIRST_UTC_NS, LAST_UTC_NS
-from flightpower.flight.units import EARTH_RADIUS_M
+from flightpower.flight.units import DAY_S, EARTH_RADIUS_M
 
 # Unix times from which on GPS time is ahead of UTC by so many seconds (IERS, Bulletin C).
 LEAP_SECONDS = {0.0: 14, 1_230_768_000.0: 15, 1_341_100_800.0: 16, 1_435_708_800.0: 17, 1_483_228_800.0: 18}
@@ -15,7 +15,7 @@ LEAP_SECONDS = {0.0: 14, 1_230_768_000.0: 15, 1_341_100_800.0: 16, 1_435_708_800
 
 def unix_of_week(week: Array, week_s: Array) -> Array:
     """Unix time [s], (n,), of the number of a GPS week and the seconds in it."""
-    gps_s = 1e-9 * FIRST_UTC_NS + 604_800.0 * week + week_s
+    gps_s = 1e-9 * FIRST_UTC_NS + 7 * DAY_S * week + week_s
     since = np.searchsorted(list(LEAP_SECONDS), gps_s, side="right") - 1
     return np.asarray(gps_s - np.array([*LEAP_SECONDS.values()])[np.clip(since, 0, None)])
 

@@ -148,7 +148,7 @@ def seconds_of_times(cells: Any) -> Array | None:
         return None
     seconds = np.array([np.nan if one is None else _since_midnight_s(one) for one in times])
     known = np.flatnonzero(np.isfinite(seconds))
-    midnights = np.cumsum(np.append(0, np.diff(seconds[known]) < -43_200.0))
+    midnights = np.cumsum(np.append(0, np.diff(seconds[known]) < -DAY_S / 2))
     seconds[known] += DAY_S * midnights
     return np.asarray(seconds - seconds[known[0]])
 
