@@ -8,12 +8,10 @@
 is the Python code alone, with warm caches, without the fake parts and what counting takes.
 """
 
-import io
 import os
 import signal
 import subprocess
 import sys
-import tarfile
 import tempfile
 import time
 from collections import defaultdict
@@ -25,6 +23,7 @@ from typing import Any, NamedTuple
 import typer
 from rich.console import Console
 from rich.table import Table
+from speed import checked_out
 
 ROOT = Path(__file__).resolve().parent.parent
 EXAMPLE = ROOT / "daq" / "tray.example.toml"
@@ -54,7 +53,8 @@ def threads_of(process_id: int) -> dict[int, Usage]:
 
 def account(code: Path, tray: Path, seconds: float, rate: float, *, fifo: bool) -> list[tuple[float, float]]:
     """CPU time [us] and changes of thread a tick, of each thread of a daemon that runs `code`."""
-    command = [*(["chrt", "-f", "50"] if fifo else []), sys.executable, "-m", "flightpower.daq", "run", "-c", str(tray)]
+    module = "flightpower.daq" if (code / "flightpower" / "daq").exists() else "daq"  # in earlier versions
+    command = [*(["chrt", "-f", "50"] if fifo else []), sys.executable, "-m", module, "run", "-c", str(tray)]
     environment = os.environ | {"PYTHONPATH": str(code)}
     daemon = subprocess.Popen(command, cwd=code, env=environment, stderr=subprocess.DEVNULL)
     try:
@@ -111,14 +111,6 @@ def threads(seconds: float = 20.0, rate: float = 25.0, fifo: bool = True, before
     shares = [text for us, _ in totals for text in (f"{us * rate / 1e4:.2f} %", "")]
     table.add_row("of one core", *shares)
     Console(width=110).print(table)
-
-
-def checked_out(revision: str, folder: Path) -> Path:
-    """The files of a revision in a folder."""
-    data = subprocess.run(["git", "archive", revision], cwd=ROOT, check=True, capture_output=True).stdout
-    with tarfile.open(fileobj=io.BytesIO(data)) as archive:
-        archive.extractall(folder, filter="data")
-    return folder
 
 
 class Parts:
