@@ -12,7 +12,7 @@ import typer
 
 from flightpower.analysis.performance.request import Request, parse_request, parse_weight
 from flightpower.flight.aircraft import load_aircraft
-from flightpower.flight.command_line import quantity
+from flightpower.flight.command_line import Quantity
 from flightpower.flight.errors import InputError
 from flightpower.flight.units import GRAVITY_MPS2
 
@@ -240,38 +240,26 @@ class Options(LogOptions):
     ] = None
     mass_kg: Annotated[
         float | None,
-        typer.Option(
-            "--mass",
-            metavar="MASS",
-            parser=quantity("--mass", "kg", '"9 lb"', above=0, most=1000),
-            help='Mass [kg], such as 9.4 or "21 lb", for a log of an autopilot.',
+        Quantity("--mass", "kg", '"9 lb"', above=0, most=1000).as_option(
+            'Mass [kg], such as 9.4 or "21 lb", for a log of an autopilot.'
         ),
     ] = None
     wing_area_m2: Annotated[
         float | None,
-        typer.Option(
-            "--wing-area",
-            metavar="AREA",
-            parser=quantity("--wing-area", "m^2", '"5 ft^2"', above=0, most=200),
-            help='Wing area [m^2], such as 1.5 or "16 ft^2", for a log of an autopilot.',
+        Quantity("--wing-area", "m^2", '"5 ft^2"', above=0, most=200).as_option(
+            'Wing area [m^2], such as 1.5 or "16 ft^2", for a log of an autopilot.'
         ),
     ] = None
     span_m: Annotated[
         float | None,
-        typer.Option(
-            "--span",
-            metavar="LENGTH",
-            parser=quantity("--span", "m", '"13 ft"', above=0, most=100),
-            help='Span [m], such as 4 or "13 ft", for a log of an autopilot.',
+        Quantity("--span", "m", '"13 ft"', above=0, most=100).as_option(
+            'Span [m], such as 4 or "13 ft", for a log of an autopilot.'
         ),
     ] = None
     air_temperature_K: Annotated[
         float | None,
-        typer.Option(
-            "--air-temperature",
-            metavar="TEMPERATURE",
-            parser=quantity("--air-temperature", "K", '"20 degC"', above=200, most=340),
-            help='Air temperature in flight, such as "20 degC", for a log of an autopilot.',
+        Quantity("--air-temperature", "K", '"20 degC"', above=200, most=340).as_option(
+            'Air temperature in flight, such as "20 degC", for a log of an autopilot.'
         ),
     ] = None
 

@@ -16,7 +16,7 @@ import typer
 from flightpower.daq.process_setup import prepare_process, raise_priority
 from flightpower.daq.systemd_notify import ALIVE, READY, STOPPING, is_service, notify
 from flightpower.daq.terminal import StatusLine, has_terminal, print_error, show_event
-from flightpower.flight.command_line import ExitCode, application, quantity
+from flightpower.flight.command_line import ExitCode, Quantity, application
 from flightpower.flight.command_line import run as run_command
 from flightpower.flight.errors import InputError
 from flightpower.flight.messages import Event
@@ -54,12 +54,7 @@ def run(
     ] = None,
     duration_s: Annotated[
         float | None,
-        typer.Option(
-            "--duration",
-            parser=quantity("--duration", "s", '"5 min"', least=0.0),
-            metavar="TIME",
-            help='Stop after this many seconds, or "5 min".',
-        ),
+        Quantity("--duration", "s", '"5 min"', least=0.0).as_option('Stop after this many seconds, or "5 min".'),
     ] = None,
     record_bus: Annotated[
         Path | None,
@@ -166,8 +161,7 @@ def run(
 
 
 def _seconds_option(least: float, text: str) -> Any:
-    parser = quantity("--seconds", "s", '"1 min"', least=least, most=LONGEST_CHECK_S)
-    return typer.Option(parser=parser, metavar="TIME", help=text)
+    return Quantity("--seconds", "s", '"1 min"', least=least, most=LONGEST_CHECK_S).as_option(text)
 
 
 def drivers_line() -> str:

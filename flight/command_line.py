@@ -10,7 +10,7 @@ import re
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import fields
+from dataclasses import KW_ONLY, dataclass, fields
 from enum import IntEnum
 from io import TextIOWrapper
 from typing import Annotated, Any, TypeVar, get_type_hints
@@ -184,38 +184,47 @@ def _usage(error: Any, name: str) -> str:
 DECIMAL_COMMA = re.compile(r"-?\d+,\d+(?! *,)")
 
 
-def quantity(
-    option: str,
-    unit: str,
-    example: str,
-    *,
-    least: float = -math.inf,
-    most: float = math.inf,
-    above: float = -math.inf,
-) -> Callable[[str], float]:
-    """A parser for `typer.Option`: a plain number in `unit`, or one with a unit ("300 ft"), converted to `unit`.
+METAVARS = {
+    "": "NUMBER", "%": "SHARE", "K": "TEMPERATURE", "Pa": "PRESSURE", "W": "POWER", "deg": "DIRECTION", "kg": "MASS",
+    "kt": "SPEED", "m": "LENGTH", "m/s": "SPEED", "m^2": "AREA", "min": "TIME", "ohm": "RESISTANCE", "rpm": "RPM",
+    "s": "TIME",
+}  # fmt: skip
 
-    example: with a unit other than `unit`, for messages. It raises InputError naming the option when the text is
-    neither, or when the value is not finite or outside least <= value <= most, value > above.
+
+@dataclass(frozen=True)
+class Quantity:
+    """A quantity that an option takes: a plain number in `unit`, or one with a unit ("300 ft"), converted to `unit`.
+
+    option, example : for messages; the example is in a unit other than `unit`
+    least, most, above : limits in `unit`: least <= value <= most, value > above
     """
-    limits = (("above", above), ("at least", least), ("at most", most))
-    within = " and ".join(f"{words} {limit:g}" for words, limit in limits if math.isfinite(limit))
-    what = f"{within} {unit}".strip() if within else f"a quantity in {unit}"
-    wanted = f"should be {what}: a plain number, or with a unit, such as {example}"
-    if not unit:
-        wanted = f"should be {what}, such as {example}"
 
-    def parse(text: str) -> float:
+    option: str
+    unit: str
+    example: str
+    _: KW_ONLY
+    least: float = -math.inf
+    most: float = math.inf
+    above: float = -math.inf
+
+    def as_option(self, help: str, metavar: str = "") -> Any:
+        """The option of a command, for `Annotated`. metavar : default: of the unit."""
+        return typer.Option(self.option, parser=self.parse, metavar=metavar or METAVARS[self.unit], help=help)
+
+    def parse(self, text: str) -> float:
+        """The value in `unit`. Raises InputError naming the option where it is no quantity, or outside the limits."""
         try:
             value = float(text)
         except ValueError:
-            value = _si_or_nan(text, unit)
-        if not (math.isfinite(value) and least <= value <= most and value > above):
-            point = f", and a decimal point: {text.replace(',', '.')}" if DECIMAL_COMMA.match(text) else ""
-            raise InputError(f"{option} {text}: {wanted}{point}")
-        return value
-
-    return parse
+            value = _si_or_nan(text, self.unit)
+        if math.isfinite(value) and self.least <= value <= self.most and value > self.above:
+            return value
+        limits = (("above", self.above), ("at least", self.least), ("at most", self.most))
+        within = " and ".join(f"{words} {limit:g}" for words, limit in limits if math.isfinite(limit))
+        what = f"{within} {self.unit}".strip() if within else f"a quantity in {self.unit}"
+        form = ": a plain number, or with a unit, such as" if self.unit else ", such as"
+        point = f", and a decimal point: {text.replace(',', '.')}" if DECIMAL_COMMA.match(text) else ""
+        raise InputError(f"{self.option} {text}: should be {what}{form} {self.example}{point}")
 
 
 def numbers_and_unit(text: str, option: str, example: str) -> tuple[list[str], str]:

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from flightpower.flight.aircraft import shipped_aircraft
-from flightpower.flight.command_line import quantity
+from flightpower.flight.command_line import Quantity
 from flightpower.flight.errors import InputError
 from flightpower.flight.messages import FIRST_UTC_NS, LAST_UTC_NS
 
@@ -20,42 +20,24 @@ AircraftOption = Annotated[
 ]
 HeightOption = Annotated[
     float,
-    typer.Option(
-        parser=quantity("--height", "m", '"300 ft"', least=-500, most=11_000),
-        metavar="HEIGHT",
-        help="Height above the ground [m].",
-    ),
+    Quantity("--height", "m", '"300 ft"', least=-500, most=11_000).as_option("Height above the ground [m].", "HEIGHT"),
 ]
 ClimbOption = Annotated[
     float,
-    typer.Option(
-        parser=quantity("--climb", "m/s", '"300 ft/min"', least=-100, most=100),
-        metavar="CLIMB",
-        help="Rate of climb [m/s].",
-    ),
+    Quantity("--climb", "m/s", '"300 ft/min"', least=-100, most=100).as_option("Rate of climb [m/s]."),
 ]
 BankOption = Annotated[
     float,
-    typer.Option(
-        parser=quantity("--bank", "deg", '"0.5 rad"', least=-80, most=80),
-        metavar="ANGLE",
-        help="Bank of a level turn [deg].",
-    ),
+    Quantity("--bank", "deg", '"0.5 rad"', least=-80, most=80).as_option("Bank of a level turn [deg].", "ANGLE"),
 ]
 SpeedOption = Annotated[
     float | None,
-    typer.Option(
-        parser=quantity("--speed", "m/s", '"30 kt"', above=0, most=300),
-        metavar="SPEED",
-        help="One airspeed [m/s].",
-    ),
+    Quantity("--speed", "m/s", '"30 kt"', above=0, most=300).as_option("One airspeed [m/s]."),
 ]
 RpmOption = Annotated[
     float | None,
-    typer.Option(
-        parser=quantity("--rpm", "rpm", '"100 Hz"', above=0),
-        metavar="RPM",
-        help="Motor speed [rpm]: gives the climb at --speed, or the speed at --climb.",
+    Quantity("--rpm", "rpm", '"100 Hz"', above=0).as_option(
+        "Motor speed [rpm]: gives the climb at --speed, or the speed at --climb."
     ),
 ]
 LikeOption = Annotated[

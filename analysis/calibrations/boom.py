@@ -19,7 +19,7 @@ from flightpower.analysis.calibrations.runner import AircraftFileLines, Calibrat
 from flightpower.analysis.calibrations.thrust import student_fit
 from flightpower.analysis.sources.grid_settings import STATISTICS
 from flightpower.analysis.sources.rest import FORCES, resting_stretches
-from flightpower.flight.command_line import numbers_and_unit, quantity
+from flightpower.flight.command_line import Quantity, numbers_and_unit
 from flightpower.flight.errors import InputError
 from flightpower.flight.units import GRAVITY_MPS2, to_si
 
@@ -117,21 +117,13 @@ def boom(
     ] = "",
     carried: Annotated[
         float | None,
-        typer.Option(
-            "--carried",
-            metavar="MASS",
-            parser=quantity("--carried", "kg", '"45 g"', above=0, most=10),
-            help="Mass that bends the boom in flight: that of the probe, and a third of the boom's, from its clamp on.",
+        Quantity("--carried", "kg", '"45 g"', above=0, most=10).as_option(
+            "Mass that bends the boom in flight: that of the probe, and a third of the boom's, from its clamp on."
         ),
     ] = None,
     carried_error: Annotated[
         float,
-        typer.Option(
-            "--carried-error",
-            metavar="SHARE",
-            parser=quantity("--carried-error", "%", '"10%"', least=0, most=100),
-            help="Error of this mass, 1 sigma, in %.",
-        ),
+        Quantity("--carried-error", "%", '"10%"', least=0, most=100).as_option("Error of this mass, 1 sigma, in %."),
     ] = 10.0,
 ) -> Calibrated:
     """Measure how far the probe's boom bends under load, with weights on its tip and a level on the probe.

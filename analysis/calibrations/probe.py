@@ -29,7 +29,7 @@ from flightpower.analysis.sources.check_settings import UNITS
 from flightpower.analysis.sources.grid_settings import STATISTICS
 from flightpower.flight.arrays import Array
 from flightpower.flight.atmosphere import density
-from flightpower.flight.command_line import quantity
+from flightpower.flight.command_line import Quantity
 from flightpower.flight.errors import InputError
 from flightpower.flight.files import check_new_file
 from flightpower.flight.probe_maps import FORMAT
@@ -264,11 +264,8 @@ def probe(
     ] = None,
     angle_scale: Annotated[
         float,
-        typer.Option(
-            "--angle-scale",
-            parser=quantity("--angle-scale", "%", '"0.5 %"', least=0, most=20.0),
-            metavar="PERCENT",
-            help="Standard error of the tunnel's own angles, in percent.",
+        Quantity("--angle-scale", "%", '"0.5 %"', least=0, most=20.0).as_option(
+            "Standard error of the tunnel's own angles, in percent."
         ),
     ] = 0.5,
 ) -> Calibrated:

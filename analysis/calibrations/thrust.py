@@ -24,7 +24,7 @@ from flightpower.analysis.sources.grid_settings import STATISTICS
 from flightpower.flight.aircraft import Aircraft, Uncertainty, load_aircraft
 from flightpower.flight.arrays import Array
 from flightpower.flight.atmosphere import density
-from flightpower.flight.command_line import quantity
+from flightpower.flight.command_line import Quantity
 from flightpower.flight.errors import InputError
 from flightpower.flight.propeller import Propeller
 from flightpower.flight.unit_columns import csv_rows, si_column
@@ -182,12 +182,9 @@ def read_stand(path: Path, rho: float | None = None) -> StandReadings:
 
 ScaleErrorOption = Annotated[
     float,
-    typer.Option(
-        "--thrust-scale-error",
-        metavar="SHARE",
-        parser=quantity("--thrust-scale-error", "%", '"0.5%"', least=0, most=10),
-        help="Error common to all readings, 1 sigma, in %: load cell, its lever arm, air density. Errors of single"
-        " readings are found from their scatter.",
+    Quantity("--thrust-scale-error", "%", '"0.5%"', least=0, most=10).as_option(
+        "Error common to all readings, 1 sigma, in %: load cell, its lever arm, air density. Errors of single"
+        " readings are found from their scatter."
     ),
 ]
 
@@ -213,20 +210,14 @@ def thrust(
     ] = None,
     pressure: Annotated[
         float | None,
-        typer.Option(
-            "--pressure",
-            metavar="PRESSURE",
-            parser=quantity("--pressure", "Pa", '"1013 hPa"', above=3e4, most=1.2e5),
-            help='Air pressure at the stand (not reduced to sea level), such as "1013 hPa", for a file without it.',
+        Quantity("--pressure", "Pa", '"1013 hPa"', above=3e4, most=1.2e5).as_option(
+            'Air pressure at the stand (not reduced to sea level), such as "1013 hPa", for a file without it.'
         ),
     ] = None,
     temperature: Annotated[
         float | None,
-        typer.Option(
-            "--temperature",
-            metavar="TEMPERATURE",
-            parser=quantity("--temperature", "K", '"15 degC"', above=200, most=340),
-            help='Air temperature at the stand, such as "15 degC", for a file without it.',
+        Quantity("--temperature", "K", '"15 degC"', above=200, most=340).as_option(
+            'Air temperature at the stand, such as "15 degC", for a file without it.'
         ),
     ] = None,
     scale_error: ScaleErrorOption = 1.0,  # a load cell checked with a weight 0.5 %, its arm 0.7 %, density 0.3 %

@@ -14,7 +14,7 @@ from flightpower.analysis.estimation.noise import NORMAL_95
 from flightpower.analysis.sources.autopilot_settings import READABLE
 from flightpower.analysis.sources.grid_settings import STATISTICS
 from flightpower.flight.aircraft import Uncertainty
-from flightpower.flight.command_line import numbers_and_unit, quantity
+from flightpower.flight.command_line import Quantity, numbers_and_unit
 from flightpower.flight.errors import InputError
 from flightpower.flight.units import GRAVITY_MPS2, to_si
 
@@ -130,12 +130,9 @@ def transducers(
     ] = "",
     reference_error: Annotated[
         float,
-        typer.Option(
-            "--reference-error",
-            metavar="SHARE",
-            parser=quantity("--reference-error", "%", '"0.5%"', least=0, most=10),
-            help="Error of the reference's scale, 1 sigma, in %: 0.5 of a water column at 10 to 35 °C; of a manometer"
-            " by its data sheet. Errors of single readings are found from their scatter.",
+        Quantity("--reference-error", "%", '"0.5%"', least=0, most=10).as_option(
+            "Error of the reference's scale, 1 sigma, in %: 0.5 of a water column at 10 to 35 °C; of a manometer"
+            " by its data sheet. Errors of single readings are found from their scatter."
         ),
     ] = 0.5,  # density of water between 10 and 35 degC -0.4 to 0.2 %, local gravity up to 0.3 %
 ) -> Calibrated:

@@ -9,7 +9,7 @@ import typer
 from flightpower.analysis.calibrations.runner import AircraftFileLines, Calibrated, calibration
 from flightpower.analysis.sources.grid_settings import STATISTICS
 from flightpower.flight.aircraft import Uncertainty
-from flightpower.flight.command_line import numbers_and_unit, quantity
+from flightpower.flight.command_line import Quantity, numbers_and_unit
 from flightpower.flight.errors import InputError
 from flightpower.flight.units import to_si
 
@@ -111,29 +111,20 @@ def weight_and_balance(
     ] = None,
     reading_error: Annotated[
         float,
-        typer.Option(
-            "--reading-error",
-            metavar="MASS",
-            parser=quantity("--reading-error", "kg", '"5 g"', above=0, most=100),
-            help='Error of one reading, 1 sigma, in kg or with a unit: "5 g".',
+        Quantity("--reading-error", "kg", '"5 g"', above=0, most=100).as_option(
+            'Error of one reading, 1 sigma, in kg or with a unit: "5 g".'
         ),
     ] = 0.005,
     gain_error: Annotated[
         float,
-        typer.Option(
-            "--gain-error",
-            metavar="SHARE",
-            parser=quantity("--gain-error", "%", '"0.1%"', least=0, most=10),
-            help="Error common to all readings, as a share of the weight, 1 sigma, in %.",
+        Quantity("--gain-error", "%", '"0.1%"', least=0, most=10).as_option(
+            "Error common to all readings, as a share of the weight, 1 sigma, in %."
         ),
     ] = 0.1,
     position_error: Annotated[
         float,
-        typer.Option(
-            "--position-error",
-            metavar="LENGTH",
-            parser=quantity("--position-error", "m", '"2 mm"', above=0, most=10),
-            help='Error of a position, 1 sigma, in m or with a unit: "2 mm".',
+        Quantity("--position-error", "m", '"2 mm"', above=0, most=10).as_option(
+            'Error of a position, 1 sigma, in m or with a unit: "2 mm".'
         ),
     ] = 0.002,
 ) -> Calibrated:

@@ -7,7 +7,7 @@ import typer
 from rich.console import Console
 
 from flightpower.analysis.options import ReplaceOption
-from flightpower.flight.command_line import application, quantity, run
+from flightpower.flight.command_line import Quantity, application, run
 from flightpower.flight.errors import InputError
 from flightpower.flight.files import check_new_file, write_files
 
@@ -63,11 +63,8 @@ def show(
     ] = None,
     false_alarms: Annotated[
         float,
-        typer.Option(
-            "--false-alarms",
-            parser=quantity("--false-alarms", "", "1", least=0.01, most=50),
-            metavar="NUMBER",
-            help="That are accepted in a year of an airframe that does not change. Fewer find smaller changes later.",
+        Quantity("--false-alarms", "", "1", least=0.01, most=50).as_option(
+            "That are accepted in a year of an airframe that does not change. Fewer find smaller changes later."
         ),
     ] = 1.0,
     replace: ReplaceOption = False,

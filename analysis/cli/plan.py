@@ -15,7 +15,7 @@ from rich.console import Console
 from flightpower.analysis.missions.plan_settings import LEG
 from flightpower.analysis.options import ReplaceOption
 from flightpower.flight.aircraft import Aircraft, load_aircraft, shipped_aircraft
-from flightpower.flight.command_line import application, quantity, run, takes_options
+from flightpower.flight.command_line import Quantity, application, run, takes_options
 from flightpower.flight.errors import InputError
 from flightpower.flight.files import check_new_file, write_files
 
@@ -55,21 +55,15 @@ class PlanOptions:
     ] = None
     minutes: Annotated[
         float,
-        typer.Option(
-            "--minutes",
-            parser=quantity("--minutes", "min", '"0.3 h"', above=0, most=240),
-            metavar="TIME",
-            help="From standing before to standing after the flight, two minutes on the ground included. Four hours"
-            " take half a minute to plan.",
+        Quantity("--minutes", "min", '"0.3 h"', above=0, most=240).as_option(
+            "From standing before to standing after the flight, two minutes on the ground included. Four hours"
+            " take half a minute to plan."
         ),
     ] = 21.0
     wind_kt: Annotated[
         float,
-        typer.Option(
-            "--wind-kt",
-            parser=quantity("--wind-kt", "kt", '"5 m/s"', least=0, most=40),
-            metavar="SPEED",
-            help="Wind at 6 m above the ground, which makes the turbulence.",
+        Quantity("--wind-kt", "kt", '"5 m/s"', least=0, most=40).as_option(
+            "Wind at 6 m above the ground, which makes the turbulence."
         ),
     ] = 5.0
     question: Annotated[QuestionName, typer.Option("--question", help="What is to be known as well as possible.")] = (
@@ -78,49 +72,35 @@ class PlanOptions:
     pilot: Annotated[PilotKind, typer.Option("--pilot", help="Who flies.")] = PilotKind.LINE_OF_SIGHT
     leg_m: Annotated[
         float | None,
-        typer.Option(
-            "--leg",
-            parser=quantity("--leg", "m", '"1500 ft"', least=100, most=20000),
-            metavar="LENGTH",
-            help=f"Longest straight flight; default: {LEG.length_m[0]:.0f} m in line of sight,"
-            f" {LEG.length_m[1]:.0f} m with an autopilot.",
+        Quantity("--leg", "m", '"1500 ft"', least=100, most=20000).as_option(
+            f"Longest straight flight; default: {LEG.length_m[0]:.0f} m in line of sight,"
+            f" {LEG.length_m[1]:.0f} m with an autopilot."
         ),
     ] = None
     height_m: Annotated[
         float,
-        typer.Option(
-            "--height",
-            parser=quantity("--height", "m", '"130 ft"', least=25, most=1000),
-            metavar="HEIGHT",
-            help="Above the ground. Vertical gusts are as long as this: low flight averages them sooner, but leaves"
+        Quantity("--height", "m", '"130 ft"', least=25, most=1000).as_option(
+            "Above the ground. Vertical gusts are as long as this: low flight averages them sooner, but leaves"
             " less room for a stall.",
+            "HEIGHT",
         ),
     ] = 40.0
     side_m: Annotated[
         float | None,
-        typer.Option(
-            "--side",
-            parser=quantity("--side", "m", '"300 ft"', least=10, most=20000),
-            metavar="LENGTH",
-            help="Room for the turns to each side of the legs, in still air; default: what the turns need.",
+        Quantity("--side", "m", '"300 ft"', least=10, most=20000).as_option(
+            "Room for the turns to each side of the legs, in still air; default: what the turns need."
         ),
     ] = None
     load_factor: Annotated[
         float,
-        typer.Option(
-            "--load-factor",
-            parser=quantity("--load-factor", "", "1.7", above=1.2, most=2.0),
-            metavar="NUMBER",
-            help="Largest load factor while porpoising; the smallest is as far below 1.",
+        Quantity("--load-factor", "", "1.7", above=1.2, most=2.0).as_option(
+            "Largest load factor while porpoising; the smallest is as far below 1."
         ),
     ] = 2.0
     stall_mps: Annotated[
         float | None,
-        typer.Option(
-            "--stall",
-            parser=quantity("--stall", "m/s", '"20 kt"', above=0, most=100),
-            metavar="SPEED",
-            help="Stall speed, wings level; default: that of a largest lift coefficient of 1.2.",
+        Quantity("--stall", "m/s", '"20 kt"', above=0, most=100).as_option(
+            "Stall speed, wings level; default: that of a largest lift coefficient of 1.2."
         ),
     ] = None
     after: Annotated[
@@ -133,20 +113,14 @@ class PlanOptions:
     ] = None
     heading_deg: Annotated[
         float | None,
-        typer.Option(
-            "--heading",
-            parser=quantity("--heading", "deg", '"1.2 rad"', least=-360, most=360),
-            metavar="DIRECTION",
-            help="Of the legs [deg]; with it the card has a map. A mission without it has them to the north.",
+        Quantity("--heading", "deg", '"1.2 rad"', least=-360, most=360).as_option(
+            "Of the legs [deg]; with it the card has a map. A mission without it has them to the north."
         ),
     ] = None
     wind_from_deg: Annotated[
         float | None,
-        typer.Option(
-            "--wind-from",
-            parser=quantity("--wind-from", "deg", '"4.7 rad"', least=0, most=360),
-            metavar="DIRECTION",
-            help="Where the wind comes from [deg], with --heading; default: 50 degrees to the left of the first leg.",
+        Quantity("--wind-from", "deg", '"4.7 rad"', least=0, most=360).as_option(
+            "Where the wind comes from [deg], with --heading; default: 50 degrees to the left of the first leg."
         ),
     ] = None
     firmware: Annotated[Firmware, typer.Option("--firmware", help="Of the mission.")] = Firmware.PX4

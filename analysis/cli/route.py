@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 import typer
 
 from flightpower.analysis.options import ReplaceOption
-from flightpower.flight.command_line import ExitCode, application, quantity, run, takes_options
+from flightpower.flight.command_line import ExitCode, Quantity, application, run, takes_options
 from flightpower.flight.errors import InputError
 from flightpower.flight.files import check_new_file, write_file
 
@@ -29,20 +29,14 @@ class StallOptions:
 
     stall_mps: Annotated[
         float | None,
-        typer.Option(
-            "--stall",
-            parser=quantity("--stall", "m/s", '"20 kt"', above=0, most=100),
-            metavar="SPEED",
-            help="Stall speed (equivalent airspeed); default: of the largest lift coefficient of the flight.",
+        Quantity("--stall", "m/s", '"20 kt"', above=0, most=100).as_option(
+            "Stall speed (equivalent airspeed); default: of the largest lift coefficient of the flight."
         ),
     ] = None
     stall_margin: Annotated[
         float,
-        typer.Option(
-            "--stall-margin",
-            parser=quantity("--stall-margin", "", "1.2", least=1, most=3),
-            metavar="NUMBER",
-            help="No airspeed is below this many stall speeds.",
+        Quantity("--stall-margin", "", "1.2", least=1, most=3).as_option(
+            "No airspeed is below this many stall speeds."
         ),
     ] = 1.2
 
@@ -63,11 +57,8 @@ class RouteOptions(StallOptions):
     ] = None
     wind_sd_mps: Annotated[
         float,
-        typer.Option(
-            "--wind-sd",
-            parser=quantity("--wind-sd", "m/s", '"3 kt"', least=0, most=20),
-            metavar="SPEED",
-            help="Standard deviation of each component of the mean wind; the default is that of a forecast.",
+        Quantity("--wind-sd", "m/s", '"3 kt"', least=0, most=20).as_option(
+            "Standard deviation of each component of the mean wind; the default is that of a forecast."
         ),
     ] = 1.5
     speed: Annotated[
@@ -88,38 +79,22 @@ class RouteOptions(StallOptions):
     ] = None
     health: Annotated[
         float,
-        typer.Option(
-            "--health",
-            parser=quantity("--health", "%", '"85 %"', above=0, most=100),
-            metavar="SHARE",
-            help="Capacity left of an aged battery [%].",
-        ),
+        Quantity("--health", "%", '"85 %"', above=0, most=100).as_option("Capacity left of an aged battery [%]."),
     ] = 100.0
     health_sd: Annotated[
         float,
-        typer.Option(
-            "--health-sd",
-            parser=quantity("--health-sd", "%", '"3 %"', least=0, most=50),
-            metavar="SHARE",
-            help="Its standard deviation [%].",
-        ),
+        Quantity("--health-sd", "%", '"3 %"', least=0, most=50).as_option("Its standard deviation [%]."),
     ] = 4.0
     resistance_ohm: Annotated[
         float,
-        typer.Option(
-            "--resistance",
-            parser=quantity("--resistance", "ohm", '"40 mohm"', least=0, most=10),
-            metavar="RESISTANCE",
-            help="Of the battery; its loss then counts, at the voltage of --battery-Wh.",
+        Quantity("--resistance", "ohm", '"40 mohm"', least=0, most=10).as_option(
+            "Of the battery; its loss then counts, at the voltage of --battery-Wh."
         ),
     ] = 0.0
     climb_mps: Annotated[
         float | None,
-        typer.Option(
-            "--climb",
-            parser=quantity("--climb", "m/s", '"300 ft/min"', above=0, most=100),
-            metavar="SPEED",
-            help="Largest rate of climb and descent; default: 0.3 of the stall speed.",
+        Quantity("--climb", "m/s", '"300 ft/min"', above=0, most=100).as_option(
+            "Largest rate of climb and descent; default: 0.3 of the stall speed."
         ),
     ] = None
     weight_N: Annotated[
@@ -145,56 +120,38 @@ class RouteOptions(StallOptions):
     ] = None
     height_m: Annotated[
         float,
-        typer.Option(
-            "--height",
-            parser=quantity("--height", "m", '"300 ft"', least=0, most=5000),
-            metavar="HEIGHT",
-            help="Above home, of legs and of lines without heights.",
+        Quantity("--height", "m", '"300 ft"', least=0, most=5000).as_option(
+            "Above home, of legs and of lines without heights.", "HEIGHT"
         ),
     ] = 100.0
     elevation_m: Annotated[
         float | None,
-        typer.Option(
-            "--elevation",
-            parser=quantity("--elevation", "m", '"1500 ft"', least=-500, most=6000),
-            metavar="HEIGHT",
-            help="Of home above sea level; default: the air of the results.",
+        Quantity("--elevation", "m", '"1500 ft"', least=-500, most=6000).as_option(
+            "Of home above sea level; default: the air of the results.", "HEIGHT"
         ),
     ] = None
     temperature_K: Annotated[
         float | None,
-        typer.Option(
-            "--temperature",
-            parser=quantity("--temperature", "K", '"20 degC"', least=220, most=330),
-            metavar="TEMPERATURE",
-            help="At home; default: of the results, or the standard one at --elevation.",
+        Quantity("--temperature", "K", '"20 degC"', least=220, most=330).as_option(
+            "At home; default: of the results, or the standard one at --elevation."
         ),
     ] = None
     idle_W: Annotated[
         float | None,
-        typer.Option(
-            "--idle-power",
-            parser=quantity("--idle-power", "W", '"8 W"', least=0, most=1000),
-            metavar="POWER",
-            help="Drawn with the motor off; default: of the results of an autopilot's log, else 0.",
+        Quantity("--idle-power", "W", '"8 W"', least=0, most=1000).as_option(
+            "Drawn with the motor off; default: of the results of an autopilot's log, else 0."
         ),
     ] = None
     power_sd: Annotated[
         float,
-        typer.Option(
-            "--power-sd",
-            parser=quantity("--power-sd", "%", '"2 %"', least=0, most=50),
-            metavar="SHARE",
-            help="Standard deviation of the mean power of the route about that of steady flight [%]: gusts, control.",
+        Quantity("--power-sd", "%", '"2 %"', least=0, most=50).as_option(
+            "Standard deviation of the mean power of the route about that of steady flight [%]: gusts, control."
         ),
     ] = 3.0
     sure: Annotated[
         float,
-        typer.Option(
-            "--sure",
-            parser=quantity("--sure", "%", '"99 %"', least=50, most=99.8),
-            metavar="PROBABILITY",
-            help="Probability that counts as safe [%].",
+        Quantity("--sure", "%", '"99 %"', least=50, most=99.8).as_option(
+            "Probability that counts as safe [%].", "PROBABILITY"
         ),
     ] = 95.0
 
@@ -287,9 +244,9 @@ def _asked_speed(text: str) -> "Speed | Objective | None":
     if text in set(Objective):
         return Objective(text)
     words = ", ".join(SpeedChoice)
-    wanted = quantity("--speed", "m/s", '"30 kt"', above=0, most=200)
+    wanted = Quantity("--speed", "m/s", '"30 kt"', above=0, most=200)
     try:
-        return Speed(wanted(text))
+        return Speed(wanted.parse(text))
     except InputError:
         raise InputError(f'--speed {text}: should be one of {words}, or an airspeed such as "17 m/s"') from None
 

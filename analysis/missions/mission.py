@@ -10,7 +10,7 @@ from math import atan2, cos, degrees, hypot, radians, sin
 from typing import NamedTuple
 
 from flightpower.analysis.missions.items import Start
-from flightpower.flight.command_line import quantity
+from flightpower.flight.command_line import Quantity
 from flightpower.flight.errors import InputError
 from flightpower.flight.units import EARTH_RADIUS_M, GRAVITY_MPS2, to_si, weight_to_N
 
@@ -196,7 +196,7 @@ def parse_wind(text: str, sd_mps: float) -> Wind:
         return Wind(0.0, 0.0, sd_mps)
     if not found:
         raise InputError(f'--wind {text}: should be speed and direction it comes from, such as "5 m/s from 270 deg"')
-    speed_mps = quantity("--wind, its speed", "m/s", '"10 kt"', least=0, most=40)(found["speed"])
+    speed_mps = Quantity("--wind, its speed", "m/s", '"10 kt"', least=0, most=40).parse(found["speed"])
     direction = _degrees(found["direction"], f"--wind {text}", "direction")
     return Wind(-speed_mps * sin(radians(direction)), -speed_mps * cos(radians(direction)), sd_mps)
 
