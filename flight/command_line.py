@@ -18,7 +18,7 @@ from typing import Annotated, Any, TypeVar, get_type_hints
 import typer
 
 from flightpower.flight.errors import STORAGE_FAILS, InputError, StorageError
-from flightpower.flight.units import to_si
+from flightpower.flight.units import number_or_nan, to_si
 from flightpower.flight.version import version
 
 Record = TypeVar("Record")
@@ -234,18 +234,11 @@ def numbers_and_unit(text: str, option: str, example: str) -> tuple[list[str], s
     is missing.
     """
     *numbers, unit = text.replace(",", " ").split() or [""]
-    wrong = [word for word in numbers if word != "-" and not _is_number(word)]
-    if wrong or (unit and not numbers) or _is_number(unit):
+    wrong = [word for word in numbers if word != "-" and not math.isfinite(number_or_nan(word))]
+    if wrong or (unit and not numbers) or math.isfinite(number_or_nan(unit)):
         what = f"{wrong[0]!r} is no number" if wrong else "numbers and their unit are needed"
         raise InputError(f"{option} {text!r}: {what}, such as {example}")
     return numbers, unit
-
-
-def _is_number(word: str) -> bool:
-    try:
-        return math.isfinite(float(word))
-    except ValueError:
-        return False
 
 
 def _si_or_nan(text: str, unit: str) -> float:

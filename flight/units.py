@@ -57,6 +57,15 @@ UNIT_OF_SUFFIX = {
     "fraction": "dimensionless",
 }
 
+
+def number_or_nan(value: Any) -> float:
+    """A number, or a text of one, as a float; NaN where it is neither."""
+    try:
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
+        return math.nan
+
+
 # SI units of a text in these units, and the exact factor.
 COMMON_UNITS: Mapping[str, tuple[str, float]] = types.MappingProxyType(
     {

@@ -16,6 +16,7 @@ from flightpower.analysis.curve import Condition, lift_coefficient
 from flightpower.analysis.records.flight import Results
 from flightpower.flight.arrays import Array
 from flightpower.flight.errors import InputError
+from flightpower.flight.units import number_or_nan
 
 # Names of a column, the most specific first: XFLR5 calls the rolling moment Cl, and its old versions the drag TCd.
 LIFT, DRAG = ("CL", "C_L", "CLtot", "cl"), ("CD", "C_D", "CDtot", "TCd", "cd")
@@ -49,7 +50,7 @@ def read_predicted_polar(path: Path) -> PredictedPolar:
             f"{path}: the polar of an airfoil, which has no induced drag; export that of the whole aircraft, in XFLR5"
             " that of a plane"
         )
-    cases = sorted((_number(lift), _number(drag)) for lift, drag in AVL_CASE.findall(text))
+    cases = sorted((number_or_nan(lift), number_or_nan(drag)) for lift, drag in AVL_CASE.findall(text))
     pairs = cases or _table(text.splitlines())
     points = np.array([pair for pair in pairs if np.isfinite(pair).all()]).reshape(-1, 2)
     if not len(points):
@@ -81,7 +82,7 @@ def _table(lines: Sequence[str]) -> list[tuple[float, float]]:
             if lift in row:
                 break
             if len(row) > max(columns):
-                pairs.append((_number(row[columns[0]]), _number(row[columns[1]])))
+                pairs.append((number_or_nan(row[columns[0]]), number_or_nan(row[columns[1]])))
         return pairs
     return []
 
@@ -89,13 +90,6 @@ def _table(lines: Sequence[str]) -> list[tuple[float, float]]:
 def _cells(line: str) -> list[str]:
     separator = next((one for one in (",", ";", "\t") if one in line), None)
     return [cell.strip().strip('"') for cell in line.split(separator)]
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return np.nan
 
 
 def check_of_aircraft(polar: PredictedPolar, aspect_ratio: float) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flightpower.analysis.sources.mat_file import read_mat
+from flightpower.flight.units import number_or_nan
 
 CLOCKS = ("TimeUS", "TimeMS", "T")  # of messages: one of them tells a log from another structure
 LABEL = "_label"
@@ -56,7 +57,7 @@ def _columns(value: Any, labels: Any) -> dict[str, NDArray[Any]]:
     if isinstance(value, np.ndarray) and value.ndim == 1 and (value.dtype == object or labels is not None):
         value = value[None]  # one message, or one parameter
     if isinstance(value, np.ndarray) and value.dtype == object and value.ndim == 2 and value.shape[1] == 2:
-        return {"Name": _texts(value[:, 0]), "Value": np.array([_number(x) for x in value[:, 1]])}
+        return {"Name": _texts(value[:, 0]), "Value": np.array([number_or_nan(x) for x in value[:, 1]])}
     if isinstance(value, np.ndarray) and value.ndim == 2 and value.dtype.kind in "fiu" and labels is not None:
         given = np.atleast_1d(labels)
         names = [_text(name).strip() for name in given] if given.shape == value.shape[1:] else []
@@ -82,10 +83,3 @@ def _texts(values: Any) -> NDArray[np.bytes_]:
 def _text(value: Any) -> str:
     """A text; nothing for the cells and matrices of a damaged file, which take NumPy long to print."""
     return str(value) if isinstance(value, str | int | float) else ""
-
-
-def _number(value: Any) -> float:
-    try:
-        return float(value)
-    except (TypeError, ValueError):
-        return float("nan")

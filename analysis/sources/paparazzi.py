@@ -30,6 +30,7 @@ from flightpower.flight.arrays import Array
 from flightpower.flight.atmosphere import pressure_at
 from flightpower.flight.errors import InputError
 from flightpower.flight.formats import GZIP_MAGIC
+from flightpower.flight.units import number_or_nan
 
 Table = Mapping[str, Array]
 
@@ -110,7 +111,9 @@ def all_channels(path: Path) -> AllChannels:
     try:
         for words in _lines(path):
             if len(words) > 3:
-                rows[words[2].decode("ascii", "replace")].append([_number(word) for word in (words[0], *words[3:])])
+                rows[words[2].decode("ascii", "replace")].append(
+                    [number_or_nan(word) for word in (words[0], *words[3:])]
+                )
     except (OSError, EOFError) as error:
         raise InputError(f"{path}: cannot be read ({error})") from None
     found: dict[str, Callable[[], Channel]] = {}
@@ -122,13 +125,6 @@ def all_channels(path: Path) -> AllChannels:
                 name = names[i] if i < len(names) else i + 1
                 found[f"{message}.{name}"] = partial(channel, table[0], column)
     return found
-
-
-def _number(word: bytes) -> float:
-    try:
-        return float(word)
-    except ValueError:
-        return np.nan
 
 
 def _tables(path: Path) -> dict[str, Table]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pymavlink import DFReader
 
 from flightpower.analysis.sources.dataflash import Form
+from flightpower.flight.units import number_or_nan
 
 TEXTS, ARRAYS = "nNZ", "a"  # codes of fields
 
@@ -63,7 +64,7 @@ class TextLog:
             if code in TEXTS:
                 out[field] = np.array([str(x).encode("ascii", "replace") for x in values])
             elif code not in ARRAYS:
-                out[field] = np.array([_number(x) for x in values])
+                out[field] = np.array([number_or_nan(x) for x in values])  # a damaged definition has texts
         return out
 
 
@@ -72,12 +73,4 @@ def _value(message: Any, field: str) -> Any:
     try:
         return getattr(message, field)
     except (ValueError, AttributeError, IndexError):
-        return np.nan
-
-
-def _number(value: Any) -> float:
-    """NaN where a damaged definition has a text for a number."""
-    try:
-        return float(value)
-    except (TypeError, ValueError, OverflowError):
         return np.nan
