@@ -79,10 +79,11 @@ def test_what_takes_long_without_its_marker_fails(tmp_path: Path) -> None:
 
 
 def test_a_child_that_still_runs_is_counted() -> None:
-    """As a browser, which ends with the session."""
+    """A browser is one: it ends with the session. What ended is not counted twice."""
     code = "import time\nwhile time.process_time() < 0.3: pass\nprint('done', flush=True); input()"
     before = used_s() - time.process_time()
     with subprocess.Popen([sys.executable, "-S", "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as child:
         assert child.stdout is not None and child.stdout.readline()
         assert used_s() - time.process_time() - before == pytest.approx(0.3, abs=0.1)
         child.kill()
+    assert used_s() - time.process_time() - before == pytest.approx(0.3, abs=0.1)
