@@ -7,7 +7,7 @@ from flightpower.analysis.sources.autopilot import read_autopilot_log
 from flightpower.analysis.sources.readers import installed_readers, read_by, reader_of
 from flightpower.analysis.sources.recognize import autopilot_of
 from flightpower.flight.errors import InputError
-from flightpower.flight.formats import SUFFIXES, Format, format_of
+from flightpower.flight.formats import READ_BY_OTHERS, SUFFIXES, Format, format_of, refusal
 from flightpower.flight.log_reader import Log, read_log
 
 if TYPE_CHECKING:
@@ -45,6 +45,21 @@ def open_source(path: Path, columns: Path | None = None) -> "Log | FlightRecordi
 def has_log_suffix(name: str) -> bool:
     """Whether a file's name is that of a log or a table, also of a compressed one."""
     return Path(name.lower().removesuffix(".gz")).suffix in (*suffixes(), *TABLES)
+
+
+def refuse_non_log(path: Path) -> None:
+    """Look at the first bytes of a file and at its name, before something is begun with it.
+
+    Raises InputError where it is neither a log nor a table, where lists of logs would leave it out, or where it
+    cannot be read.
+    """
+    if format_of(path) not in (Format.DAEMON, *READ_BY_OTHERS) and reader_of(path) is None and not is_table(path):
+        raise refusal(path)
+    if not has_log_suffix(path.name):
+        raise InputError(
+            f"{path}: a log or a table whose name does not say so; rename it to end in"
+            f" {', '.join((*suffixes(), *TABLES))}, or in one of these and .gz"
+        )
 
 
 def is_table(path: Path) -> bool:

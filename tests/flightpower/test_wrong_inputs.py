@@ -46,6 +46,8 @@ WRONG = {
     "flightpower export stood.mcap --to mat -o probe.json": "probe.json: exists already; give --replace",
     "flightpower export stood.mcap --to csv -o flown": "flown: is not empty; give --replace",
     # analyze: the log
+    "flightpower open mine.toml --no-browser": "mine.toml: text, which is not read",
+    "flightpower open binary.bin --no-browser": "binary.bin: a file that begins with the bytes",
     "analyze missing.mcap": "missing.mcap: cannot be read",
     "analyze .": ".: cannot be read, it is a folder; give a log, such as no-probe.mcap",
     "analyze folder": "folder: cannot be read",

@@ -95,10 +95,17 @@ def _listening(port: int) -> socket.socket:
 
 
 def opened_folder(logs: list[Path]) -> tuple[Path, str]:
-    """The folder of the logs, and the name of the first. Raises InputError for a log that is missing or elsewhere."""
+    """The folder of the logs, and the name of the first.
+
+    Raises InputError for a log that is missing or in another folder, and for a file that is no log.
+    """
+    from flightpower.analysis.sources.open import refuse_non_log
+
     for path in logs:
         if not path.exists():
             raise InputError(f"{path}: there is no such log or folder")
+        if path.is_file():
+            refuse_non_log(path)
     if not logs:
         return Path(), ""
     folders = {path if path.is_dir() else path.parent for path in logs}

@@ -1,5 +1,6 @@
 """`flightpower open` as it is called: what it opens, and that it closes with its terminal."""
 
+import gzip
 import os
 import signal
 import subprocess
@@ -16,19 +17,46 @@ from flightpower.analysis.pages.open.command import _read_apart, opened_folder
 from flightpower.analysis.pages.open.flights import open_flight
 from flightpower.analysis.pages.open.runs_flight import RunsFlight
 from flightpower.flight.errors import InputError
+from flightpower.flight.log_index import MAGIC
 from flightpower.flight.log_reader import Log
 
 
 def test_logs_of_one_folder_are_opened_and_others_refused(tmp_path: Path) -> None:
     (tmp_path / "a").mkdir()
     for name in ("one.mcap", "two.mcap", "a/three.mcap"):
-        (tmp_path / name).touch()
+        (tmp_path / name).write_bytes(MAGIC)
     one, two, three = tmp_path / "one.mcap", tmp_path / "two.mcap", tmp_path / "a" / "three.mcap"
     assert opened_folder([one, two]) == (tmp_path, "one.mcap")
     assert opened_folder([tmp_path]) == (tmp_path, "") and opened_folder([]) == (Path(), "")
     for wrong in ([one, three], [tmp_path / "missing.mcap"]):
         with pytest.raises(InputError):
             opened_folder(wrong)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("readme.txt", b"Flights of May.\n", "text, which is not read: logs are"),
+        ("empty.ulg", b"", "the file is empty"),
+        ("photo.mcap", b"\x89PNG\r\n\x1a\n" + bytes(9), "an image, which is not read"),
+        ("flight.txt", b"t_s,v_mps\n0,1\n1,2\n2,3\n", "rename it to end in .mcap"),
+        ("flight.ulg.old", b"ULog\x01\x12\x35" + bytes(9), "rename it to end in .mcap"),
+        ("flight.mcap.gz", gzip.compress(MAGIC), "a compressed file, which is not read: unpack it"),
+    ],
+)
+def test_a_file_that_is_no_log_is_refused_before_a_page_is_served(
+    tmp_path: Path, name: str, content: bytes, message: str
+) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match=message):
+        opened_folder([tmp_path / name])
+
+
+def test_a_packed_log_and_a_table_are_opened(tmp_path: Path) -> None:
+    (tmp_path / "a.ulg.gz").write_bytes(gzip.compress(b"ULog\x01\x12\x35" + bytes(9)))
+    (tmp_path / "b.csv").write_text("t_s,v_mps\n0,1\n1,2\n2,3\n")
+    for name in ("a.ulg.gz", "b.csv"):
+        assert opened_folder([tmp_path / name]) == (tmp_path, name)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="no process is forked elsewhere")
