@@ -329,11 +329,12 @@ def status(
 ) -> None:
     """Serve a page for the phone: recording, sensors, events, logs, last zero and check. It can only be read.
 
-    Everybody who reaches the address can read it. Needs the extra `status` of the package.
+    The address is printed. Everybody who reaches it can read the page. Needs the extra `status` of the package.
 
     \b
-    Example:
+    Examples:
       daq status --config tray.toml --listen 0.0.0.0:8080
+      daq status --config out/tray.toml --file out/status.json     beside `sim fly --real-time --status out/status.json`
     """
     from flightpower.daq.config import load_tray
     from flightpower.daq.status_page import serve, sources_of
@@ -341,7 +342,7 @@ def status(
     host, _, port = listen.rpartition(":")
     if not host or not port.isdigit() or not 0 < int(port) < 65536:
         raise InputError(f"--listen {listen}: write HOST:PORT, such as 0.0.0.0:8080")
-    serve(sources_of(load_tray(config), file), host, int(port))
+    serve(sources_of(load_tray(config), file), host, int(port), show=lambda lines: print(lines, flush=True))
 
 
 @app.command(short_help="Print an example tray file, or check one.")

@@ -8,6 +8,7 @@ import msgspec
 
 from flightpower.daq.plausibility import Values
 from flightpower.daq.sensor_health import SensorState
+from flightpower.daq.terminal import print_error
 from flightpower.flight.messages import Event, State
 
 LATEST_EVENTS = 20
@@ -150,15 +151,19 @@ class StatusFile:
     def __init__(self, path: Path):
         self._path = path
         self._events: deque[Event] = deque(maxlen=LATEST_EVENTS)
+        self._failed = False
 
     def add(self, event: Event) -> None:
         self._events.appendleft(event)
 
     def write(self, status: RecordingStatus) -> None:
-        """Replace the file. A file that cannot be written costs the status page, not the recording."""
+        """Replace the file. Where it cannot be written, the page is lost, not the recording; stderr says so once."""
         beside = self._path.with_name(f"{self._path.name}.new")
         try:
             beside.write_bytes(msgspec.json.encode(PublishedStatus(status=status, events=list(self._events))))
             beside.replace(self._path)
-        except OSError:
-            return
+        except OSError as error:
+            if not self._failed:
+                cause = error.strerror or error
+                print_error(f"{self._path}: the status cannot be written ({cause}); recording goes on without it")
+            self._failed = True

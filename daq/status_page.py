@@ -4,8 +4,10 @@ A WSGI application (PEP 3333) that only reads: the status file of the daemon, th
 the last `daq zero` and `daq check`. It runs in a process of its own.
 """
 
+import socket
 import time
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from datetime import UTC, datetime
 from html import escape
 from pathlib import Path
@@ -187,13 +189,29 @@ def _section(title: str, rows: list[Row]) -> str:
     return f"<h2>{escape(title)}</h2><table>{cells}</table>" if rows else ""
 
 
-def serve(sources: Sources, host: str, port: int) -> None:
-    """Serve the page until the process ends. Raises InputError without the server, or if the address is not free."""
+def serve(sources: Sources, host: str, port: int, *, show: Callable[[str], None]) -> None:
+    """Serve the page until the process ends. show : receives the address, in lines for the user
+
+    Raises InputError without the server, or if the address is not free.
+    """
     try:
         import waitress  # type: ignore[import-untyped]
     except ImportError:
         raise InputError("the status page needs a web server: pip install 'flightpower[status]'") from None
     try:
-        waitress.serve(application(sources), host=host, port=port, _quiet=True, **SERVER)
-    except OSError as error:
-        raise InputError(f"{host}:{port}: cannot be listened on ({error.strerror or error})") from None
+        server = waitress.create_server(application(sources), host=host, port=port, **SERVER)
+    except (OSError, ValueError) as error:  # the latter for a name that has no address
+        cause = error.strerror if isinstance(error, OSError) else None
+        raise InputError(f"{host}:{port}: cannot be listened on ({cause or error})") from None
+    show(f"http://{_reachable(host)}:{port}/\nThe status page is served until Ctrl-C.")
+    server.run()
+
+
+def _reachable(host: str) -> str:
+    """The host by which a browser reaches the page: of an address that means all networks, that of the outward one."""
+    if host not in ("0.0.0.0", "::", "[::]"):
+        return f"[{host}]" if ":" in host and not host.startswith("[") else host
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as outward, suppress(OSError):
+        outward.connect(("192.0.2.1", 9))  # of nobody (RFC 5737); connecting sends nothing
+        return str(outward.getsockname()[0])
+    return socket.gethostname()

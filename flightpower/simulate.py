@@ -85,6 +85,10 @@ def fly(
         ),
     ] = None,
     real_time: Annotated[bool, typer.Option("--real-time", help="Record in real time.")] = False,
+    status: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="With --real-time: write the state to this file, for `daq status`."),
+    ] = None,
     no_hardware: Annotated[
         bool, typer.Option("--no-hardware", help="Write the log directly, without fake sensors and daemon; faster.")
     ] = False,
@@ -126,6 +130,8 @@ def fly(
         raise InputError("--as excludes --faults and --real-time: the daemon does not record an autopilot's log")
     if recorder is not None and day is not None:
         raise InputError("--as excludes --date: autopilots' logs are simulated without one; leave out --date")
+    if status is not None and not real_time:
+        raise InputError("--status: only a recording in real time has a state to look at; add --real-time")
     traps = faults_of(recorder, log_faults)
     flown_in = world_of(world, errors)
     craft, flight_plan = _aircraft(aircraft, like, installation), flown_in.plan(load_plan(plan), seed)
@@ -152,8 +158,9 @@ def fly(
                     _write_without_hardware(output, sensor_truth, seed, variant, craft, report=report)
                 else:
                     _record(
-                        output, sensor_truth, variant, seed=seed, faults=schedule, real_time=real_time, report=report
-                    )
+                        output, sensor_truth, variant, seed=seed, faults=schedule,
+                        real_time=real_time, status=status, report=report,
+                    )  # fmt: skip
     print(f"{written}: {flight.duration_s:.0f} s of {craft.title}, {flight_plan.title}", file=sys.stderr)
 
 
@@ -184,25 +191,34 @@ def _record(
     seed: int,
     faults: "tuple[Fault, ...]",
     real_time: bool,
+    status: Path | None,
     report: Report,
 ) -> None:
     from flightpower.daq.clock import SystemClock
     from flightpower.daq.config import load_tray
     from flightpower.daq.daemon import record
+    from flightpower.daq.recording_status import StatusFile
     from flightpower.hw_fakes.clock import SimulatedClock
     from flightpower.hw_fakes.tray import FakeTray
 
     clock = SystemClock() if real_time else SimulatedClock(unix_at_start_ns=_believed_unix_ns(variant.utc_at_start))
     start_ns = clock.now_ns()
     tray = FakeTray(sensor_truth, clock, seed, variant=variant, faults=faults)
-    recording = record(
-        load_tray(output / TRAY),
-        buses=tray,
-        clock=clock,
-        log_path=output / LOG,
-        until_ns=start_ns + int(sensor_truth.duration_s * 1e9),
-        progress=report,
-    )
+    status_file = StatusFile(status) if status else None
+    try:
+        recording = record(
+            load_tray(output / TRAY),
+            buses=tray,
+            clock=clock,
+            log_path=output / LOG,
+            until_ns=start_ns + int(sensor_truth.duration_s * 1e9),
+            progress=report,
+            report=status_file.write if status_file else None,
+            on_event=status_file.add if status_file else None,
+        )
+    finally:
+        if status is not None:
+            status.unlink(missing_ok=True)  # the page then says that nothing records
     if recording.write_error:
         raise StorageError(f"{output / LOG}: cannot be written ({recording.write_error})")
 

@@ -3,23 +3,30 @@
 import shutil
 import socket
 import subprocess
+import sys
 import threading
+from importlib import resources
+from urllib.request import urlopen
 
 import msgspec
 import pytest
 import waitress
 from test_daemon import SteadySensorTruth, default_tray
 
+from flightpower.daq.config import load_tray
 from flightpower.daq.daemon import record
 from flightpower.daq.recording_status import RecordingState, RecordingStatus, StatusFile
 from flightpower.daq.sensor_health import SensorState
-from flightpower.daq.status_page import SERVER, application, page, sources_of
+from flightpower.daq.status_page import SERVER, _reachable, application, page, sources_of
 from flightpower.daq.still_air_zero import FORMAT, Zero
 from flightpower.flight.messages import Event
 from flightpower.hw_fakes.clock import SimulatedClock
 from flightpower.hw_fakes.faults import Fault
-from flightpower.hw_fakes.tray import FakeTray
+from flightpower.hw_fakes.tray import FakeTray, TrayVariant
+from flightpower.sim.output_folder import TRAY
+from flightpower.simulate import _record
 
+EXAMPLE_TRAY = resources.files("flightpower.daq").joinpath("tray.example.toml").read_text("utf-8")
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
 
@@ -93,6 +100,57 @@ def test_connections_that_ask_for_nothing_do_not_shut_others_out(sources):
             connection.close()
         server.close()
     assert answer == b"HTTP/1.0 200"
+
+
+def test_the_command_prints_the_address_at_which_the_page_answers(tmp_path):
+    (tmp_path / "tray.toml").write_text(EXAMPLE_TRAY, "utf-8")
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    command = [sys.executable, "-m", "flightpower.daq", "status", "--config", str(tmp_path / "tray.toml")]
+    arguments = ["--file", str(tmp_path / "absent.json"), "--listen", f"127.0.0.1:{port}"]
+    with subprocess.Popen([*command, *arguments], stdout=subprocess.PIPE, text=True) as served:
+        try:
+            address = served.stdout.readline().strip()
+            assert address == f"http://127.0.0.1:{port}/"
+            with urlopen(address, timeout=20) as answer:
+                assert "The daemon does not run" in answer.read().decode()
+        finally:
+            served.terminate()
+
+
+def test_a_simulated_flight_shows_its_state_while_it_is_recorded(tmp_path):
+    """Away from a Pi: the same file as that of `daq run --status`, and none once the flight has ended."""
+    (tmp_path / TRAY).write_text(EXAMPLE_TRAY, "utf-8")
+    flight, shown = SteadySensorTruth(), []
+    flight.duration_s = 4.0
+    sources = sources_of(load_tray(tmp_path / TRAY), tmp_path / "status.json")
+
+    def look(elapsed_s: float) -> None:
+        if sources.status.exists():
+            shown.append(page(sources, now_s(sources)))
+
+    _record(
+        tmp_path, flight, TrayVariant(), seed=0, faults=(), real_time=False, status=sources.status, report=look
+    )  # fmt: skip
+    assert shown and "recording 0 min, 25 Hz" in shown[-1] and "info</td>" in shown[-1]
+    assert not sources.status.exists()
+
+
+def test_an_address_of_all_networks_is_shown_as_one_that_a_browser_reaches():
+    assert _reachable("0.0.0.0") not in ("0.0.0.0", "")
+    assert _reachable("192.168.4.1") == "192.168.4.1" and _reachable("::1") == "[::1]"
+
+
+def test_a_state_that_cannot_be_written_is_reported_once(tmp_path, capsys):
+    file = StatusFile(tmp_path / "absent" / "status.json")
+    status = RecordingStatus(
+        state=RecordingState.RECORDING, log="log-0001.mcap", elapsed_s=1.0, ticks=25, missed=0, rate_Hz=25.0,
+        free_bytes=None, error="", sensors={}, slow=[],
+    )  # fmt: skip
+    for _ in range(3):
+        file.write(status)
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1 and "absent/status.json: the status cannot be written (No such file" in lines[0]
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here (Debian: apt-get install chromium)")

@@ -167,6 +167,7 @@ WRONG = {
     "sim fly -o new --probe mine.toml": "mine.toml: not a probe calibration",
     "sim fly -o new --faults mine.toml": "mine.toml: only [[fault]] tables",
     "sim fly -o new --faults folder": "folder: cannot be read",
+    "sim fly -o new --status state.json": "--status: only a recording in real time has a state",
     "sim fly -o new --no-hardware --real-time": "--no-hardware excludes",
     "sim fly -o empty.txt": "empty.txt: not a folder",
     "sim fly -o empty.txt/new": "cannot be written",
