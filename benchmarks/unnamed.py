@@ -39,6 +39,7 @@ from flightpower.flight.errors import InputError
 from flightpower.flight.log_reader import Log, read_log
 from flightpower.flight.propeller import Propeller, Row
 from flightpower.flight.propeller_files import load_propeller
+from flightpower.sim.defects import Defects
 from flightpower.sim.fly import fly
 from flightpower.sim.output_folder import write_flight
 from flightpower.sim.plan import load_plan
@@ -306,11 +307,13 @@ def whole_pulses(log: Log) -> None:
 @dataclass(frozen=True)
 class Defect:
     """title : one sentence     deviations : of the aircraft that flies     sensors : in place of the flight's own
+    installed : values of `sim.defects.Defects`
     propeller : that is flown, from the table that the analysis has     folds : its blades, beyond zero thrust
     recorded : changes the log in memory"""
 
     title: str
     deviations: Mapping[str, float] | None = None
+    installed: Mapping[str, float] | None = None
     sensors: Callable[[FlightSensorTruth], Any] = Sensors
     propeller: Callable[[Propeller], Propeller] | None = None
     folds: bool = False
@@ -342,6 +345,15 @@ DEFECTS: Mapping[str, Defect] = {
     "wandering-gps-clock": Defect("GPS between 0 and 1 s late", sensors=WanderingGpsClock),
     "slow-static": Defect("static pressure 3 s late", sensors=SlowStatic),
     "warm-start": Defect("12 K too warm at power-on", sensors=WarmStart),
+    "unscaled-imu": Defect(
+        "all of the IMU reads 2 % more", installed={"imu_gyro_scale": 0.02, "imu_accelerometer_scale": 0.02}
+    ),
+    "unscaled-gyro": Defect("gyros read 2 % more", installed={"imu_gyro_scale": 0.02}),
+    "turned-imu": Defect(
+        "IMU turned by 3 deg about each axis",
+        installed=dict.fromkeys(("imu_roll_rad", "imu_pitch_rad", "imu_yaw_rad"), np.radians(3.0)),
+    ),
+    "bending-boom": Defect("the boom bends by 1 deg under 1 g", installed={"boom_bending_rad": np.radians(1.0)}),
     # Not looked at before the study.
     "late-gyro": Defect("gyros 0.1 s late, accelerometers not", sensors=LateGyro),
     "uneven-accelerometer": Defect("6 % more of a positive force along the body", sensors=UnevenAccelerometer),
@@ -368,6 +380,7 @@ class Job(NamedTuple):
 def flown(job: Job, folder: Path) -> Path:
     """Flies and records into a folder; the log."""
     defect, world = DEFECTS[job.defect], load_world(WORLD)
+    world = replace(world, errors=replace(world.errors, defects=Defects(**(defect.installed or {}))))
     (folder / "plan.toml").write_text(plan_text(PLAN, job.weather_kt), "utf-8")
     craft, plan = load_complete_aircraft(AIRCRAFT), load_plan(str(folder / "plan.toml"))
     errors = draw(world.errors, job.seed)
@@ -384,7 +397,7 @@ def flown(job: Job, folder: Path) -> Path:
     write_flight(folder, replace(flight, aircraft=craft), errors, world, aircraft=AIRCRAFT, calibration=job.probe)
     _write_without_hardware(
         folder, defect.sensors(FlightSensorTruth(flight, errors)), job.seed,
-        _tray_variant(craft, plan.air.time_of_day_s), craft, report=lambda _: None,
+        _tray_variant(craft, None, plan.air.time_of_day_s), craft, report=lambda _: None,
     )  # fmt: skip
     return folder / "log.mcap"
 
