@@ -13,7 +13,7 @@ the flight rejects the priors of its sensor errors (`reconstructed`).
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -28,6 +28,8 @@ from flightpower.analysis.maneuvers.flown import check_lift, flown_condition, fl
 from flightpower.analysis.maneuvers.kinds import Maneuvers
 from flightpower.analysis.maneuvers.runs_file import select
 from flightpower.analysis.sources.axes import check_axes
+from flightpower.analysis.sources.daemon import first_ns, fix_of_log
+from flightpower.analysis.sources.recording import Fix
 from flightpower.analysis.sources.structure import check_decodable, check_log, receiver_notes
 from flightpower.analysis.trajectory.as_measured import path_as_measured
 from flightpower.analysis.trajectory.observability import (
@@ -57,12 +59,14 @@ class Recorded:
 
     replacements : given in place of parts of the log
     contents : aircraft, propeller, calibrations, with the replacements
+    fix : date and place, on a clock that starts with the log
     notes : what the reader of the results has to know, in sentences, in the order in which it came up
     """
 
     log: Log
     replacements: Replacements
     contents: LogContents
+    fix: Fix = field(default_factory=Fix)
     notes: tuple[str, ...] = ()
     progress: Progress = lambda _: None
 
@@ -149,7 +153,8 @@ def recorded(log: Log, replacements: Replacements, progress: Progress = lambda _
     check_decodable(log)
     found = contents(log, replacements)
     notes = (*found.notes, *receiver_notes(log))
-    return Recorded(log=log, replacements=replacements, contents=found, notes=notes, progress=progress)
+    fix = fix_of_log(log, first_ns(log))
+    return Recorded(log=log, replacements=replacements, contents=found, fix=fix, notes=notes, progress=progress)
 
 
 def synchronized(flight: Recorded) -> Measured:
@@ -221,7 +226,7 @@ def flight_path(flight: Measured) -> FlightPath:
     conflict = prior_conflict(trajectory)
     notes = [*of_noise, *conflict_notes(conflict, trajectory)]
     stated = flight.aircraft.has("uncertainty.updraft")
-    by_day = None if stated else updraft_by_day(trajectory, sun_over(flight.log))
+    by_day = None if stated else updraft_by_day(trajectory, sun_over(flight.fix))
     if by_day is not None and by_day.denied:
         conflict = conflict._replace(beyond={**conflict.beyond, "updraft": by_day.z})
         notes.append(by_day.note)
@@ -278,7 +283,7 @@ def _with_updraft(flight: Flown, trajectory: Trajectory, by_day_mps: float) -> t
         return flight, trajectory, []
     t_s = flight.table.index.to_numpy()
     runs_s = [(t_s[run.rows][0], t_s[run.rows][-1]) for run in flight.maneuvers.for_drag]
-    updraft = mean_updraft(trajectory, runs_s, sun_over(flight.log))
+    updraft = mean_updraft(trajectory, runs_s, sun_over(flight.fix))
     lasting_mps = max(updraft.lasting_mps, by_day_mps)
     uncertainty = replace(aircraft.uncertainty, updraft_mps=lasting_mps)
     contents = flight.contents._replace(aircraft=replace(aircraft, uncertainty=uncertainty))

@@ -35,13 +35,10 @@ from flightpower.analysis.results import flight_found
 from flightpower.analysis.results.curves import power_curve
 from flightpower.analysis.results.energy_balance import electrical_curve
 from flightpower.analysis.results.provenance import provenance
-from flightpower.analysis.results.settings import RESULTS
 from flightpower.analysis.trajectory.consistency import Consistency
 from flightpower.flight.aircraft import Aircraft
 from flightpower.flight.atmosphere import SEA_LEVEL_DENSITY
-from flightpower.flight.log_reader import Log
 from flightpower.flight.propeller import Propeller
-from flightpower.flight.satellite_time import satellites_minus_log_time_ns
 from flightpower.flight.version import version
 
 
@@ -126,7 +123,7 @@ def _pooling(flight: Estimated) -> PoolingStatistics | None:
         flight.drag.main, flight.drag.flown_CL, flight.aircraft, flight.propeller, flight.contents.calibrations
     )
     return statistics and msgspec.structs.replace(
-        statistics, start_unix_s=start_unix_s(flight.log), battery_V=mean_battery_V(flight.rows_flown)
+        statistics, start_unix_s=flight.fix.unix_at_zero_s, battery_V=mean_battery_V(flight.rows_flown)
     )
 
 
@@ -167,15 +164,6 @@ def pooling_statistics(
             + (msgspec.json.encode(calibrations.transducers) if calibrations.transducers else b"")
         ),
     )
-
-
-def start_unix_s(log: Log) -> float | None:
-    """Time of the first message by the satellites, else by the computer; None where its clock had not been set."""
-    start_ns = min(entries[0].time_ns for entries in log.entries.values() if entries)
-    ahead_ns = satellites_minus_log_time_ns(log)
-    if ahead_ns is not None:
-        return (start_ns + ahead_ns) / 1e9
-    return start_ns / 1e9 if start_ns / 1e9 > RESULTS.clock_set_unix_s else None
 
 
 def mean_battery_V(rows_flown: pd.DataFrame) -> float | None:

@@ -10,8 +10,7 @@ from flightpower.analysis.records.flight import Clock, ImplausibleReadings, Prov
 from flightpower.analysis.sources.recording import Fix, FlightRecording
 from flightpower.flight.log_entries import STATUS_CODE
 from flightpower.flight.log_reader import Log
-from flightpower.flight.messages import Comparison, Event, Gps, Status, Tick
-from flightpower.flight.satellite_time import satellites_minus_log_time_ns
+from flightpower.flight.messages import Comparison, Event, Status, Tick
 from flightpower.flight.shipped_propellers import FOLDER, shipped_propellers
 
 FAULTS = (Status.FAULT, Status.SATURATED, Status.NO_REPLY, Status.TIMEOUT, Status.CORRUPT, Status.WRONG_DEVICE)
@@ -32,9 +31,7 @@ def provenance(flight: Recorded, runs_file: Path | None, command_line: str) -> P
     log, contents, replacements = flight.log, flight.contents, flight.replacements
     ends_ns = [(entries[0].time_ns, entries[-1].time_ns) for entries in log.entries.values() if entries]
     start_ns, end_ns = min(start for start, _ in ends_ns), max(end for _, end in ends_ns)
-    start_utc, clock = _start(log, start_ns)
-    fixes = (entry.message for entry in log.entries.get("/gps", []) if isinstance(entry.message, Gps))
-    fix = next((fix for fix in fixes if fix.latitude_deg is not None), None)
+    start_utc, clock = _start(flight.fix, 0.0)
     ticks = [entry.message for entry in log.entries.get("/daq/tick", []) if isinstance(entry.message, Tick)]
     return Provenance(
         command_line=command_line,
@@ -44,9 +41,9 @@ def provenance(flight: Recorded, runs_file: Path | None, command_line: str) -> P
         start_utc=start_utc,
         clock=clock,
         duration_s=(end_ns - start_ns) / 1e9,
-        latitude_deg=fix.latitude_deg if fix else None,
-        longitude_deg=fix.longitude_deg if fix else None,
-        height_msl_m=fix.height_msl_m if fix else None,
+        latitude_deg=flight.fix.latitude_deg,
+        longitude_deg=flight.fix.longitude_deg,
+        height_msl_m=flight.fix.height_msl_m,
         weight_source=_weight_source(replacements),
         files=_files(log, contents, replacements, runs_file),
         ticks=len(ticks) if ticks else None,
@@ -76,8 +73,7 @@ def provenance_of_file(
     fix = recording.fix if recording else Fix()
     ends_s = [(one.t_s[0], one.t_s[-1]) for one in recording.channels.values() if len(one.t_s)] if recording else []
     first_s, last_s = (min(a for a, _ in ends_s), max(b for _, b in ends_s)) if ends_s else (0.0, 0.0)
-    start_utc = None if fix.unix_at_zero_s is None else _iso(round(1e9 * (fix.unix_at_zero_s + first_s)))
-    clock = Clock.NONE if start_utc is None else Clock.SATELLITES if fix.by_satellites else Clock.COMPUTER
+    start_utc, clock = _start(fix, first_s)
     return Provenance(
         command_line=command_line, log_sha256=_sha256_of_file(log), log_bytes=log.stat().st_size, recorded_by="",
         start_utc=start_utc, clock=clock, duration_s=float(last_s - first_s) if ends_s else None,
@@ -86,13 +82,10 @@ def provenance_of_file(
     )  # fmt: skip
 
 
-def _start(log: Log, start_ns: int) -> tuple[str | None, Clock]:
-    """Date and time of the log's start, and the clock that they are from."""
-    offset_ns = satellites_minus_log_time_ns(log)
-    if offset_ns is not None:
-        return _iso(start_ns + offset_ns), Clock.SATELLITES
-    stated = log.metadata.get("flightpower", {}).get("start_unix_ns", "")
-    return (_iso(int(stated)), Clock.COMPUTER) if stated.isdigit() and int(stated) else (None, Clock.NONE)
+def _start(fix: Fix, first_s: float) -> tuple[str | None, Clock]:
+    """Date and time of the first measurement, `first_s` on the recording's clock, and whose clock they are from."""
+    start_utc = None if fix.unix_at_zero_s is None else _iso(round(1e9 * (fix.unix_at_zero_s + first_s)))
+    return start_utc, Clock.NONE if start_utc is None else Clock.SATELLITES if fix.by_satellites else Clock.COMPUTER
 
 
 def _implausible(log: Log, end_ns: int) -> list[ImplausibleReadings]:

@@ -13,7 +13,6 @@ class ResultsSettings(Settings):
     wide: float = setting(
         0.25, "1", "half of an interval over the power: with more, endurance may be a third less or two thirds more"
     )
-    clock_set_unix_s: float = setting(1.5e9, "s", "2017: an earlier time is that of a clock without battery")
 
 
 @dataclass(frozen=True)

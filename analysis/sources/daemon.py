@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from flightpower.analysis.sources.grid import on_grid
 from flightpower.analysis.sources.grid_settings import CHANNELS, STATISTICS
-from flightpower.analysis.sources.recording import AllChannels, Channel, Event, EventKind, without_damage
+from flightpower.analysis.sources.recording import AllChannels, Channel, Event, EventKind, Fix, Position, without_damage
 from flightpower.analysis.sources.resolution import step_of
 from flightpower.flight import runs
 from flightpower.flight.aircraft import Aircraft
@@ -25,6 +25,7 @@ from flightpower.flight.log_entries import NO_ENTRIES, NO_INTEGER, STATUS_CODE, 
 from flightpower.flight.log_reader import Log
 from flightpower.flight.messages import Status
 from flightpower.flight.runs import AIRCRAFT_SIZE
+from flightpower.flight.satellite_time import satellites_minus_log_time_ns
 
 CLIPPED = "at the end of its range"
 
@@ -57,6 +58,34 @@ def field_of(log: Log, topic: str, field: str) -> tuple[Array, Array]:
     good = is_good(entries) & ~np.isnan(value)
     taken_ns = times_ns(entries)[good]
     return (taken_ns - taken_ns[:1]) / 1e9, value[good]
+
+
+def first_ns(log: Log) -> int:
+    """Log time of the first message [ns]."""
+    return min(entries[0].time_ns for entries in log.entries.values() if entries)
+
+
+def fix_of_log(log: Log, start_ns: int) -> Fix:
+    """Date and place of a log by the satellites; the date by the computer where they show none and its clock was set.
+
+    start_ns : log time at zero of the recording's clock
+    """
+    gps = log.entries.get("/gps", NO_ENTRIES)
+    at = np.stack([(times_ns(gps) - start_ns) / 1e9, values(gps, "latitude_deg"), values(gps, "longitude_deg")], axis=1)
+    height = values(gps, "height_msl_m")
+    ends = tuple(Position(*row) for row in at[np.isfinite(at).all(axis=1)].tolist())
+    ends = ends[:1] + ends[-1:]
+    ahead_ns = satellites_minus_log_time_ns(log)
+    unix_s = (start_ns + (ahead_ns or 0)) / 1e9
+    known = ahead_ns is not None or unix_s > CHANNELS.clock_set_unix_s
+    return Fix(
+        unix_at_zero_s=unix_s if known else None,
+        by_satellites=ahead_ns is not None,
+        latitude_deg=ends[0].latitude_deg if ends else None,
+        longitude_deg=ends[0].longitude_deg if ends else None,
+        height_msl_m=next(iter(height[np.isfinite(height)].tolist()), None),
+        ends=ends,
+    )
 
 
 def events(log: Log, start_ns: int) -> list[Event]:

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flightpower.analysis.sources.dataflash import DataflashLog
+from flightpower.analysis.sources.grid_settings import CHANNELS
 from flightpower.flight.errors import InputError
 from flightpower.flight.formats import GZIP_MAGIC, Format, format_of, is_telemetry
 
@@ -149,4 +150,6 @@ def _mcap(path: Path) -> Extent:
         return Extent(LogKind.DAEMON)
     found = summary.statistics
     start_s = found.message_start_time / 1e9
-    return Extent(LogKind.DAEMON, start_s if start_s > 946_684_800 else None, found.message_end_time / 1e9 - start_s)
+    return Extent(
+        LogKind.DAEMON, start_s if start_s > CHANNELS.clock_set_unix_s else None, found.message_end_time / 1e9 - start_s
+    )

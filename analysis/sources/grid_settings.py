@@ -48,6 +48,9 @@ class ChannelSettings(Settings):
     gap: float = setting(
         3.5, "1", "median intervals, beyond which samples are not connected, and the nominal period is not theirs"
     )
+    clock_set_unix_s: float = setting(
+        1e9, "s", "2001: earlier times are of a clock without battery, which begins at 1970, 1980 or 2000"
+    )
 
 
 @dataclass(frozen=True)

@@ -70,11 +70,20 @@ class Event(NamedTuple):
     text: str
 
 
+class Position(NamedTuple):
+    """Where a receiver was at a time of the channels' clock."""
+
+    t_s: float
+    latitude_deg: float
+    longitude_deg: float
+
+
 class Fix(NamedTuple):
     """When and where a receiver was, as far as it says so.
 
     unix_at_zero_s : Unix time at zero of the channels' clock          by_satellites : whether that is a receiver's time
     latitude_deg, longitude_deg, height_msl_m : of its first position
+    ends : its first and its last position, in a log of the daemon; empty without one
     """
 
     unix_at_zero_s: float | None = None
@@ -82,6 +91,7 @@ class Fix(NamedTuple):
     latitude_deg: float | None = None
     longitude_deg: float | None = None
     height_msl_m: float | None = None
+    ends: tuple[Position, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -13,23 +13,19 @@ and their mean over the flight is in the standard error of angle of attack.
 """
 
 import math
-from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 
 from flightpower.analysis.estimation.noise import NORMAL_95
 from flightpower.analysis.settings import EVIDENCE
+from flightpower.analysis.sources.recording import Fix
 from flightpower.analysis.trajectory.observability import against_prior
 from flightpower.analysis.trajectory.reconstruction import Trajectory
 from flightpower.analysis.trajectory.settings import UPDRAFT
 from flightpower.flight.aircraft import Uncertainty
 from flightpower.flight.arrays import Array
 from flightpower.flight.atmosphere import GRAVITY_MPS2
-from flightpower.flight.log_entries import NO_ENTRIES, LogEntry
-from flightpower.flight.log_reader import Log
-from flightpower.flight.messages import Gps
-from flightpower.flight.satellite_time import satellites_minus_log_time_ns
 from flightpower.flight.units import DAY_S
 
 STILL_MPS = Uncertainty().updraft_mps  # before sunrise, in up to 5 m/s of wind
@@ -67,27 +63,12 @@ def sun_elevation(utc_s: float, latitude_rad: float, longitude_rad: float) -> fl
     )
 
 
-def sun_over(log: Log) -> float | None:
-    """Highest elevation of the sun [rad] during a log; None without place or date by satellites."""
-    ahead_ns = satellites_minus_log_time_ns(log)
-    entries = log.entries.get("/gps", NO_ENTRIES)
-    first, last = (_first_place(map(entries.__getitem__, rows)) for rows in _both_ways(len(entries)))
-    if ahead_ns is None or first is None or last is None:
+def sun_over(fix: Fix) -> float | None:
+    """Highest elevation of the sun [rad] at both ends of a flight; None without place or date by satellites."""
+    if fix.unix_at_zero_s is None or not fix.by_satellites or not fix.ends:
         return None
-    return max(sun_elevation((time_ns + ahead_ns) * 1e-9, *place) for time_ns, *place in (first, last))
-
-
-def _both_ways(count: int) -> tuple[range, range]:
-    return range(count), range(count - 1, -1, -1)
-
-
-def _first_place(entries: Iterable[LogEntry]) -> tuple[int, float, float] | None:
-    """Time [ns], latitude and longitude [rad] of the first entry with a place; None without one."""
-    for entry in entries:
-        fix = entry.message
-        if isinstance(fix, Gps) and fix.latitude_deg is not None and fix.longitude_deg is not None:
-            return entry.time_ns, math.radians(fix.latitude_deg), math.radians(fix.longitude_deg)
-    return None
+    ends = [(fix.unix_at_zero_s + t_s, math.radians(lat), math.radians(lon)) for t_s, lat, lon in fix.ends]
+    return max(sun_elevation(*one) for one in ends)
 
 
 def heat_flux_WPM2(sun_rad: float) -> float:

@@ -7,7 +7,7 @@ from importlib import resources
 import pandas as pd
 import pytest
 
-from flightpower.analysis.results.assemble import start_unix_s
+from flightpower.analysis.sources.daemon import first_ns, fix_of_log
 from flightpower.flight.aircraft import aircraft_text
 from flightpower.flight.log_reader import read_log
 from flightpower.sim.truth import read_truth
@@ -86,7 +86,8 @@ def test_a_flight_has_the_date_and_the_installation_s_errors_of_its_aircraft_fil
     for seed in ("1", "2"):
         words = ("--aircraft", "named.toml", "--seed", seed, "--date", f"2026-05-0{seed}")
         assert sim("fly", "-o", seed, "--plan", "short.toml", "--no-hardware", *words)[0] == 0
-        assert start_unix_s(read_log(tmp_path / seed / "log.mcap")) == pytest.approx(
+        log = read_log(tmp_path / seed / "log.mcap")
+        assert fix_of_log(log, first_ns(log)).unix_at_zero_s == pytest.approx(
             datetime(2026, 5, int(seed), 9, 30, tzinfo=UTC).timestamp(), abs=10.0
         )
         drawn.append(read_truth(tmp_path / seed / "truth.parquet")[1]["errors"])

@@ -23,9 +23,9 @@ from flightpower.analysis.methods.whole_flight.flight_table import flight_table
 from flightpower.analysis.methods.whole_flight.settings import BESIDE_A_COMPLETE_LOG
 from flightpower.analysis.sources import recording
 from flightpower.analysis.sources.autopilot_settings import READABLE
-from flightpower.analysis.sources.daemon import events, samples
+from flightpower.analysis.sources.daemon import events, fix_of_log, samples
 from flightpower.analysis.sources.position import places
-from flightpower.analysis.sources.recording import Channel, Fix, FlightRecording, in_order
+from flightpower.analysis.sources.recording import Channel, FlightRecording, in_order
 from flightpower.analysis.sources.rest import ZERO_FILE
 from flightpower.analysis.sources.table import TABLE
 from flightpower.flight.aircraft import Aircraft
@@ -35,7 +35,6 @@ from flightpower.flight.log_entries import NO_ENTRIES
 from flightpower.flight.log_reader import Log
 from flightpower.flight.messages import TOPICS_FOR_DRAG
 from flightpower.flight.propeller import Propeller
-from flightpower.flight.satellite_time import satellites_minus_log_time_ns
 from flightpower.flight.units import GRAVITY_MPS2 as g
 
 CHANNELS = {
@@ -81,17 +80,8 @@ def recording_of(log: Log) -> FlightRecording:
         zeroed=zero_Pa is not None,
         place=_place(log, start_ns),
         events=in_order(events(log, start_ns)),
-        fix=_fix(log, start_ns),
+        fix=fix_of_log(log, start_ns),
     )
-
-
-def _fix(log: Log, start_ns: int) -> Fix:
-    gps = log.entries.get("/gps", NO_ENTRIES)
-    names = ("latitude_deg", "longitude_deg", "height_msl_m")
-    where = (samples(gps, name, start_ns)[1] for name in names)
-    first = (float(x[0]) if len(x) else None for x in where)
-    ahead_ns = satellites_minus_log_time_ns(log)
-    return Fix(None if ahead_ns is None else (start_ns + ahead_ns) / 1e9, True, *first)
 
 
 def _place(log: Log, start_ns: int) -> dict[str, Channel]:

@@ -5,11 +5,8 @@ from pathlib import Path
 import pytest
 
 from flightpower.analysis.air.contents import Replacements, contents
-from flightpower.analysis.results.assemble import start_unix_s
 from flightpower.flight.aircraft import parse_aircraft
-from flightpower.flight.log_entries import NO_ENTRIES, LogEntry, entries_of
 from flightpower.flight.log_reader import Log
-from flightpower.flight.messages import Time
 from flightpower.flight.propeller_files import load_propeller
 
 AIRCRAFT = 'name = "mine"\n[geometry]\nspan = "1.7 m"\nwing_area = "0.46 m^2"\n[mass]\nweight = "4 kg"\n'
@@ -41,18 +38,3 @@ def test_a_name_in_the_tray_file_leaves_what_else_the_aircraft_file_says_of_the_
     found = contents(log, Replacements(parse_aircraft(text, "mine.toml"), load_propeller("apc-12x8e"), probe))
     assert found.aircraft.installation.name == "boom, May"
     assert found.aircraft.installation.accelerometer_vibration_mps2 == (0.1, 0.0, -0.2)
-
-
-def test_the_start_of_a_flight_is_unknown_where_the_clock_was_not_set() -> None:
-    for time_s, start_s in ((1.7e9, 1.7e9), (86400.0, None)):
-        times = [LogEntry(int(time_s * 1e9), 0, Time()), LogEntry(2 * 10**18, 1, Time())]
-        entries = {"/rpm": NO_ENTRIES, "/time": entries_of(times)}
-        assert start_unix_s(Log(Path("flight.mcap"), entries)) == start_s
-
-
-@pytest.mark.parametrize("clock_s", [0.0, 1.6e9], ids=["never set", "a year late"])
-def test_satellites_date_a_flight_whose_computer_did_not_know_the_time(clock_s: float) -> None:
-    """A Raspberry Pi has no battery for its clock, and no network at the field."""
-    started_ns, first_fix_ns, utc_ns = int(clock_s * 1e9), int((clock_s + 40.0) * 1e9), 1_780_000_040 * 10**9
-    times = [LogEntry(started_ns, 0, Time()), LogEntry(first_fix_ns, 1, Time(gps_utc_ns=utc_ns))]
-    assert start_unix_s(Log(Path("flight.mcap"), {"/time": entries_of(times)})) == 1_780_000_000

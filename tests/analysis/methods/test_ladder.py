@@ -188,7 +188,7 @@ def test_at_noon_the_updraft_is_larger_without_a_trajectory_too(flown, path, mon
     record = flight_record(flown.table, path, maneuvers.maneuvers, AIRCRAFT, propeller)
     updraft_mps = []
     for sun_deg in (-5, 60):
-        monkeypatch.setattr(flight, "sun_over", lambda log, sun_deg=sun_deg: np.radians(sun_deg))
+        monkeypatch.setattr(flight, "sun_over", lambda fix, sun_deg=sun_deg: np.radians(sun_deg))
         found = flight.reconstructed(record)
         assert found.trajectory.as_measured
         updraft_mps.append(found.trajectory.eddies_mps)

@@ -15,6 +15,7 @@ from flightpower.analysis.results.files import to_json
 from flightpower.analysis.results.flight_found import autocorrelation, parameter_correlation, track
 from flightpower.analysis.results.previous import replaced
 from flightpower.analysis.results.provenance import provenance
+from flightpower.analysis.sources.daemon import first_ns, fix_of_log
 from flightpower.analysis.sources.structure import receiver_notes
 from flightpower.flight.log_entries import LogEntry, entries_of
 from flightpower.flight.log_reader import Log
@@ -56,7 +57,8 @@ def log(tmp_path: Path) -> Log:
 def made(
     log: Log, command: str = "analyze log.mcap", replacements: Replacements = Replacements(), **held
 ) -> Provenance:
-    return provenance(Recorded(log=log, replacements=replacements, contents=contents(**held)), None, command)
+    fix = fix_of_log(log, first_ns(log))
+    return provenance(Recorded(log=log, replacements=replacements, contents=contents(**held), fix=fix), None, command)
 
 
 def test_date_place_and_health_are_those_of_the_log(log: Log) -> None:
@@ -108,7 +110,7 @@ def test_a_receiver_that_smooths_velocity_is_noted(log: Log, models: list[int | 
 def test_a_log_without_satellites_has_the_computer_s_date_or_none(log: Log) -> None:
     del log.entries["/gps"]
     assert made(log).start_utc is None
-    log.metadata["flightpower"]["start_unix_ns"] = "1463218140000000000"
+    log.entries = {"/imu": entries_of([LogEntry(1_463_218_140_000_000_000, 0, Imu())])}
     assert (made(log).start_utc, made(log).clock) == ("2016-05-14T09:29:00Z", "computer")
 
 

@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 from flights import AirOf, air_of, drawn, flown, tunnel_probe
 
+from flightpower.analysis.sources.recording import Fix, Position
 from flightpower.analysis.trajectory import updraft
 from flightpower.analysis.trajectory.equations import SENSOR_ERRORS
 from flightpower.analysis.trajectory.observability import prior_conflict
@@ -18,7 +19,6 @@ from flightpower.analysis.trajectory.reconstruction import Trajectory, reconstru
 from flightpower.analysis.trajectory.settings import UPDRAFT
 from flightpower.flight.aircraft import Uncertainty
 from flightpower.flight.complete_aircraft import load_complete_aircraft
-from flightpower.flight.messages import Gps
 from flightpower.sim.world import load_world
 
 NOON, DAWN = math.radians(70.0), math.radians(-5.0)
@@ -101,16 +101,17 @@ def test_at_the_ground_the_air_cannot_rise():
     assert updraft.convective_mean(np.zeros((1, 2)), np.zeros(1), 0.0, NOON) == 0
 
 
-def log_with(fixes) -> SimpleNamespace:
-    return SimpleNamespace(entries={"/gps": [SimpleNamespace(time_ns=time_ns, message=fix) for time_ns, fix in fixes]})
-
-
 def test_the_hour_is_that_of_the_satellites_and_not_of_the_computer():
-    noon_ns = int(datetime(2016, 5, 14, 17, 0, tzinfo=UTC).timestamp() * 1e9)
-    fix = Gps(status="ok", latitude_deg=35.773, longitude_deg=-78.674, utc_ns=noon_ns)
-    assert math.degrees(updraft.sun_over(log_with([(10**9, fix)]))) == pytest.approx(72.9, abs=0.1)
-    assert updraft.sun_over(log_with([(noon_ns, Gps(status="ok"))])) is None
-    assert updraft.sun_over(SimpleNamespace(entries={})) is None
+    noon_s = datetime(2016, 5, 14, 17, 0, tzinfo=UTC).timestamp()
+    ends = (Position(0.0, 35.773, -78.674), Position(600.0, 35.773, -78.674))
+    by_satellites = Fix(noon_s, by_satellites=True, ends=ends)
+    assert math.degrees(updraft.sun_over(by_satellites._replace(ends=ends[:1]))) == pytest.approx(72.9, abs=0.1)
+    earlier = by_satellites._replace(unix_at_zero_s=noon_s - 6 * 3600.0)  # the sun rises: at the end it is higher
+    risen_deg = math.degrees(updraft.sun_over(earlier) - updraft.sun_over(earlier._replace(ends=ends[:1])))
+    assert 1.5 < risen_deg < 2.5, "15 degrees an hour, along a path inclined by the latitude"
+    assert updraft.sun_over(by_satellites._replace(ends=())) is None
+    assert updraft.sun_over(by_satellites._replace(by_satellites=False)) is None
+    assert updraft.sun_over(Fix()) is None
 
 
 def test_the_reader_is_told_why_an_interval_is_wider_and_what_is_not_known():
