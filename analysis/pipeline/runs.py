@@ -3,13 +3,10 @@
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from msgspec import structs
-
 from flightpower.analysis.air.contents import Replacements
 from flightpower.analysis.flight import Progress, as_measured, reconstructed, recorded, synchronized, with_runs
 from flightpower.analysis.methods.ladder import Estimated, by_simpler_method, estimated
 from flightpower.analysis.methods.whole_flight.method import WholeFlight, whole_flight
-from flightpower.analysis.missions.next_flight import next_flight
 from flightpower.analysis.performance.analysis import Performance, compute
 from flightpower.analysis.performance.request import Request
 from flightpower.analysis.records.flight import Results, Trust
@@ -82,6 +79,4 @@ def _analysis(flight: Estimated, whole: WholeFlight, request: Request, command_l
     results = assemble(
         flight, consistent, performance.result if performance else None, whole.electrical, battery, command_line
     )
-    advice = next_flight(flight.trajectory, flight.drag.main, flight.condition, flight.drag.flown_CL)
-    with_advice = structs.replace(results, next_flight=list(advice.sentences), next_flight_lowers=advice.lowers)
-    return Analysis(**flight.known(), consistency=consistent, performance=performance, results=with_trust(with_advice))
+    return Analysis(**flight.known(), consistency=consistent, performance=performance, results=with_trust(results))

@@ -34,6 +34,7 @@ from flightpower.analysis.results import curves as power_curves
 from flightpower.analysis.results import flight_found
 from flightpower.analysis.results.curves import power_curve
 from flightpower.analysis.results.energy_balance import electrical_curve
+from flightpower.analysis.results.next_flight import next_flight
 from flightpower.analysis.results.provenance import provenance
 from flightpower.analysis.trajectory.consistency import Consistency
 from flightpower.flight.aircraft import Aircraft
@@ -50,7 +51,7 @@ def assemble(
     battery: BatteryResult | None,
     command_line: str,
 ) -> Results:
-    """The contents of `results.json` but for what to fly next.
+    """The contents of `results.json` but for its trust.
 
     electrical: None where the log does not determine the electrical curve. command_line: that started the analysis.
     """
@@ -69,6 +70,7 @@ def assemble(
     if electrical:
         curves[Kind.ELECTRICAL] = electrical_curve(electrical, standard, battery)
     check = drag.cross_check
+    advice = next_flight(trajectory, drag.main, condition, flown_CL)
     results = Results(
         software_version=version(),
         log=flight.name,
@@ -113,6 +115,8 @@ def assemble(
         parameter_correlation=flight_found.parameter_correlation(drag.main),
         track=flight_found.track(trajectory),
         pitch_rate=drag.likelihood.pitch_rate,
+        next_flight=list(advice.sentences),
+        next_flight_lowers=advice.lowers,
     )
     parameters, withheld = of_power_required(results, *power_curves.two_term_polar(polar, flown_CL))
     return msgspec.structs.replace(results, autopilot_parameters=parameters, autopilot_parameters_withheld=withheld)

@@ -24,13 +24,13 @@ from flightpower.analysis.missions.information import (
     question,
     sensor_error_covariance,
 )
-from flightpower.analysis.missions.next_flight import next_flight
 from flightpower.analysis.missions.pieces import Hold, Land, Pilot, Porpoise, Run, Space, Stand, TakeOff, Turn
 from flightpower.analysis.missions.plan_mission import Home, left_out, qgroundcontrol_plan, waypoint_file
 from flightpower.analysis.missions.plan_settings import PATH, SEARCH
 from flightpower.analysis.missions.search import FlightPlan, Request, plan_flight
 from flightpower.analysis.missions.simulator_plan import simulator_plan
 from flightpower.analysis.missions.time_history import TimeHistory, fly, throttle_at
+from flightpower.analysis.results.next_flight import next_flight
 from flightpower.analysis.trajectory.equations import SENSOR_ERRORS
 from flightpower.analysis.trajectory.priors import SensorPriors
 from flightpower.analysis.trajectory.reconstruction import reconstruct

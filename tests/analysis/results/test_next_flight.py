@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flightpower.analysis.curve import Condition, Polar
-from flightpower.analysis.missions.next_flight import _effects_W, lacking, next_flight
+from flightpower.analysis.results.next_flight import _effects_W, lacking, next_flight
 from flightpower.analysis.trajectory.equations import SENSOR_ERRORS
 from flightpower.analysis.trajectory.observability import MATTERS
 
