@@ -7,6 +7,7 @@ import dataclasses
 import itertools
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from flights import Rows, Setup, flown
@@ -31,11 +32,14 @@ from flightpower.flight.complete_aircraft import CompleteAircraft, load_complete
 from flightpower.flight.errors import InputError
 from flightpower.flight.propeller_files import load_propeller
 from flightpower.sim.ardupilot_log import write_ardupilot_log
-from flightpower.sim.fly import Flight
+from flightpower.sim.fly import Flight, _FlightSimulation
+from flightpower.sim.integration import Stepper
 from flightpower.sim.log_faults import FAULTS
-from flightpower.sim.plant import plant_of
+from flightpower.sim.plan import DT_S, Plan, load_plan
+from flightpower.sim.plant import AircraftState, Commands, Deviations, plant_of
 from flightpower.sim.propulsion import power_train, throttle_for
 from flightpower.sim.px4_log import IDLE_A, write_px4_log
+from flightpower.sim.sensors import FlightSensorTruth
 from flightpower.sim.sensors.budget import DrawnErrors
 
 Array = NDArray[np.float64]
@@ -71,14 +75,52 @@ def true_power(aircraft: CompleteAircraft, flight: Flight, errors: DrawnErrors, 
     return np.where(np.isfinite(drag_N), power, np.nan)
 
 
-def one_flight(setup: Setup, *, autopilots: str = "px4", of: str = "electrical", traps: bool = False) -> Rows:
+class _InTurningWind(_FlightSimulation):
+    """A flight whose mean wind turns to the right by `turn_rad` in all, in equal steps from segment to segment."""
+
+    turn_rad = 0.0
+
+    def _fly_segment(self, segment: Any, index: int) -> None:
+        turned = self.turn_rad / len(self.plan.segments) * (index > 0)
+        air = dataclasses.replace(self.plan.air, wind_from_rad=self.plan.air.wind_from_rad + turned)
+        self.plan, self.plant = (dataclasses.replace(one, air=air) for one in (self.plan, self.plant))
+        if self.airborne:
+            x, commands = self.stepper.x.tolist(), self.stepper.commands.tolist()
+            self.stepper = Stepper(self.plant, self.dt, self.plan.integrator)
+            self.seen = self.stepper.start(AircraftState(*x), Commands(*commands))
+        super()._fly_segment(segment, index)
+
+
+def in_turning_wind(
+    aircraft: CompleteAircraft, plan: Plan, turn_rad: float, seed: int, deviations: Deviations
+) -> Flight:
+    """A flight in a mean wind that turns by `turn_rad` while it is flown."""
+    plant = plant_of(aircraft, plan.air, deviations)
+    simulation = _InTurningWind(aircraft, plan, plant, seed, dt=DT_S, progress=lambda _: None)
+    simulation.turn_rad = turn_rad
+    return simulation.fly()
+
+
+def one_flight(
+    setup: Setup,
+    *,
+    autopilots: str = "px4",
+    of: str = "electrical",
+    traps: bool = False,
+    turning_deg: float = 0.0,
+) -> Rows:
     """Rows by case. of: electrical; blind: without the airspeed sensor; torn: one sample a second, half of
     them lost by the radio; rpm or motor: power required by propeller table and motor speed, or by the motor's
-    constants. Several are separated by commas. traps: with each fault of real logs, or its refusal."""
+    constants. Several are separated by commas. traps: with each fault of real logs, or its refusal. turning_deg: by
+    which the mean wind turns in the flight."""
     aircraft, errors = load_complete_aircraft(setup.aircraft), setup.drawn
     flight, sensors, _ = flown(
         aircraft, errors, setup.plan, setup.seed, setup.turbulence_kt, wind_too=setup.plan == CLOSED_LOOP
     )
+    if turning_deg:
+        plan = dataclasses.replace(load_plan(setup.plan), air=flight.plan.air)
+        flight = in_turning_wind(aircraft, plan, np.radians(turning_deg), setup.seed, errors.deviations)
+        sensors = FlightSensorTruth(flight, errors)
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "log"

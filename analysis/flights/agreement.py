@@ -68,6 +68,26 @@ class Test(NamedTuple):
         return self.p < TRUST.false_alarm_rate
 
 
+class LargestDifference(NamedTuple):
+    """Whether there is any difference at several speeds, by that which is largest in its standard errors.
+
+    at : number of that speed     z : the difference there, in its standard errors
+    p : probability that the largest of all speeds is as large if nothing differs
+    """
+
+    at: int
+    z: float
+    p: float
+
+    @property
+    def differs(self) -> bool:
+        """Whether something differs, with at most `EVIDENCE.false_alarms` of false alarms.
+
+        The 95 % interval at that speed does not contain zero then.
+        """
+        return self.p < EVIDENCE.false_alarms
+
+
 class GeneralizedFit(NamedTuple):
     """Generalized least squares: parameters (q,), their covariance (q, q) and the weighted sum of squared residuals."""
 
@@ -260,13 +280,29 @@ def chi_square_test(chi_square: float, degrees_of_freedom: int) -> Test:
     return Test(chi_square, degrees_of_freedom, float(chdtrc(degrees_of_freedom, chi_square)))
 
 
-def of_difference(value: Array, covariance: Array) -> Test:
-    """Whether a difference at several speeds is one at all: at the first, the middle and the last of them.
+def of_difference(value: Array, covariance: Array) -> LargestDifference:
+    """Whether a difference (n,) at several speeds is one at all. covariance : (n, n)"""
+    z = value / np.sqrt(np.diag(covariance))
+    at = int(np.argmax(np.abs(z)))
+    return LargestDifference(at, float(z[at]), largest_of_errors(covariance)(abs(float(z[at]))))
 
-    Curves have three parameters: three speeds contain all of their difference.
+
+def largest_of_errors(covariance: Array) -> Callable[[float], float]:
+    """The probability that the largest of n normal errors exceeds a number of its standard errors.
+
+    covariance : (n, n)
+    The errors are a matrix times independent normal ones, as many as the covariance has dimensions. In each direction
+    of these the largest error grows with their length, whose square is a chi square: only directions are drawn (Genz &
+    Bretz 2009, Computation of Multivariate Normal and t Probabilities, sec. 4.1). At 5 % the draws leave an error of
+    0.05 %.
     """
-    three = [0, len(value) // 2, -1]
-    return chi_square_test(float(quadratic_form(value[three], covariance[np.ix_(three, three)])), len(three))
+    sigma = np.sqrt(np.diag(covariance))
+    eigenvalue, vectors = np.linalg.eigh(covariance / np.outer(sigma, sigma))
+    k = int(np.sum(eigenvalue > np.sqrt(np.finfo(float).eps)))
+    directions = np.random.default_rng(0).standard_normal((4096, k))
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    largest = np.max(np.abs(directions @ (vectors[:, -k:] * np.sqrt(eigenvalue[-k:])).T), axis=1)
+    return lambda z: float(np.mean(chdtrc(k, (z / largest) ** 2)))
 
 
 def likely_cause(difference: Difference) -> LikelyCause | None:

@@ -13,7 +13,14 @@ import numpy as np
 
 from flightpower.analysis.curve import POLAR, Condition, power_gradient, speed_at
 from flightpower.analysis.estimation.noise import NORMAL_95
-from flightpower.analysis.flights.agreement import INSTALLATION_PART, THRUST_PART, Test, homogeneity, of_difference
+from flightpower.analysis.flights.agreement import (
+    INSTALLATION_PART,
+    THRUST_PART,
+    LargestDifference,
+    Test,
+    homogeneity,
+    of_difference,
+)
 from flightpower.analysis.flights.curve_pool import CurvePool, curve_difference, curve_pool
 from flightpower.analysis.flights.evidence import (
     NOT_ONE_VEHICLE,
@@ -88,7 +95,7 @@ class Comparison:
     difference_percent: Array
     half_width_percent: Array
     independent_half_width_percent: Array
-    test: Test
+    test: LargestDifference
 
     @property
     def condition(self) -> Condition:
@@ -138,8 +145,6 @@ class Comparison:
             same_installation=self.same_installation,
             same_propeller=self.same_propeller,
             differences=_differences(self),
-            chi_square=self.test.chi_square,
-            degrees_of_freedom=self.test.degrees_of_freedom,
             p=self.test.p,
             differs=self.differs,
             text=_text(self),
@@ -309,9 +314,13 @@ def _differences(c: Comparison) -> list[PowerDifference]:
 
 
 def _text(c: Comparison) -> str:
-    least = int(np.argmin(c.half_width_percent))
-    difference, half_width = c.difference_percent[least], c.half_width_percent[least]
+    apart = np.abs(c.difference_percent) > c.half_width_percent
+    at = c.test.at if apart.any() else int(np.argmin(c.half_width_percent))
     power = "electrical power" if c.a.kind is Kind.ELECTRICAL else "power"
-    said = f"at {c.speeds_mps[least]:.1f} m/s the {power} of B is {difference:+.1f} ± {half_width:.1f} % from that of A"
     verdict = f"B differs from A (p = {c.test.p:.2g})" if c.differs else f"No difference is seen (p = {c.test.p:.2g})"
-    return f"{verdict}: {said}. {c.shared_errors.value}"
+    said = (
+        f"at {c.speeds_mps[at]:.1f} m/s{', where that is clearest,' if c.differs else ''} the {power} of B is"
+        f" {c.difference_percent[at]:+.1f} ± {c.half_width_percent[at]:.1f} % from that of A"
+    )
+    by_chance = f"; errors alone make one as clear in {100 * c.test.p:.0f} of 100 comparisons at so many speeds"
+    return f"{verdict}: {said}{by_chance if apart.any() and not c.differs else ''}. {c.shared_errors.value}"

@@ -21,11 +21,11 @@ from flightpower.analysis.curve import Condition, Curve
 from flightpower.analysis.flights.agreement import (
     Compared,
     ErrorParts,
+    LargestDifference,
     Test,
     common_values,
     of_difference,
     outliers,
-    quadratic_form,
 )
 from flightpower.analysis.flights.evidence import shape_text, vehicle_notes
 from flightpower.analysis.flights.flight_statistics import FlightCurve
@@ -53,7 +53,7 @@ class CurveDifference(NamedTuple):
         return self.value_W.through(np.diag(1 / self.power_W))
 
     @property
-    def test(self) -> Test:
+    def test(self) -> LargestDifference:
         """Whether there is any difference."""
         return of_difference(self.share.value, self.share.covariance)
 
@@ -228,14 +228,13 @@ class CurvePool(Pool):
         own, shared = errors.own[:, at : at + 1, at : at + 1], errors.shared[:, at : at + 1]
         return 100 * values[:, at], ErrorParts(100**2 * own, 100 * shared)
 
-    def noncentrality(self, flights: int, difference: float) -> float:
+    def planned_difference(self, flights: int) -> Array:
         n = len(self.flights)
         counts = [len(range(i, flights, n)) for i in range(n)]
         used = self.some([i for i in range(n) if counts[i]])
-        V = np.linspace(*used.ends_mps, 3)
+        V = np.linspace(*used.ends_mps, POOLING.compared_speeds)
         power = used.mean(V, [count for count in counts if count])
-        own = 2 * power.own / np.outer(power.value, power.value)  # the shared errors cancel
-        return float(quadratic_form(np.full(len(V), difference), own))
+        return np.asarray(2 * power.own / np.outer(power.value, power.value))  # the shared errors cancel
 
     def curve_result(self) -> CurveResult:
         statistics = power_statistics(self.curve.V_mps, self.curve.power_W)

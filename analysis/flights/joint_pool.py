@@ -32,7 +32,6 @@ from flightpower.analysis.flights.agreement import (
     homogeneity,
     likely_cause,
     outliers,
-    quadratic_form,
 )
 from flightpower.analysis.flights.evidence import NOT_NAMED, cause_text, installations_text
 from flightpower.analysis.flights.flight_statistics import POOLED, THRUST_CORRECTIONS, FlightStatistics, M
@@ -178,12 +177,12 @@ class JointPool(Pool):
         of_power = J[at : at + 1]
         return deviations, ErrorParts(of_power @ errors.own @ of_power.T, of_power @ errors.shared)
 
-    def noncentrality(self, flights: int, difference: float) -> float:
+    def planned_difference(self, flights: int) -> Array:
         n = len(self.flights)
         counts = np.array([len(range(i, flights, n)) for i in range(n)], dtype=float)
         C = joint_polars(self, self, same_installation=True, same_propeller=True, counts=(counts, counts)).covariance
-        T = np.hstack([-np.eye(_N_POLAR), np.eye(_N_POLAR)])
-        return float(quadratic_form(difference * self.polar.A, T @ C @ T.T))
+        J = self._percent(self.speeds_mps) / 100 @ np.hstack([-np.eye(_N_POLAR), np.eye(_N_POLAR)])
+        return np.asarray(J @ C @ J.T)
 
     def curve_result(self) -> CurveResult:
         return curve_result(self.curve, parts=[])

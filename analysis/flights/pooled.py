@@ -13,12 +13,11 @@ from typing import ClassVar
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.special import chdtri
-from scipy.stats import ncx2
+from scipy.special import ndtri
 
-from flightpower.analysis.curve import POLAR, Condition, Curve
+from flightpower.analysis.curve import Condition, Curve
 from flightpower.analysis.estimation.noise import NORMAL_95
-from flightpower.analysis.flights.agreement import Compared, ErrorParts, Test, least_p, trends
+from flightpower.analysis.flights.agreement import Compared, ErrorParts, Test, largest_of_errors, least_p, trends
 from flightpower.analysis.flights.evidence import (
     against_flights,
     against_installation,
@@ -123,9 +122,9 @@ class Pool(ABC):
         """Deviation of each flight's power from the pool in percent (flights,), where flights are surest."""
 
     @abstractmethod
-    def noncentrality(self, flights: int, difference: float) -> float:
-        """Noncentrality of the test of a difference of this share of power at all speeds, by so many flights each of
-        two such configurations that share all errors that flights share."""
+    def planned_difference(self, flights: int) -> Array:
+        """Covariance (n, n) at `speeds_mps` of the difference, as a share of power, of two such configurations by so
+        many flights each, which share all errors that flights share."""
 
     @property
     def notes(self) -> list[str]:
@@ -324,10 +323,10 @@ def flights_to_see(pool: Pool, difference: float) -> int | None:
     """
     if not difference > 0:
         raise InputError(f"a difference of {difference:g} to be seen; give a fraction above 0, such as 0.02")
-    needed = _needed_noncentrality()
+    needed = _needed_errors(pool.planned_difference(1))
 
     def seen(n: int) -> bool:
-        return pool.noncentrality(n, difference) >= needed
+        return difference >= needed * np.sqrt(np.min(np.diag(pool.planned_difference(n))))
 
     if not seen(EVIDENCE.most_repetitions):
         return None
@@ -346,8 +345,10 @@ def plans_to_see(pool: Pool) -> list[FlightsToSee]:
     ]
 
 
-def _needed_noncentrality() -> float:
-    """The noncentrality at which `agreement.of_difference` sees a difference as often as `POOLING.detection`."""
-    freedom = len(POLAR)
-    limit = chdtri(freedom, EVIDENCE.false_alarms)
-    return float(brentq(lambda x: ncx2.sf(limit, freedom, x) - POOLING.detection, 1e-3, 100.0))
+def _needed_errors(covariance: Array) -> float:
+    """The difference at all speeds, in standard errors at the speed known best, that `agreement.of_difference` sees
+    there as often as `POOLING.detection`. covariance : (n, n); how speeds are correlated hardly depends on how many
+    flights there are"""
+    probability = largest_of_errors(covariance)
+    limit = brentq(lambda z: probability(z) - EVIDENCE.false_alarms, NORMAL_95 - 0.1, 5.0, xtol=0.01)
+    return float(limit + ndtri(POOLING.detection))

@@ -197,11 +197,12 @@ def _of_installation(test: AgreementTest | None) -> str:
 
 
 def comparison_answers(comparison: ComparisonResults) -> list[HeadlineAnswer]:
-    """Whether the two differ, and by how much where it is known best."""
+    """Whether the two differ, and by how much where that is clearest, or else where it is known best."""
     rows = comparison.differences
-    widths = [row.hi_percent - row.lo_percent for row in rows]
-    best = rows[int(np.argmin(widths))]
-    half_width, independent = min(widths) / 2, best.independent_half_width_percent
+    width = np.array([row.hi_percent - row.lo_percent for row in rows])
+    clearness = np.array([abs(row.difference_percent) for row in rows]) / width
+    best = rows[int(np.argmax(clearness if comparison.differs else -width))]
+    half_width, independent = (best.hi_percent - best.lo_percent) / 2, best.independent_half_width_percent
     cancels = f" If shared errors did not cancel: ±{independent:.1f} %." if independent > half_width else ""
     return [
         HeadlineAnswer(
@@ -210,7 +211,7 @@ def comparison_answers(comparison: ComparisonResults) -> list[HeadlineAnswer]:
             f"Probability of a difference this large by errors alone: {probability(comparison.p)}.",
         ),
         HeadlineAnswer(
-            "Narrowest interval",
+            "Clearest" if comparison.differs else "Narrowest interval",
             f"{best.difference_percent:+.1f} % ({best.lo_percent:+.1f} to {best.hi_percent:+.1f})",
             f"B minus A at {best.speed_mps:.1f} m/s.{cancels}",
         ),

@@ -21,7 +21,7 @@ from flightpower.analysis.records.flight import (
 
 POOLED_FORMAT = "flightpower-pooled-3"
 EARLIER_POOLED_FORMATS = ("flightpower-pooled-2", "flightpower-electrical-pooled-1")
-COMPARISON_FORMAT = "flightpower-comparison-2"
+COMPARISON_FORMAT = "flightpower-comparison-3"
 
 
 class Agreement(StrEnum):
@@ -214,10 +214,8 @@ class ComparisonResults(msgspec.Struct, frozen=True, kw_only=True):
     same_installation: bool  # as the files say, unless the flights contradict it; of electrical power one aircraft
     same_propeller: bool
     differences: list[PowerDifference]
-    chi_square: float
-    degrees_of_freedom: int
-    p: float
-    differs: bool  # with at most 5 % of false alarms
+    p: float  # that errors alone make a difference as clear at any of these speeds
+    differs: bool  # with at most 5 % of false alarms; an interval does not contain zero then
     text: str
     notes: list[str]
     flights_to_see: list[FlightsToSee]

@@ -16,6 +16,7 @@ from flightpower.analysis.flights.agreement import (
     ErrorParts,
     differences_in_pool,
     homogeneity,
+    largest_of_errors,
     least_squares,
     likely_cause,
     quadratic_form,
@@ -133,6 +134,25 @@ def test_at_most_half_of_the_flights_are_named() -> None:
         other[POOLED.index("A0")] += 0.004 * 2**i
     found = joint_pool([flight(other, rng, f"{i}", 0.1) for i, other in enumerate(others)])
     assert len(found.outliers) == 2
+
+
+def test_the_largest_of_errors_has_the_probability_with_which_it_is_drawn() -> None:
+    """Errors of a curve of three parameters at seven speeds; one error at seven speeds; seven that have nothing in
+    common, of which the largest is known exactly."""
+    V = np.linspace(10.0, 25.0, 7)
+    curve = np.stack([V**-2, np.ones(7), V**2 / 1e3])
+    drawn = np.max(np.abs(np.random.default_rng(1).standard_normal((200_000, 3)) @ curve) / norms(curve.T), axis=1)
+    of_curve = largest_of_errors(curve.T @ curve)
+    assert [of_curve(z) for z in (1.5, 2.3, 3.0)] == pytest.approx(
+        [np.mean(drawn > z) for z in (1.5, 2.3, 3.0)], rel=0.05
+    )
+    assert largest_of_errors(np.outer(V, V))(1.96) == pytest.approx(0.05, rel=1e-3)
+    assert largest_of_errors(np.diag(V))(2.0) == pytest.approx(1 - (1 - 2 * norm.sf(2.0)) ** 7, rel=0.02)
+    assert 0 < largest_of_errors(curve.T @ curve)(20.0) < 1e-80
+
+
+def norms(rows: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(rows, axis=1)
 
 
 def test_a_quadratic_form_is_that_of_the_inverse() -> None:

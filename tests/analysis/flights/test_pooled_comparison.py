@@ -47,7 +47,8 @@ def test_alarms_without_a_difference_are_rare_and_the_interval_covers() -> None:
 
 def test_each_flight_has_its_own_error_of_the_density() -> None:
     """It acts on polar, thrust and airspeed of that flight alone: without it most comparisons would alarm here."""
-    change = np.r_[-0.01 * POLAR[0], 0.0, 0.01 * POLAR[2], -0.01, np.zeros(5), -0.005, 0.0]
+    density = 0.016
+    change = density * np.r_[-POLAR[0], 0.0, POLAR[2], -1.0, np.zeros(5), -0.5, 0.0]
 
     def measured(x: np.ndarray, rng: np.random.Generator, name: str, stated: bool) -> dict[str, Any]:
         found = flight(x, rng, name, noise=0.1)["pooling"]
@@ -191,6 +192,27 @@ def test_which_is_a_does_not_matter_where_only_b_has_a_wide_prior_of_thrust() ->
     b = joint_pool([flight(x, rng, "b", 3.0, propeller="apc-10x5", prior_sigma=wide)])
     there, back = compare(a, b), compare(b, a)
     assert 1 + back.difference_percent / 100 == pytest.approx(1 / (1 + there.difference_percent / 100), rel=1e-3)
+
+
+def test_b_differs_only_where_an_interval_says_so() -> None:
+    """Drag that falls by the parasitic part and grows by the induced one changes power by 2 % at the ends, to either
+    side: as curves the two differ by far, and at no speed."""
+    rng = np.random.default_rng(0)
+    x = truth(rng)
+    said, apart = [], []
+    for seed in range(40):
+        of_seed = np.random.default_rng(seed)
+        turned = np.r_[[0.984, 1.0, 1.016] * POLAR, x[3:]]
+        a, b = (joint_pool([flight(of, of_seed, name, 0.3)]) for of, name in ((x, "a"), (turned, "b")))
+        found = compare(a, b)
+        said.append(found.differs)
+        apart.append(np.abs(found.difference_percent) > found.half_width_percent)
+        assert not found.differs or apart[-1][found.test.at]
+        if seed < 8:
+            text = found.results().text
+            assert text.startswith("B differs from A" if found.differs else "No difference is seen")
+            assert ("of 100 comparisons" in text) == (bool(apart[-1].any()) and not found.differs)
+    assert 0 < np.mean(said) < 1
 
 
 def test_comparison_is_symmetric() -> None:
