@@ -4,6 +4,7 @@ Skips that are not expected fail the run: `pytest --expected-skips FILE`, as con
 file is a pattern (`*` and `?`) for "test id: reason"; empty lines and lines with # in front are ignored.
 """
 
+import gc
 import os
 import re
 from collections import Counter
@@ -57,6 +58,12 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         items[:] = [one for one in items if not one.get_closest_marker("thorough")]
     slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
     items.sort(key=lambda item: (item.get_closest_marker("xdist_group") is None, -slow[item.path]))
+
+
+def pytest_collection_finish() -> None:
+    """Tests and imported libraries live to the end: the collector of garbage need not look at them again and again."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.hookimpl(optionalhook=True)
