@@ -12,7 +12,12 @@ from flightpower.analysis.flight import Progress
 from flightpower.analysis.methods.thrust_prior import stand_measurements
 from flightpower.analysis.methods.whole_flight.curve import ElectricalEstimate, estimate, flown_aircraft
 from flightpower.analysis.methods.whole_flight.drag import ThrustSource, drag_estimate
-from flightpower.analysis.methods.whole_flight.flight_table import FlightTable, flight_table, require_channels
+from flightpower.analysis.methods.whole_flight.flight_table import (
+    FlightTable,
+    flight_table,
+    require_channels,
+    require_length,
+)
 from flightpower.analysis.methods.whole_flight.method import recording_of
 from flightpower.analysis.methods.whole_flight.simulated_truth import compared
 from flightpower.analysis.methods.whole_flight.thrust_balance import motor_constants
@@ -94,8 +99,12 @@ def analyze_recording(
     """
     path = Path(recording.path)
     given = given or _aircraft_file(options)
-    require_channels(recording)  # before the user is asked to weigh and measure an aircraft for a log without a curve
-    flown = flown_aircraft(given, options.flown_weight_N, options.wing_area_m2, options.span_m, str(path))
+    require_channels(recording)
+    try:
+        flown = flown_aircraft(given, options.flown_weight_N, options.wing_area_m2, options.span_m, str(path))
+    except InputError:
+        require_length(recording)  # nobody is asked to weigh and measure an aircraft for a log without a curve
+        raise
     recording = replace(recording, air_temperature_K=options.air_temperature_K)
     progress("finding the flight")
     flight = flight_table(recording, flown.weight_N, flown.wing_area_m2, options.left_out_s)

@@ -161,10 +161,7 @@ def _why_too_short(columns: Mapping[str, Array], moving: BoolArray, left_out_s: 
             f"airspeed, height and battery for {known_s:.0f} s of {in_air_s:.0f} s in the air, but broken up by gaps,"
             f" for {lasting_s:.0f} s at most at a time"
         )
-    return (
-        f"too short a flight in this log: {cause}; {FLIGHT.shortest_flight_s:.0f} s clear of take-off and landing are"
-        f" needed, in stretches of {2.5 * WINDOWS.length_s:.0f} s at least"
-    )
+    return f"too short a flight in this log: {cause}; {_least_length()}"
 
 
 def _refuse_meter(path: Path, columns: Mapping[str, Array], moving: BoolArray, weight_N: float) -> None:
@@ -228,6 +225,36 @@ def require_channels(flight: FlightRecording) -> None:
     if missing := [part for part in NEEDED[has_gps:] if not flight.channels.keys() >= part.channels]:
         parts = "; ".join(part.title + flight.enabled_by.get(part.channels, "") for part in missing)
         raise InputError(f"{flight.path}: the log lacks {parts}")
+
+
+def require_length(flight: FlightRecording) -> None:
+    """Look whether a flight of any aircraft can be long enough, without its weight and wing area.
+
+    A row counts if all that the balance needs was measured, and if it is above the lowest height by what clears the
+    ground, or moves over the ground: a superset of what `flight_table` takes for airborne.
+
+    Raises InputError, in one line, where the log lacks a channel, or all rows together are too short.
+    """
+    columns = _columns(flight, _grid(flight))
+    speed_mps, static_Pa = _ground_speed(columns), columns["static_Pa"]
+    airspeed = columns["pressure_Pa"] if recording.AIRSPEED_PRESSURE in flight.channels else speed_mps
+    known = np.isfinite(airspeed + static_Pa + columns["power_W"])
+    height_m = np.asarray(height_at(static_Pa))
+    lowest_m = float(np.min(height_m, where=known & np.isfinite(height_m), initial=np.inf))
+    moved = (height_m - lowest_m > FLIGHT.clear_of_ground_m) | (speed_mps > 2 * FLIGHT.standing_mps)
+    flown_s = float((known & moved).sum()) * FLIGHT.step_s
+    if flown_s < FLIGHT.shortest_flight_s:
+        raise InputError(
+            f"{flight.path}: too short a flight in this log: airspeed, height and battery for {flown_s:.0f} s in the"
+            f" air; {_least_length()}"
+        )
+
+
+def _least_length() -> str:
+    return (
+        f"{FLIGHT.shortest_flight_s:.0f} s clear of take-off and landing are needed, in stretches of"
+        f" {2.5 * WINDOWS.length_s:.0f} s at least"
+    )
 
 
 def _grid(flight: FlightRecording) -> Array:

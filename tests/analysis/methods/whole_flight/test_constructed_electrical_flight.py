@@ -24,7 +24,9 @@ from flightpower.analysis.methods.whole_flight.fit import Estimate, SharedError
 from flightpower.analysis.methods.whole_flight.flight_table import FlightTable, flight_table
 from flightpower.analysis.methods.whole_flight.parameters import Source
 from flightpower.analysis.methods.whole_flight.thrust_balance import PARAMETERS, MotorConstants
+from flightpower.analysis.options import Options
 from flightpower.analysis.performance.autopilot_parameters import flight_values
+from flightpower.analysis.pipeline.whole_flight import analyze_recording
 from flightpower.analysis.records.flight import BatteryResult, EvidenceKind, Kind, Provenance, SpeedInterval, Trust
 from flightpower.analysis.results.energy_balance import EnergyBalanceFindings, _warnings, assemble_energy_balance
 from flightpower.analysis.sources import recording
@@ -179,6 +181,19 @@ def test_without_a_thermometer_and_too_short_a_flight_it_is_said(truth: Truth) -
         flight_table(FlightRecording(whole.path, late, {}, zeroed=False), MASS_KG * g, AREA_M2)
     hot = FlightRecording(whole.path, whole.channels, {"bay": Channel(truth.t_s, 0 * truth.t_s + 305.0)}, zeroed=False)
     assert flight_table(hot, MASS_KG * g, AREA_M2).rho_sigma == pytest.approx(8.0 / 305.0)
+
+
+@pytest.mark.parametrize(
+    ("end_s", "refused"),
+    [(GROUND_S + 50.0, r"for 5[01] s in the air; 60 s"), (GROUND_S, "for 0 s in the air"), (300, "--mass")],
+)
+def test_a_log_too_short_for_any_aircraft_is_refused_before_its_mass_is_asked(
+    truth: Truth, end_s: float, refused: str
+) -> None:
+    whole = flown(truth)
+    until = {name: Channel(*(x[truth.t_s < end_s] for x in one)) for name, one in whole.channels.items()}
+    with pytest.raises(InputError, match=refused):
+        analyze_recording(replace(whole, channels=until), Options(), lambda step: None)
 
 
 def test_circles_against_gps_show_scale_and_wind(table: FlightTable) -> None:
