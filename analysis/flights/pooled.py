@@ -326,7 +326,7 @@ def flights_to_see(pool: Pool, difference: float) -> int | None:
     needed = _needed_errors(pool.planned_difference(1))
 
     def seen(n: int) -> bool:
-        return difference >= needed * np.sqrt(np.min(np.diag(pool.planned_difference(n))))
+        return bool(difference >= needed * np.sqrt(np.min(np.diag(pool.planned_difference(n)))))
 
     if not seen(EVIDENCE.most_repetitions):
         return None
