@@ -23,9 +23,11 @@ from flightpower.analysis.flights.agreement import (
     ErrorParts,
     LargestDifference,
     Test,
+    chi_square_test,
     common_values,
     of_difference,
     outliers,
+    quadratic_form,
 )
 from flightpower.analysis.flights.evidence import shape_text, vehicle_notes
 from flightpower.analysis.flights.flight_statistics import FlightCurve
@@ -59,7 +61,12 @@ class CurveDifference(NamedTuple):
 
 
 class FlightDifference(NamedTuple):
-    """One flight against the pool of others; p as of `agreement.Difference`. share, error : mean over the speeds"""
+    """One flight against the pool of others.
+
+    p : of a chi square at the first, the middle and the last speed, as of `agreement.Difference`: a flight that differs
+    by one share everywhere, as by its weight, shows at all of them
+    share, error : mean over the speeds
+    """
 
     p: float
     share: float
@@ -154,10 +161,10 @@ class CurvePool(Pool):
                 difference = curve_difference(self.some([i]), self.some(others), shares_errors=True)
             except InputError:
                 return []
-            share = difference.share.through(np.full((1, len(difference.V_mps)), 1 / len(difference.V_mps)))
-            found.append(
-                FlightDifference(difference.test.p, float(share.value.item()), float(share.standard_error.item()))
-            )
+            n = len(difference.V_mps)
+            mean, three = difference.share.through(np.full((1, n), 1 / n)), difference.share.at([0, n // 2, n - 1])
+            p = chi_square_test(float(quadratic_form(three.value, three.covariance)), len(three.value)).p
+            found.append(FlightDifference(p, float(mean.value.item()), float(mean.standard_error.item())))
         return found
 
     @cached_property

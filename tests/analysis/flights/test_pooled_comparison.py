@@ -272,6 +272,7 @@ def test_a_false_name_of_the_installation_is_denied_and_the_interval_contains_th
         assert one.relation.contradicted is None or told == [EvidenceKind.INSTALLATIONS_DIFFER] or results.notes
 
 
+@pytest.mark.slow
 def test_two_flights_that_deny_their_installation_are_both_mounted_anew() -> None:
     """Six flights, of which one denies it: that one alone."""
     covered, denied, V = [], [], np.array([12.0, 16.0, 20.0])
