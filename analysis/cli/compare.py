@@ -1,5 +1,6 @@
 """The command `analyze compare`: the difference between two configurations, from the results of their flights."""
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -42,18 +43,17 @@ def compare(
         _check_no_other_results(output / "results.json")
     from flightpower.analysis.flights.campaign.campaign import flight_folders_of, read_flights
     from flightpower.analysis.flights.comparison import compare as compare_pools
-    from flightpower.analysis.flights.pool import pool_results
+    from flightpower.analysis.flights.pool import of_one_kind, pool_results
     from flightpower.analysis.pages.terminal import print_comparison
     from flightpower.analysis.pages.write import write_comparison
 
-    sides = [read_flights(flight_folders_of(folder)) for folder in (a, b)]
+    kind, sides = of_one_kind(*(read_flights(flight_folders_of(folder)) for folder in (a, b)))
     for folder, side in zip((a, b), sides, strict=True):
-        if not side.to_pool and not side.electrical:
+        if not side.flights:
             raise InputError(f"{folder}: no flight to compare; {side.left_out[0]}")
-    if bool(sides[0].to_pool) != bool(sides[1].to_pool):
-        only = a if sides[1].to_pool else b
-        raise InputError(f"{only}: gives electrical power only, and the other folder drag; compare flights of one kind")
-    pool_a, pool_b = (pool_results(side.to_pool or side.electrical) for side in sides)
+        for line in side.left_out:
+            print(f"note: left out: {line}", file=sys.stderr)
+    pool_a, pool_b = (pool_results(side.flights, kind) for side in sides)
     names = [folder.resolve().name for folder in (a, b)]
     if names[0] == names[1]:
         names = [str(a), str(b)]

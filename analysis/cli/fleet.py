@@ -38,15 +38,20 @@ def add(
         raise InputError("--to is empty; give a folder, or an address such as s3://bucket/fleet")
     from flightpower.analysis.flights.campaign.campaign import flight_folders_of, read_flights
     from flightpower.analysis.flights.dataset import Dataset
+    from flightpower.analysis.records.flight import Kind
 
     console = Console(highlight=False)
     found = read_flights([flight for folder in folders for flight in flight_folders_of(folder)])
-    flights = [*found.to_pool, *found.electrical]
+    flights, others = [], []
+    for one in found:
+        if one.pooling is not None or Kind.ELECTRICAL in one.curves:
+            flights.append(one)
+        else:
+            others.append(f"{one.log}: its curve is not by the dynamic method, and its log has no battery")
     if not flights:
-        raise InputError(f"{folders[0]}: no flight to add; {found.left_out[0]}")
+        raise InputError(f"{folders[0]}: no flight to add; {others[0]}")
     added = Dataset(to).add(flights)
-    kept = {one.log for one in found.electrical}
-    for line in (line for line in found.left_out if line.split(":")[0] not in kept):
+    for line in others:
         console.print(f"left out: {line}", markup=False)
     console.print(f"{to}: {added.new} flights added, {added.known} were there already", markup=False)
 

@@ -3,6 +3,7 @@
 import importlib
 import io
 import os
+import sys
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
@@ -116,26 +117,29 @@ def _pool(campaign: Campaign, output: Path, quiet: bool) -> ExitCode:
     """
     with Console(stderr=True, quiet=quiet).status(f"pooling {len(campaign.folders)} flights …"):
         from flightpower.analysis.flights.campaign.campaign import read_flights
-        from flightpower.analysis.flights.pool import pool_results
+        from flightpower.analysis.flights.pool import of_one_kind, pool_results
         from flightpower.analysis.pages.terminal import print_pooled
         from flightpower.analysis.pages.write import write_pooled, write_side_by_side
+        from flightpower.analysis.records.flight import Kind
         from flightpower.analysis.results.evidence import worst_first
 
-        page, found = output / "report.html", read_flights(campaign.folders)
-        flights = found.to_pool or found.electrical
-        if not flights:
+        page = output / "report.html"
+        kind, (found,) = of_one_kind(read_flights(campaign.folders))
+        if not found.flights:
             raise InputError(f"{output}: no flight to pool; {found.left_out[0]}; each flight has its folder")
+        if kind is Kind.ELECTRICAL and any(one.pooling for one in found.flights):
+            print("note: the flights are pooled by electrical power, which some give without drag", file=sys.stderr)
         try:
-            pooled = pool_results(flights).results(found.left_out, campaign.failures)
+            pooled = pool_results(found.flights, kind).results(found.left_out, campaign.failures)
             write_pooled(pooled, output)
         except StorageError:
             raise
         except InputError as error:
-            if found.to_pool:
+            if kind is Kind.POWER_REQUIRED:
                 raise
             refused = str(error)  # each flight keeps its own curve
-            write_side_by_side(flights, refused, campaign.failures, output)
-            evidence = worst_first(one for flight in flights for one in flight.evidence)
+            write_side_by_side(found.flights, refused, campaign.failures, output)
+            evidence = worst_first(one for flight in found.flights for one in flight.evidence)
             text = f"not pooled: {refused}\nreport: {page}"
             return tell(
                 evidence,

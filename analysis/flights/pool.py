@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from flightpower.analysis.flights.agreement import mounted_anew
 from flightpower.analysis.flights.curve_pool import curve_pool
@@ -21,19 +21,56 @@ from flightpower.analysis.records.flight import Kind, Results
 from flightpower.analysis.results.read import read_results
 from flightpower.flight.errors import InputError
 
-__all__ = ["Pool", "joint_pool", "pool", "pool_flights", "pool_results"]
+__all__ = ["Pool", "Pooled", "joint_pool", "of_one_kind", "pool", "pool_flights", "pool_results"]
 
 
-def pool_results(results: Sequence[Path | Mapping[str, Any] | Results]) -> Pool:
+class Pooled(NamedTuple):
+    """flights : those whose power of one kind is pooled     left_out : why others are not, a line each"""
+
+    flights: list[Results]
+    left_out: list[str]
+
+
+def of_one_kind(*sides: Sequence[Results]) -> tuple[Kind, list[Pooled]]:
+    """The kind of power by which most flights are pooled, drag where as many are, and the flights of each side with it.
+
+    A kind that every side has goes first. Without one, the flights of a side are left out.
+    """
+    has = {
+        kind: [[_gives(one, kind) for one in side] for side in sides] for kind in (Kind.POWER_REQUIRED, Kind.ELECTRICAL)
+    }
+    kind = max(has, key=lambda one: (all(map(any, has[one])), sum(map(sum, has[one]))))
+    found = []
+    for side, given in zip(sides, has[kind], strict=True):
+        pairs = list(zip(side, given, strict=True))
+        left_out = [f"{one.log}: {_why_without(one, kind)}" for one, gives in pairs if not gives]
+        found.append(Pooled([one for one, gives in pairs if gives], left_out))
+    return kind, found
+
+
+def _gives(one: Results, kind: Kind) -> bool:
+    return one.pooling is not None if kind is Kind.POWER_REQUIRED else kind in one.curves
+
+
+def _why_without(one: Results, kind: Kind) -> str:
+    if kind is Kind.ELECTRICAL:
+        return "gives drag only, since its log has no battery, which is not pooled with electrical power"
+    if one.kind is Kind.ELECTRICAL:
+        return "gives electrical power only, which is not pooled with drag"
+    return "its curve is not by the dynamic method, and is not pooled"
+
+
+def pool_results(results: Sequence[Path | Mapping[str, Any] | Results], kind: Kind | None = None) -> Pool:
     """The joint estimate of flights, from the results.json of each: of drag, or else of electrical power.
 
-    Raises InputError for no flights, for flights of which some have drag alone and others electrical power alone, for
-    results without statistics, for one flight twice, and for flights of two aircraft, propellers or installations.
+    kind : of power, of `of_one_kind`; None: drag, unless a flight gives electrical power only. Raises InputError for no
+    flights, for flights of which some have drag alone and others electrical power alone, for results without
+    statistics, for one flight twice, and for flights of two aircraft, propellers or installations.
     """
     if not results:
         raise InputError("no flights to pool; give the results.json of one or more flights")
     contents = [read_results(one) for one in results]
-    electrical = [one.log for one in contents if one.kind is Kind.ELECTRICAL]
+    electrical = [one.log for one in contents if kind is Kind.ELECTRICAL or one.kind is Kind.ELECTRICAL]
     if not electrical:
         return joint_pool(results)
     if drag := [one.log for one in contents if Kind.ELECTRICAL not in one.curves]:

@@ -86,4 +86,4 @@ def test_the_evidence_against_a_flight_is_read_for_its_pool(four: Path, tmp_path
         (of_0_1, "doubtful"),
     ):
         (tmp_path / "results.json").write_text(json.dumps(written), "utf-8")
-        assert joint_pool(read_flights([tmp_path]).to_pool).results().trust == found
+        assert joint_pool(read_flights([tmp_path])).results().trust == found

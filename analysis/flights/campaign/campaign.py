@@ -31,7 +31,7 @@ from flightpower.analysis.flights.campaign.folders import (
 )
 from flightpower.analysis.flights.campaign.processes import Analyze, Job, Outcome, load_ahead, processors, run_jobs
 from flightpower.analysis.flights.flight_statistics import without_details
-from flightpower.analysis.records.flight import Kind, Results
+from flightpower.analysis.records.flight import Results
 from flightpower.analysis.results.read import read_json, read_results
 from flightpower.flight.errors import InputError, StorageError
 
@@ -214,32 +214,9 @@ def _known_digest(logs: Iterable[Log], records: Iterable[Record]) -> Callable[[L
     return known
 
 
-class FlightResults(NamedTuple):
-    """Results of flights, `log` in them being the folder's name. left_out: why others are not in the pool."""
-
-    to_pool: list[Results]
-    electrical: list[Results]  # flights that give electrical power only
-    left_out: list[str]
-
-
-def read_flights(folders: Sequence[Path]) -> FlightResults:
-    """The results in flights' folders. Flights without statistics for pooling are left out, with a reason.
-
-    Raises InputError when a file cannot be read.
-    """
-    found = FlightResults([], [], [])
-    for folder in folders:
-        content = structs.replace(without_details(read_results(folder / RESULTS)), log=folder.name)
-        if content.pooling is not None:
-            found.to_pool.append(content)
-        elif content.kind is Kind.ELECTRICAL:
-            found.electrical.append(content)
-        else:
-            found.left_out.append(f"{folder.name}: its curve is not by the dynamic method, and is not pooled")
-    if found.to_pool:
-        only = "gives electrical power only, which is not pooled with drag"
-        found.left_out.extend(f"{one.log}: {only}" for one in found.electrical)
-    return found
+def read_flights(folders: Sequence[Path]) -> list[Results]:
+    """The results in flights' folders, `log` in them being the folder's name. Raises InputError for a damaged file."""
+    return [structs.replace(without_details(read_results(one / RESULTS)), log=one.name) for one in folders]
 
 
 def flight_folders_of(folder: Path) -> list[Path]:

@@ -16,6 +16,7 @@ from flightpower.analysis.cli.compare import app as compare_app
 from flightpower.analysis.cli.several_logs import FlightAnalysis, ProgressOnConsole, _attachments, files_used, settings
 from flightpower.analysis.flights.campaign.campaign import Campaign, flight_folders_of, read_flights
 from flightpower.analysis.flights.campaign.processes import Outcome
+from flightpower.analysis.flights.pool import of_one_kind
 from flightpower.analysis.options import Options
 from flightpower.flight.aircraft import load_aircraft
 from flightpower.flight.errors import InputError
@@ -115,8 +116,8 @@ def test_folders_of_a_pool_of_several_flights_and_of_one(tmp_path: Path) -> None
     results("pool/removed", **flight(truth(rng), rng, "removed"))
     assert [folder.name for folder in flight_folders_of(tmp_path / "pool")] == ["a", "b", "removed"]
     (tmp_path / "pool" / "results.json").write_text(json.dumps({"flights": [{"log": "a"}, {"log": "b"}]}))
-    found = read_flights(flight_folders_of(tmp_path / "pool"))
-    (one,) = found.to_pool
+    _, (found,) = of_one_kind(read_flights(flight_folders_of(tmp_path / "pool")))
+    (one,) = found.flights
     assert one.log == "a" and one.pooling is not None and "electrical power only" in found.left_out[0]
     assert flight_folders_of(tmp_path / "pool" / "a") == [tmp_path / "pool" / "a"]
     (tmp_path / "pool" / "a" / "empty").mkdir()

@@ -7,6 +7,8 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from synthetic_flights import flight as synthetic_flight
+from synthetic_flights import truth
 from typer.testing import CliRunner
 
 from flightpower.analysis.cli.compare import app as compare_command
@@ -16,11 +18,12 @@ from flightpower.analysis.flights.campaign.campaign import Campaign
 from flightpower.analysis.flights.comparison import Comparison, compare
 from flightpower.analysis.flights.curve_pool import CurvePool
 from flightpower.analysis.flights.evidence import NOT_ONE_VEHICLE
-from flightpower.analysis.flights.pool import pool_results
+from flightpower.analysis.flights.pool import of_one_kind, pool_results
 from flightpower.analysis.flights.pooled import flights_to_see
 from flightpower.analysis.pages.pooled_page import render_pooled
 from flightpower.analysis.records.flight import POWER_FORMAT, BatteryResult, EvidenceKind, Kind, Results, Trust
 from flightpower.analysis.records.pool import POOLED_FORMAT
+from flightpower.analysis.results.read import read_results
 from flightpower.flight.command_line import ExitCode
 from flightpower.flight.errors import InputError
 
@@ -108,6 +111,52 @@ def test_a_flight_with_runs_is_pooled_by_its_electrical_power_with_an_autopilot_
     no_battery = msgspec.structs.replace(with_runs, curves={Kind.POWER_REQUIRED: electrical})
     with pytest.raises(InputError, match=r"a gives electrical power only, and b drag only, .* no battery: leave"):
         pool_results([autopilot, no_battery])
+
+
+def with_drag(one: Results, *, battery: bool = True) -> Results:
+    """The flight with statistics of drag, as one of our tray; without a battery it has drag alone."""
+    rng = np.random.default_rng(5)
+    by_runs = read_results(synthetic_flight(truth(rng), rng, one.log))
+    curves = {**by_runs.curves, **(one.curves if battery else {})}
+    return msgspec.structs.replace(by_runs, curves=curves, aircraft=one.aircraft, log=one.log)
+
+
+def test_flights_of_both_kinds_are_pooled_by_the_kind_that_leaves_fewer_out() -> None:
+    autopilot, both = flight("a", 0.02), with_drag(flight("b", -0.02))
+    drag_alone = [with_drag(flight(name), battery=False) for name in "cd"]
+    assert of_one_kind([both, both])[0] is Kind.POWER_REQUIRED, "as many by either"
+    kind, (by_power,) = of_one_kind([autopilot, both, both, drag_alone[0], autopilot])
+    assert kind is Kind.ELECTRICAL and by_power.flights == [autopilot, both, both, autopilot]
+    assert by_power.left_out[0].startswith("c: gives drag only, since its log has no battery")
+    kind, (by_drag,) = of_one_kind([autopilot, both, *drag_alone])
+    assert kind is Kind.POWER_REQUIRED and by_drag.flights == [both, *drag_alone]
+    assert by_drag.left_out[0].startswith("a: gives electrical power only")
+
+
+def test_sides_are_compared_by_a_kind_that_both_have_though_another_leaves_fewer_out() -> None:
+    drag_alone = [with_drag(flight(name), battery=False) for name in "cde"]
+    kind, (a, b) = of_one_kind([with_drag(flight("b")), *drag_alone], [flight("a", 0.02)])
+    assert kind is Kind.ELECTRICAL and [len(one.flights) for one in (a, b)] == [1, 1] and len(a.left_out) == 3
+    assert pool_results(a.flights, kind).kind is pool_results(b.flights, kind).kind is Kind.ELECTRICAL
+
+
+def test_the_commands_pool_and_compare_flights_of_both_kinds(tmp_path: Path, capsys) -> None:
+    """Power of B is 10 % above that of A, whose flight has drag, too."""
+    sides = {"a": [with_drag(flight("tray"))], "b": [flight("autopilot", 0.1)]}
+    for side, flights in sides.items():
+        for one in flights:
+            (tmp_path / side / one.log).mkdir(parents=True)
+            (tmp_path / side / one.log / "results.json").write_bytes(msgspec.json.encode(one))
+    mixed = [tmp_path / "a" / "tray", tmp_path / "b" / "autopilot"]
+    assert _pool(Campaign(folders=mixed), tmp_path, quiet=True) is ExitCode.DONE
+    pooled = json.loads((tmp_path / "results.json").read_text())
+    assert pooled["kind"] == Kind.ELECTRICAL and [one["log"] for one in pooled["flights"]] == ["tray", "autopilot"]
+    assert "pooled by electrical power" in capsys.readouterr().err
+    words = [str(tmp_path / "a"), str(tmp_path / "b"), "-o", str(tmp_path / "c")]
+    assert CliRunner().invoke(compare_command, words).exit_code == ExitCode.DONE
+    found = json.loads((tmp_path / "c" / "results.json").read_text())
+    percent = [one["difference_percent"] for one in found["differences"]]
+    assert percent and percent == pytest.approx([10.0] * len(percent), rel=0.01)
 
 
 def test_a_pool_knows_endurance_by_the_battery_of_its_flights() -> None:
