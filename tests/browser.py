@@ -16,6 +16,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 OPTIONS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync",
@@ -25,6 +27,9 @@ OPTIONS = (
 AXE = Path(os.environ.get("AXE_CORE", "node_modules/axe-core/axe.min.js"))
 NO_AXE = "no axe-core here (npm pack axe-core; AXE_CORE=…/axe.min.js)"
 A4_INCHES = (8.27, 11.69)
+# Of windows [px], a laptop's and a phone's: what a phone only repeats is left to `make test-all`.
+WIDTHS = (1280, pytest.param(400, marks=pytest.mark.thorough))
+BOTH_WIDTHS = (1280, 400)
 # After the timers of a page that are due within this time, whenever they come: in the order in which they are due.
 AFTER_TIMERS = "new Promise(done => setTimeout(() => requestAnimationFrame(done), 200))"
 HANGS_S = 120  # an end for what would never end

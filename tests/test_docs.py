@@ -5,6 +5,7 @@ import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -146,17 +147,32 @@ OF_OTHERS = {
 NAME = re.compile(r"[A-Za-z_]\w*(?:\.\w+)*(?:\(.*\))?")
 
 
+class Code(NamedTuple):
+    """What the packages define, use, or read from data: names, modules, files, and texts that are one name or path.
+
+    docstrings : those that name code, by package: where, and the text
+    """
+
+    names: frozenset[str]
+    docstrings: dict[str, list[tuple[str, str]]]
+
+
 @cache
-def names_of_the_code() -> frozenset[str]:
-    """What the packages define, use, or read from data: names, modules, files, and texts that are one name or path."""
+def the_code() -> Code:
+    """All packages, read once."""
     named = {word for package in OF_CODE for path in (ROOT / package).rglob("*") for word in path.stem.split(".")}
+    texts: dict[str, list[tuple[str, str]]] = {package: [] for package in OF_CODE}
     for package in OF_CODE:
         tables = [path.read_text("utf-8") for path in (ROOT / package).rglob("*.toml")]
         named |= {word for text in tables for word in re.findall(r"\w+", text)}
-        for path in (ROOT / package).rglob("*.py"):
+        for path in sorted((ROOT / package).rglob("*.py")):
             for node in ast.walk(ast.parse(path.read_text("utf-8"))):
                 named |= set(_names(node))
-    return frozenset(named | {*PACKAGES})
+                if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+                    text = ast.get_docstring(node, clean=False) or ""
+                    if "`" in text:
+                        texts[package].append((f"{path.relative_to(ROOT)} {getattr(node, 'name', '')}", text))
+    return Code(frozenset(named | {*PACKAGES}), texts)
 
 
 def _names(node: ast.AST) -> Iterator[str]:
@@ -171,23 +187,14 @@ def _names(node: ast.AST) -> Iterator[str]:
             yield from re.findall(r"\w+", text)
 
 
-def docstrings(package: str) -> Iterator[tuple[str, str]]:
-    """Where, and the text."""
-    for path in sorted((ROOT / package).rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
-                where = f"{path.relative_to(ROOT)} {getattr(node, 'name', '')}"
-                yield where, ast.get_docstring(node) or ""
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("package", OF_CODE)
 def test_code_that_a_docstring_names_exists(package: str) -> None:
     missing = [
         f"{where}: `{name}`"
-        for where, text in docstrings(package)
+        for where, text in the_code().docstrings[package]
         for name in IN_BACKTICKS.findall(text)
         if NAME.fullmatch(name) and name.split("(")[0] not in OF_OTHERS
-        if not all(word in names_of_the_code() for word in name.split("(")[0].split("."))
+        if not all(word in the_code().names for word in name.split("(")[0].split("."))
     ]
     assert missing == []

@@ -11,14 +11,13 @@ import pytest
 
 from flightpower import Options, analyze
 from flightpower.analysis.records.flight import Results
-from tests.browser import CHROMIUM, Browser
+from tests.browser import BOTH_WIDTHS, CHROMIUM, WIDTHS, Browser
 
 pytestmark = [
     pytest.mark.xdist_group("chain"),
     pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here (Debian: apt-get install chromium)"),
 ]
 
-WIDTHS = (1280, 400)
 DRAWN = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"  # and what is drawn in a frame
 
 
@@ -101,6 +100,7 @@ def place(browser: Browser, figure: str, x: float, y: float) -> list[float]:
     }})()""")
 
 
+@pytest.mark.parametrize("report", BOTH_WIDTHS, indirect=True, ids="{} px".format)
 def test_a_run_is_shown_everywhere_from_the_table_a_band_or_the_track(report: Browser, flown: Path) -> None:
     i = number_of_the_deceleration(flown)
     results = msgspec.json.decode((flown / "log.report" / "results.json").read_bytes(), type=Results)
@@ -185,6 +185,7 @@ def test_over_the_ground_the_cursor_names_the_run_beneath_it(report: Browser, fl
     assert numbers == pytest.approx([east, north], abs=40)
 
 
+@pytest.mark.parametrize("report", BOTH_WIDTHS, indirect=True, ids="{} px".format)
 def test_a_figure_is_zoomed_by_dragging_and_by_key_and_shown_whole_again(report: Browser) -> None:
     texts = "document.querySelectorAll('#timeline .panel:last-of-type .tick.x text')"
     ticks = f"[...{texts}].map(one => Number(one.textContent))"

@@ -12,7 +12,7 @@ import waitress
 from flightpower.analysis.pages.open.flights import Folder
 from flightpower.analysis.pages.open.server import LocalPage
 from flightpower.flight.aircraft import load_aircraft
-from tests.browser import AXE, CHROMIUM, NO_AXE, Browser
+from tests.browser import AXE, BOTH_WIDTHS, CHROMIUM, NO_AXE, WIDTHS, Browser
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here (Debian: apt-get install chromium)")
 QUIET = "!document.body.classList.contains('busy')"
@@ -36,7 +36,7 @@ def served(shared: Folder) -> Iterator[tuple[str, Path]]:
     serving.join(5)
 
 
-@pytest.fixture(scope="module", params=(1280, 400), ids="{} px".format)
+@pytest.fixture(scope="module", params=WIDTHS, ids="{} px".format)
 def loaded(request: pytest.FixtureRequest, served: tuple[str, Path], browser: Browser) -> int:
     """The page is loaded once for all tests of a width [px]."""
     browser.show("about:blank", request.param)
@@ -128,6 +128,7 @@ def test_kinds_and_use_of_a_run_by_key_and_a_new_run(page: Browser) -> None:
     assert page.value_of("selected") == -1
 
 
+@pytest.mark.parametrize("loaded", BOTH_WIDTHS, indirect=True, ids="{} px".format)
 def test_the_cursor_reads_all_strips_and_shows_the_place(page: Browser) -> None:
     page.value_of("document.getElementById('strips').scrollIntoView()")
     x, y = page.value_of(

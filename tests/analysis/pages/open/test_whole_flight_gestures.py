@@ -9,7 +9,7 @@ import waitress
 
 from flightpower.analysis.pages.open.flights import Folder
 from flightpower.analysis.pages.open.server import LocalPage
-from tests.browser import AXE, CHROMIUM, NO_AXE, Browser
+from tests.browser import AXE, BOTH_WIDTHS, CHROMIUM, NO_AXE, WIDTHS, Browser
 from tests.unchanged.commands import flight
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here (Debian: apt-get install chromium)")
@@ -36,7 +36,7 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, Path
     serving.join(5)
 
 
-@pytest.fixture(params=(1280, 400), ids="{} px".format)
+@pytest.fixture(params=WIDTHS, ids="{} px".format)
 def page(request: pytest.FixtureRequest, served: tuple[str, Path], browser: Browser) -> Iterator[Browser]:
     """The page, which opens the only log of its folder and draws its curve; nothing on the console but refusals."""
     browser.show("about:blank", request.param)
@@ -60,6 +60,7 @@ def typed(key: str, text: str) -> str:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("page", BOTH_WIDTHS, indirect=True, ids="{} px".format)
 def test_mass_and_span_stand_beside_the_curve_and_it_follows(page: Browser) -> None:
     """A guess is said to be one; what cannot be used has a red border with its message, also in the status."""
     assert page.value_of("!at('guessed').hidden && at('first').querySelectorAll('.guessed').length") == 3
