@@ -31,7 +31,7 @@ from flightpower.flight.runs import flying_Pa
 from flightpower.flight.units import KNOT_MPS
 from flightpower.sim.bench import ColumnSegment
 from flightpower.sim.fly import Flight, fly
-from flightpower.sim.plan import load_plan
+from flightpower.sim.plan import Plan, load_plan
 from flightpower.sim.plant import plant_of
 from flightpower.sim.sensors import FlightSensorTruth, draw
 from flightpower.sim.sensors.budget import DrawnErrors, ErrorBudget
@@ -125,14 +125,13 @@ def flown(
 @lru_cache(maxsize=4)
 def _flown(arguments: bytes) -> Flown:
     """The flight by its arguments, pickled: they have no hash."""
-    flight, table = fly_and_measure(arguments)
-    _, errors, _, _ = pickle.loads(arguments)
+    aircraft, errors, plan, seed = pickle.loads(arguments)
+    flight, table = fly_and_measure(aircraft, errors, plan, seed)
     return Flown(flight, FlightSensorTruth(flight, errors), table)
 
 
-def fly_and_measure(arguments: bytes) -> tuple[Flight, pd.DataFrame]:
+def fly_and_measure(aircraft: Aircraft, errors: DrawnErrors, plan: Plan, seed: int) -> tuple[Flight, pd.DataFrame]:
     """The flight, and the table of its sensors. Tests take both from their corpus (tests/corpus.py)."""
-    aircraft, errors, plan, seed = pickle.loads(arguments)
     flight = fly(aircraft, plan, seed=seed, deviations=errors.deviations)
     return flight, sensor_table(FlightSensorTruth(flight, errors), aircraft)
 

@@ -6,6 +6,7 @@ after a day.
 
 import contextlib
 import hashlib
+import io
 import os
 import pickle
 import shutil
@@ -79,6 +80,24 @@ def from_corpus(make: Callable[..., Made]) -> Callable[..., Made]:
 
     @wraps(make)
     def taken(*arguments: Any) -> Made:
-        return kept(folder(), pickle.dumps((make.__qualname__, arguments)), lambda: make(*arguments))
+        return kept(folder(), key_of(make.__qualname__, *arguments), lambda: make(*arguments))
 
     return taken
+
+
+def key_of(*values: object) -> bytes:
+    """Bytes that tell values apart, and are those of equal values in any process: sets have another order in each."""
+    written = io.BytesIO()
+    pickler = _InOrder(written)
+    pickler.fast = True  # no references to what came before, which depend on what is one object
+    pickler.dump(values)
+    return written.getvalue()
+
+
+class _InOrder(pickle._Pickler):  # the one in C cannot be told how to write a set
+    dispatch = pickle._Pickler.dispatch.copy()
+
+    def save_in_order(self, values: frozenset[Any] | set[Any]) -> None:
+        self.save(["set", *sorted(values)])
+
+    dispatch[set] = dispatch[frozenset] = save_in_order

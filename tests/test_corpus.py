@@ -40,3 +40,13 @@ def test_another_source_or_value_is_another_corpus(tmp_path: Path) -> None:
         (tmp_path / "sim" / name).write_text(text, "utf-8")
         seen.add(corpus.of_sources(tmp_path, ("sim",)))
     assert len(seen) == 4, "each but compiled code"
+
+
+def test_equal_values_have_one_key_in_whatever_order_a_process_keeps_a_set() -> None:
+    one, other = {0, 8}, {8, 0}
+    assert list(one) != list(other), "as the texts of two processes"
+    said = "seed".upper()
+    assert corpus.key_of(one, said, said) == corpus.key_of(other, said, "seed".upper())
+    assert corpus.key_of(frozenset(one)) == corpus.key_of(frozenset(other))
+    different = ({0, 8}, {0, 16}, [0, 8], 0.1, 0.1 + 1e-16, "0.1")
+    assert len({corpus.key_of(value) for value in different}) == len(different)
