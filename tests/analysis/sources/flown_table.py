@@ -4,6 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
+from pyarrow import csv
 
 from flightpower.flight.atmosphere import density, pressure_at, temperature_at
 from flightpower.flight.units import GRAVITY_MPS2 as g
@@ -91,6 +93,13 @@ def map_text(entries: dict[str, tuple[str, str]] | None = None, **extra: str) ->
 def written(folder: Path, table: pd.DataFrame, text: str | None = None) -> Path:
     """A CSV file with its map beside it."""
     path = folder / "flight.csv"
-    table.to_csv(path, index=False)
+    write_csv(path, table)
     (folder / "flight.csv.columns.toml").write_text(map_text() if text is None else text)
     return path
+
+
+def write_csv(path: Path, table: pd.DataFrame) -> None:
+    """What `table.to_csv` writes of columns of numbers, in an eighth of the time."""
+    with path.open("wb") as file:
+        file.write(table.head(0).to_csv(index=False).encode())
+        csv.write_csv(pa.Table.from_pandas(table, preserve_index=False), file, csv.WriteOptions(include_header=False))

@@ -34,6 +34,7 @@ from tests.analysis.sources.flown_table import (
     flown_table,
     level_power_W,
     map_text,
+    write_csv,
     written,
 )
 from tests.shared_data import beside, needs
@@ -196,7 +197,7 @@ def test_a_spreadsheet_of_another_country(tmp_path: Path) -> None:
 
 def drafted(tmp_path: Path, table: pd.DataFrame) -> dict[str, tuple[str, str, float]]:
     path = tmp_path / "flight.csv"
-    table.to_csv(path, index=False)
+    write_csv(path, table)
     (tmp_path / "map.toml").write_text(draft(path))
     return {name: (one.column, one.unit, one.factor) for name, one in load_map(tmp_path / "map.toml").columns.items()}
 
@@ -236,7 +237,7 @@ def test_a_draft_by_physics(tmp_path: Path) -> None:
 
 def test_the_command_needs_a_map_and_says_how_to_draft_it(tmp_path: Path) -> None:
     path = tmp_path / "flight.csv"
-    TRUE.to_csv(path, index=False)
+    write_csv(path, TRUE)
     refused = CliRunner().invoke(app, [str(path), *AIRCRAFT])
     assert isinstance(refused.exception, InputError)
     assert "flightpower new columns" in str(refused.exception)
@@ -305,7 +306,7 @@ DAEMON_NAMES = {
 
 def test_the_draft_knows_the_names_that_the_daemon_writes(tmp_path: Path) -> None:
     path = tmp_path / "flight.csv"
-    TRUE.rename(columns=DAEMON_NAMES).to_csv(path, index=False)
+    write_csv(path, TRUE.rename(columns=DAEMON_NAMES))
     text = draft(path)
     for quantity, column in (("specific_force_down", "specific_force_z_mps2"), ("roll_rate", "angular_rate_x_degps")):
         assert f'[{quantity}]\ncolumn = "{column}"' in text
@@ -316,7 +317,7 @@ def test_a_heading_without_its_sign_costs_the_heading_alone(tmp_path: Path) -> N
     path = tmp_path / "flight.csv"
     degrees = (TRUE["heading_deg"] + 180) % 360 - 180
     assert (degrees < 0).any() and (degrees > 0).any()
-    TRUE.assign(heading_deg=degrees.abs()).to_csv(path, index=False)
+    write_csv(path, TRUE.assign(heading_deg=degrees.abs()))
     drafted = tmp_path / "drafted.toml"
     drafted.write_text(draft(path))
     known = load_map(drafted).columns
