@@ -10,7 +10,8 @@ import pytest
 from flightpower.sim.truth import read_truth
 from tests.documented_commands import ROOT, do, every_one_of, run, same, steps_in
 
-pytestmark = pytest.mark.xdist_group("chain")
+# The errors of an installation are also seen by tests/sim/test_command_line.py, the comparison by those of flights.
+pytestmark = [pytest.mark.xdist_group("chain"), pytest.mark.thorough]
 
 PAGE = ROOT / "docs" / "use" / "many-flights.md"
 ROW = re.compile(r"│ +([\d.]+) │ +[\d.]+ │ +[\d.]+ │ +([-+\d.]+) │ +([-+\d.]+) to ([-+\d.]+) │")
@@ -43,7 +44,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return at
 
 
-@pytest.mark.thorough
 def test_the_page_shows_ten_flights_and_a_comparison_that_contains_the_truth(folder: Path) -> None:
     """To renew the outputs: python -m tests.documented_commands docs/use/many-flights.md"""
     loops = [step for step in steps_in(PAGE) if step.command.startswith("for ")]
