@@ -209,18 +209,19 @@ CASES = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "case", [pytest.param("linear", marks=pytest.mark.thorough), *(case for case in CASES if case != "linear")]
+    ("case", "seeds"),
+    [("nonlinear", 10), *(pytest.param(case, 30, marks=pytest.mark.thorough) for case in CASES)],
 )
-def test_in_turbulence_standard_errors_are_right_and_those_of_output_error_too_small(case):
+def test_in_turbulence_standard_errors_are_right_and_those_of_output_error_too_small(case, seeds):
     """Deviations of the parameters in standard errors have an rms of 1; 90 to 97 % of all are in 95 % intervals.
 
     Over 30 seeds of two records, and parameters of which about four go their own ways, the rms is known to
-    1/sqrt(2 30 4) = 6 %, the coverage to 2 %. The bias of a maximum of likelihood is of order 1/N: a quarter of a
-    standard error is allowed on 20 s of record, plus three times what the mean is known to.
+    1/sqrt(2 30 4) = 6 %, the coverage to 2 %; over ten to 11 % and 3.4 %. The bias of a maximum of likelihood is of
+    order 1/N: a quarter of a standard error is allowed on 20 s of record, plus three times what the mean is known to.
     `benchmarks/estimation.py statistics` shows the 10 % for every parameter, with many more seeds.
     """
     model, noise, record, truth = CASES[case]
-    seeds, m = 30, len(model.parameters)
+    m, fewer = len(model.parameters), np.sqrt(30 / seeds)
     truth = np.array([*truth[:m], *2 * truth[m : m + 2], *truth[m + 2 :]])  # two initial states
     off, inside, off_direct, inside_direct = [], [], [], []
     for seed in range(seeds):
@@ -234,9 +235,9 @@ def test_in_turbulence_standard_errors_are_right_and_those_of_output_error_too_s
         direct = fit_output_error(model, segments)
         off_direct.append((direct.values - truth[:-3])[:m] / error)
         inside_direct.append(np.abs(direct.values - truth[:-3]) < NORMAL_95 * np.sqrt(np.diag(direct.covariance)))
-    assert np.sqrt(np.mean(np.square(off))) == pytest.approx(1, abs=0.18)
+    assert np.sqrt(np.mean(np.square(off))) == pytest.approx(1, abs=0.18 * fewer)
     assert np.abs(np.mean(off, axis=0)).max() < 1 / 4 + 3 / np.sqrt(seeds)
-    assert 0.90 <= np.mean(inside) <= 0.97
+    assert 0.95 - 0.05 * fewer <= np.mean(inside) <= 0.95 + 0.02 * fewer
     # Output error on the same data: its estimates scatter wider, and its bound covers less than two thirds.
     assert np.sqrt(np.mean(np.square(off_direct))) > 1.5
     assert np.mean(inside_direct) < 0.65
