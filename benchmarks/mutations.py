@@ -7,9 +7,8 @@ puts sin for cos and min for max. The draw is uniform over all such places in `a
 always gives the same draw of the same code. Each mutation is made in a copy of the tracked files. It counts as killed
 when a test fails, or its files take longer than --timeout-s, and the same run passes without the mutation. A mutated
 module that cannot be imported tells nothing about the tests: another mutation is drawn in its place. Test files run in
-the order of their distance to the mutated file: same name, direct import, the stored results of `tests/unchanged`,
-import of an import, and so on; then all others. A survivor costs the time of the whole suite; `--nearest N` stops after
-N files. Exit code 1 if fewer than --killed are killed.
+the order of `make near`. A survivor costs the time of the whole suite; `--nearest N` stops after N files. Exit code 1
+if fewer than --killed are killed.
 """
 
 import ast
@@ -20,7 +19,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections import deque
 from collections.abc import Iterator
 from functools import cache
 from itertools import islice
@@ -29,7 +27,8 @@ from typing import Annotated, NamedTuple
 
 import typer
 
-from tests.our_files import dotted_path, module_of
+from tests import near
+from tests.our_files import module_of
 
 ROOT = Path(__file__).resolve().parent.parent
 PLACES = ("analysis", "daq", "flight")
@@ -143,51 +142,16 @@ def drawn(seed: int) -> Iterator[Mutation]:
             yield made
 
 
-def imported(file: Path) -> Iterator[Path]:
-    """The project's files that a file imports, also inside functions."""
-    for node in ast.walk(ast.parse((ROOT / file).read_text("utf-8"))):
-        match node:
-            case ast.Import(names=names):
-                modules = [name.name for name in names]
-            case ast.ImportFrom(module=str(module), names=names):
-                modules = [module, *(f"{module}.{name.name}" for name in names)]
-            case _:
-                continue
-        for module in modules:
-            path = Path(*dotted_path(module).split("."))
-            for candidate in (path.with_suffix(".py"), path / "__init__.py"):
-                if (ROOT / candidate).is_file():
-                    yield candidate
-
-
 @cache
-def importers_of_files() -> dict[Path, list[Path]]:
-    """Importers of each file."""
-    importers: dict[Path, list[Path]] = {}
-    for place in (*PLACES, "flightpower", "hw_fakes", "sim", "tests"):
-        for path in (ROOT / place).rglob("*.py"):
-            for target in imported(path.relative_to(ROOT)):
-                importers.setdefault(target, []).append(path.relative_to(ROOT))
-    return importers
+def import_graph() -> dict[Path, set[Path]]:
+    """Which file imports which, made once for all mutations."""
+    return near.imports(ROOT)
 
 
 def tests_by_distance(file: Path) -> list[Path]:
-    """All test files: those that bear the file's name, then by the number of imports between test and file.
-
-    The comparison with stored results comes after direct imports: it notices most of what changes a result.
-    """
-    importers = importers_of_files()
-    distance = {file: 0}
-    waiting = deque([file])
-    while waiting:
-        here = waiting.popleft()
-        for importer in importers.get(here, ()):
-            if importer not in distance:
-                distance[importer] = distance[here] + 1
-                waiting.append(importer)
-    tests = [p.relative_to(ROOT) for p in (ROOT / "tests").rglob("test_*.py")]
-    distance |= {test: 2 for test in tests if test.parent.name == "unchanged"}
-    return sorted(tests, key=lambda p: (file.stem not in p.stem, distance.get(p, len(importers)), p))
+    """All test files: the nearest by imports first, as `make near` has them, then those that no import leads to."""
+    found = near.nearest(file, import_graph(), [file], sys.maxsize)
+    return found + sorted({p.relative_to(ROOT) for p in (ROOT / "tests").rglob("test_*.py")} - {*found})
 
 
 def run(copy: Path, arguments: list[str], timeout_s: float) -> subprocess.CompletedProcess[str] | None:
