@@ -40,7 +40,7 @@ def test_the_program_on_the_page_is_the_one_whose_types_are_checked() -> None:
     assert {f"tests/flightpower/typed_{name}.py" for name in ("page", "program")} <= {*checked}
 
 
-@pytest.mark.parametrize("name", ["analysis", "flight"])
+@pytest.mark.parametrize("name", ["analysis", pytest.param("flight", marks=pytest.mark.thorough)])
 def test_a_module_of_the_user_with_the_name_of_a_part_is_not_in_the_way(name: str, tmp_path: Path) -> None:
     (tmp_path / f"{name}.py").write_text("raise SystemExit(3)", "utf-8")
     code = "import flightpower; flightpower.read; from flightpower.scripts import flightpower as run; run()"

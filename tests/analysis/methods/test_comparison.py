@@ -115,7 +115,9 @@ def test_energy_shows_a_wrong_pitch_of_the_trajectory_with_size_and_sign(probe, 
     assert float(words[1]) == pytest.approx(abs(tilt_deg), rel=0.3)
 
 
-@pytest.mark.parametrize(("errors", "seed"), [("none", 0), ("bench", 20), ("bench", 21)])
+@pytest.mark.parametrize(
+    ("errors", "seed"), [("none", 0), ("bench", 20), pytest.param("bench", 21, marks=pytest.mark.thorough)]
+)
 def test_methods_agree_where_nothing_is_wrong(probe, errors: str, seed: int) -> None:
     assert analyzed_flight(probe, seed, errors=errors).disagreements == []
 
