@@ -18,12 +18,14 @@ of an angle of attack that follows from C_L.
 """
 
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from flightpower.analysis.estimation.model import NamedValues
 from flightpower.analysis.methods.whole_flight.ground_velocity import GroundVelocity, gusts
+from flightpower.analysis.methods.whole_flight.kept_values import Kept
 from flightpower.analysis.methods.whole_flight.parameters import (
     DRAG,
     LIFT,
@@ -193,6 +195,23 @@ class QuarticPolar:
         return cls(float(np.exp(p.ln_CD0)), float(np.exp(p.ln_K)), float(p.CL_minD), float(p.K4), float(idle_drag))
 
 
+class Useful(NamedTuple):
+    """power_W : thrust times airspeed (n,)     idle : how far the propeller idles (n,)"""
+
+    power_W: Array
+    idle: Array | float
+
+
+class _Powers(NamedTuple):
+    """The terms of a balance by its parameters. along_path_W : without the work of gusts"""
+
+    samples: Kept[Samples]
+    useful: Kept[Useful]
+    drag_W: Kept[Array]
+    gusts_W: Kept[Array]
+    along_path_W: Kept[Array]
+
+
 class EnergyBalance:
     """The balance of one flight. windows : over which it is averaged     V_mps, power_W : (n,) their means"""
 
@@ -218,6 +237,7 @@ class EnergyBalance:
         self.windows = Windows(centers_s, offsets_s, weight / weight.sum(), slope)
         self.V_mps, self.power_W = self._mean(samples.V_mps), self._mean(samples.power_W)
         self.names = self._names()
+        self._nominal = self._powers(samples, conditions)
         self._x = advance(samples.V_mps, self._motor_power(conditions), conditions.rho)
 
     def _names(self) -> tuple[str, ...]:
@@ -233,17 +253,29 @@ class EnergyBalance:
 
         samples, given: perturbed ones, for the effect of an error.
         """
-        s, c, p = samples or self.samples, given or self.conditions, unpack(self.names, parameters)
-        if s.ground is not None:
-            s = s._replace(V_mps=s.ground.airspeed(pack(WIND, p)))
-        drag_W, useful_W = self._drag_and_useful_W(p, s, c)
+        c, p = given or self.conditions, unpack(self.names, parameters)
+        perturbed = samples is not None or given is not None
+        powers = self._powers(samples or self.samples, c) if perturbed else self._nominal
+        s, gusts_W = powers.samples(p), powers.gusts_W(p)
         energy = c.mass_kg * (g * s.height_m + s.V_mps**2 / 2)
-        by_air_W = c.mass_kg * g * c.updraft_mps + self._mean(by_gusts_W(s, p, c))
+        by_air_W = c.mass_kg * g * c.updraft_mps + self._mean(gusts_W)
         change = -energy[self._rows] @ self.windows.slope - by_air_W
-        of_drag = self._mean(useful_W - drag_W) - change
+        of_drag = self._mean(powers.useful(p).power_W - powers.drag_W(p)) - change
         if s.force_x_mps2 is None:
             return np.asarray(of_drag)
-        return np.concatenate([of_drag, change - self._mean(_along_path_W(s, s.force_x_mps2, useful_W, p, c))])
+        return np.concatenate([of_drag, change - self._mean(powers.along_path_W(p) - gusts_W)])
+
+    def _powers(self, given: Samples, c: FlightConditions) -> "_Powers":
+        """The terms of the balance with these samples and conditions, as functions of the parameters."""
+        samples = Kept(partial(_with_airspeed, given))
+        useful = Kept(lambda p: self._useful(p, samples(p), c))
+        return _Powers(
+            samples,
+            useful,
+            Kept(lambda p: self._drag_W(p, samples(p), c, useful(p).idle)),
+            Kept(lambda p: by_gusts_W(samples(p), p, c)),
+            Kept(lambda p: _along_path_W(samples(p), useful(p).power_W, p, c)),
+        )
 
     def by_wind(self, parameters: Array) -> Array:
         """Change of the residuals with the wind to the north and to the east, (n or 2 n, 2) [W s/m]."""
@@ -256,8 +288,8 @@ class EnergyBalance:
 
     def useful_W(self, parameters: Array) -> Array:
         """Thrust times airspeed, mean of each window (n,) [W]."""
-        _, useful_W = self._drag_and_useful_W(unpack(self.names, parameters), self.samples, self.conditions)
-        return self._mean(useful_W)
+        useful = self._useful(unpack(self.names, parameters), self.samples, self.conditions)
+        return self._mean(useful.power_W)
 
     def middle(self) -> PowerLaw:
         """Median airspeed and motor power, the latter where the motor works."""
@@ -275,10 +307,12 @@ class EnergyBalance:
     def _motor_power(self, c: FlightConditions) -> Array:
         return np.asarray(np.maximum(c.power_scale * self.samples.power_W - c.idle_power_W, 0.0))
 
-    def _drag_and_useful_W(self, p: NamedValues, s: Samples, c: FlightConditions) -> tuple[Array, Array]:
-        useful, idle = useful_power(s.V_mps, self._motor_power(c), p, c)
+    def _useful(self, p: NamedValues, s: Samples, c: FlightConditions) -> "Useful":
+        return Useful(*useful_power(s.V_mps, self._motor_power(c), p, c))
+
+    def _drag_W(self, p: NamedValues, s: Samples, c: FlightConditions, idle: Array | float) -> Array:
         polar = QuarticPolar.of(p, p.idle_drag)
-        return drag_power(s.V_mps, s.load_factor, idle, polar, c, load_variance=s.load_variance), useful
+        return drag_power(s.V_mps, s.load_factor, idle, polar, c, load_variance=s.load_variance)
 
     def _mean(self, values: Array) -> Array:
         return np.asarray(values[self._rows] @ self.windows.weight)
@@ -309,12 +343,18 @@ def useful_power(V: Array, motor_W: Array, p: NamedValues, c: FlightConditions) 
     return np.asarray(useful), np.asarray(np.clip(1 - 10 * share, 0.0, 1.0))
 
 
-def _along_path_W(s: Samples, force_x_mps2: Array, useful_W: Array, p: NamedValues, c: FlightConditions) -> Array:
-    """Power (n,) [W] of thrust less drag, by the accelerometer turned by the angle of attack."""
+def _with_airspeed(s: Samples, p: NamedValues) -> Samples:
+    """Samples with the airspeed by GPS less the wind, where it is not measured."""
+    return s if s.ground is None else s._replace(V_mps=s.ground.airspeed(pack(WIND, p)))
+
+
+def _along_path_W(s: Samples, useful_W: Array, p: NamedValues, c: FlightConditions) -> Array:
+    """Power (n,) [W] of thrust less drag, by the accelerometer turned by the angle of attack, gusts included."""
+    assert s.force_x_mps2 is not None
     lift_N, qS = s.load_factor * c.mass_kg * g, c.rho * s.V_mps**2 / 2 * c.wing_area_m2
     alpha = p.alpha_0 + np.exp(p.ln_alpha_per_CL) * lift_N / qS + p.alpha_per_CT * useful_W / s.V_mps / qS
-    forward_N = c.mass_kg * force_x_mps2 * np.cos(alpha) - lift_N * np.sin(alpha)
-    return np.asarray(s.V_mps * forward_N - by_gusts_W(s, p, c))
+    forward_N = c.mass_kg * s.force_x_mps2 * np.cos(alpha) - lift_N * np.sin(alpha)
+    return np.asarray(s.V_mps * forward_N)
 
 
 def drag_power(

@@ -16,6 +16,7 @@ from flightpower.analysis.methods.whole_flight.energy_balance import (
     EnergyBalance,
     FlightConditions,
     Samples,
+    Useful,
     level_efficiency,
 )
 from flightpower.analysis.methods.whole_flight.fit import estimate_of, most_probable_fit
@@ -32,9 +33,9 @@ class ScaledPowerBalance(EnergyBalance):
     def _names(self) -> tuple[str, ...]:
         return (*super()._names(), POWER_SCALE)
 
-    def _drag_and_useful_W(self, p: NamedValues, s: Samples, c: FlightConditions) -> tuple[Array, Array]:
-        drag_W, useful_W = super()._drag_and_useful_W(p, s, c)
-        return drag_W, np.exp(p.ln_power_scale) * useful_W
+    def _useful(self, p: NamedValues, s: Samples, c: FlightConditions) -> Useful:
+        useful = super()._useful(p, s, c)
+        return useful._replace(power_W=np.exp(p.ln_power_scale) * useful.power_W)
 
 
 def shown_efficiency(

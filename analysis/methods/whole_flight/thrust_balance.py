@@ -15,6 +15,7 @@ from flightpower.analysis.methods.whole_flight.energy_balance import (
     FlightConditions,
     QuarticPolar,
     Samples,
+    Useful,
     drag_power,
 )
 from flightpower.analysis.methods.whole_flight.parameters import DRAG, LIFT, THRUST_ERRORS
@@ -82,11 +83,13 @@ class ThrustBalance(EnergyBalance):
         """Electrical power of the motor, mean of each window (n,)."""
         return self._mean(self._motor_power(self.conditions))
 
-    def _drag_and_useful_W(self, p: NamedValues, s: Samples, c: FlightConditions) -> tuple[Array, Array]:
+    def _useful(self, p: NamedValues, s: Samples, c: FlightConditions) -> Useful:
         thrust_N, J = self._thrust(s, c)
-        useful = thrust_N * (1 + p.thrust_scale + p.thrust_slope * (J - J_REFERENCE)) * s.V_mps
-        polar = QuarticPolar.of(p)
-        return drag_power(s.V_mps, s.load_factor, 0.0, polar, c, load_variance=s.load_variance), useful
+        return Useful(thrust_N * (1 + p.thrust_scale + p.thrust_slope * (J - J_REFERENCE)) * s.V_mps, idle=0.0)
+
+    def _drag_W(self, p: NamedValues, s: Samples, c: FlightConditions, idle: Array | float) -> Array:
+        """Drag of the airframe: thrust by the table contains that of an idling propeller."""
+        return drag_power(s.V_mps, s.load_factor, idle, QuarticPolar.of(p), c, load_variance=s.load_variance)
 
     def _thrust(self, s: Samples, c: FlightConditions) -> tuple[Array, Array]:
         """Thrust by the table and advance ratio, (n,) each; they do not depend on the parameters."""

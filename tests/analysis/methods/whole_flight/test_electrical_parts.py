@@ -107,10 +107,8 @@ def test_each_error_that_a_flight_shares_changes_the_balance_by_its_power() -> N
     assert by_updraft == pytest.approx(3.0 * g * np.hypot(0.01, 0.08 * 0.5), rel=1e-6)
     # Without variance of the load gusts do no work; with it 30 % of V (m g)^2 / (q S) times its variance, at 1 rad/C_L.
     assert by_gusts == 0.0
-    rough = balance.samples._replace(load_variance=0.04)
-    balance.samples, steady = rough, balance.samples
-    by_gusts = float(np.mean(estimate_of(flight, balance, fit, airspeed).shared[Source.GUSTS].change))  # type: ignore[arg-type]
-    balance.samples = steady
+    rough = EnergyBalance(balance.samples._replace(load_variance=0.04), CONDITIONS)
+    by_gusts = float(np.mean(estimate_of(flight, rough, fit, airspeed).shared[Source.GUSTS].change))  # type: ignore[arg-type]
     qS = RHO / 2 * V_MPS**2 * 0.5
     assert by_gusts == pytest.approx(0.3 * V_MPS * (3.0 * g) ** 2 / qS * 0.04, rel=1e-3)
 

@@ -1,0 +1,44 @@
+"""Functions of named parameters that keep their last values.
+
+A numerical derivative moves one parameter at a time, and most terms of a balance depend on a few of them only.
+"""
+
+from collections.abc import Callable
+from typing import Any, Generic, TypeVar
+
+from flightpower.analysis.estimation.model import NamedValues
+
+T = TypeVar("T")
+
+
+class _Noted(NamedValues):
+    """Parameters that note which of them are read, and their values, in `noted`."""
+
+    def __init__(self, of: NamedValues):
+        self._of = of
+        self.noted: dict[str, Any] = {}
+
+    def __getitem__(self, name: str) -> Any:
+        value = self.noted[name] = self._of[name]
+        return value
+
+
+class Kept(Generic[T]):
+    """A function of parameters, computed again only when one that it has read has another value.
+
+    It may call other such functions: what they read counts as read by it. The value from which a derivative starts
+    stays while each of the parameters that were read is moved once.
+    """
+
+    def __init__(self, of: Callable[[NamedValues], T]):
+        self._of = of
+        self._known: list[tuple[dict[str, Any], T]] = []
+
+    def __call__(self, p: NamedValues) -> T:
+        for noted, value in self._known:
+            if all(p[name] == one for name, one in noted.items()):  # a list: all of them count as read
+                return value
+        seen = _Noted(p)
+        value = self._of(seen)
+        self._known = [(seen.noted, value), *self._known[: len(seen.noted) + 1]]
+        return value
