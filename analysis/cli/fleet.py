@@ -1,7 +1,10 @@
 """The commands `fleet add` and `fleet show`: many airframes, many flights. Arguments and messages only."""
 
+import os
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
+from urllib.parse import quote
 
 import typer
 from rich.console import Console
@@ -11,7 +14,12 @@ from flightpower.flight.command_line import Quantity, application, run
 from flightpower.flight.errors import InputError
 from flightpower.flight.files import check_new_file, write_files
 
+if TYPE_CHECKING:
+    from flightpower.analysis.flights.flight_statistics import PoolFlight
+
 app = application()
+
+PAGES = ("fleet.html", "fleet.json", "flights.csv", "curves.csv")
 
 DatasetArgument = Annotated[
     str,
@@ -41,19 +49,22 @@ def add(
     from flightpower.analysis.records.flight import Kind
 
     console = Console(highlight=False)
-    found = read_flights([flight for folder in folders for flight in flight_folders_of(folder)])
-    flights, others = [], []
-    for one in found:
-        if one.pooling is not None or Kind.ELECTRICAL in one.curves:
-            flights.append(one)
-        else:
-            others.append(f"{one.log}: its curve is not by the dynamic method, and its log has no battery")
-    if not flights:
-        raise InputError(f"{folders[0]}: no flight to add; {others[0]}")
-    added = Dataset(to).add(flights)
-    for line in others:
+    new = known = 0
+    left_out = []
+    for of_folder in [flight_folders_of(folder) for folder in folders]:
+        flights = []
+        for flight in read_flights(of_folder):
+            if flight.pooling is not None or Kind.ELECTRICAL in flight.curves:
+                flights.append(flight)
+            else:
+                left_out.append(f"{flight.log}: its curve is not by the dynamic method, and its log has no battery")
+        added = Dataset(to).add(flights, {folder.name: folder for folder in of_folder})
+        new, known = new + added.new, known + added.known
+    if not new and not known:
+        raise InputError(f"{folders[0]}: no flight to add; {left_out[0]}")
+    for line in left_out:
         console.print(f"left out: {line}", markup=False)
-    console.print(f"{to}: {added.new} flights added, {added.known} were there already", markup=False)
+    console.print(f"{to}: {new} flights added, {known} were there already", markup=False)
 
 
 @app.command()
@@ -61,7 +72,12 @@ def show(
     dataset: DatasetArgument,
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", metavar="FOLDER", help="Folder for fleet.html and fleet.json; else print only."),
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="FOLDER",
+            help="Folder for fleet.html, fleet.json, and flights.csv and curves.csv for spreadsheets; else print only.",
+        ),
     ] = None,
     airframe: Annotated[
         list[str] | None, typer.Option("--airframe", metavar="NAME", help="Only this one; may be repeated.")
@@ -83,23 +99,37 @@ def show(
     Exit code 0: done. 2: the dataset cannot be read; one line on stderr says why.
     """
     if output is not None:
-        for name in ("fleet.html", "fleet.json"):
+        for name in PAGES:
             check_new_file(output / name, replace=replace)
     import msgspec
 
     from flightpower.analysis.flights.airframes import airframes
     from flightpower.analysis.flights.dataset import Dataset
     from flightpower.analysis.flights.fleet_summary import fleet_results
-    from flightpower.analysis.pages.fleet_page import render_fleet
+    from flightpower.analysis.pages.fleet_page import curves_csv, flights_csv, render_fleet
     from flightpower.analysis.pages.terminal import print_fleet
 
     unread: list[str] = []
-    results = fleet_results(airframes(Dataset(dataset), false_alarms, unread, airframe or ()), unread)
+    found = airframes(Dataset(dataset), false_alarms, unread, airframe or ())
+    results = fleet_results(found, unread, partial(_report, dataset, output))
     page = output and output / "fleet.html"
     if output is not None:
-        text = msgspec.json.encode(results)
-        write_files({output / "fleet.json": text, output / "fleet.html": render_fleet(results)})
+        contents: list[str | bytes] = [
+            render_fleet(results), msgspec.json.encode(results), flights_csv(results), curves_csv(results)
+        ]  # fmt: skip
+        write_files({output / name: content for name, content in zip(PAGES, contents, strict=True)})
     print_fleet(results, page, Console())
+
+
+def _report(dataset: str, output: Path | None, flight: "PoolFlight") -> str:
+    """The address of a flight's page from the folder of the fleet's page; "" where it is not on this computer."""
+    page = Path(dataset, flight.folder, "report.html")
+    if output is None or not flight.folder or not page.is_file():
+        return ""
+    try:
+        return quote(Path(os.path.relpath(page.resolve(), output.resolve())).as_posix())
+    except ValueError:  # on another drive of Windows
+        return page.resolve().as_uri()
 
 
 def main() -> None:

@@ -7,15 +7,17 @@ added twice is one flight, and the order of additions does not matter.
 
 import hashlib
 import math
+import os
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import quote, unquote
 
 import msgspec
 
-from flightpower.analysis.flights.campaign.addresses import file_system
+from flightpower.analysis.flights.campaign.addresses import file_system, is_address
 from flightpower.analysis.flights.flight_statistics import (
     FlightCurve,
     PoolFlight,
@@ -40,12 +42,15 @@ class Added(NamedTuple):
 
 
 class StoredFlight(NamedTuple):
-    """flight: fingerprint of its estimates     configuration: fingerprint of what flights of one pool have in common"""
+    """flight: fingerprint of its estimates     configuration: fingerprint of what flights of one pool have in common
+    folder: of its report
+    """
 
     flight: str
     configuration: str
     start_unix_s: float | None
     content: Results
+    folder: str = ""
 
 
 @dataclass(frozen=True)
@@ -57,12 +62,17 @@ class Dataset:
 
     address: str
 
-    def add(self, results: Iterable[Mapping[str, Any] | Results]) -> Added:
-        """Add the contents of results.json. Flights that are there already are left as they are."""
+    def add(self, results: Iterable[Mapping[str, Any] | Results], folders: Mapping[str, Path] = {}) -> Added:
+        """Add the contents of results.json. Flights that are there already are left as they are.
+
+        folders: of the flights' reports, by the name of the log; kept relative to a dataset in a folder, so that both
+        can be moved together, and not kept in one at an address
+        """
         new: dict[str, list[StoredFlight]] = defaultdict(list)
         count = 0
         for one in results:
             flight = stored(one)
+            flight = flight._replace(folder=self._relative(folders.get(flight.content.log)))
             new[flight.content.aircraft.name].append(flight)
             count += 1
         added = 0
@@ -73,6 +83,14 @@ class Dataset:
                 self._write(airframe, [fresh[key] for key in sorted(fresh)])
                 added += len(fresh)
         return Added(added, count - added)
+
+    def _relative(self, folder: Path | None) -> str:
+        if folder is None or is_address(self.address):
+            return ""
+        try:
+            return Path(os.path.relpath(folder.resolve(), Path(self.address).resolve())).as_posix()
+        except ValueError:  # on another drive of Windows
+            return ""
 
     @property
     def airframes(self) -> list[str]:
@@ -92,12 +110,13 @@ class Dataset:
         unread: receives a line for each file that cannot be read; raises InputError for the first where it is None
         """
         found: dict[str, tuple[str, PoolFlight]] = {}
-        for table in self._tables(airframe, ["flight", "configuration", "format", "content"], unread):
+        for table in self._tables(airframe, ["flight", "configuration", "format", "content", "folder"], unread):
             for row in table.to_pylist():
                 content = _read_row(row)
                 if content is not None:
                     flight = read_curve(content) if content.pooling is None else of_content(content)
-                    found[row["flight"]] = (row["configuration"], flight)
+                    folder = row.get("folder") or ""  # rows of earlier versions have none
+                    found[row["flight"]] = (row["configuration"], replace(flight, folder=folder))
         by_configuration: dict[str, list[PoolFlight]] = defaultdict(list)
         for key in sorted(found, key=lambda key: (found[key][1].start_unix_s or math.inf, key)):
             configuration, flight = found[key]
@@ -112,7 +131,7 @@ class Dataset:
         for path in sorted(fs.glob(f"{_folder(root, airframe)}/*.parquet")):
             try:
                 with fs.open(path, "rb") as stream:
-                    yield pq.read_table(stream, columns=columns)
+                    yield pq.ParquetFile(stream).read(columns=columns)
             except (OSError, pa.ArrowException) as error:
                 line = f"{path}: cannot be read ({error}); its flights are left out; remove it and add them again"
                 if unread is None:
@@ -134,6 +153,7 @@ class Dataset:
                 ("start_unix_s", pa.float64()),
                 ("format", pa.string()),
                 ("content", pa.binary()),
+                ("folder", pa.string()),
             ]
         )
         rows = [
@@ -144,6 +164,7 @@ class Dataset:
                 "start_unix_s": one.start_unix_s,
                 "format": one.content.format,
                 "content": msgspec.msgpack.encode(one.content),
+                "folder": one.folder,
             }
             for one in flights
         ]

@@ -2,7 +2,7 @@
 
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from datetime import UTC, datetime
 from itertools import pairwise
 
@@ -20,6 +20,7 @@ from flightpower.analysis.records.fleet import (
     Contradiction,
     ContradictionResult,
     FleetCurveResult,
+    FleetFlightResult,
     FleetResults,
     FlightShareResult,
     Shape,
@@ -30,15 +31,17 @@ from flightpower.analysis.results.evidence import trust_by
 from flightpower.flight.version import version
 
 
-def fleet_results(fleet: Sequence[Airframe], left_out: Sequence[str]) -> FleetResults:
-    """What is written and drawn of a fleet."""
+def fleet_results(
+    fleet: Sequence[Airframe], left_out: Sequence[str], report_of: Callable[[PoolFlight], str] = lambda flight: ""
+) -> FleetResults:
+    """What is written and drawn of a fleet. report_of : the address of a flight's page, "" where there is none"""
     kinds: dict[tuple[float, str], list[Airframe]] = defaultdict(list)
     for one in fleet:
         kinds[one.kind].append(one)
     return FleetResults(
         software_version=version(),
         flights=sum(len(one.flights) for one in fleet),
-        airframes=[_airframe(one) for one in fleet],
+        airframes=[_airframe(one, report_of) for one in fleet],
         curves=[
             _curve(of_kind)
             for of_kind in kinds.values()
@@ -103,7 +106,7 @@ def _contradiction(
     return ContradictionResult(kind=kind, airframe=airframe, log=later.name, earlier_log=earlier.name, text=text)
 
 
-def _airframe(one: Airframe) -> AirframeResult:
+def _airframe(one: Airframe, report_of: Callable[[PoolFlight], str]) -> AirframeResult:
     first, last = one.flights[0], one.flights[one.dated - 1]
     return AirframeResult(
         name=one.name,
@@ -122,6 +125,10 @@ def _airframe(one: Airframe) -> AirframeResult:
         evidence=one.pool.evidence,
         changes=[_change(one, change) for change in one.changes],
         history=_history(one),
+        logs=[
+            FleetFlightResult(log=flight.name, start_unix_s=flight.start_unix_s, report=report_of(flight))
+            for flight in one.flights
+        ],
     )
 
 
@@ -149,11 +156,17 @@ def _condition(pool: Pool) -> ConditionResult:
 
 
 def _curve(airframes: Sequence[Airframe]) -> FleetCurveResult:
-    """The fleet's curve at weight and density of the airframe with the most flights."""
-    curve = fleet_curve(airframes)
-    at = max((one.pool for one in airframes if isinstance(one.pool, JointPool)), key=lambda one: len(one.flights))
+    """The fleet's curve at weight and density of the airframe with the most flights.
+
+    An airframe that has changed is no draw of the others: the mean is of the rest, where three are left.
+    """
+    unchanged = [one for one in airframes if not one.changes]
+    in_mean = unchanged if len(unchanged) > 2 else airframes
+    curve = fleet_curve(in_mean)
+    at = max((one.pool for one in in_mean if isinstance(one.pool, JointPool)), key=lambda one: len(one.flights))
     return FleetCurveResult(
-        airframes=[one.name for one in airframes],
+        airframes=[one.name for one in in_mean],
+        changed=[one.name for one in airframes if one.changes],
         test=_condition(at),
         mean=polar_curve(curve.mean, at.condition, at.flown_CL).points(),
         another=polar_curve(curve.of_another, at.condition, at.flown_CL).points(),

@@ -50,9 +50,13 @@ class SharedMeasurement(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _OneFlight:
-    """What any flight in a pool says. content : its results.json, beside what enters the pool"""
+    """What any flight in a pool says.
+
+    content : its results.json, beside what enters the pool     folder : of its report, where a dataset knows it
+    """
 
     content: Results
+    folder: str = ""
 
     @property
     def name(self) -> str:

@@ -1,5 +1,7 @@
 """The page of a fleet, from its fleet.json (docs/use/fleet.md)."""
 
+import csv
+import io
 from collections.abc import Sequence
 from datetime import UTC, datetime
 
@@ -34,6 +36,11 @@ def render_fleet(fleet: FleetResults) -> str:
         ],
         histories=_histories(fleet),
         airframes=airframes_table(fleet),
+        logs=[
+            (one.name, [(_date(log.start_unix_s), log.log, log.report) for log in one.logs])
+            for one in fleet.airframes
+            if one.logs
+        ],
         notes=fleet.notes,
         doubts=doubts(fleet),
         left_out=fleet.left_out,
@@ -59,10 +66,56 @@ def fleet_answers(fleet: FleetResults) -> list[HeadlineAnswer]:
             HeadlineAnswer(
                 f"Another airframe like these {len(curve.airframes)}",
                 f"{mean.power_W:.0f} W ± {share:.1f} %",
-                f"At {mean.speed_mps:.1f} m/s, before it has flown (95 % interval).",
+                f"At {mean.speed_mps:.1f} m/s, before it has flown (95 % interval)." + _apart(curve),
             )
         )
     return answers
+
+
+def _apart(curve: FleetCurveResult) -> str:
+    """Where the airframes that changed are: beside the mean, or in it, since too few others are left."""
+    if not curve.changed:
+        return ""
+    names = ", ".join(curve.changed)
+    within = set(curve.changed) <= set(curve.airframes)
+    return f" With {names}, changed: too few others." if within else f" Without {names}, changed."
+
+
+def flights_csv(fleet: FleetResults) -> str:
+    """A row for each flight, for spreadsheets: what it shows alone, percent of the airframe's own; empty if unknown."""
+    shares = ("drag_percent", "drag_half_width_percent", "thrust_percent", "thrust_half_width_percent")
+    rows: list[Sequence[str]] = [("airframe", "mounted", "log", "start_utc", *shares, "report")]
+    for airframe in fleet.airframes:
+        shown = {(one.log, one.start_unix_s): one for one in airframe.history}
+        for log in airframe.logs:
+            share = shown.get((log.log, log.start_unix_s))
+            values = ["" if share is None else f"{getattr(share, name):.3f}" for name in shares]
+            began = None if log.start_unix_s is None else datetime.fromtimestamp(log.start_unix_s, UTC)
+            start = "" if began is None else began.strftime("%Y-%m-%d %H:%M:%S")
+            rows.append((airframe.name, airframe.installation, log.log, start, *values, log.report))
+    return _csv(rows)
+
+
+def curves_csv(fleet: FleetResults) -> str:
+    """A row for each point of each curve, for spreadsheets: of the airframes, and of the means of the fleet."""
+    fields = ("speed_mps", "power_W", "power_lo_W", "power_hi_W")
+    rows: list[Sequence[str]] = [("curve", "mounted", "kind", "weight_N", "air_density_kgpm3", *fields)]
+    curves = [(one.name, one.installation, one.kind, one.test, one.power_required) for one in fleet.airframes]
+    for mean in fleet.curves:
+        name = f"airframes like {mean.airframes[0]}"
+        curves += [(f"mean of {name}", "", Kind.POWER_REQUIRED, mean.test, mean.mean)]
+        curves += [(f"another of {name}", "", Kind.POWER_REQUIRED, mean.test, mean.another)]
+    for name, mounted, kind, at, points in curves:
+        for point in points:
+            numbers = (at.weight_N, at.air_density_kgpm3, *(getattr(point, field) for field in fields))
+            rows.append((name, mounted, kind, *(f"{number:.6g}" for number in numbers)))
+    return _csv(rows)
+
+
+def _csv(rows: Sequence[Sequence[str]]) -> str:
+    out = io.StringIO()
+    csv.writer(out, lineterminator="\n").writerows(rows)
+    return out.getvalue()
 
 
 def news_table(fleet: FleetResults) -> HtmlTable:
@@ -157,7 +210,7 @@ def curve_figure(fleet: FleetResults, curve: FleetCurveResult) -> Figure:
     figure = Figure(height_px=480, cursor=Cursor.NEAREST, x=true_airspeed())
     V, _, lo, hi = curve_arrays(curve.another)
     figure.add(band(V, (lo, hi), GRAY, 0.3))
-    for one in (one for one in fleet.airframes if one.name in curve.airframes):
+    for one in (one for one in fleet.airframes if one.name in {*curve.airframes, *curve.changed}):
         color, kind = (ORANGE, "changed airframe") if one.changes else (BLUE, "airframe")
         V, P, _, _ = curve_arrays(one.power_required)
         figure.add(Line(x=V, y=P, name=kind, color=color, width=2, label=one.name, value="{y:.1f} W"))

@@ -74,6 +74,14 @@ class FlightShareResult(msgspec.Struct, frozen=True, kw_only=True):
     thrust_half_width_percent: float
 
 
+class FleetFlightResult(msgspec.Struct, frozen=True, kw_only=True):
+    """One flight of an airframe. report : its page, from the folder of the fleet's page; "" where it is not there"""
+
+    log: str
+    start_unix_s: float | None
+    report: str = ""
+
+
 class AirframeResult(msgspec.Struct, frozen=True, kw_only=True):
     """An airframe in one configuration. The curve is of the flights since the last change, `pooled_flights`."""
 
@@ -93,12 +101,17 @@ class AirframeResult(msgspec.Struct, frozen=True, kw_only=True):
     evidence: list[Evidence]  # against the pooled flights
     changes: list[ChangeResult]
     history: list[FlightShareResult] = []  # of its dated flights, of three or more
+    logs: list[FleetFlightResult] = []  # all its flights, by date
 
 
 class FleetCurveResult(msgspec.Struct, frozen=True, kw_only=True):
-    """Airframes of one wing and propeller: power of their mean, and of another airframe that has not flown yet."""
+    """Airframes of one wing and propeller: power of their mean, and of another airframe that has not flown yet.
+
+    airframes : in the mean     changed : beside it, since they changed; in the mean where fewer than three others are
+    """
 
     airframes: list[str]
+    changed: list[str] = []
     test: ConditionResult
     mean: list[PowerPoint]
     another: list[PowerPoint]

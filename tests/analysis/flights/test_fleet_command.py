@@ -1,7 +1,11 @@
 """`flightpower fleet` as it is called: flights added twice are one, and wrong input is one line."""
 
+import csv
 import json
+import re
 from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
 
 import msgspec
 import numpy as np
@@ -26,10 +30,8 @@ def called(*words: object) -> str:
 def flights(tmp_path: Path) -> Path:
     """The folder of three airframes' flights, of which one lost thrust."""
     worn = -0.06 * (np.arange(30) >= 20)
-    for one in (*flights_of("hawk-1", 1, 4), *flights_of("hawk-2", 2, 4), *flights_of("worn", 9, 30, thrust=worn)):
-        folder = tmp_path / "flights" / one["log"].removesuffix(".mcap")
-        folder.mkdir(parents=True)
-        (folder / "results.json").write_text(json.dumps(one))
+    for airframe in (flights_of("hawk-1", 1, 4), flights_of("hawk-2", 2, 4), flights_of("worn", 9, 30, thrust=worn)):
+        _write(tmp_path / "flights", airframe)
     return tmp_path / "flights"
 
 
@@ -47,6 +49,63 @@ def test_flights_are_added_once_and_shown(flights: Path, tmp_path: Path) -> None
     assert text.index("worn, changed") < text.index("<summary>hawk-1")
     called("show", dataset, "--airframe", "hawk-1", "-o", page, "--replace")
     assert len(json.loads((page / "fleet.json").read_text())["airframes"]) == 1
+
+
+def test_the_page_leads_to_the_reports_of_flights_that_are_there(flights: Path, tmp_path: Path) -> None:
+    reported = sorted(flights.iterdir())[0]
+    (reported / "report.html").write_text("its report")
+    called("add", flights, "--to", tmp_path / "data" / "fleet")
+    called("show", tmp_path / "data" / "fleet", "-o", tmp_path / "today")
+    page = (tmp_path / "today" / "fleet.html").read_text("utf-8")
+    (address,) = re.findall(r'<a href="([^"]*report.html)">', page)
+    assert (tmp_path / "today" / unquote(address)).read_text() == "its report"
+    moved = tmp_path / "elsewhere"
+    moved.mkdir()
+    for name in ("data", "flights"):
+        (tmp_path / name).rename(moved / name)
+    called("show", moved / "data" / "fleet", "-o", moved / "today")
+    assert (moved / "today" / unquote(address)).is_file(), "relative to the dataset, which moved with the flights"
+    assert address in (moved / "today" / "fleet.html").read_text("utf-8")
+
+
+def test_a_spreadsheet_has_a_row_for_each_flight_and_each_point(flights: Path, tmp_path: Path) -> None:
+    called("add", flights, "--to", tmp_path / "fleet")
+    called("show", tmp_path / "fleet", "-o", tmp_path / "today")
+    rows = list(csv.DictReader((tmp_path / "today" / "flights.csv").open(encoding="utf-8")))
+    assert len(rows) == 38 and {one["airframe"] for one in rows} == {"hawk-1", "hawk-2", "worn"}
+    late = [float(one["thrust_percent"]) for one in rows if one["airframe"] == "worn"][20:]
+    assert np.mean(late) == pytest.approx(-6, abs=1.5)
+    points = list(csv.DictReader((tmp_path / "today" / "curves.csv").open(encoding="utf-8")))
+    shown = json.loads((tmp_path / "today" / "fleet.json").read_text())
+    first = shown["airframes"][0]["power_required"][0]
+    assert float(points[0]["power_W"]) == pytest.approx(first["power_W"], rel=1e-5)
+    assert sum(one["curve"] == "worn" for one in points) == len(shown["airframes"][2]["power_required"])
+
+
+def test_an_airframe_that_changed_is_beside_the_mean_where_three_others_are_left(tmp_path: Path) -> None:
+    """Its drag is up by 30 %: within the mean it would widen what another airframe is expected to take."""
+    worse = 0.3 * (np.arange(12) >= 8)
+    widths = {}
+    for name, others in (("four", 3), ("three", 2)):
+        for i in range(others):
+            _write(tmp_path / name / "flights", flights_of(f"hawk-{i}", i, 6))
+        _write(tmp_path / name / "flights", flights_of("damaged", 9, 12, drag=worse))
+        called("add", tmp_path / name / "flights", "--to", tmp_path / name / "fleet")
+        output = called("show", tmp_path / name / "fleet", "-o", tmp_path / name)
+        (curve,) = json.loads((tmp_path / name / "fleet.json").read_text())["curves"]
+        assert curve["changed"] == ["damaged"]
+        assert ("damaged" in curve["airframes"]) == (name == "three")
+        assert ("Without damaged, changed." if name == "four" else "With damaged, changed: too few others.") in output
+        point = curve["another"][len(curve["another"]) // 2]
+        widths[name] = (point["power_hi_W"] - point["power_lo_W"]) / point["power_W"]
+    assert widths["four"] < widths["three"] / 2
+
+
+def _write(to: Path, results: list[dict[str, Any]]) -> None:
+    for one in results:
+        folder = to / one["log"].removesuffix(".mcap")
+        folder.mkdir(parents=True)
+        (folder / "results.json").write_text(json.dumps(one))
 
 
 def test_a_page_that_is_there_is_not_replaced_unasked(flights: Path, tmp_path: Path) -> None:
