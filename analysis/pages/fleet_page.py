@@ -12,7 +12,14 @@ from flightpower.analysis.pages.charts.figure import Axis, Cursor, Figure, Line,
 from flightpower.analysis.pages.charts.style import BLUE, GRAY, INK, ORANGE, band, curve_arrays, true_airspeed
 from flightpower.analysis.pages.html_page import HtmlFigure, HtmlTable, html_figure, render_page
 from flightpower.analysis.pages.pooled_page import count
-from flightpower.analysis.records.fleet import AirframeResult, ChangeResult, FleetCurveResult, FleetResults, Shape
+from flightpower.analysis.records.fleet import (
+    AirframeResult,
+    ChangeResult,
+    FleetCurveResult,
+    FleetResults,
+    FlightShareResult,
+    Shape,
+)
 from flightpower.analysis.records.flight import Kind
 from flightpower.analysis.results.evidence import sentence
 from flightpower.flight.arrays import Array
@@ -86,7 +93,9 @@ def flights_csv(fleet: FleetResults) -> str:
     shares = ("drag_percent", "drag_half_width_percent", "thrust_percent", "thrust_half_width_percent")
     rows: list[Sequence[str]] = [("airframe", "mounted", "log", "start_utc", *shares, "report")]
     for airframe in fleet.airframes:
-        shown = {(one.log, one.start_unix_s): one for one in airframe.history}
+        shown: dict[tuple[str, float | None], FlightShareResult] = {
+            (one.log, one.start_unix_s): one for one in airframe.history
+        }
         for log in airframe.logs:
             share = shown.get((log.log, log.start_unix_s))
             values = ["" if share is None else f"{getattr(share, name):.3f}" for name in shares]
