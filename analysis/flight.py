@@ -42,7 +42,7 @@ from flightpower.analysis.trajectory.observability import (
     trajectory_notes,
     with_misfit,
 )
-from flightpower.analysis.trajectory.priors import SensorPriors, stated_sigma, upwash_slope_sigma
+from flightpower.analysis.trajectory.priors import SensorPriors, probe_ahead_sigma_m, stated_sigma, upwash_slope_sigma
 from flightpower.analysis.trajectory.reconstruction import Trajectory, reconstruct
 from flightpower.analysis.trajectory.updraft import mean_updraft, sun_over, updraft_by_day, updraft_notes
 from flightpower.flight.aircraft import Aircraft
@@ -327,6 +327,7 @@ def trajectory_with(
         factor=prior_factor,
         height_noise=height_noise,
         resolution=data.resolution,
+        probe_ahead_m=probe_ahead_sigma_m(flight.aircraft),
     )
     if as_measured:
         return path_as_measured(

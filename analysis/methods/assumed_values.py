@@ -2,8 +2,8 @@
 
 The analysis is repeated with each assumed value changed by one standard deviation. The change of the estimate is a
 systematic error common to all runs. Upwash acts as a slope and an offset of the angle of attack, which the trajectory
-reconstruction estimates: its standard deviation is added to the prior of that slope, and the change of the estimate is
-what remains of it.
+reconstruction estimates: its standard deviation is added to the prior of that slope. Turns show how far ahead the probe
+sits. The change of the estimate is what remains of these errors.
 
 Errors of the pressure transducers that no residual shows are treated in the same way.
 """
@@ -23,7 +23,7 @@ from flightpower.analysis.curve import Condition, Polar, polar_part, power_requi
 from flightpower.analysis.methods.dynamic import DynamicEstimate
 from flightpower.analysis.methods.settings import COVARIANCE
 from flightpower.analysis.settings import EVIDENCE
-from flightpower.analysis.trajectory.priors import UPWASH, upwash_slope_sigma
+from flightpower.analysis.trajectory.priors import PROBE_POSITION, UPWASH, upwash_slope_sigma
 from flightpower.analysis.trajectory.settings import PRIORS
 from flightpower.flight.aircraft import Aircraft
 from flightpower.flight.arrays import Array
@@ -53,7 +53,7 @@ class AssumedValue(NamedTuple):
 
 def _probe_ahead(aircraft: Aircraft) -> Aircraft:
     x, y, z = aircraft.probe.position_m
-    return replace(aircraft, probe=replace(aircraft.probe, position_m=(x + COVARIANCE.probe_position_m, y, z)))
+    return replace(aircraft, probe=replace(aircraft.probe, position_m=(x + PRIORS.probe_ahead_m, y, z)))
 
 
 def _more_upwash(aircraft: Aircraft) -> Aircraft:
@@ -71,9 +71,7 @@ def _imu_displaced(axis: int) -> Callable[[Aircraft], Aircraft]:
 
 ASSUMED_VALUES = (
     AssumedValue(UPWASH, "1 deg, ±1 deg", _more_upwash),
-    AssumedValue(
-        "probe.position", f"0.3 m ahead of the center of gravity, ±{COVARIANCE.probe_position_m:g} m", _probe_ahead
-    ),
+    AssumedValue(PROBE_POSITION, f"0.3 m ahead of the center of gravity, ±{PRIORS.probe_ahead_m:g} m", _probe_ahead),
     AssumedValue("imu_position", f"the center of gravity, ±{COVARIANCE.imu_position_m:g} m", _imu_displaced(0)),
     AssumedValue("imu_position", f"the center of gravity, ±{COVARIANCE.imu_position_m:g} m", _imu_displaced(2)),
 )

@@ -49,7 +49,7 @@ OF_SENSOR_ERROR = {
     "dp_alpha_zero": Share.ANGLE_OF_ATTACK, "alpha_per_g": Share.ANGLE_OF_ATTACK,
     "ax_bias": Share.ACCELEROMETER, "ay_bias": Share.ACCELEROMETER, "az_bias": Share.ACCELEROMETER,
     "updraft": Share.UPDRAFT, "ax_vibration": Share.ACCELEROMETER, "az_vibration": Share.ACCELEROMETER,
-    "ax_scale": Share.ACCELEROMETER, "az_scale": Share.ACCELEROMETER,
+    "probe_ahead": Share.AIRCRAFT_FILE, "ax_scale": Share.ACCELEROMETER, "az_scale": Share.ACCELEROMETER,
 }  # fmt: skip
 OF_CHANGE = {
     covariance.UPDRAFT: Share.UPDRAFT, covariance.WEIGHT: Share.WEIGHT, covariance.DENSITY: Share.DENSITY,

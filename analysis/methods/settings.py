@@ -47,9 +47,6 @@ class Covariance(Settings):
     floor_rad: float = setting(
         np.radians(0.02), "rad", "no direction of lift is known better; in still air intervals cover without any floor"
     )
-    probe_position_m: float = setting(
-        0.2, "m", "1 sigma of the probe's place ahead of the center of gravity, if missing"
-    )
     imu_position_m: float = setting(0.1, "m", "1 sigma of the IMU's distance from the center of gravity, if missing")
     zero_share_in_flight: float = setting(
         0.5, "1", "of the variance of a zero's change: as much comes about in flight as in the airstream at take-off"

@@ -67,6 +67,7 @@ CULPRIT = {
     "q_scale": "the gyro is of another range or badly scaled: turn the tray by 360 degrees on a table and compare",
     "r_scale": "the gyro is of another range or badly scaled: turn the tray by 360 degrees on a table and compare",
     "ax_scale": "the accelerometer is of another range or badly scaled: it must read 1 g with that axis up, -1 g down",
+    "probe_ahead": "the probe sits elsewhere than assumed: enter `probe.position`",
     "az_scale": "the accelerometer is of another range or badly scaled: it must read 1 g with that axis up, -1 g down",
 }
 

@@ -28,7 +28,7 @@ STATES = ("phi", "theta", "psi", "v_north", "v_east", "v_down", "height",
 SENSOR_ERRORS = ("p_bias", "q_bias", "r_bias", "ax_bias", "ay_bias", "az_bias", "alpha_bias", "alpha_scale",
                  "beta_bias", "V_scale", "air_data_lag", "gps_latency", "heading_bias",
                  "dp_alpha_zero", "q_c_zero", "ax_vibration", "az_vibration", "alpha_per_g", "updraft",
-                 "p_scale", "q_scale", "r_scale", "ax_scale", "az_scale")  # fmt: skip
+                 "p_scale", "q_scale", "r_scale", "ax_scale", "az_scale", "probe_ahead")  # fmt: skip
 CONING_SCULLING = ("coning_phi", "coning_theta", "coning_psi", "sculling_north", "sculling_east", "sculling_down")
 # Between two instants: mean rates and specific force, those of them that have a scale predicted from past data, time
 # step, what means leave out of the changes of angles and velocity, ratio of the mean wind at the two heights, decay
@@ -45,9 +45,11 @@ PREDICTED_FLOW = ("V_predicted", "alpha_predicted", "transverse_gust_variance", 
 BY_ZEROS = ("V_scale_per_Pa", "alpha_per_Pa")
 LEVEL_FIELD = ("field_forward", "field_right")  # measured magnetic field in level axes along and across the heading [T]
 # Regressors of the errors of the angle of attack: its change by the slope, the derivative of the angle at the probe,
-# which the lag subtracts, its change by the airspeed scale, and the mean over a block less the value at its center.
-ALPHA_REGRESSORS = ("alpha_by_slope", "probe_alpha_rate", "alpha_by_V_scale", "excess_load", "alpha_curvature")
-MEASUREMENT_INPUTS = ("ax", "ay", "az", "vibration", "V_mean", "V_rate", "probe_beta_rate",
+# which the lag subtracts, its change by the airspeed scale and by each meter that the probe sits further ahead, and the
+# mean over a block less the value at its center.
+ALPHA_REGRESSORS = ("alpha_by_slope", "probe_alpha_rate", "alpha_by_V_scale", "excess_load", "alpha_per_m_ahead",
+                    "alpha_curvature")  # fmt: skip
+MEASUREMENT_INPUTS = ("ax", "ay", "az", "vibration", "V_mean", "V_rate", "probe_beta_rate", "beta_per_m_ahead",
                       *ALPHA_REGRESSORS, *PREDICTED_FLOW, *BY_ZEROS, *LEVEL_FIELD)  # fmt: skip
 
 
@@ -179,6 +181,8 @@ def measurement_model(x: Any, errors: Any, inputs: Any) -> Sequence[Any]:
     of q_c and dp_alpha are an airspeed scale and an offset of the angle in inverse proportion to dynamic pressure; that
     of dp_alpha changes airspeed by 0.01 % per 0.1 Pa, which is left out.
 
+    A probe further ahead than assumed moves up as the aircraft pitches up, and to the right as it yaws to the right.
+
     compass: component of the earth's field across magnetic north, which is zero. Leveling of the field uses a fixed
     attitude (LEVEL_FIELD), so that this residual has a derivative by heading only. Otherwise errors of the
     magnetometer (hard iron) would change bank and pitch.
@@ -198,9 +202,13 @@ def measurement_model(x: Any, errors: Any, inputs: Any) -> Sequence[Any]:
         + V_scale * inputs.alpha_by_V_scale
         + errors.dp_alpha_zero * inputs.alpha_per_Pa
         + errors.alpha_per_g * inputs.excess_load
+        + errors.probe_ahead * inputs.alpha_per_m_ahead
         - errors.air_data_lag * inputs.probe_alpha_rate
         + errors.alpha_bias,
-        beta - errors.air_data_lag * inputs.probe_beta_rate + errors.beta_bias,
+        beta
+        - errors.air_data_lag * inputs.probe_beta_rate
+        + errors.probe_ahead * inputs.beta_per_m_ahead
+        + errors.beta_bias,
         x.height,
         x.v_north - errors.gps_latency * force[0],
         x.v_east - errors.gps_latency * force[1],

@@ -25,7 +25,7 @@ from flightpower.analysis.settings import EVIDENCE
 from flightpower.analysis.sources.grid_settings import STATISTICS
 from flightpower.analysis.trajectory.consistency import time_shift_notes
 from flightpower.analysis.trajectory.equations import SENSOR_ERRORS
-from flightpower.analysis.trajectory.priors import PRIOR_MEAN, ZEROS
+from flightpower.analysis.trajectory.priors import NEGLIGIBLE, PRIOR_MEAN, ZEROS
 from flightpower.analysis.trajectory.reconstruction import Trajectory
 from flightpower.analysis.trajectory.settings import GUSTS, PRIOR_CHECK, SHOWN
 from flightpower.analysis.trajectory.smoother import StatesGivenErrors
@@ -77,6 +77,7 @@ SENSOR_ERROR_KINDS = {
     "r_scale": SensorErrorKind("scale of the yaw gyro", ""),
     "ax_scale": SensorErrorKind("scale of the accelerometer, forward", ""),
     "az_scale": SensorErrorKind("scale of the accelerometer, down", ""),
+    "probe_ahead": SensorErrorKind("distance of the probe ahead, beyond `probe.position`", "m"),
 }
 MATTERS = ("alpha_bias", "alpha_scale", "V_scale")  # sensor errors with a large effect on the power curve
 
@@ -166,6 +167,8 @@ def sensor_error_estimates(trajectory: Trajectory) -> list[SensorError]:
             continue
         title, (factor, unit) = kind.title, kind.shown
         sigma, prior = trajectory.standard_error(name), trajectory.prior_standard_error(name)
+        if name == "probe_ahead" and prior <= 2 * NEGLIGIBLE:
+            continue  # the aircraft file has it
         determined = sigma < STATISTICS.determined_share * prior
         reasons = () if determined else missing(name, flight)
         value = factor * trajectory.value(name)

@@ -67,6 +67,9 @@ CHANGE_OF_ZERO = "change_of_zero"  # between rest and flight; also of the angle-
 POSITION_ERROR = "position_error"  # an error of airspeed in proportion to the lift coefficient
 
 
+NEGLIGIBLE = 1e-6  # SI: of an error that is not there: the covariance keeps an inverse
+
+
 def stated_sigma(
     uncertainty: Uncertainty, wing_loading_Pa: float = 0.0, *, motor_speed: bool = True
 ) -> Mapping[str, float]:
@@ -81,8 +84,7 @@ def stated_sigma(
     """
     swing_s = 20.0
     accelerometer = uncertainty.accelerometer_offset_mps2
-    negligible = 1e-6  # of an error that is not there: the covariance keeps an inverse
-    vibration = uncertainty.accelerometer_vibration_mps2 if motor_speed else negligible
+    vibration = uncertainty.accelerometer_vibration_mps2 if motor_speed else NEGLIGIBLE
     return MappingProxyType({
         **{name: sigma for name, (_, sigma) in PRIORS.unstated.items()},
         "ax_bias": accelerometer, "ay_bias": accelerometer, "az_bias": accelerometer,
@@ -93,8 +95,8 @@ def stated_sigma(
         "air_data_lag": math.hypot(uncertainty.air_data_lag_s, uncertainty.hysteresis_fraction * swing_s / 2),
         "dp_alpha_zero": PRIORS.unmeasured_zero_Pa, "q_c_zero": PRIORS.unmeasured_zero_Pa,
         "ax_vibration": vibration, "az_vibration": vibration,
-        "alpha_per_g": uncertainty.boom_bending_rad,
-        "updraft": max(uncertainty.updraft_mps, negligible),  # may be stated as 0
+        "alpha_per_g": uncertainty.boom_bending_rad, "probe_ahead": NEGLIGIBLE,
+        "updraft": max(uncertainty.updraft_mps, NEGLIGIBLE),  # may be stated as 0
         CHANGE_OF_ZERO: uncertainty.transducer_zero_Pa,
         POSITION_ERROR: 2 * uncertainty.airspeed_per_lift_fraction * wing_loading_Pa,
     })  # fmt: skip
@@ -102,7 +104,7 @@ def stated_sigma(
 
 PRIOR_SIGMA = stated_sigma(Uncertainty())  # where the aircraft file states nothing
 PRIOR_MEAN = {name: mean for name, (mean, _) in PRIORS.unstated.items()}
-UPWASH = "probe.upwash_per_CL"  # a key of the aircraft file
+UPWASH, PROBE_POSITION = "probe.upwash_per_CL", "probe.position"  # keys of the aircraft file
 
 
 def upwash_slope_sigma(aircraft: Aircraft) -> float:
@@ -115,6 +117,12 @@ def upwash_slope_sigma(aircraft: Aircraft) -> float:
     return float(PRIORS.upwash_rad * lift_slope(aircraft.aspect_ratio))
 
 
+def probe_ahead_sigma_m(aircraft: Aircraft) -> float:
+    """Standard deviation [m] of the place of the probe ahead of the center of gravity; hardly any where the file gives
+    it."""
+    return NEGLIGIBLE if aircraft.has(PROBE_POSITION) else PRIORS.probe_ahead_m
+
+
 class SensorPriors(NamedTuple):
     """What is known of the sensor errors before a flight.
 
@@ -125,6 +133,7 @@ class SensorPriors(NamedTuple):
     factor : on all standard deviations, a number or (m,)
     height_noise : noise of the height in flight over that at rest
     resolution : steps of the values as recorded, by channel
+    probe_ahead_m : of the probe's place
     """
 
     alpha_scale_sigma: float = 0.0
@@ -133,6 +142,7 @@ class SensorPriors(NamedTuple):
     factor: ArrayLike = 1.0
     height_noise: float = 1.0
     resolution: Mapping[str, float] = MappingProxyType({})
+    probe_ahead_m: float = NEGLIGIBLE
 
 
 def sensor_error_prior(
@@ -144,7 +154,7 @@ def sensor_error_prior(
     """
     alpha_scale_sigma, stated, calibrated, factor, *_ = priors
     with_calibration = {name: float(np.hypot(error, PRIORS.calibrated[name])) for name, error in calibrated.items()}
-    sigma = {**stated, **with_calibration, **zeros}
+    sigma = {**stated, **with_calibration, **zeros, "probe_ahead": priors.probe_ahead_m}
     for name in ZEROS:
         sigma[name] = float(np.hypot(sigma[name], stated[CHANGE_OF_ZERO]))
     sigma["q_c_zero"] = float(np.hypot(sigma["q_c_zero"], stated[POSITION_ERROR]))

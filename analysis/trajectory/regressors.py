@@ -109,11 +109,15 @@ def derivative(values: Array, flying: BoolArray, step_s: float) -> Array:
 
 
 class _LiftHistory(NamedTuple):
-    """Lift coefficient (n,), up to a common factor: predicted from past data, its derivative, by the accelerometer."""
+    """Lift coefficient (n,), up to a common factor: predicted from past data, its derivative, by the accelerometer.
+
+    turning : (n,) [1/m] pitch rate over airspeed of the steady level turn that past data predict
+    """
 
     predicted: Array
     predicted_rate: Array
     measured: Array
+    turning: Array
 
 
 class Regressors:
@@ -139,6 +143,7 @@ class Regressors:
             np.nan_to_num(blocks[name]) if name in blocks else np.zeros(blocks.n)
             for name in ("alpha_by_upwash_rad", "alpha_by_rotation_rad", "beta_by_rotation_rad")
         )
+        self._pitch_rate, self._yaw_rate = (self._bridged(blocks[name]) for name in ("q_radps", "r_radps"))
         self._probe_beta_rate = CubicSpline(blocks.t_s, self._bridged(blocks["beta_rad"] + beta_by_rotation))(
             blocks.t_s, 1
         )
@@ -157,7 +162,16 @@ class Regressors:
         lift = 1 / (measured_V**2 * cos_bank)  # lift coefficient up to a factor
         az = np.nan_to_num(blocks["az_mps2"], nan=-9.8)
         regressors, predicted_regressors, alpha_predicted = self._alpha(
-            state, errors, _LiftHistory(lift, lift * V_rate_predicted / V, -az / measured_V**2), sigma_w_mps, inertial_V
+            state,
+            errors,
+            _LiftHistory(
+                lift,
+                lift * V_rate_predicted / V,
+                -az / measured_V**2,
+                GRAVITY_MPS2 * (1 / cos_bank - cos_bank) / measured_V**2,
+            ),
+            sigma_w_mps,
+            inertial_V,
         )
         field_forward, field_right = self._field.leveled(state.phi, state.theta)
         qbar_Pa = np.nan_to_num(blocks["rho"], nan=SEA_LEVEL_DENSITY) * V**2 / 2
@@ -176,15 +190,17 @@ class Regressors:
             "field_right": np.nan_to_num(field_right),
         }
 
-        def columns(airspeed: Array, beta_rate: Array, alpha: dict[str, Array]) -> Array:
+        def columns(airspeed: Array, beta_rate: Array, yawing: Array, alpha: dict[str, Array]) -> Array:
             named = common | {"V_mean": airspeed[:, 0], "V_rate": airspeed[:, 1]} | alpha
-            named["probe_beta_rate"] = beta_rate * self._flying
+            named["probe_beta_rate"], named["beta_per_m_ahead"] = beta_rate * self._flying, yawing
             return np.column_stack([named[name] for name in MEASUREMENT_INPUTS])
 
-        # Past data do not predict the derivative of sideslip: sideslip does not contribute to the estimate of the lag.
-        no_rate = np.zeros(blocks.n)
-        return columns(V_regressors, self._probe_beta_rate, regressors), columns(
-            V_instruments, no_rate, predicted_regressors
+        # Past data do not predict the derivative of sideslip, nor quick yawing: sideslip contributes neither to the
+        # estimate of the lag nor to that of the probe's place.
+        none = np.zeros(blocks.n)
+        return (
+            columns(V_regressors, self._probe_beta_rate, self._yaw_rate / V * self._flying, regressors),
+            columns(V_instruments, none, none, predicted_regressors),
         )
 
     def _airspeed_instruments(self, inertial_V: Array, regressors: Array, sigma_w_mps: float) -> Array:
@@ -257,10 +273,17 @@ class Regressors:
             ]
         )
         decay, increment_mps = self._conditions.vertical_steps(sigma_w_mps, inertial_V)
-        predicted = projected_on_past(actual, past, decay, flying, increment_mps / self._alpha_noise_mps)
-        instruments = predicted * has_past(self._in_flight)[:, None]
+        at = decay, flying, increment_mps / self._alpha_noise_mps
+        predicted = projected_on_past(actual, past, *at)
+        pitching = (-self._pitch_rate / np.maximum(inertial_V, self._slowest_mps) * flying)[:, None]
+        pitching_predicted = projected_on_past(pitching, np.column_stack([np.ones(len(past)), history.turning]), *at)
+        settled = has_past(self._in_flight)[:, None]
 
-        def named(values: Array) -> dict[str, Array]:
-            return dict(zip(ALPHA_REGRESSORS, (*values.T[:4], curvature * flying), strict=True))
+        def named(values: Array, pitching: Array) -> dict[str, Array]:
+            return dict(zip(ALPHA_REGRESSORS, (*values.T[:4], pitching[:, 0], curvature * flying), strict=True))
 
-        return named(actual), named(instruments), predicted[:, 4]
+        return (
+            named(actual, pitching),
+            named(predicted * settled, pitching_predicted * settled),
+            predicted[:, 4],
+        )

@@ -108,6 +108,9 @@ class PriorSettings(Settings):
         " wing gives 1 to 2 deg at 0.2 to 0.4 spans ahead of the quarter chord; at the end of a boom from the wing tip,"
         " or far ahead, it is next to nothing",
     )
+    probe_ahead_m: float = setting(
+        0.2, "m", "1 sigma of the probe's place ahead of the center of gravity, where the aircraft file does not say"
+    )
     north_rad: float = setting(
         0.01, "rad", "without GPS the compass defines north, and without a compass the initial heading does"
     )

@@ -73,7 +73,7 @@ def test_the_change_by_one_standard_deviation_is_squared_into_the_covariance(pro
     found = assumption_uncertainty(Rerun(), parse_aircraft(FOUR_KEYS, "mine.toml"), propeller, AT, FLOWN_CL)
     assert found is not None
     wanted = np.zeros((5, 5))
-    wanted[0, 0] = (0.01 * COVARIANCE.probe_position_m) ** 2
+    wanted[0, 0] = (0.01 * PRIORS.probe_ahead_m) ** 2
     wanted[2, 2] = (0.1 * PRIORS.upwash_rad) ** 2
     wanted[1, 1] = (0.02 * COVARIANCE.imu_position_m) ** 2
     assert found.covariance == pytest.approx(wanted, abs=1e-15)

@@ -27,11 +27,17 @@ class ExactMotion(NamedTuple):
     states: np.ndarray
 
 
-def exact_motion(duration_s: float = 60.0) -> ExactMotion:
-    """Reversing bank and pitching at half a hertz, in a turn of 30 deg/s that itself swings; 15 m/s over ground."""
+def exact_motion(duration_s: float = 60.0, *, turns: bool = False) -> ExactMotion:
+    """Reversing bank and pitching at half a hertz, in a turn of 30 deg/s that itself swings; 15 m/s over ground.
+
+    turns : steady turns to one side and to the other in place of all this, with level flight between
+    """
     fine = np.arange(-1.0, duration_s + 1.0, 1e-3)
     phi, theta = 0.5 * np.sin(2.9 * fine), 0.15 + 0.1 * np.cos(2.9 * fine)
     psi = 0.5 * fine + 0.3 * np.sin(0.7 * fine)
+    if turns:
+        phi, theta = 0.8 * np.sin(0.3 * fine) ** 3, 0.1 + 0.02 * np.sin(0.2 * fine)
+        psi = np.cumsum(G * np.tan(phi) / 15) * 1e-3
     down = 0.8 * np.sin(0.5 * fine)
     values = np.column_stack([phi, theta, psi, 15 * np.cos(psi), 15 * np.sin(psi), down])
     spline = CubicSpline(fine, values)

@@ -50,6 +50,23 @@ def test_offsets_by_vibration_and_bending_by_load_are_found(found: Trajectory) -
         assert found.standard_error(name) < 0.3 * abs(value), name
 
 
+def test_turns_show_how_far_ahead_the_probe_sits_where_the_file_does_not_say() -> None:
+    """A probe 0.3 m further ahead moves up as the aircraft pitches up, and to the right as it yaws to the right. Where
+    its place is known, the angle of attack errs instead."""
+    table, _ = exact_motion(turns=True)
+    ahead_m = 0.3
+    wrong = table.assign(
+        alpha_rad=table["alpha_rad"] - ahead_m * table["q_radps"] / table["V_mps"],
+        beta_rad=table["beta_rad"] + ahead_m * table["r_radps"] / table["V_mps"],
+    )
+    unknown, known = (reconstruct(wrong, [slice(0, 0)], SensorPriors(probe_ahead_m=m)) for m in (1.0, 1e-6))
+    error_m = unknown.standard_error("probe_ahead")
+    assert error_m < 0.2
+    assert unknown.value("probe_ahead") == pytest.approx(ahead_m, abs=max(2 * error_m, 0.1))
+    assert abs(known.value("probe_ahead")) < 1e-5
+    assert unknown.residuals["alpha"] < known.residuals["alpha"]
+
+
 def test_vibration_is_the_square_of_motor_speed_and_nothing_without_it() -> None:
     assert vibration(np.array([100.0, 50.0, 0.0, np.nan])) == pytest.approx([1.0, 0.25, 0.0, 0.0])
 
