@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from flightpower.analysis.estimation.model import NamedValues, PriorMeasurement
-from flightpower.analysis.methods.whole_flight.airspeed_gps import airspeed_errors, one_way
+from flightpower.analysis.methods.whole_flight.airspeed_gps import airspeed_errors, by_wind, one_way
 from flightpower.analysis.methods.whole_flight.curve import ElectricalEstimate, FlownAircraft, estimate
 from flightpower.analysis.methods.whole_flight.drag import (
     DragEstimate,
@@ -396,6 +396,19 @@ def test_an_autopilot_is_told_equivalent_airspeeds_and_the_sink_of_gliding(
     CL = 2 * weight_N / (rho * V**2 * AREA_M2)
     CD = 2 * found.power_W / (rho * V**3 * AREA_M2)
     assert told.CD0.value + told.B.value * CL**2 == pytest.approx(CD, rel=0.05)
+
+
+def test_an_airspeed_by_gps_less_wind_is_as_uncertain_as_the_wind_and_half_the_density(
+    electrical: ElectricalEstimate,
+) -> None:
+    """Variances of 0.36 and 0.64 m^2/s^2 north and east are 0.5 along a path of any direction."""
+    airspeed = by_wind(np.array([3.0, -4.0, 0.0, 0.0]), np.diag([0.36, 0.64, 0.0, 0.0]))
+    best = SpeedInterval(speed_mps=16.0, lo_mps=15.0, hi_mps=17.0, inside_flown_range=True)
+    told = flight_values(electrical._replace(airspeed=airspeed), best, {})
+    to_equivalent = np.sqrt(electrical.conditions.rho / 1.225)
+    for found, V in ((told.slowest, electrical.V_mps[0]), (told.fastest, electrical.V_mps[-1])):
+        half = 1.96 * np.sqrt(0.5 + (V * electrical.rho_sigma / 2) ** 2) * to_equivalent
+        assert found.hi - found.value == pytest.approx(half, rel=1e-3)
 
 
 def test_what_a_reader_must_know_is_said(electrical: ElectricalEstimate) -> None:
