@@ -180,9 +180,7 @@ def _histories(fleet: FleetResults) -> list[tuple[str, HtmlFigure, bool]]:
 def history_figure(airframe: AirframeResult) -> Figure:
     """Drag and thrust of each flight by date, and the changes found."""
     days = np.array([one.start_unix_s for one in airframe.history]) / DAY_S
-    labeled = np.unique(np.linspace(0, len(days) - 1, 5).round().astype(int))
-    figure = Figure(panels=2, height_px=420, cursor=Cursor.NEAREST)
-    figure.x = Axis("date, UTC", ticks={float(days[i]): _date(days[i] * DAY_S) for i in labeled})
+    figure = Figure(panels=2, height_px=420, cursor=Cursor.NEAREST, x=_dates(days))
     figure.zero_lines = {1, 2}
     for panel, name in ((1, "drag"), (2, "thrust")):
         values = np.array([getattr(one, f"{name}_percent") for one in airframe.history])
@@ -200,6 +198,16 @@ def history_figure(airframe: AirframeResult) -> Figure:
                 Line(x=np.r_[days[0], x], y=np.r_[0.0, y], color=ORANGE, panel=panel, name="change", value="{y:+.1f} %")
             )
     return figure
+
+
+def _dates(days: Array) -> Axis:
+    """Evenly spaced dates, short ones, so that they do not meet on a phone; the year is in the title if it is one."""
+    shown = np.unique(np.linspace(np.ceil(days[0]), max(np.floor(days[-1]), np.ceil(days[0])), 5).round())
+    dates = [datetime.fromtimestamp(day * DAY_S, UTC) for day in shown.tolist()]
+    years = sorted({one.year for one in dates})
+    texts = [f"{one.day} {one:%b}" if len(years) == 1 else f"{one:%b %Y}" for one in dates]
+    title = f"date, UTC, {years[0]}" if len(years) == 1 else "date, UTC"
+    return Axis(title, ticks=dict(zip(shown.tolist(), texts, strict=True)))
 
 
 def _level(changes: Sequence[ChangeResult], name: str, last_day: float) -> tuple[Array, Array]:

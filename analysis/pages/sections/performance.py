@@ -22,6 +22,7 @@ class PerformanceSection(NamedTuple):
     loadings: HtmlTable
     extrapolated: bool  # a line of the tables bears field_table.MARK
     power_train_basis: str
+    efficiency_points: str
     full_throttle: str
     parameters: HtmlTable
 
@@ -40,6 +41,7 @@ def performance_section(results: WithCurves, use: PerformanceResult | None) -> P
         loadings=HtmlTable(field_table.LOADINGS, field_table.loading_rows(use), numbers=True),
         extrapolated=field_table.has_extrapolation(use),
         power_train_basis=use.power_train.basis,
+        efficiency_points=EFFICIENCY_POINTS if use.power_train.points else "",
         full_throttle=" ".join(note for note in notes if note),
         parameters=HtmlTable(
             ("parameter", "meaning", "estimate", "standard error", "unit"),
@@ -64,7 +66,9 @@ def ceilings(use: PerformanceResult) -> str:
     return " ".join(sentences)
 
 
-HEADER = ("autopilot", "parameter", "value", "95 % interval", "unit", "firmware", "in the log", "from")
+EFFICIENCY_POINTS = " Circles: means over a few seconds of steady or slowly changing flight, climbing or not."
+IN_LOG = "in the log"
+HEADER = ("autopilot", "parameter", "value", "95 % interval", "unit", "firmware", IN_LOG, "from")
 AIRSPEEDS = (
     "Airspeeds are equivalent airspeeds, which autopilots call calibrated. They hold once the airspeed's own error is"
     " corrected. No value lies below the slowest speed flown."
@@ -81,6 +85,7 @@ def autopilot_section(results: Results) -> AutopilotSection | None:
     """None where nothing follows."""
     if not results.autopilot_parameters:
         return None
+    logged = any(one.logged is not None for one in results.autopilot_parameters)
     rows = [
         (
             one.firmware,
@@ -89,12 +94,13 @@ def autopilot_section(results: Results) -> AutopilotSection | None:
             f"{_number(one.lo)} to {_number(one.hi)}",
             one.unit,
             one.versions,
-            "" if one.logged is None else _number(one.logged),
+            *(("" if one.logged is None else _number(one.logged),) if logged else ()),
             one.basis,
         )
         for one in results.autopilot_parameters
     ]
-    return AutopilotSection(HtmlTable(HEADER, rows), AIRSPEEDS, results.autopilot_parameters_withheld)
+    header = [name for name in HEADER if logged or name != IN_LOG]
+    return AutopilotSection(HtmlTable(header, rows), AIRSPEEDS, results.autopilot_parameters_withheld)
 
 
 def _number(value: float) -> str:

@@ -3,6 +3,7 @@
 import csv
 import json
 import re
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -14,6 +15,7 @@ from fleet_flights import flights_of
 from typer.testing import CliRunner
 
 from flightpower.analysis.cli.fleet import app
+from flightpower.analysis.pages.fleet_page import _dates
 from flightpower.flight.errors import InputError
 from tests.analysis.flights.test_electrical_pool import drawn
 
@@ -80,6 +82,15 @@ def test_a_spreadsheet_has_a_row_for_each_flight_and_each_point(flights: Path, t
     first = shown["airframes"][0]["power_required"][0]
     assert float(points[0]["power_W"]) == pytest.approx(first["power_W"], rel=1e-5)
     assert sum(one["curve"] == "worn" for one in points) == len(shown["airframes"][2]["power_required"])
+
+
+@pytest.mark.parametrize(("last", "texts"), [(9.9, ["2 Jan", "4 Jan", "6 Jan", "8 Jan", "10 Jan"]), (0.6, ["2 Jan"])])
+def test_dates_of_a_history_are_short_and_evenly_spaced(last: float, texts: list[str]) -> None:
+    new_year = datetime(2026, 1, 1, tzinfo=UTC).timestamp() / 86400
+    axis = _dates(np.array([new_year + 0.4, new_year + last]))
+    assert axis.ticks is not None and list(axis.ticks.values()) == texts and axis.title == "date, UTC, 2026"
+    over_years = _dates(np.array([new_year, new_year + 800]))
+    assert over_years.ticks is not None and list(over_years.ticks.values())[-1] == "Mar 2028"
 
 
 def test_an_airframe_that_changed_is_beside_the_mean_where_three_others_are_left(tmp_path: Path) -> None:

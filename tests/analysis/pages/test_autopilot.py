@@ -35,3 +35,11 @@ def test_the_table(results: Results) -> None:
     assert section is not None and "FW_AIRSPD_TRIM" in {row[1] for row in section.parameters.rows}
     assert any("FW_THR_TRIM" in text for text in section.withheld)
     assert autopilot_section(results) is None
+    assert "in the log" not in section.parameters.header, "the log of the daemon has no parameters"
+    logged = with_parameters(results)
+    first = replace(logged.autopilot_parameters[0], logged=15.0)
+    section = autopilot_section(replace(logged, autopilot_parameters=[first, *logged.autopilot_parameters[1:]]))
+    assert section is not None
+    at = section.parameters.header.index("in the log")
+    assert [row[at] for row in section.parameters.rows][:2] == ["15.0", ""]
+    assert {len(row) for row in section.parameters.rows} == {len(section.parameters.header)}
